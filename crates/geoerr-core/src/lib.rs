@@ -1,0 +1,11 @@
+//! The mathematics of geoerr, free of Python, OpenCV, clocks and the network.
+//!
+//! Lengths are millimetres and angles radians throughout; names carry the unit.
+//! Errors are actual minus nominal, of the tool as seen from the work.
+
+pub mod gcode;
+pub mod kinematics;
+pub mod line;
+pub mod newton;
+pub mod straightness;
+pub mod triangulate;

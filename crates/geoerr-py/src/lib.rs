@@ -1,0 +1,15 @@
+//! The only place where Rust meets Python.
+//!
+//! Each file binds one module of `geoerr-core`: it takes array views, releases the interpreter,
+//! runs the core, and maps the core's errors to the family in `geoerr.errors`.
+
+mod core_door;
+mod errors;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    Ok(())
+}

@@ -1,0 +1,53 @@
+"""The command line: one verb a file, one table of verbs here."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import typer
+
+from geoerr import __version__
+from geoerr.errors import GeoerrError
+
+# Each module has `register(app: typer.Typer) -> None`; the order is that of `geoerr --help`.
+VERBS: tuple[str, ...] = ()
+
+app = typer.Typer(
+    name="geoerr",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Why a three-axis machine is not where it should be: measure, identify, compensate, prove.",
+)
+
+
+def _print_version(requested: bool) -> None:
+    if requested:
+        typer.echo(f"geoerr {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    version: bool = typer.Option(
+        False, "--version", callback=_print_version, is_eager=True, help="Print the version."
+    ),
+) -> None:
+    """Hold the options that belong to no verb."""
+
+
+for _name in VERBS:
+    importlib.import_module(f"geoerr.cli.{_name}").register(app)
+
+
+def run() -> None:
+    """Run the command line; a refusal is one clear message and exit status 1, never a traceback."""
+    try:
+        app()
+    except GeoerrError as error:
+        typer.echo(f"error: {error}", err=True)
+        sys.exit(1)
+    except BrokenPipeError:
+        # The reader of a pipe has gone (`geoerr ... | head`): nothing is wrong.
+        sys.stderr.close()
+        sys.exit(0)

@@ -1,0 +1,98 @@
+"""Files that are whole or absent: atomic writing, one form of JSON and TOML, digests."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from geoerr.errors import InputFileError
+
+
+@contextlib.contextmanager
+def whole_or_absent(path: str | Path) -> Iterator[Path]:
+    """Give a temporary path beside `path`; move it to `path` only when the block ends well.
+
+    An interrupted or failed block leaves an earlier file at `path` as it was.
+    """
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise InputFileError(
+            target,
+            f"the folder {target.parent} does not exist",
+            remedy="create it first or name another output",
+        )
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file as UTF-8 with Unix line ends, whole or not at all."""
+    with whole_or_absent(path) as temporary:
+        temporary.write_bytes(text.encode("utf-8"))
+
+
+def to_json(document: Any) -> str:
+    """Turn a document into geoerr's one form of JSON: two spaces, keys as given, no NaN, a final newline."""
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_json(path: str | Path, document: Any) -> None:
+    """Write `to_json(document)`, whole or not at all."""
+    write_text(path, to_json(document))
+
+
+def read_json(path: str | Path) -> Any:
+    """Read a JSON file; refuse a missing or malformed one by name, row and column."""
+    text = _read_utf8(path)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputFileError(
+            path, f"not valid JSON: {error.msg} (character {error.colno})", row=error.lineno
+        ) from error
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Read a TOML file; refuse a missing or malformed one by name and place."""
+    text = _read_utf8(path)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputFileError(path, f"not valid TOML: {error}") from error
+
+
+def digest(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _read_utf8(path: str | Path) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputFileError(path, "no such file", remedy="check the name and the folder") from error
+    except IsADirectoryError as error:
+        raise InputFileError(path, "is a folder, a file is needed") from error
+    except UnicodeDecodeError as error:
+        raise InputFileError(
+            path, f"not a text file: byte {error.start} is not UTF-8", remedy="save it as UTF-8 text"
+        ) from error
+    except PermissionError as error:
+        raise InputFileError(path, "cannot be read: permission denied") from error
