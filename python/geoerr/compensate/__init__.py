@@ -1,1 +1,1 @@
-"""compensate"""
+"""Programs rewritten for the machine they run on."""

@@ -1,1 +1,1 @@
-"""demo"""
+"""The whole job on an example that geoerr brings along."""

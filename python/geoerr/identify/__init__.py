@@ -1,1 +1,1 @@
-"""identify"""
+"""Observations to the 21 geometric errors."""

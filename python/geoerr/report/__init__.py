@@ -1,1 +1,1 @@
-"""report"""
+"""What people see: figures and pages."""

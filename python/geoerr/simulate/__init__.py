@@ -1,1 +1,1 @@
-"""simulate"""
+"""The virtual machine and its cameras."""

@@ -1,1 +1,1 @@
-"""verify"""
+"""Proof: circular test, workpiece, path."""

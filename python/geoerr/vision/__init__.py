@@ -1,1 +1,1 @@
-"""vision"""
+"""Pictures to points: calibration, detection, sessions to observations."""
