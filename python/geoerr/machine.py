@@ -158,14 +158,10 @@ _CHAIN_HINT = "work to tool with b for the base and each of X, Y, Z once, for ex
 def _checked_chain(head: dict[str, Any], path: str | Path) -> str:
     chain = head.get("chain")
     if not isinstance(chain, str):
-        raise InputFileError(
-            path, "the structural code is missing", column="machine.chain", remedy=_CHAIN_HINT
-        )
+        raise InputFileError(path, "the structural code is missing", column="machine.chain", remedy=_CHAIN_HINT)
     well_formed = chain.startswith("w") and chain.endswith("t") and sorted(chain[1:-1]) == sorted("XYZb")
     if not well_formed:
-        raise InputFileError(
-            path, f"{chain!r} is not a structural code", column="machine.chain", remedy=_CHAIN_HINT
-        )
+        raise InputFileError(path, f"{chain!r} is not a structural code", column="machine.chain", remedy=_CHAIN_HINT)
     return chain
 
 

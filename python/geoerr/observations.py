@@ -1,0 +1,292 @@
+"""Observations: the one table between measuring and modelling.
+
+One row for each target point seen once, in the order of measurement. A laser, a ball bar or a probe enters here and
+needs no camera. Three kinds of file are told apart by their columns: points (`mx my mz`), circular tests (`r`) and
+lengths (`x1 ... measured`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from geoerr.errors import InputFileError
+from geoerr.tables import RowProblem, Schema, check, read_raw, write_table
+
+CARRIERS = ("tool", "work", "base", "relative")
+MEASURED = ("mx", "my", "mz")
+COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+STANDARD_UNCERTAINTY = ("sx", "sy", "sz")
+DIRECTIONS = ("dir_x", "dir_y", "dir_z")
+
+Numbers = npt.NDArray[np.float64]
+
+_POINTS = Schema(
+    required=("x", "y", "z"),
+    filled=("x", "y", "z"),
+    numbers=(
+        *("x", "y", "z", "tx", "ty", "tz"),
+        *MEASURED,
+        *STANDARD_UNCERTAINTY,
+        *COVARIANCE,
+        *("t", "feed", "temp", "u_left", "v_left", "u_right", "v_right"),
+    ),
+    whole_numbers=("repeat", *DIRECTIONS, "moving"),
+    texts=("line", "session", "target", "group"),
+    choices=(("carrier", CARRIERS),),
+)
+_CIRCLES = Schema(
+    required=("x", "y", "z", "r"),
+    filled=("x", "y", "z", "r"),
+    numbers=("x", "y", "z", "r", "t", "feed"),
+    whole_numbers=("repeat", "dir"),
+    texts=("line", "session"),
+)
+_LENGTH_ENDS = ("x1", "y1", "z1", "x2", "y2", "z2")
+_LENGTHS = Schema(
+    required=("feature", *_LENGTH_ENDS, "measured"),
+    filled=(*_LENGTH_ENDS, "measured"),
+    numbers=(*_LENGTH_ENDS, "measured"),
+    whole_numbers=("repeat",),
+    texts=("feature", "group"),
+)
+# Filled in where a column or a cell is absent (the contract's defaults).
+_TEXT_DEFAULTS = {"line": "", "target": "", "carrier": "tool"}
+_NUMBER_DEFAULTS = {"tx": 0.0, "ty": 0.0, "tz": 0.0}
+_WHOLE_DEFAULTS = {"repeat": 0, "moving": 0}
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Measured target points.
+
+    Attributes
+    ----------
+    frame
+        The table with typed columns and defaults filled in (`line session repeat carrier target x y z tx ty tz mx
+        my mz moving ...`) and every further column of the file. Rows are in order of measurement.
+    sources
+        Where it came from, for messages.
+    set_aside
+        Rows that could not be used, with file, row, column and reason.
+    """
+
+    frame: pl.DataFrame
+    sources: tuple[str, ...] = ()
+    set_aside: tuple[RowProblem, ...] = ()
+
+    def __len__(self) -> int:
+        return self.frame.height
+
+    def numbers(self, *columns: str) -> Numbers:
+        """Give columns as (n, k) float64; an empty cell or an absent column is NaN."""
+        present = [
+            self.frame[name].cast(pl.Float64).to_numpy() if name in self.frame.columns else np.full(len(self), np.nan)
+            for name in columns
+        ]
+        return np.ascontiguousarray(np.column_stack(present), dtype=np.float64)
+
+    def texts(self, column: str) -> list[str]:
+        """Give a text column; an empty cell is ''."""
+        return [value or "" for value in self.frame[column].cast(pl.String).to_list()]
+
+    @property
+    def commanded_mm(self) -> Numbers:
+        """Commanded axis positions, (n, 3)."""
+        return self.numbers("x", "y", "z")
+
+    @property
+    def target_offset_mm(self) -> Numbers:
+        """Target offsets `tx ty tz`, (n, 3)."""
+        return self.numbers("tx", "ty", "tz")
+
+    @property
+    def measured_mm(self) -> Numbers:
+        """Measured positions in the measuring frame, (n, 3); NaN where a component was not measured."""
+        return self.numbers(*MEASURED)
+
+    @property
+    def covariance_mm2(self) -> Numbers | None:
+        """Covariances of the measured positions, (n, 3, 3): from `cxx ...`, else from `sx sy sz`, else None."""
+        if all(name in self.frame.columns for name in COVARIANCE):
+            xx, xy, xz, yy, yz, zz = self.numbers(*COVARIANCE).T
+            return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
+        if any(name in self.frame.columns for name in STANDARD_UNCERTAINTY):
+            deviations = self.numbers(*STANDARD_UNCERTAINTY)
+            return np.asarray(np.eye(3) * deviations[:, None, :] ** 2)
+        return None
+
+    @property
+    def directions(self) -> npt.NDArray[np.int8]:
+        """Direction in which each axis last moved, (n, 3): −1, +1, 0 = unknown.
+
+        Taken from `dir_x dir_y dir_z` where the file has them, else from the order of rows within each session.
+        """
+        derived = np.zeros((len(self), 3), dtype=np.int8)
+        for rows in self._rows_of_sessions():
+            derived[rows] = _directions_from_order(self.commanded_mm[rows])
+        for column, name in enumerate(DIRECTIONS):
+            if name in self.frame.columns:
+                derived[:, column] = np.sign(np.nan_to_num(self.numbers(name)[:, 0])).astype(np.int8)
+        return derived
+
+    def select(self, mask: npt.ArrayLike) -> Observations:
+        """Give the rows where `mask` (n,) is true."""
+        return Observations(self.frame.filter(pl.Series(np.asarray(mask, dtype=bool))), self.sources, self.set_aside)
+
+    def _rows_of_sessions(self) -> Iterable[npt.NDArray[np.intp]]:
+        sessions = np.asarray(self.texts("session"))
+        for name in dict.fromkeys(sessions.tolist()):
+            yield np.flatnonzero(sessions == name)
+
+
+@dataclass(frozen=True)
+class CircularTest:
+    """Circular tests (ball bar): columns `line x y z r`, optionally `dir feed t`, one row a point."""
+
+    frame: pl.DataFrame
+    sources: tuple[str, ...] = ()
+    set_aside: tuple[RowProblem, ...] = ()
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """Measured distances between nominal end points: `feature x1 y1 z1 x2 y2 z2 measured`."""
+
+    frame: pl.DataFrame
+    sources: tuple[str, ...] = ()
+    set_aside: tuple[RowProblem, ...] = ()
+
+
+def kind_of(columns: Iterable[str]) -> str:
+    """Tell the kind of a table from its column names: `points`, `circle` or `lengths`."""
+    names = set(columns)
+    if {"measured", "x1", "x2"} <= names:
+        return "lengths"
+    if "r" in names and not names & set(MEASURED):
+        return "circle"
+    return "points"
+
+
+def read_observations(*paths: str | Path) -> Observations:
+    """Read one or more tables of measured points.
+
+    Two files are two sessions unless they name their sessions. Where `t` is given in every row of a session it
+    orders that session's rows.
+
+    Raises
+    ------
+    InputFileError
+        if a file is missing, empty, of another kind, lacks a column, or has no usable row.
+    """
+    if not paths:
+        raise InputFileError("-", "no observations were given", remedy="name at least one table")
+    frames: list[pl.DataFrame] = []
+    problems: list[RowProblem] = []
+    for number, path in enumerate(paths):
+        raw = read_raw(path)
+        _expect(raw, "points", path)
+        if not any(name in raw.columns for name in MEASURED):
+            raise InputFileError(
+                path,
+                f"the columns are missing; the file has {', '.join(raw.columns)}",
+                row=1,
+                column="mx my mz",
+                remedy="measured positions in mm; leave cells empty where a component was not measured",
+            )
+        frame, found = check(raw, _POINTS, path)
+        frames.append(_with_defaults(frame, session=str(number)))
+        problems.extend(found)
+    merged = pl.concat(frames, how="diagonal_relaxed")
+    return Observations(_ordered_by_time(merged), tuple(str(path) for path in paths), tuple(problems))
+
+
+def read_circular_test(path: str | Path) -> CircularTest:
+    """Read a circular test; `dir` is +1 counter-clockwise seen from + of the third axis, −1 clockwise."""
+    raw = read_raw(path)
+    _expect(raw, "circle", path)
+    frame, problems = check(raw, _CIRCLES, path)
+    return CircularTest(frame, (str(path),), problems)
+
+
+def read_lengths(path: str | Path) -> Lengths:
+    """Read measured distances between nominal end points."""
+    raw = read_raw(path)
+    _expect(raw, "lengths", path)
+    frame, problems = check(raw, _LENGTHS, path)
+    return Lengths(frame, (str(path),), problems)
+
+
+def write_observations(path: str | Path, observations: Observations) -> None:
+    """Write the table (`.csv`, `.parquet`, `-`), whole or not at all; the file's line numbers are not part of it."""
+    write_table(path, observations.frame.drop("file_row", strict=False))
+
+
+def observations_from_columns(columns: dict[str, Numbers | list[str]], source: str = "memory") -> Observations:
+    """Make observations from arrays; the same checks and defaults as for a file.
+
+    Raises
+    ------
+    InputFileError
+        under the name `source`, as for a file.
+    """
+    raw = pl.DataFrame({name: pl.Series(name, values) for name, values in columns.items()})
+    frame, problems = check(raw, _POINTS, source)
+    return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)
+
+
+_KIND_IN_WORDS = {
+    "points": "measured points (x, y, z, mx, my, mz)",
+    "circle": "a circular test (x, y, z, r)",
+    "lengths": "measured lengths (feature, x1 ... z2, measured)",
+}
+
+
+def _expect(raw: pl.DataFrame, kind: str, path: str | Path) -> None:
+    found = kind_of(raw.columns)
+    if found != kind:
+        raise InputFileError(path, f"holds {_KIND_IN_WORDS[found]}, {_KIND_IN_WORDS[kind]} are needed here")
+
+
+def _with_defaults(frame: pl.DataFrame, session: str) -> pl.DataFrame:
+    defaults: dict[str, str | float | int] = {
+        **_TEXT_DEFAULTS,
+        **_NUMBER_DEFAULTS,
+        **_WHOLE_DEFAULTS,
+        "session": session,
+    }
+    columns = [
+        pl.col(name).fill_null(value) if name in frame.columns else pl.lit(value).alias(name)
+        for name, value in defaults.items()
+    ]
+    measured = [pl.lit(None, dtype=pl.Float64).alias(name) for name in MEASURED if name not in frame.columns]
+    return frame.with_columns(*columns, *measured)
+
+
+def _ordered_by_time(frame: pl.DataFrame) -> pl.DataFrame:
+    if "t" not in frame.columns:
+        return frame
+    parts = [
+        part if part["t"].null_count() else part.sort("t", maintain_order=True)
+        for part in frame.partition_by("session", maintain_order=True)
+    ]
+    return pl.concat(parts)
+
+
+def _directions_from_order(commanded_mm: Numbers) -> npt.NDArray[np.int8]:
+    directions = np.zeros(commanded_mm.shape, dtype=np.int8)
+    if len(commanded_mm) < 2:
+        return directions
+    steps = np.sign(np.diff(commanded_mm, axis=0)).astype(np.int8)
+    for axis in range(3):
+        current = np.int8(0)
+        for row in range(1, len(commanded_mm)):
+            if steps[row - 1, axis]:
+                current = steps[row - 1, axis]
+            directions[row, axis] = current
+    return directions

@@ -1,0 +1,225 @@
+"""Reading tables (CSV or Parquet) row by row honestly: what is wrong is named, the rest goes on.
+
+A table is refused as a whole only where no row can be used (it is missing, empty, no table, or lacks a column).
+A row with a wrong value is set aside and listed with file, row and column; the other rows stay.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from geoerr.errors import InputFileError
+from geoerr.files import whole_or_absent
+
+# Line 1 of a CSV file is its header.
+FIRST_DATA_ROW = 2
+
+
+@dataclass(frozen=True)
+class RowProblem:
+    """One row that was set aside: `row` is the line of the file that a text editor shows."""
+
+    path: str
+    row: int
+    column: str
+    problem: str
+
+    def __str__(self) -> str:
+        """Say it as one line of a message."""
+        return f"{self.path}:{self.row}: {self.column}: {self.problem}"
+
+
+@dataclass(frozen=True)
+class Schema:
+    """What a table must and may hold; columns not named here are kept as they are.
+
+    Attributes
+    ----------
+    required
+        Columns without which no row can be used.
+    numbers
+        Columns of finite numbers; a row whose value is not one is set aside.
+    whole_numbers
+        Columns of whole numbers.
+    texts
+        Columns of free text.
+    choices
+        Column to the values that it may take.
+    filled
+        Columns in which an empty cell makes the row unusable.
+    """
+
+    required: tuple[str, ...]
+    numbers: tuple[str, ...]
+    whole_numbers: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+    choices: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    filled: tuple[str, ...] = ()
+
+
+def read_raw(path: str | Path) -> pl.DataFrame:
+    """Read a table without judging its cells: a CSV file gives text columns, Parquet its own types.
+
+    Parameters
+    ----------
+    path
+        `.parquet`, or anything else as CSV; `-` is CSV on standard input.
+
+    Raises
+    ------
+    InputFileError
+        if the file is missing, empty or no table, or if two columns have one name.
+    """
+    try:
+        if str(path) == "-":
+            return _read_csv(sys.stdin.buffer.read(), path)
+        if Path(path).suffix.lower() == ".parquet":
+            return pl.read_parquet(path)
+        return _read_csv(Path(path).read_bytes(), path)
+    except FileNotFoundError as error:
+        raise InputFileError(path, "no such file", remedy="check the name and the folder") from error
+    except IsADirectoryError as error:
+        raise InputFileError(path, "is a folder, a table is needed") from error
+    except PermissionError as error:
+        raise InputFileError(path, "cannot be read: permission denied") from error
+    except pl.exceptions.PolarsError as error:
+        raise InputFileError(path, f"not a readable table: {error}") from error
+
+
+def write_table(path: str | Path, frame: pl.DataFrame) -> None:
+    """Write a table, whole or not at all: `.parquet`, `-` as CSV on standard output, else CSV."""
+    if str(path) == "-":
+        sys.stdout.write(frame.write_csv())
+        return
+    with whole_or_absent(path) as temporary:
+        if Path(path).suffix.lower() == ".parquet":
+            frame.write_parquet(temporary)
+        else:
+            frame.write_csv(temporary)
+
+
+def check(raw: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataFrame, tuple[RowProblem, ...]]:
+    """Give the usable rows with typed columns, and a list of the rows that were set aside.
+
+    The result has a column `file_row`: the line of the file each row came from.
+
+    Raises
+    ------
+    InputFileError
+        if a required column is missing or no usable row is left.
+    """
+    missing = [name for name in schema.required if name not in raw.columns]
+    if missing:
+        raise InputFileError(
+            path,
+            f"the column is missing; the file has {', '.join(raw.columns)}",
+            row=1,
+            column=missing[0],
+            remedy=f"a table of this kind needs {', '.join(schema.required)}",
+        )
+    frame = raw.with_columns(pl.int_range(FIRST_DATA_ROW, pl.len() + FIRST_DATA_ROW).alias("file_row"))
+    empty = pl.all_horizontal(pl.exclude("file_row").is_null())
+    frame = frame.filter(~empty)
+    problems: list[RowProblem] = []
+    for name in frame.columns:
+        if name == "file_row":
+            continue
+        typed, found = _typed(frame[name], name, schema, frame["file_row"], path)
+        frame = frame.with_columns(typed)
+        problems.extend(found)
+    bad_rows = {problem.row for problem in problems}
+    frame = frame.filter(~pl.col("file_row").is_in(sorted(bad_rows)))
+    if frame.is_empty():
+        if problems:
+            first = problems[0]
+            raise InputFileError(
+                path,
+                f"{first.problem}; no usable row is left",
+                row=first.row,
+                column=first.column,
+                remedy="correct the rows; all of them are wrong",
+            )
+        raise InputFileError(path, "has a header but no rows", remedy="give at least one row")
+    return frame, tuple(sorted(problems, key=lambda problem: problem.row))
+
+
+def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
+    if not content.strip():
+        raise InputFileError(path, "the file is empty", remedy="give a header line and at least one row")
+    if b"\0" in content[:4096]:
+        raise InputFileError(path, "not a text table (it holds NUL bytes)", remedy="save it as CSV or .parquet")
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        row = content.count(b"\n", 0, error.start) + 1
+        raise InputFileError(
+            path, f"byte {error.start} is not UTF-8", row=row, remedy="save it as UTF-8 text"
+        ) from error
+    header = content.lstrip(b"\xef\xbb\xbf").split(b"\n", 1)[0].decode("utf-8")
+    names = [name.strip().strip('"') for name in header.rstrip("\r").split(",")]
+    _refuse_repeated(names, path)
+    _refuse_long_rows(content, len(names), path)
+    frame = pl.read_csv(io.BytesIO(content), infer_schema=False)
+    return frame.rename(dict(zip(frame.columns, names, strict=True)))
+
+
+def _refuse_repeated(names: Sequence[str], path: str | Path) -> None:
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        raise InputFileError(
+            path, "two columns have this name", row=1, column=repeated[0], remedy="rename or remove one"
+        )
+
+
+def _refuse_long_rows(content: bytes, n_columns: int, path: str | Path) -> None:
+    """Name the row that has more cells than the header (a decimal comma is the usual cause)."""
+    if b'"' in content:
+        return
+    for row, line in enumerate(content.splitlines(), start=1):
+        if line.count(b",") >= n_columns:
+            raise InputFileError(
+                path,
+                f"{line.count(b',') + 1} cells under {n_columns} column names",
+                row=row,
+                remedy="check for decimal commas: numbers are written with a point",
+            )
+
+
+def _typed(
+    column: pl.Series, name: str, schema: Schema, rows: pl.Series, path: str | Path
+) -> tuple[pl.Series, list[RowProblem]]:
+    problems: list[RowProblem] = []
+
+    def refuse(where: pl.Series, problem: str) -> None:
+        for row, value in zip(rows.filter(where), column.filter(where), strict=True):
+            problems.append(RowProblem(str(path), row, name, problem.format(value=value)))
+
+    text = column.cast(pl.String).str.strip_chars()
+    text = text.set(text == "", None)
+    if name in schema.filled:
+        refuse(text.is_null(), "the cell is empty")
+    allowed = dict(schema.choices).get(name)
+    if allowed is not None:
+        refuse(text.is_not_null() & ~text.is_in(list(allowed)), f"{{value!r}} is not one of {', '.join(allowed)}")
+        return text, problems
+    if name in schema.texts:
+        return text, problems
+    numbers = text.cast(pl.Float64, strict=False)
+    if name in schema.numbers or name in schema.whole_numbers:
+        refuse(text.is_not_null() & numbers.is_null(), "{value!r} is not a number")
+        refuse(numbers.is_not_null() & ~numbers.is_finite(), "{value!r} is not a finite number")
+        if name in schema.whole_numbers:
+            refuse(numbers.is_finite() & (numbers != numbers.round()), "{value!r} is not a whole number")
+            return numbers.cast(pl.Int64, strict=False), problems
+        return numbers, problems
+    # A column of the user's own: numbers where all its cells are, else text. NaN is how tools write "unknown".
+    if (text.is_not_null() & numbers.is_null()).any():
+        return text, problems
+    return numbers.fill_nan(None), problems
