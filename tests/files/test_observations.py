@@ -1,0 +1,187 @@
+"""Tables of observations: what is right is read, what is wrong is named, the rest goes on."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from geoerr.errors import InputFileError
+from geoerr.observations import (
+    kind_of,
+    observations_from_columns,
+    read_circular_test,
+    read_lengths,
+    read_observations,
+    write_observations,
+)
+
+GOOD = "line,carrier,x,y,z,tx,ty,tz,mx,my,mz,sx,sy,sz\nL1,tool,0,1,2,0,0,200,10,20,30,0.1,0.2,0.3\n"
+
+
+def write(folder: Path, text: str | bytes, name: str = "observations.csv") -> Path:
+    path = folder / name
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def test_columns_and_defaults(tmp_path: Path) -> None:
+    observations = read_observations(write(tmp_path, "x,y,z,mx,my,mz\n1,2,3,4,5,\n"))
+    assert observations.texts("carrier") == ["tool"]
+    assert observations.texts("session") == ["0"]
+    assert observations.frame["repeat"].to_list() == [0]
+    np.testing.assert_array_equal(observations.target_offset_mm, [[0, 0, 0]])
+    np.testing.assert_array_equal(observations.commanded_mm, [[1, 2, 3]])
+    np.testing.assert_array_equal(observations.measured_mm, [[4, 5, np.nan]])
+    assert observations.covariance_mm2 is None
+
+
+def test_standard_uncertainties_and_covariances(tmp_path: Path) -> None:
+    observations = read_observations(write(tmp_path, GOOD))
+    assert observations.covariance_mm2 is not None
+    np.testing.assert_allclose(observations.covariance_mm2[0], np.diag([0.01, 0.04, 0.09]), rtol=1e-15)
+    text = GOOD.splitlines()
+    full = f"{text[0]},cxx,cxy,cxz,cyy,cyz,czz\n{text[1]},1,2,3,4,5,6\n"
+    observations = read_observations(write(tmp_path, full))
+    assert observations.covariance_mm2 is not None
+    np.testing.assert_array_equal(observations.covariance_mm2[0], [[1, 2, 3], [2, 4, 5], [3, 5, 6]])
+
+
+def test_two_files_are_two_sessions_unless_they_name_them(tmp_path: Path) -> None:
+    first = write(tmp_path, GOOD, "a.csv")
+    second = write(tmp_path, GOOD, "b.csv")
+    assert read_observations(first, second).texts("session") == ["0", "1"]
+    named = write(tmp_path, "session,x,y,z,mx\n0,1,2,3,4\n", "c.csv")
+    assert read_observations(first, named).texts("session") == ["0", "0"]
+
+
+def test_time_orders_the_rows_of_a_session(tmp_path: Path) -> None:
+    observations = read_observations(write(tmp_path, "x,y,z,mx,t\n3,0,0,1,30\n1,0,0,1,10\n2,0,0,1,20\n"))
+    np.testing.assert_array_equal(observations.commanded_mm[:, 0], [1, 2, 3])
+    gap = read_observations(write(tmp_path, "x,y,z,mx,t\n3,0,0,1,30\n1,0,0,1,\n2,0,0,1,20\n"))
+    np.testing.assert_array_equal(gap.commanded_mm[:, 0], [3, 1, 2])
+
+
+def test_direction_of_approach_comes_from_the_order_of_rows(tmp_path: Path) -> None:
+    observations = read_observations(write(tmp_path, "x,y,z,mx\n0,0,0,0\n5,0,0,0\n5,1,0,0\n3,1,0,0\n"))
+    np.testing.assert_array_equal(observations.directions, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [-1, 1, 0]])
+    given_ones = read_observations(write(tmp_path, "x,y,z,mx,dir_x\n0,0,0,0,-1\n5,0,0,0,-1\n"))
+    np.testing.assert_array_equal(given_ones.directions[:, 0], [-1, -1])
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_written_and_read_without_loss(tmp_path: Path, suffix: str) -> None:
+    rng = np.random.default_rng(1)
+    columns = {
+        name: rng.normal(size=50) * 10.0 ** rng.integers(-9, 9, 50) for name in ("x", "y", "z", "mx", "my", "mz")
+    }
+    columns["temp_bed"] = rng.normal(size=50)
+    original = observations_from_columns(columns)
+    path = tmp_path / f"observations{suffix}"
+    write_observations(path, original)
+    again = read_observations(path)
+    for name in columns:
+        np.testing.assert_array_equal(again.numbers(name), original.numbers(name))
+    assert again.texts("carrier") == original.texts("carrier")
+
+
+def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(GOOD.encode())))
+    assert len(read_observations("-")) == 1
+
+
+@pytest.mark.parametrize(
+    ("cell", "value", "reason"),
+    [
+        ("x", "abc", "'abc' is not a number"),
+        ("mx", "nan", "'nan' is not a finite number"),
+        ("mz", "inf", "'inf' is not a finite number"),
+        ("carrier", "spindle", "'spindle' is not one of tool, work, base, relative"),
+        ("y", "", "the cell is empty"),
+        ("repeat", "1.5", "'1.5' is not a whole number"),
+    ],
+)
+def test_a_bad_row_is_named_and_the_rest_goes_on(tmp_path: Path, cell: str, value: str, reason: str) -> None:
+    row = {
+        "line": "L",
+        "carrier": "tool",
+        "repeat": "0",
+        "x": "1",
+        "y": "2",
+        "z": "3",
+        "mx": "4",
+        "my": "5",
+        "mz": "6",
+    }
+    rows = [row, {**row, cell: value}, row]
+    text = ",".join(row) + "\n" + "\n".join(",".join(entry.values()) for entry in rows) + "\n"
+    path = write(tmp_path, text)
+    observations = read_observations(path)
+    assert len(observations) == 2
+    assert [str(problem) for problem in observations.set_aside] == [f"{path}:3: {cell}: {reason}"]
+
+
+@pytest.mark.parametrize(
+    ("text", "row", "column", "words"),
+    [
+        ("", None, None, "empty"),
+        ("x,y,z,mx,my,mz\n", None, None, "no rows"),
+        ("x,y,mx\n1,2,3\n", 1, "z", "missing"),
+        ("x,y,z\n1,2,3\n", 1, "mx my mz", "missing"),
+        ("x,x,y,z,mx\n1,1,2,3,4\n", 1, "x", "two columns"),
+        ("x,y,z,mx\n1,2,3,4,5\n", 2, None, "5 cells under 4"),
+        ("x,y,z,mx\nabc,2,3,4\n", 2, "x", "no usable row"),
+        ("x,y,z,r\n1,2,3,4\n", None, None, "circular test"),
+        (b"x,y,z,mx\n1,2,3,\xff\n", 2, None, "not UTF-8"),
+        (b"PK\0\0", None, None, "NUL"),
+    ],
+)
+def test_a_file_without_a_usable_row_is_refused(
+    tmp_path: Path, text: str | bytes, row: int | None, column: str | None, words: str
+) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(InputFileError) as caught:
+        read_observations(path)
+    assert (caught.value.path, caught.value.row, caught.value.column) == (str(path), row, column)
+    assert words in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    for name in ("absent.csv", "absent.parquet"):
+        with pytest.raises(InputFileError, match=f"{name}: no such file"):
+            read_observations(tmp_path / name)
+    with pytest.raises(InputFileError, match="is a folder"):
+        read_observations(tmp_path)
+
+
+def test_the_other_kinds(tmp_path: Path) -> None:
+    circle = read_circular_test(write(tmp_path, "line,x,y,z,r,dir\nA,1,2,3,100.01,-1\nA,1,2,3,,1\n"))
+    assert circle.frame["r"].to_list() == [100.01]
+    assert circle.set_aside[0].column == "r"
+    lengths = read_lengths(write(tmp_path, "feature,x1,y1,z1,x2,y2,z2,measured\nd,0,0,0,3,4,0,5.01\n"))
+    assert lengths.frame["measured"].to_list() == [5.01]
+    assert kind_of(["x", "y", "z", "mx"]) == "points"
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
+@given(content=st.binary(max_size=200) | st.text(alphabet="xyzm,\n\"'.-+e0123 \t", max_size=200).map(str.encode))
+def test_no_bytes_get_past_the_reader_unnamed(tmp_path: Path, content: bytes) -> None:
+    path = write(tmp_path, b"x,y,z,mx\n" + content)
+    try:
+        observations = read_observations(path)
+    except InputFileError:
+        return
+    assert np.isfinite(observations.commanded_mm).all()
+
+
+@pytest.mark.real_data
+def test_real_tables(real_data: Path) -> None:
+    for name, rows in (("thermal", 1203), ("plates", 650), ("positioning", 50)):
+        observations = read_observations(real_data / name / "observations.csv")
+        assert len(observations) == rows
+        assert not observations.set_aside
