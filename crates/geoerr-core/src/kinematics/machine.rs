@@ -1,0 +1,250 @@
+//! A machine with its errors: where a commanded position really puts the tool.
+
+use super::chain::{Axis, Chain};
+use super::directions;
+use super::error_tables::ErrorTables;
+use super::rotation::Rotation;
+use super::vec3::{Vec3, add, cross, scale};
+
+/// A machine of three linear axes with its 21 errors.
+///
+/// | symbol | code | meaning | unit |
+/// |---|---|---|---|
+/// | `$q$` | `q_mm` | commanded axis positions x, y, z | mm |
+/// | `$\mathbf l$` | tool offset + `offset_mm` | from the carriage origin to the point that is asked for | mm |
+/// | `$\hat{\mathbf a}'$` | `skew` + unit vector | direction of axis a, with its squareness | - |
+/// | `$\boldsymbol\delta_a, \boldsymbol\varepsilon_a$` | `translation`, `rotation` | errors of axis a at its position | mm, rad |
+///
+/// Positions are nominal plus error, and errors are summed apart from positions: a machine without errors
+/// gives `q + l` bit for bit, and an error keeps its own sixteen digits however far from the origin it acts.
+///
+/// # Source
+/// Li et al. 2023, Eqs. 6 to 8, with full rotations and unit directions.
+///
+/// # Verified by
+/// `tests/kinematics.rs` (first-order sums of all 24 chains, Abbe transfer, squareness, finite differences)
+/// and by a second implementation in arbitrary precision (`tests/model/`).
+#[derive(Debug, Clone, PartialEq)]
+pub struct MachineModel {
+    chain: Chain,
+    errors: ErrorTables,
+    tool_offset_mm: Vec3,
+    axes: [AxisErrors; 3],
+    is_nominal: bool,
+}
+
+/// The six error functions of one axis on the union of their knots, so that one search finds all six.
+#[derive(Debug, Clone, PartialEq)]
+struct AxisErrors {
+    /// Direction of the axis minus its nominal direction.
+    skew: Vec3,
+    knots_mm: Vec<f64>,
+    /// Values and right-hand slopes at the knots.
+    cells: Vec<Cell>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Cell {
+    values: [f64; 6],
+    slopes: [f64; 6],
+}
+
+/// Motion of one axis at one position.
+struct Motion {
+    /// `q (â' − â) + δ`: translation beyond the nominal one.
+    translation: Vec3,
+    rotation: Rotation,
+    /// d translation / dq.
+    translation_rate: Vec3,
+    /// dε / dq.
+    rotation_rate: Vec3,
+}
+
+impl AxisErrors {
+    fn new(errors: &ErrorTables, axis: Axis, skew: Vec3) -> Self {
+        let tables = errors.of_axis(axis);
+        let mut knots_mm: Vec<f64> = tables.iter().flat_map(|table| table.knots()).copied().collect();
+        knots_mm.sort_by(f64::total_cmp);
+        knots_mm.dedup();
+        let cells = knots_mm
+            .iter()
+            .map(|&knot| {
+                let both = std::array::from_fn::<_, 6, _>(|c| tables[c].value_and_slope(knot));
+                Cell { values: both.map(|(value, _)| value), slopes: both.map(|(_, slope)| slope) }
+            })
+            .collect();
+        Self { skew, knots_mm, cells }
+    }
+
+    #[inline]
+    fn motion(&self, q_mm: f64) -> Motion {
+        let (values, slopes) = match self.knots_mm.partition_point(|&knot| knot <= q_mm) {
+            0 => (self.cells.first().copied().unwrap_or_default().values, [0.0; 6]),
+            n => {
+                // The slopes at the last knot are 0, as all tables have ended there.
+                let cell = &self.cells[n - 1];
+                let into_cell = q_mm - self.knots_mm[n - 1];
+                (std::array::from_fn(|c| cell.values[c] + cell.slopes[c] * into_cell), cell.slopes)
+            }
+        };
+        let [dx, dy, dz, ex, ey, ez] = values;
+        let [dx_rate, dy_rate, dz_rate, ex_rate, ey_rate, ez_rate] = slopes;
+        Motion {
+            translation: add(&scale(q_mm, &self.skew), &[dx, dy, dz]),
+            rotation: Rotation::new(&[ex, ey, ez]),
+            translation_rate: add(&self.skew, &[dx_rate, dy_rate, dz_rate]),
+            rotation_rate: [ex_rate, ey_rate, ez_rate],
+        }
+    }
+}
+
+impl MachineModel {
+    /// A machine of the given chain with its errors; `tool_offset_mm` from the carriage origin to the tool point.
+    pub fn new(chain: Chain, errors: ErrorTables, tool_offset_mm: [f64; 3]) -> Self {
+        // `ErrorTables` holds only squarenesses that have directions.
+        let skew = directions::deviations(errors.squareness()).unwrap_or_default();
+        let axes = Axis::ALL.map(|axis| AxisErrors::new(&errors, axis, skew[axis.index()]));
+        let is_nominal = errors.is_zero();
+        Self { chain, errors, tool_offset_mm, axes, is_nominal }
+    }
+
+    /// The order of the axes.
+    pub fn chain(&self) -> &Chain {
+        &self.chain
+    }
+
+    /// The errors that the machine was made with.
+    pub fn errors(&self) -> &ErrorTables {
+        &self.errors
+    }
+
+    /// From the carriage origin to the tool point.
+    pub fn tool_offset_mm(&self) -> &[f64; 3] {
+        &self.tool_offset_mm
+    }
+
+    /// Whether the machine has no errors at all.
+    pub fn is_nominal(&self) -> bool {
+        self.is_nominal
+    }
+
+    /// Union of the knots of the axis's error functions, increasing: between neighbouring knots of all three
+    /// axes the map from commanded to actual position is smooth.
+    pub fn knots(&self, axis: Axis) -> &[f64] {
+        &self.axes[axis.index()].knots_mm
+    }
+
+    /// Where the machine without errors has the point: `q + tool offset + offset`.
+    #[inline]
+    pub fn nominal_tool_from_work(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
+        add(q_mm, &self.lever(offset_mm))
+    }
+
+    /// Position of a point at `offset_mm` from the tool point, on the tool, seen from the work.
+    ///
+    /// `q + tool offset + offset`, bit for bit, where the machine has no errors.
+    #[inline]
+    pub fn tool_from_work(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
+        add(&self.nominal_tool_from_work(q_mm, offset_mm), &self.error(q_mm, offset_mm))
+    }
+
+    /// Actual minus nominal position of a point at `offset_mm` from the tool point, seen from the work, mm.
+    pub fn error(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
+        let (mut nominal, mut error) = self.tool_side(q_mm, offset_mm);
+        for &axis in self.chain.work_axes() {
+            // T⁻¹ p = R(ε) (p + q â' + δ)
+            let motion = self.axes[axis.index()].motion(q_mm[axis.index()]);
+            nominal[axis.index()] += q_mm[axis.index()];
+            error = add(&error, &motion.translation);
+            error = add(&error, &motion.rotation.displacement(&add(&nominal, &error)));
+        }
+        error
+    }
+
+    /// Position of a point at `offset_mm` from the tool point, on the tool, in the base frame: what a camera
+    /// on the floor sees of it. Only the tool side's axes move it.
+    pub fn tool_from_base(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
+        let (nominal, error) = self.tool_side(q_mm, offset_mm);
+        add(&nominal, &error)
+    }
+
+    /// Position of a point on the work, at `offset_mm` from the base origin when x = y = z = 0, in the base
+    /// frame: what a camera on the floor sees of it. Only the work side's axes move it.
+    pub fn work_from_base(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
+        let mut nominal = *offset_mm;
+        let mut error = [0.0; 3];
+        for &axis in self.chain.work_axes().iter().rev() {
+            // T w = R(−ε) w − q â' − δ
+            let motion = self.axes[axis.index()].motion(q_mm[axis.index()]);
+            let turned = motion.rotation.inverse().displacement(&add(&nominal, &error));
+            nominal[axis.index()] -= q_mm[axis.index()];
+            error = std::array::from_fn(|c| error[c] + turned[c] - motion.translation[c]);
+        }
+        add(&nominal, &error)
+    }
+
+    /// `d tool_from_work / d q`, row by component, column by axis; at a knot the derivative to its right.
+    #[inline]
+    pub fn jacobian(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [[f64; 3]; 3] {
+        self.error_and_jacobian(q_mm, offset_mm).1
+    }
+
+    /// [`error`](Self::error) and [`jacobian`](Self::jacobian) in one pass through the chain.
+    ///
+    /// `d(R v)/dq = ω × (R v) + R dv/dq`, with ω of [`Rotation::velocity`].
+    pub fn error_and_jacobian(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+        let mut nominal = self.lever(offset_mm);
+        let mut error = [0.0; 3];
+        // Derivatives by each axis, as vectors: the columns.
+        let mut columns = [[0.0; 3]; 3];
+        for &axis in self.chain.tool_axes().iter().rev() {
+            let a = axis.index();
+            let motion = self.axes[a].motion(q_mm[a]);
+            let before = add(&nominal, &error);
+            let turned = motion.rotation.displacement(&before);
+            for column in &mut columns {
+                *column = motion.rotation.apply(column);
+            }
+            let velocity = motion.rotation.velocity(&motion.rotation_rate);
+            columns[a] = add(&motion.translation_rate, &cross(&velocity, &add(&before, &turned)));
+            columns[a][a] += 1.0;
+            nominal[a] += q_mm[a];
+            error = std::array::from_fn(|c| error[c] + turned[c] + motion.translation[c]);
+        }
+        for &axis in self.chain.work_axes() {
+            let a = axis.index();
+            let motion = self.axes[a].motion(q_mm[a]);
+            nominal[a] += q_mm[a];
+            error = add(&error, &motion.translation);
+            error = add(&error, &motion.rotation.displacement(&add(&nominal, &error)));
+            columns[a] = motion.translation_rate;
+            columns[a][a] += 1.0;
+            for column in &mut columns {
+                *column = motion.rotation.apply(column);
+            }
+            let velocity = motion.rotation.velocity(&motion.rotation_rate);
+            columns[a] = add(&columns[a], &cross(&velocity, &add(&nominal, &error)));
+        }
+        (error, std::array::from_fn(|row| std::array::from_fn(|column| columns[column][row])))
+    }
+
+    #[inline]
+    fn lever(&self, offset_mm: &Vec3) -> Vec3 {
+        add(&self.tool_offset_mm, offset_mm)
+    }
+
+    /// Nominal position and error of a point on the tool, in the base frame.
+    #[inline]
+    fn tool_side(&self, q_mm: &Vec3, offset_mm: &Vec3) -> (Vec3, Vec3) {
+        let mut nominal = self.lever(offset_mm);
+        let mut error = [0.0; 3];
+        for &axis in self.chain.tool_axes().iter().rev() {
+            // T p = R(ε) p + q â' + δ
+            let motion = self.axes[axis.index()].motion(q_mm[axis.index()]);
+            let turned = motion.rotation.displacement(&add(&nominal, &error));
+            nominal[axis.index()] += q_mm[axis.index()];
+            error = std::array::from_fn(|c| error[c] + turned[c] + motion.translation[c]);
+        }
+        (nominal, error)
+    }
+}
