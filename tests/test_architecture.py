@@ -1,0 +1,82 @@
+"""The rules of DESIGN.md about who may use what, held by reading the imports."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import geoerr
+
+PACKAGE = Path(geoerr.__file__).parent
+
+# Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
+BASE = {"errors", "files", "tables"}
+CORE = {"_core", "geometry"}
+TABLES = BASE | {"machine", "observations", "error_functions"}
+MODEL = TABLES | CORE | {"model"}
+ALLOWED: dict[str, set[str]] = {
+    "errors": set(),
+    "files": {"errors"},
+    "tables": BASE,
+    "machine": BASE,
+    "observations": BASE,
+    "error_functions": BASE | {"machine"},
+    "geometry": CORE | {"errors"},
+    "model": TABLES | CORE,
+    "vision": TABLES | CORE,
+    "identify": TABLES | CORE,
+    "compensate": MODEL,
+    "verify": MODEL,
+    "simulate": TABLES | {"vision.patterns", "vision.images"},
+    "report": MODEL | {"vision", "identify", "compensate", "verify", "simulate"},
+    "demo": MODEL | {"vision", "identify", "compensate", "verify", "simulate", "report"},
+    "cli": MODEL | {"vision", "identify", "compensate", "verify", "simulate", "report", "demo"},
+}
+
+
+def imported_modules(path: Path) -> set[str]:
+    modules: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            modules |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            modules |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return modules
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def sources() -> list[Path]:
+    return [path for path in sorted(PACKAGE.rglob("*.py")) if room_of(path) != "__init__"]
+
+
+def test_every_room_has_a_rule() -> None:
+    assert {room_of(path) for path in sources()} <= set(ALLOWED)
+
+
+def test_imports_go_one_way() -> None:
+    offences = []
+    for path in sources():
+        room = room_of(path)
+        for module in imported_modules(path):
+            if not module.startswith("geoerr."):
+                continue
+            inner = module.removeprefix("geoerr.")
+            if inner == "__version__" or inner.split(".")[0] == room:
+                continue
+            if not any(inner == rule or inner.startswith(f"{rule}.") for rule in ALLOWED[room]):
+                offences.append(f"{path.relative_to(PACKAGE)} imports {module}")
+    assert not offences
+
+
+def test_opencv_lives_in_vision_only() -> None:
+    users = {room_of(path) for path in sources() if "cv2" in imported_modules(path)}
+    assert users <= {"vision"}
+
+
+def test_the_core_knows_nothing_of_python() -> None:
+    root = PACKAGE.parents[1] / "crates" / "geoerr-core" / "Cargo.toml"
+    if root.is_file():
+        assert not {"pyo3", "numpy", "opencv"} & set(root.read_text(encoding="utf-8").replace(".", " ").split())
