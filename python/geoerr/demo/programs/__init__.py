@@ -1,0 +1,1 @@
+"""Example programs, written for geoerr by `make.py` beside them."""
