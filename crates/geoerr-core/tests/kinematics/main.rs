@@ -1,0 +1,11 @@
+//! Kinematics and its inverse against THEORY's first-order sums, a matrix implementation and differences.
+
+mod abbe;
+mod batch;
+mod first_order;
+mod jacobian;
+mod machines;
+mod matrices;
+mod newton;
+mod nominal;
+mod squareness;
