@@ -65,15 +65,11 @@ pub struct Commands {
     pub status: Vec<Status>,
 }
 
-/// Every step at least halves the error on machines whose error changes by less than half a millimetre a
-/// millimetre; 50 halvings of a metre are below a picometre.
+/// A step that leaves at most half of the error, 50 times: from a metre to less than a picometre.
 const MAX_STEPS: u32 = 50;
 
-/// A full step that leaves more than this share of the error is compared with its alternatives.
-const GOOD_STEP: f64 = 0.5;
-
-/// Halvings of a step before the search gives up: beyond them the step is lost in rounding.
-const MAX_HALVINGS: u32 = 10;
+/// Halvings of a step before the search gives up: to a millionth, below the rounding of any correction.
+const MAX_HALVINGS: u32 = 20;
 
 /// The command X* whose actual tool position is the ideal one.
 ///
@@ -90,10 +86,10 @@ const MAX_HALVINGS: u32 = 10;
 ///
 /// So a machine without errors gives the target back bit for bit, whatever its tool offset.
 ///
-/// Error tables have kinks, where a Newton step computed on one side is taken into the other. A step that
-/// does not halve the error is therefore compared with the step by the error itself, `X − (X + E(X) − x)`,
-/// which shrinks the error by the factor `|E(a) − E(b)| / |a − b|`: where this is below 1 (machines are
-/// below 0.1) the search cannot fail. Beyond that, steps are halved until the error falls.
+/// Error tables have kinks, and a Newton step computed in one cell is taken into others. With J̄ the mean of the
+/// Jacobian along the step it leaves `(J − J̄) J⁻¹` of the error, at most `2L / (1 − L)`, where the error changes by
+/// at most L mm/mm: less than a quarter on machines (L < 0.1), so that full steps cannot fail. Where two
+/// entries of a table lie almost at one place L is larger; a step that leaves more than half is then shortened.
 ///
 /// # Errors
 /// [`NewtonError::Tolerance`]; [`NewtonError::NonFinite`]; [`NewtonError::NotConverged`] with the best
@@ -187,29 +183,26 @@ impl Trial {
         remaining_mm.is_finite().then_some(Self { command_mm, miss_mm, remaining_mm, jacobian })
     }
 
-    /// The next command, whose error is smaller; None where none was found.
+    /// The next command: the longest of the Newton step, its half, its quarter ... that takes away at least half of
+    /// what it promises; else the one that leaves least; None where all leave as much as there was.
     fn better(&self, model: &MachineModel, target_mm: &[f64; 3]) -> Option<Self> {
-        let newton = solve(&self.jacobian, &self.miss_mm);
-        let after = |step: &[f64; 3], share: f64| {
+        let step = solve(&self.jacobian, &self.miss_mm)?;
+        let mut best: Option<Self> = None;
+        let mut share = 1.0;
+        for _ in 0..=MAX_HALVINGS {
             let command_mm = std::array::from_fn(|c| self.command_mm[c] - share * step[c]);
-            Self::at(model, command_mm, target_mm)
-        };
-        let full = newton.and_then(|step| after(&step, 1.0));
-        if let Some(trial) = full.as_ref()
-            && trial.remaining_mm <= GOOD_STEP * self.remaining_mm
-        {
-            return full;
+            if let Some(trial) = Self::at(model, command_mm, target_mm) {
+                if trial.remaining_mm <= (1.0 - 0.5 * share) * self.remaining_mm {
+                    return Some(trial);
+                }
+                let least = best.as_ref().map_or(self.remaining_mm, |best| best.remaining_mm);
+                if trial.remaining_mm < least {
+                    best = Some(trial);
+                }
+            }
+            share *= 0.5;
         }
-        let plain = after(&self.miss_mm, 1.0);
-        let best = full.into_iter().chain(plain).min_by(|a, b| a.remaining_mm.total_cmp(&b.remaining_mm));
-        if let Some(trial) = best
-            && trial.remaining_mm < self.remaining_mm
-        {
-            return Some(trial);
-        }
-        let step = newton?;
-        let shares = (1..=MAX_HALVINGS).map(|halvings| 0.5_f64.powi(halvings.cast_signed()));
-        shares.filter_map(|share| after(&step, share)).find(|trial| trial.remaining_mm < self.remaining_mm)
+        best
     }
 
     fn not_converged(&self, steps: u32) -> NewtonError {

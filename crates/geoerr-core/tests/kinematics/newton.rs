@@ -84,11 +84,12 @@ fn jagged(origin_mm: f64) -> impl Strategy<Value = Table> {
     })
 }
 
+fn scaled(factor: f64, table: &Table) -> Table {
+    let values = table.knots().iter().map(|&knot| factor * table.value(knot)).collect();
+    Table::new(table.knots().to_vec(), values).unwrap()
+}
+
 fn jagged_machine() -> impl Strategy<Value = MachineModel> {
-    let scaled = |factor: f64, table: &Table| {
-        let values = table.knots().iter().map(|&knot| factor * table.value(knot)).collect();
-        Table::new(table.knots().to_vec(), values).unwrap()
-    };
     let tables = proptest::collection::vec(jagged(-60.0), 18);
     (0..24_usize, tables).prop_map(move |(chain, tables)| {
         let mut errors = ErrorTables::default();
@@ -122,6 +123,20 @@ proptest! {
             let knots = machine.knots(axis);
             knots[places[axis.index()] % knots.len()]
         });
+        assert_round_trip(&machine, q);
+    }
+
+    /// Nine times as steep as any machine, where full Newton steps run in circles between two cells.
+    #[test]
+    fn steep_tables(
+        tables in proptest::collection::vec(jagged(-60.0), 3),
+        q in [-65.0..0.0, -65.0..0.0, -65.0..0.0_f64],
+    ) {
+        let mut errors = ErrorTables::default();
+        for (axis, table) in Axis::ALL.into_iter().zip(&tables) {
+            errors.set(axis, Component::ALL[axis.index()], scaled(9.0, table));
+        }
+        let machine = MachineModel::new(Chain::parse("wZbXYt").unwrap(), errors, [0.0; 3]);
         assert_round_trip(&machine, q);
     }
 
@@ -186,6 +201,27 @@ fn a_tool_that_stands_still() {
     match command_for(&machine, &[10.0, 20.0, 30.0], 1e-6) {
         Err(NewtonError::NotConverged { remaining_mm, .. }) => assert_eq!(remaining_mm, 10.0),
         other => panic!("{other:?}"),
+    }
+}
+
+/// Two entries almost at one place, as unmerged repeats give them: 10 µm within 10 nm, and the root in between.
+#[test]
+fn a_jump() {
+    let mut errors = ErrorTables::default();
+    for axis in Axis::ALL {
+        let positions = vec![0.0, 100.0, 100.00001, 200.0];
+        errors.set(
+            axis,
+            Component::ALL[axis.index()],
+            Table::new(positions, vec![0.0, 0.0, 0.01, 0.02]).unwrap(),
+        );
+    }
+    let machine = MachineModel::new(Chain::parse("wZbXYt").unwrap(), errors, [0.0; 3]);
+    for share in [0.0, 0.001, 0.3, 0.5, 0.999, 1.0] {
+        let inside = 100.0 + share * 0.00001;
+        for q in [[inside, 30.0, 50.0], [30.0, inside, inside], [inside; 3]] {
+            assert_round_trip(&machine, q);
+        }
     }
 }
 
