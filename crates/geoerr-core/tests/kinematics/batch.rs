@@ -22,7 +22,8 @@ fn bits(rows: &[[f64; 3]]) -> Vec<[u64; 3]> {
 fn each_row_as_alone() {
     let machine = drawn_machine("wZbXYt", 1, 1.0);
     let (q, offsets) = (rows(300), rows(600).split_off(300));
-    let single: [(View, fn(&MachineModel, &[f64; 3], &[f64; 3]) -> [f64; 3]); 4] = [
+    type Alone = fn(&MachineModel, &[f64; 3], &[f64; 3]) -> [f64; 3];
+    let single: [(View, Alone); 4] = [
         (View::ToolFromWork, MachineModel::tool_from_work),
         (View::ToolError, MachineModel::error),
         (View::ToolFromBase, MachineModel::tool_from_base),
