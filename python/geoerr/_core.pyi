@@ -1,3 +1,41 @@
 """What the Rust core offers to the package; `geoerr.*` is the public face."""
 
+from typing import final
+
+import numpy as np
+import numpy.typing as npt
+
 __version__: str
+
+@final
+class MachineModel:
+    """A machine with its 21 errors; arrays are C-contiguous float64, offsets (1, 3) or (n, 3)."""
+
+    def __new__(
+        cls,
+        chain: str,
+        tool_offset_mm: tuple[float, float, float],
+        squareness_rad: tuple[float, float, float],
+        tables: list[tuple[str, npt.NDArray[np.float64], npt.NDArray[np.float64]]],
+    ) -> MachineModel: ...
+    @property
+    def is_nominal(self) -> bool: ...
+    def knots_mm(self, axis: int) -> npt.NDArray[np.float64]: ...
+    def tool_from_work(
+        self, q_mm: npt.NDArray[np.float64], offset_mm: npt.NDArray[np.float64], threads: int
+    ) -> npt.NDArray[np.float64]: ...
+    def error_mm(
+        self, q_mm: npt.NDArray[np.float64], offset_mm: npt.NDArray[np.float64], threads: int
+    ) -> npt.NDArray[np.float64]: ...
+    def tool_from_base(
+        self, q_mm: npt.NDArray[np.float64], offset_mm: npt.NDArray[np.float64], threads: int
+    ) -> npt.NDArray[np.float64]: ...
+    def work_from_base(
+        self, q_mm: npt.NDArray[np.float64], offset_mm: npt.NDArray[np.float64], threads: int
+    ) -> npt.NDArray[np.float64]: ...
+    def jacobian(
+        self, q_mm: npt.NDArray[np.float64], offset_mm: npt.NDArray[np.float64], threads: int
+    ) -> npt.NDArray[np.float64]: ...
+    def commands_for(
+        self, target_mm: npt.NDArray[np.float64], tolerance_mm: float, threads: int
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...

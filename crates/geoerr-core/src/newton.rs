@@ -19,7 +19,6 @@ pub struct Solution {
 
 /// Why there is no command.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum NewtonError {
     /// A tolerance that is not a positive number.
     #[error("a tolerance of {tolerance_mm} mm: it must be a positive number")]

@@ -1,8 +1,12 @@
 //! Maps every error of the core to one exception of `geoerr.errors`, exhaustively and in one place.
 
+use geoerr_core::kinematics::KinematicsError;
+use geoerr_core::newton::NewtonError;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::{PyErr, import_exception};
 
+import_exception!(geoerr.errors, GeometryError);
+import_exception!(geoerr.errors, NotConvergedError);
 import_exception!(geoerr.errors, ShapeError);
 
 /// A core error on its way to Python.
@@ -23,5 +27,31 @@ impl CoreError {
 impl From<CoreError> for PyErr {
     fn from(error: CoreError) -> Self {
         error.0
+    }
+}
+
+impl From<KinematicsError> for CoreError {
+    fn from(error: KinematicsError) -> Self {
+        use KinematicsError as E;
+        let message = error.to_string();
+        Self(match error {
+            E::TableLengths { .. } | E::EmptyTable | E::OffsetCount { .. } => ShapeError::new_err(message),
+            E::Chain { .. }
+            | E::NonFiniteEntry { .. }
+            | E::PositionsNotIncreasing { .. }
+            | E::SlopeOverflow { .. }
+            | E::Squareness { .. }
+            | E::UnknownErrorFunction { .. } => GeometryError::new_err(message),
+        })
+    }
+}
+
+impl From<NewtonError> for CoreError {
+    fn from(error: NewtonError) -> Self {
+        let message = error.to_string();
+        Self(match error {
+            NewtonError::Tolerance { .. } | NewtonError::NonFinite => GeometryError::new_err(message),
+            NewtonError::NotConverged { .. } => NotConvergedError::new_err(message),
+        })
     }
 }

@@ -3,13 +3,16 @@
 //! Each file binds one module of `geoerr-core`: it takes array views, releases the interpreter,
 //! runs the core, and maps the core's errors to the family in `geoerr.errors`.
 
+mod arrays;
 mod core_door;
 mod errors;
+mod kinematics;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    kinematics::register(module)?;
     Ok(())
 }

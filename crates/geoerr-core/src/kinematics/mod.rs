@@ -29,7 +29,6 @@ pub use table::Table;
 
 /// What cannot be turned into a machine model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum KinematicsError {
     /// A text that is no structural code.
     #[error("{code:?} is not a structural code: work to tool, each of X, Y, Z and b once, such as wZbXYt")]

@@ -1,0 +1,45 @@
+//! NumPy arrays as the plain slices that the core takes, and back, without copies.
+
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use crate::errors::CoreError;
+
+/// The rows of a contiguous (n, 3) array.
+pub fn rows<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> Result<&'a [[f64; 3]], CoreError> {
+    let refused = || CoreError::shape(format!("{name} must be a C-contiguous (n, 3) array of float64"));
+    if array.shape()[1] != 3 {
+        return Err(refused());
+    }
+    Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<3>().0)
+}
+
+/// The numbers of a contiguous (n,) array.
+pub fn numbers<'a>(array: &'a PyReadonlyArray1<'_, f64>, name: &str) -> Result<&'a [f64], CoreError> {
+    array
+        .as_slice()
+        .map_err(|_| CoreError::shape(format!("{name} must be a C-contiguous (n,) array of float64")))
+}
+
+/// Rows of three as an (n, 3) array; the memory changes hands.
+pub fn from_rows<'py>(py: Python<'py>, rows: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let n = rows.len();
+    rows.into_flattened().into_pyarray(py).reshape([n, 3])
+}
+
+/// 3 × 3 matrices as an (n, 3, 3) array; the memory changes hands.
+pub fn from_matrices<'py>(
+    py: Python<'py>,
+    matrices: Vec<[[f64; 3]; 3]>,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let n = matrices.len();
+    matrices.into_flattened().into_flattened().into_pyarray(py).reshape([n, 3, 3])
+}
+
+/// Numbers as an (n,) array; the memory changes hands.
+pub fn from_numbers<'py, T: numpy::Element>(py: Python<'py>, numbers: Vec<T>) -> Bound<'py, PyArray1<T>> {
+    numbers.into_pyarray(py)
+}
