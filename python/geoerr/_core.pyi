@@ -39,3 +39,36 @@ class MachineModel:
     def commands_for(
         self, target_mm: npt.NDArray[np.float64], tolerance_mm: float, threads: int
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
+
+def triangulate(
+    projection_left: npt.NDArray[np.float64],
+    projection_right: npt.NDArray[np.float64],
+    uv_left_px: npt.NDArray[np.float64],
+    uv_right_px: npt.NDArray[np.float64],
+    cov_left_px2: npt.NDArray[np.float64] | None,
+    cov_right_px2: npt.NDArray[np.float64] | None,
+    sigma_px: float,
+    reweightings: int,
+    threads: int,
+) -> tuple[
+    npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]
+]: ...
+def fit_lines(
+    points_mm: npt.NDArray[np.float64],
+    starts: npt.NDArray[np.int64],
+    covariance_mm2: npt.NDArray[np.float64] | None,
+    threads: int,
+) -> tuple[
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.uint8],
+]: ...
+def integrate_straightness(
+    position_mm: npt.NDArray[np.float64], values: npt.NDArray[np.float64], rule: str, threads: int
+) -> npt.NDArray[np.float64]: ...
+def remove_line(
+    position_mm: npt.NDArray[np.float64], values: npt.NDArray[np.float64], threads: int
+) -> npt.NDArray[np.float64]: ...

@@ -48,7 +48,6 @@ const JACOBI_SWEEPS: usize = 8;
 
 /// Why a whole batch is refused. A bad line is not an error: it has a [`Status`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
 pub enum LineError {
     /// The starts do not cut the points into consecutive lines.
     #[error(

@@ -36,7 +36,6 @@ const PARALLEL_ABOVE: usize = 32_768;
 
 /// Why positions or values are refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum StraightnessError {
     /// A range needs two ends.
     #[error("{found} positions: a range needs at least two")]
@@ -155,7 +154,7 @@ fn check(position_mm: &[f64], values: &[f64]) -> Result<(), StraightnessError> {
             });
         }
     }
-    if values.len() % n_positions != 0 {
+    if !values.len().is_multiple_of(n_positions) {
         return Err(StraightnessError::NotWholeFunctions { found: values.len(), n_positions });
     }
     Ok(())

@@ -2,19 +2,35 @@
 
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyUntypedArrayMethods,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use crate::errors::CoreError;
 
-/// The rows of a contiguous (n, 3) array.
-pub fn rows<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> Result<&'a [[f64; 3]], CoreError> {
-    let refused = || CoreError::shape(format!("{name} must be a C-contiguous (n, 3) array of float64"));
-    if array.shape()[1] != 3 {
+/// The rows of a contiguous (n, K) array.
+pub fn rows<'a, const K: usize>(
+    array: &'a PyReadonlyArray2<'_, f64>,
+    name: &str,
+) -> Result<&'a [[f64; K]], CoreError> {
+    let refused = || CoreError::shape(format!("{name} must be a C-contiguous (n, {K}) array of float64"));
+    if array.shape()[1] != K {
         return Err(refused());
     }
-    Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<3>().0)
+    Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<K>().0)
+}
+
+/// The matrices of a contiguous (n, K, K) array.
+pub fn matrices<'a, const K: usize>(
+    array: &'a PyReadonlyArray3<'_, f64>,
+    name: &str,
+) -> Result<&'a [[[f64; K]; K]], CoreError> {
+    let refused =
+        || CoreError::shape(format!("{name} must be a C-contiguous (n, {K}, {K}) array of float64"));
+    if array.shape()[1..] != [K, K] {
+        return Err(refused());
+    }
+    Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<K>().0.as_chunks::<K>().0)
 }
 
 /// The numbers of a contiguous (n,) array.

@@ -1,7 +1,10 @@
 //! Maps every error of the core to one exception of `geoerr.errors`, exhaustively and in one place.
 
 use geoerr_core::kinematics::KinematicsError;
+use geoerr_core::line::LineError;
 use geoerr_core::newton::NewtonError;
+use geoerr_core::straightness::StraightnessError;
+use geoerr_core::triangulate::TriangulateError;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::{PyErr, import_exception};
 
@@ -52,6 +55,42 @@ impl From<NewtonError> for CoreError {
         Self(match error {
             NewtonError::Tolerance { .. } | NewtonError::NonFinite => GeometryError::new_err(message),
             NewtonError::NotConverged { .. } => NotConvergedError::new_err(message),
+        })
+    }
+}
+
+impl From<TriangulateError> for CoreError {
+    fn from(error: TriangulateError) -> Self {
+        use TriangulateError as E;
+        let message = error.to_string();
+        Self(match error {
+            E::LengthsDiffer { .. } => ShapeError::new_err(message),
+            E::ProjectionNotFinite { .. }
+            | E::ProjectionSingular { .. }
+            | E::CentresCoincide { .. }
+            | E::SigmaNotPositive { .. } => GeometryError::new_err(message),
+        })
+    }
+}
+
+impl From<LineError> for CoreError {
+    fn from(error: LineError) -> Self {
+        let message = error.to_string();
+        Self(match error {
+            LineError::BadStart { .. } | LineError::NoStarts { .. } | LineError::LengthsDiffer { .. } => {
+                ShapeError::new_err(message)
+            }
+        })
+    }
+}
+
+impl From<StraightnessError> for CoreError {
+    fn from(error: StraightnessError) -> Self {
+        use StraightnessError as E;
+        let message = error.to_string();
+        Self(match error {
+            E::TooFewPositions { .. } | E::NotWholeFunctions { .. } => ShapeError::new_err(message),
+            E::PositionNotFinite { .. } | E::PositionsNotRising { .. } => GeometryError::new_err(message),
         })
     }
 }

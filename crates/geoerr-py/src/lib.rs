@@ -7,6 +7,9 @@ mod arrays;
 mod core_door;
 mod errors;
 mod kinematics;
+mod line;
+mod straightness;
+mod triangulate;
 
 use pyo3::prelude::*;
 
@@ -14,5 +17,8 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     kinematics::register(module)?;
+    line::register(module)?;
+    straightness::register(module)?;
+    triangulate::register(module)?;
     Ok(())
 }

@@ -68,7 +68,6 @@ impl std::fmt::Display for Side {
 
 /// Why a rig or a whole batch is refused. A bad row is not an error: it has a [`Status`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum TriangulateError {
     /// A projection matrix holds NaN or infinity.
     #[error("the {side} projection matrix holds a number that is not finite")]
