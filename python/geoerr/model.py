@@ -68,7 +68,7 @@ class Commands:
     @property
     def is_converged(self) -> npt.NDArray[np.bool_]:
         """Tell for each row whether its command is within the tolerance, (n,)."""
-        return self.status == 0
+        return np.asarray(self.status == 0)
 
 
 @dataclass(frozen=True, eq=False)

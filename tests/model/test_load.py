@@ -1,0 +1,74 @@
+"""What a command takes as MODEL."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_machines import drawn_errors, machine
+
+from geoerr.error_functions import write_errors
+from geoerr.errors import InputFileError
+from geoerr.machine import write_machine
+from geoerr.model import Model, load_model
+
+
+def test_machine_toml_is_the_nominal_machine(tmp_path: Path) -> None:
+    of = machine("wXbYZt", (1.0, 2.0, 3.0))
+    write_machine(tmp_path / "machine.toml", of)
+    model = load_model(tmp_path / "machine.toml")
+    assert model.machine == of
+    assert model.errors is None
+    assert model.is_nominal
+
+
+@pytest.mark.parametrize("name", ["errors.json", "ERRORS.JSON", "truth", "model.json"])
+def test_errors_are_told_by_suffix_or_content(tmp_path: Path, name: str) -> None:
+    of = machine("wXbYZt")
+    errors = drawn_errors(of)
+    write_errors(tmp_path / name, errors)
+    q = np.random.default_rng(1).uniform(0.0, 400.0, (20, 3))
+    # µm and µrad in the file: the last digit may differ.
+    assert load_model(tmp_path / name).error_mm(q) == pytest.approx(Model(of, errors).error_mm(q), abs=1e-14)
+
+
+def test_toml_without_its_suffix(tmp_path: Path) -> None:
+    write_machine(tmp_path / "mine", machine())
+    assert load_model(tmp_path / "mine").is_nominal
+
+
+@pytest.mark.parametrize("document", [{"schema": "geoerr-model/1", "machine": {}}, {"machine": {}, "channels": []}])
+def test_model_json_is_refused_by_name(tmp_path: Path, document: dict[str, object]) -> None:
+    path = tmp_path / "printer.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputFileError, match=r"printer\.json: is a model\.json.*\n.*errors\.json.*machine\.toml"):
+        load_model(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "problem"),
+    [
+        ("a.json", "{}", "the key 'errors' is missing"),
+        ("a.json", "[1, 2]", "the key 'errors' is missing"),
+        ("a.json", "{", "not valid JSON"),
+        ("a.json", "", "not valid JSON"),
+        ("a.toml", "x = 1", r"the table \[machine\] is missing"),
+        ("a.toml", "{}", "not valid TOML"),
+        ("a", "G1 X10", "not valid TOML"),
+        ("a", "{", "not valid JSON"),
+    ],
+)
+def test_neither(tmp_path: Path, name: str, content: str, problem: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InputFileError, match=problem):
+        load_model(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["none.json", "none.toml", "none"])
+def test_missing(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputFileError, match="no such file"):
+        load_model(tmp_path / name)
+    with pytest.raises(InputFileError, match="is a folder"):
+        load_model(tmp_path)
