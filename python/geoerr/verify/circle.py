@@ -223,9 +223,9 @@ class CircleOfCommands:
 
 
 def _what_fits(circle: CircleOfCommands, low_mm: Numbers, high_mm: Numbers) -> str:
-    if (low_mm > high_mm).any():
-        return "no circle fits: the machine's range and the measured range do not meet"
     first, second, third = circle.axes
+    if (low_mm > high_mm).any() or (low_mm >= high_mm)[[first, second]].any():
+        return "no circle fits into the part of the machine's range in which its errors were measured"
     level = float(np.clip(circle.center_mm[third], low_mm[third], high_mm[third]))
     at_level = "" if level == circle.center_mm[third] else f",{level:.9g}"
     here = np.asarray(circle.center_mm)[[first, second]]

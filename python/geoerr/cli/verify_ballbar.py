@@ -1,0 +1,143 @@
+"""`geoerr verify ballbar`: the circular test of a model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.errors import InputFileError
+from geoerr.model import load_model
+from geoerr.observations import CircularTest, read_circular_test
+from geoerr.report.ballbar import write_ballbar_report
+from geoerr.report.provenance import provenance_of_command
+from geoerr.verify.ballbar import (
+    CircularTestResult,
+    Trace,
+    circle_of_first_run,
+    circle_to_test,
+    run_circular_test,
+)
+from geoerr.verify.circle import PLANES
+
+
+def register(sub: typer.Typer) -> None:
+    """Add the verb to the group `geoerr verify`."""
+    sub.command("ballbar")(ballbar)
+
+
+def ballbar(
+    model: Annotated[Path, typer.Argument(help="errors.json, model.json, or machine.toml (no errors).")],
+    trace: Annotated[
+        Path | None, typer.Option("--trace", help="Measured circular test (line,x,y,z,r) to compare with.")
+    ] = None,
+    center: Annotated[
+        str | None,
+        typer.Option("--center", help="Centre in the plane, mm, as A,B or A,B,LEVEL. Li's in XY: 212,270."),
+    ] = None,
+    radius: Annotated[float | None, typer.Option("--radius", help="Radius in mm. Li's: 100.")] = None,
+    plane: Annotated[
+        str | None, typer.Option("--plane", help="XY, YZ or ZX; XY, or the trace's, where not given.")
+    ] = None,
+    eq23: Annotated[
+        bool, typer.Option("--eq23", help="Beside it Li's Eq. 23 as printed: without squareness.")
+    ] = False,
+    truth: Annotated[
+        Path | None,
+        typer.Option("--truth", help="Machine that carries out the commands (truth.json of a simulation)."),
+    ] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Write the circle plot as an HTML page.")] = None,
+    as_json: JsonFlag = False,
+    quiet: QuietFlag = False,
+    threads: Threads = 0,
+) -> None:
+    """Circular deviation (ISO 230-4) that MODEL predicts, before and after compensation."""
+    loaded = load_model(model)
+    true_model = None if truth is None else load_model(truth)
+    measured = None if trace is None else read_circular_test(trace)
+    plane, center_mm, radius_mm = _circle_asked_for(plane, center, radius, trace, measured)
+    circle = circle_to_test(loaded, plane, center_mm, radius_mm)
+    result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured)
+    provenance = provenance_of_command([model, trace, truth])
+    if report is not None:
+        write_ballbar_report(report, result, provenance)
+    if as_json:
+        print_json({**result.to_document(), "provenance": provenance.to_document()})
+        return
+    _print_result(result, truth is not None)
+    for problem in result.set_aside:
+        note(f"set aside: {problem}", quiet)
+    for sentence in result.notes:
+        note(f"note: {sentence}", quiet)
+    if result.assumed_zero:
+        note(f"note: not determined, taken as 0 here: {', '.join(result.assumed_zero)}", quiet)
+    if report is not None:
+        note(f"report: {report}", quiet)
+
+
+def _circle_asked_for(
+    plane: str | None,
+    center: str | None,
+    radius: float | None,
+    trace: Path | None,
+    measured: CircularTest | None,
+) -> tuple[str, list[float] | None, float | None]:
+    if plane is not None and plane.upper() not in PLANES:
+        raise typer.BadParameter(f"{plane!r} is not one of {', '.join(PLANES)}", param_hint="--plane")
+    center_mm = None if center is None else _numbers(center)
+    if measured is None:
+        return (plane or "XY").upper(), center_mm, radius
+    run = circle_of_first_run(measured)
+    if plane is not None and plane.upper() != run.plane:
+        raise InputFileError(
+            str(trace),
+            f"the circle lies in the {run.plane} plane, {plane.upper()} was asked for",
+            remedy="leave --plane out",
+        )
+    of_run = [run.center_mm[index] for index in run.axes]
+    return run.plane, of_run if center_mm is None else center_mm, run.radius_mm if radius is None else radius
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3) or not np.isfinite(numbers).all():
+        raise typer.BadParameter(f"{text!r} is not A,B or A,B,LEVEL in mm", param_hint="--center")
+    return numbers
+
+
+def _print_result(result: CircularTestResult, with_truth: bool) -> None:
+    circle = result.before[0].circle
+    place = ", ".join(f"{value:g}" for value in circle.center_mm)
+    typer.echo(f"circle in {circle.plane}, centre ({place}) mm, radius {circle.radius_mm:g} mm")
+    typer.echo("")
+    typer.echo(f"{'circular deviation G (ISO 230-4)':<40}{'before':>12}{'after':>12}")
+    for number, sense in enumerate(("counter-clockwise", "clockwise")):
+        typer.echo(f"  {sense:<38}{_um(result.before[number])}{_um(result.after[number])}")
+    if result.eq23 is not None:
+        typer.echo(f"  {'Li Eq. 23 as printed, no squareness':<38}{_um(result.eq23)}")
+    if not with_truth:
+        note_text = "after: what the model itself leaves over; --truth or --trace says what a machine does"
+        typer.echo(f"({note_text})")
+    if result.runs:
+        typer.echo("")
+        typer.echo(f"{'measured run':<28}{'points':>8}{'measured G':>13}{'predicted G':>13}{'rms difference':>16}")
+        for run in result.runs:
+            typer.echo(
+                f"  {run.name + _SENSE[run.direction]:<26}{len(run.measured.angle_rad):>8}"
+                f"{run.measured.circular_deviation_mm * 1e3:>10.1f} µm"
+                f"{run.predicted.circular_deviation_mm * 1e3:>10.1f} µm"
+                f"{run.set_up.rms_mm * 1e3:>13.1f} µm"
+            )
+
+
+_SENSE = {1: ", ccw", -1: ", cw", 0: ""}
+
+
+def _um(trace: Trace) -> str:
+    return f"{trace.circular_deviation_mm * 1e3:>9.1f} µm"

@@ -1,0 +1,155 @@
+"""The ball-bar plot: radial deviation round the circle, magnified."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from geoerr.report.figures import style
+from geoerr.report.figures.style import Numbers
+from geoerr.verify.ballbar import MeasuredRun, Trace
+
+_HEIGHT_PX = 600
+# Outermost deviation as a share of the plot's radius beyond and within the ring that stands for no deviation.
+_INWARD = 2.0
+
+# Name, trace, and how Plotly draws it.
+_Curve = tuple[str, Trace, dict[str, object]]
+
+
+def circle(
+    trace_before: Trace, trace_after: Trace | None = None, measured: Trace | Sequence[MeasuredRun] | None = None
+) -> go.Figure:
+    """Draw radial deviations from the least-squares circle; the radial axis is in µm, the ring at 0 is the circle.
+
+    Parameters
+    ----------
+    trace_before
+        Without compensation.
+    trace_after
+        With compensated commands; it gets a second plot at its own scale.
+    measured
+        A measured trace, or the measured runs of a circular test.
+    """
+    left: list[_Curve] = []
+    for name, trace in _measured_traces(measured):
+        left.append((name, trace, {"mode": "markers", "marker": {"size": 4, "color": style.MEASURED}}))
+    left.append(("before", trace_before, {"mode": "lines", "line": {"color": style.BEFORE, "width": 2}}))
+    panels = [left]
+    if trace_after is not None:
+        after: _Curve = ("after", trace_after, {"mode": "lines", "line": {"color": style.AFTER, "width": 2}})
+        left.append(after)
+        panels.append([after])
+    figure = make_subplots(
+        rows=1, cols=len(panels), specs=[[{"type": "polar"}] * len(panels)], horizontal_spacing=0.1
+    )
+    titles = []
+    for column, curves in enumerate(panels, start=1):
+        ring_um = _draw_panel(figure, column, curves)
+        name = "before and after" if column == 1 and len(panels) > 1 else ("after, at its own scale" * (column > 1))
+        titles.append(f"<b>{name or 'before'}</b>: rings {_text_um(ring_um)} apart")
+    for column, title in enumerate(titles, start=1):
+        domain = figure.layout[f"polar{'' if column == 1 else column}"].domain.x
+        figure.add_annotation(
+            text=title,
+            x=(domain[0] + domain[1]) / 2.0,
+            y=-0.07,
+            xref="paper",
+            yref="paper",
+            xanchor="center",
+            yanchor="top",
+            showarrow=False,
+            font={"size": 13},
+        )
+    commanded = trace_before.circle
+    place = ", ".join(f"{value:g}" for value in commanded.center_mm)
+    style.finish(
+        figure,
+        "Circular test",
+        f"radial deviation from the least-squares circle, µm; {commanded.plane} plane, "
+        f"radius {commanded.radius_mm:g} mm, centre ({place}) mm; G = circular deviation (ISO 230-4)",
+        _HEIGHT_PX,
+        above_plots_px=24,
+        bottom_px=70,
+        legend=True,
+    )
+    figure.update_layout(margin={"l": 50, "r": 50})
+    return figure
+
+
+def _measured_traces(measured: Trace | Sequence[MeasuredRun] | None) -> list[tuple[str, Trace]]:
+    if measured is None:
+        return []
+    if isinstance(measured, Trace):
+        return [("measured", measured)]
+    return [(f"measured {run.name}", run.measured) for run in measured]
+
+
+def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve]) -> float:
+    largest_um = max(float(np.abs(trace.radial_deviation_mm).max()) for _, trace, _ in curves) * style.UM_PER_MM
+    largest_um = max(largest_um, 1e-4)
+    ring_um = style.round_up_125(largest_um / 3.0)
+    outer = 1.1 * largest_um
+    inner = -_INWARD * largest_um
+    turn = np.linspace(0.0, 360.0, 361)
+    figure.add_trace(
+        go.Scatterpolar(
+            theta=turn,
+            r=np.zeros(len(turn)),
+            mode="lines",
+            line={"color": "#777777", "width": 1},
+            hoverinfo="skip",
+            showlegend=False,
+        ),
+        row=1,
+        col=column,
+    )
+    for name, trace, look in curves:
+        angle, deviation = _closed(trace)
+        figure.add_trace(
+            go.Scatterpolar(
+                theta=np.rad2deg(angle),
+                r=deviation * style.UM_PER_MM,
+                name=f"{name}, G = {_text_um(trace.circular_deviation_mm * style.UM_PER_MM)}",
+                showlegend=column == 1,
+                hovertemplate="%{theta:.0f}°: %{r:.2f} µm<extra>" + name + "</extra>",
+                **look,
+            ),
+            row=1,
+            col=column,
+        )
+    plane = curves[0][1].circle.plane
+    first, second = plane[0], plane[1]
+    steps = np.arange(np.ceil(inner / ring_um) + 1, np.floor(outer / ring_um) + 1)
+    figure.update_polars(
+        radialaxis={
+            "range": [inner, outer],
+            "tickvals": steps * ring_um,
+            "ticktext": [f"{step * ring_um:+g}".replace("-", "−").replace("+0", "0") for step in steps],
+            "angle": 22.5,
+            "tickfont": {"size": 11},
+            "ticks": "",
+        },
+        angularaxis={
+            "tickvals": list(range(0, 360, 45)),
+            "ticktext": [f"+{first}", "45°", f"+{second}", "135°", f"−{first}", "225°", f"−{second}", "315°"],
+        },
+        selector=column - 1,
+    )
+    return ring_um
+
+
+def _closed(trace: Trace) -> tuple[Numbers, Numbers]:
+    """Join the last point to the first where the trace is a whole turn."""
+    angle, deviation = trace.angle_rad, trace.radial_deviation_mm
+    gap = np.angle(np.exp(1j * (angle[0] - angle[-1])))
+    if abs(gap) < 3.0 * (2.0 * np.pi / len(angle)):
+        return np.append(angle, angle[0]), np.append(deviation, deviation[0])
+    return angle, deviation
+
+
+def _text_um(value_um: float) -> str:
+    return f"{value_um:.3g} µm" if value_um >= 0.01 else "below 0.01 µm"

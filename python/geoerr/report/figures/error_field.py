@@ -1,0 +1,165 @@
+"""The volumetric error field in 3-D: a nominal grid and where the machine really puts it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from geoerr.model import Model
+from geoerr.report.figures import style
+from geoerr.report.figures.style import Numbers
+from geoerr.verify.ballbar import usable_range_mm
+
+_HEIGHT_PX = 620
+# Share of the shortest edge of the volume that the largest error is drawn as.
+_LARGEST_DRAWN = 0.15
+_POINTS_OF_LINE = 17
+
+
+def error_field(model: Model, compensated: Callable[[Numbers], Numbers] | None = None, n_lines: int = 5) -> go.Figure:
+    """Draw the error over the working volume as a deformed grid, before and, beside it, after compensation.
+
+    Parameters
+    ----------
+    model
+        Its `error_mm` is the field before.
+    compensated
+        Gives the remaining error (n, 3) in mm at positions (n, 3); None draws one panel.
+    n_lines
+        Grid lines along each edge of the volume.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+        Errors magnified so that the largest before compensation is about a tenth of the shortest edge; the
+        magnification is stated and the same in both panels, as are the colours.
+    """
+    low, high = usable_range_mm(model)
+    lines = _lines_on_faces(low, high, n_lines)
+    nodes = lines.reshape(-1, 3)
+    before = model.error_mm(nodes)
+    fields = [("before compensation" if compensated is not None else "the machine as it is", before)]
+    if compensated is not None:
+        fields.append(("after compensation", compensated(nodes)))
+    largest = float(np.linalg.norm(before, axis=1).max())
+    shortest = float((high - low).min())
+    magnification = 1.0 if largest == 0.0 else max(style.round_down_125(_LARGEST_DRAWN * shortest / largest), 1.0)
+    figure = make_subplots(
+        rows=1,
+        cols=len(fields),
+        specs=[[{"type": "scene"}] * len(fields)],
+        horizontal_spacing=0.02,
+        subplot_titles=[_panel_title(name, error) for name, error in fields],
+    )
+    for column, (_, error) in enumerate(fields, start=1):
+        _draw_panel(figure, column, lines, error.reshape(lines.shape), magnification, largest)
+    style.finish(
+        figure,
+        "Volumetric error",
+        f"errors magnified {magnification:,.0f} times; grey: nominal grid; colour: length of the error",
+        _HEIGHT_PX,
+        above_plots_px=20,
+        bottom_px=10,
+    )
+    figure.update_scenes(
+        xaxis_title_text="X, mm",
+        yaxis_title_text="Y, mm",
+        zaxis_title_text="Z, mm",
+        aspectmode="data",
+        **_ranges(low, high),
+        camera={"eye": {"x": 1.3, "y": -1.5, "z": 0.95}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+    )
+    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
+    return figure
+
+
+def _ranges(low_mm: Numbers, high_mm: Numbers) -> dict[str, object]:
+    """Give both scenes the same axes, with room for the drawn errors, so that the boxes compare."""
+    room = 1.1 * _LARGEST_DRAWN * float((high_mm - low_mm).min())
+    return {
+        f"{name}axis": {"range": [low - room, high + room], "nticks": 6}
+        for name, low, high in zip("xyz", low_mm.tolist(), high_mm.tolist(), strict=True)
+    }
+
+
+def _panel_title(name: str, error: Numbers) -> str:
+    length = np.linalg.norm(error, axis=1) * style.UM_PER_MM
+    return f"<b>{name}</b>: largest {_um(length.max())}, rms {_um(np.sqrt(np.mean(length**2)))}"
+
+
+def _um(value_um: float) -> str:
+    return f"{value_um:.1f} µm" if value_um >= 0.05 else "below 0.05 µm"
+
+
+def _draw_panel(
+    figure: go.Figure, column: int, lines: Numbers, error: Numbers, magnification: float, largest_mm: float
+) -> None:
+    nominal = _joined(lines)
+    drawn = _joined(lines + magnification * error)
+    length = np.nan_to_num(_joined(np.linalg.norm(error, axis=2, keepdims=True))[:, 0]) * style.UM_PER_MM
+    figure.add_trace(
+        go.Scatter3d(
+            x=nominal[:, 0],
+            y=nominal[:, 1],
+            z=nominal[:, 2],
+            mode="lines",
+            line={"color": "#B8B8B8", "width": 1.5},
+            hoverinfo="skip",
+            name="nominal",
+        ),
+        row=1,
+        col=column,
+    )
+    figure.add_trace(
+        go.Scatter3d(
+            x=drawn[:, 0],
+            y=drawn[:, 1],
+            z=drawn[:, 2],
+            mode="lines",
+            line={
+                "color": length,
+                "colorscale": "Viridis",
+                "cmin": 0.0,
+                "cmax": max(largest_mm * style.UM_PER_MM, 1e-6),
+                "width": 4,
+                "showscale": column == 1,
+                "colorbar": {"title": {"text": "µm", "side": "top"}, "thickness": 14, "len": 0.7, "x": 1.0},
+            },
+            customdata=np.column_stack([nominal, _joined(error) * style.UM_PER_MM]),
+            hovertemplate=(
+                "at (%{customdata[0]:.0f}, %{customdata[1]:.0f}, %{customdata[2]:.0f}) mm<br>"
+                "error (%{customdata[3]:.1f}, %{customdata[4]:.1f}, %{customdata[5]:.1f}) µm<extra></extra>"
+            ),
+            name="actual",
+        ),
+        row=1,
+        col=column,
+    )
+
+
+def _lines_on_faces(low_mm: Numbers, high_mm: Numbers, n_lines: int) -> Numbers:
+    """Give the grid lines on the faces of the box, (number of lines, points of a line, 3); inside they would hide."""
+    shares = np.linspace(0.0, 1.0, n_lines)
+    along = np.linspace(0.0, 1.0, _POINTS_OF_LINE)
+    lines = []
+    for axis in range(3):
+        others = [other for other in range(3) if other != axis]
+        for first, second in itertools.product(range(n_lines), repeat=2):
+            if not {first, second} & {0, n_lines - 1}:
+                continue
+            line = np.empty((_POINTS_OF_LINE, 3))
+            line[:, axis] = along
+            line[:, others[0]] = shares[first]
+            line[:, others[1]] = shares[second]
+            lines.append(line)
+    return np.asarray(low_mm + np.array(lines) * (high_mm - low_mm))
+
+
+def _joined(lines: Numbers) -> Numbers:
+    """Join lines (n, m, k) into one polyline (n (m + 1), k); a row of NaN lifts the pen between two."""
+    pen_up = np.full((len(lines), 1, lines.shape[2]), np.nan)
+    return np.concatenate([lines, pen_up], axis=1).reshape(-1, lines.shape[2])

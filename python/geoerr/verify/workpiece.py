@@ -1,0 +1,401 @@
+"""The workpiece: relative positioning errors of measured points, before and after compensation (Li §5.4, Table 4).
+
+Relative positioning error = error of a point against the first point of its line. The paper prints four RMSE without
+saying which is which; here every group has its own before, after and ratio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from geoerr.errors import InputFileError
+from geoerr.model import Model
+from geoerr.observations import (
+    MEASURED,
+    Lengths,
+    Observations,
+    kind_of,
+    observations_from_columns,
+    read_lengths,
+    read_observations,
+)
+from geoerr.tables import RowProblem, read_raw
+from geoerr.verify.ballbar import usable_range_mm
+from geoerr.verify.remaining import compensate_positions
+
+Numbers = npt.NDArray[np.float64]
+
+_UM_PER_MM = 1e3
+_NO_GROUP = "all points"
+
+
+@dataclass(frozen=True)
+class RelativeErrors:
+    """Relative positioning errors of one measured workpiece.
+
+    Attributes
+    ----------
+    kind
+        `points` (three components against the first point of the line) or `lengths` (measured minus nominal length).
+    group : n texts
+        Group of each error.
+    error_mm : (n, 3) or (n, 1)
+        The errors; NaN where a component was not measured. First points of lines are 0 by definition and left out.
+    first_points
+        Line to nominal position (mm) of the point that its errors refer to; empty for lengths.
+    set_aside
+        Rows that could not be used.
+    notes
+        Sentences for the reader.
+    """
+
+    kind: str
+    group: tuple[str, ...]
+    error_mm: Numbers
+    first_points: dict[str, tuple[float, float, float]]
+    set_aside: tuple[RowProblem, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def of_group(self, name: str | None) -> GroupFigures | None:
+        """Give the figures of a group, of all errors together where None; None where there is no such error."""
+        mask = np.array([name is None or group == name for group in self.group], dtype=bool)
+        if not mask.any():
+            return None
+        errors = self.error_mm[mask]
+        # FORMATS' error figure: the sum over components of each one's own mean square.
+        squares = [
+            float(np.mean(column[np.isfinite(column)] ** 2)) for column in errors.T if np.isfinite(column).any()
+        ]
+        lengths = np.sqrt(np.nansum(errors**2, axis=1))
+        return GroupFigures(int(mask.sum()), len(squares), float(np.sqrt(sum(squares))), float(lengths.max()))
+
+
+@dataclass(frozen=True)
+class GroupFigures:
+    """`n` errors with `n_components` measured components: their RMSE and the largest, in mm."""
+
+    n: int
+    n_components: int
+    rmse_mm: float
+    largest_mm: float
+
+    def to_document(self) -> dict[str, Any]:
+        """Give the figures in mm and µm."""
+        return {
+            "n": self.n,
+            "n_components": self.n_components,
+            "rmse_mm": self.rmse_mm,
+            "rmse_um": self.rmse_mm * _UM_PER_MM,
+            "largest_um": self.largest_mm * _UM_PER_MM,
+        }
+
+
+@dataclass(frozen=True)
+class GroupComparison:
+    """One row of the table: a group before and after; None where the file has no such group."""
+
+    name: str
+    before: GroupFigures | None
+    after: GroupFigures | None
+
+    @property
+    def ratio(self) -> float | None:
+        """RMSE after over RMSE before; None where one is missing or the one before is 0."""
+        if self.before is None or self.after is None or self.before.rmse_mm == 0.0:
+            return None
+        return self.after.rmse_mm / self.before.rmse_mm
+
+    def to_document(self) -> dict[str, Any]:
+        """Give the row as plain values."""
+        return {
+            "group": self.name,
+            "before": None if self.before is None else self.before.to_document(),
+            "after": None if self.after is None else self.after.to_document(),
+            "ratio": self.ratio,
+        }
+
+
+@dataclass(frozen=True)
+class WorkpieceResult:
+    """Two workpieces compared: by group, and all groups together."""
+
+    kind: str
+    groups: tuple[GroupComparison, ...]
+    total: GroupComparison
+    notes: tuple[str, ...]
+    set_aside: tuple[RowProblem, ...]
+
+    def to_document(self) -> dict[str, Any]:
+        """Give the comparison as plain values."""
+        return {
+            "kind": self.kind,
+            "groups": [group.to_document() for group in self.groups],
+            "all": self.total.to_document(),
+            "notes": list(self.notes),
+            "set_aside": [str(problem) for problem in self.set_aside],
+        }
+
+
+def compare_workpieces(before: RelativeErrors, after: RelativeErrors) -> WorkpieceResult:
+    """Compare the workpieces made before and after compensation, as in Li's Table 4.
+
+    Raises
+    ------
+    InputFileError
+        if one holds points and the other lengths.
+    """
+    if before.kind != after.kind:
+        raise InputFileError(
+            "AFTER",
+            f"holds {after.kind}, BEFORE holds {before.kind}",
+            remedy="measure both workpieces in the same way",
+        )
+    names = list(dict.fromkeys([*before.group, *after.group]))
+    groups = tuple(GroupComparison(name, before.of_group(name), after.of_group(name)) for name in names)
+    notes = [*before.notes, *after.notes]
+    for group in groups:
+        if group.before is None or group.after is None:
+            notes.append(f"group {group.name!r} is in one of the two files only and has no ratio")
+        elif group.before.n != group.after.n:
+            notes.append(f"group {group.name!r} has {group.before.n} errors before and {group.after.n} after")
+    for line in sorted(set(before.first_points) & set(after.first_points)):
+        if not np.allclose(before.first_points[line], after.first_points[line], rtol=0.0, atol=1e-6):
+            notes.append(f"line {line!r} starts from different points before and after: its errors do not compare")
+    return WorkpieceResult(
+        kind=before.kind,
+        groups=groups,
+        total=GroupComparison("all", before.of_group(None), after.of_group(None)),
+        notes=tuple(dict.fromkeys(notes)),
+        set_aside=(*before.set_aside, *after.set_aside),
+    )
+
+
+def read_relative_errors(path: str | Path) -> RelativeErrors:
+    """Read a measured workpiece: points with `carrier` = `relative`, or lengths.
+
+    Raises
+    ------
+    InputFileError
+        if the file is neither, or no row of it can be used.
+    """
+    if str(path) == "-":
+        raise InputFileError(path, "a workpiece is not read from standard input", remedy="name a file")
+    if kind_of(read_raw(path).columns) == "lengths":
+        return errors_of_lengths(read_lengths(path))
+    return errors_of_points(read_observations(path))
+
+
+def errors_of_lengths(lengths: Lengths) -> RelativeErrors:
+    """Give measured minus nominal length of each feature."""
+    frame = lengths.frame
+    ends = frame.select("x1", "y1", "z1", "x2", "y2", "z2").to_numpy().astype(np.float64)
+    nominal = np.linalg.norm(ends[:, 3:] - ends[:, :3], axis=1)
+    error = frame["measured"].to_numpy().astype(np.float64) - nominal
+    return RelativeErrors(
+        kind="lengths",
+        group=_groups(frame),
+        error_mm=error[:, None],
+        first_points={},
+        set_aside=lengths.set_aside,
+    )
+
+
+def errors_of_points(observations: Observations) -> RelativeErrors:
+    """Give the error of each point against the first point of its line, in base axes.
+
+    `x y z` are the positions that the program names before compensation, in both workpieces. Where all three
+    components were measured, each session's measuring frame is turned onto the nominal points first (least squares
+    over the whole workpiece); where one is missing throughout it is parallel to the base already. A line is the rows
+    of one session, line and repetition.
+
+    Raises
+    ------
+    InputFileError
+        if no row is `relative`, or no line has a second point.
+    """
+    path = observations.sources[0] if observations.sources else "-"
+    frame = observations.frame
+    problems = list(observations.set_aside)
+    usable = np.ones(frame.height, dtype=bool)
+    rows = frame["file_row"].to_list()
+    for index, carrier in enumerate(observations.texts("carrier")):
+        if carrier != "relative":
+            usable[index] = False
+            problem = f"{carrier!r} is not a point of a workpiece: its carrier is 'relative'"
+            problems.append(RowProblem(path, rows[index], "carrier", problem))
+    if not usable.any():
+        raise InputFileError(
+            path,
+            "no row is measured on a workpiece",
+            row=rows[0],
+            column="carrier",
+            remedy="give the column carrier with the value relative",
+        )
+    measured = observations.measured_mm
+    components = np.flatnonzero(np.isfinite(measured[usable]).any(axis=0))
+    names = [MEASURED[component] for component in components]
+    for index in np.flatnonzero(usable & ~np.isfinite(measured[:, components]).all(axis=1)).tolist():
+        usable[index] = False
+        problems.append(RowProblem(path, rows[index], " ".join(names or MEASURED), "not all were measured"))
+    kept = observations.select(usable)
+    if not len(kept):
+        raise InputFileError(path, "no row has a measured position", row=rows[0], column=" ".join(MEASURED))
+    errors, first_points, is_first = _relative_to_first(kept)
+    if is_first.all():
+        raise InputFileError(
+            path,
+            "no line has a second point",
+            column="line",
+            remedy="give all points of one printed line the same name in the column line",
+        )
+    notes = []
+    started_late = {problem.row for problem in problems} & _first_rows(frame)
+    if started_late:
+        notes.append(
+            f"{path}: the first point of {len(started_late)} line(s) cannot be used; "
+            "the errors of these lines refer to the next point"
+        )
+    group = _groups(kept.frame)
+    return RelativeErrors(
+        kind="points",
+        group=tuple(name for name, first in zip(group, is_first, strict=True) if not first),
+        error_mm=errors[~is_first][:, components],
+        first_points=first_points,
+        set_aside=tuple(sorted(problems, key=lambda problem: problem.row)),
+        notes=tuple(notes),
+    )
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """A pattern of printed lines: `position_mm` (n, 3), and line and group of each point."""
+
+    position_mm: Numbers
+    line: tuple[str, ...]
+    group: tuple[str, ...]
+
+
+def li_pattern(model: Model, n_lines: int = 5, n_points: int = 9, margin_mm: float = 20.0) -> Pattern:
+    """Lay Li's kind of pattern over the usable range: horizontal lines along X, vertical ones along Y (Li Fig. 15).
+
+    Parameters
+    ----------
+    model
+        Its machine's and its measured range bound the pattern; Z stands at 0 or at the low end of that range.
+    n_lines, n_points
+        Lines of each group, points of each line.
+    margin_mm
+        Kept free all round, so that compensated commands stay inside; less where the range is short.
+    """
+    low, high = usable_range_mm(model)
+    margin = min(margin_mm, float((high - low)[:2].min()) / 4.0)
+    level = 0.0 if low[2] <= 0.0 <= high[2] else float(low[2])
+    start, end = low + margin, high - margin
+    positions: list[tuple[float, float, float]] = []
+    line: list[str] = []
+    group: list[str] = []
+    for number, y in enumerate(np.linspace(start[1], end[1], n_lines), start=1):
+        for x in np.linspace(start[0], end[0], n_points):
+            positions.append((float(x), float(y), level))
+            line.append(f"h{number}")
+            group.append("horizontal")
+    for number, x in enumerate(np.linspace(start[0], end[0], n_lines), start=1):
+        for y in np.linspace(start[1], end[1], n_points):
+            positions.append((float(x), float(y), level))
+            line.append(f"v{number}")
+            group.append("vertical")
+    return Pattern(np.array(positions), tuple(line), tuple(group))
+
+
+def predict_workpiece(
+    model: Model, pattern: Pattern, *, compensated: bool, truth: Model | None = None
+) -> Observations:
+    """Predict what a measuring machine would find on a workpiece, as observations (`carrier` = `relative`).
+
+    Parameters
+    ----------
+    model
+        The model that computes compensated commands.
+    pattern
+        Nominal points.
+    compensated
+        Whether the program was compensated.
+    truth
+        The machine that makes the part (a simulation's truth); `model` where None.
+    """
+    machine = model if truth is None else truth
+    if compensated:
+        error = compensate_positions(model, pattern.position_mm, truth=truth).error_mm
+    else:
+        error = machine.error_mm(pattern.position_mm)
+    measured = pattern.position_mm + error
+    n_points = len(pattern.line)
+    columns: dict[str, Numbers | list[str]] = {
+        "line": list(pattern.line),
+        "group": list(pattern.group),
+        "carrier": ["relative"] * n_points,
+    }
+    for number, name in enumerate("xyz"):
+        columns[name] = np.ascontiguousarray(pattern.position_mm[:, number])
+        columns[f"m{name}"] = np.ascontiguousarray(measured[:, number])
+    return observations_from_columns(columns, "predicted workpiece")
+
+
+def _relative_to_first(
+    observations: Observations,
+) -> tuple[Numbers, dict[str, tuple[float, float, float]], npt.NDArray[np.bool_]]:
+    nominal = observations.commanded_mm + observations.target_offset_mm
+    measured = observations.measured_mm
+    errors = np.full(nominal.shape, np.nan)
+    is_first = np.zeros(len(observations), dtype=bool)
+    first_points: dict[str, tuple[float, float, float]] = {}
+    sessions = np.asarray(observations.texts("session"))
+    for session in dict.fromkeys(sessions.tolist()):
+        of_session = np.flatnonzero(sessions == session)
+        turn = _base_from_measuring(nominal[of_session], measured[of_session])
+        error = measured[of_session] @ turn.T - nominal[of_session]
+        for line, of_line in _lines(observations.frame[of_session]):
+            errors[of_session[of_line]] = error[of_line] - error[of_line[0]]
+            is_first[of_session[of_line[0]]] = True
+            first = nominal[of_session[of_line[0]]]
+            first_points[line] = (float(first[0]), float(first[1]), float(first[2]))
+    return errors, first_points, is_first
+
+
+def _lines(frame: pl.DataFrame) -> Iterable[tuple[str, npt.NDArray[np.intp]]]:
+    names = [
+        f"{line}, repeat {repeat}" if repeat else str(line)
+        for line, repeat in zip(frame["line"].to_list(), frame["repeat"].to_list(), strict=True)
+    ]
+    for name in dict.fromkeys(names):
+        yield name, np.array([index for index, other in enumerate(names) if other == name], dtype=np.intp)
+
+
+def _first_rows(frame: pl.DataFrame) -> set[int]:
+    return set(frame.group_by("session", "line", "repeat", maintain_order=True).first()["file_row"].to_list())
+
+
+def _base_from_measuring(nominal_mm: Numbers, measured_mm: Numbers) -> Numbers:
+    """Give the rotation (3, 3) that brings measured points onto nominal ones (Kabsch); 1 for a parallel frame.
+
+    Points on one straight line leave the turn about it open; lengths of errors, all that is reported, do not feel it.
+    """
+    if not np.isfinite(measured_mm).all():
+        return np.eye(3)
+    centred_nominal = nominal_mm - nominal_mm.mean(axis=0)
+    u, _, vt = np.linalg.svd((measured_mm - measured_mm.mean(axis=0)).T @ centred_nominal)
+    sign = np.sign(np.linalg.det(vt.T @ u.T))
+    return np.asarray(vt.T @ np.diag([1.0, 1.0, sign]) @ u.T)
+
+
+def _groups(frame: pl.DataFrame) -> tuple[str, ...]:
+    if "group" not in frame.columns:
+        return (_NO_GROUP,) * frame.height
+    return tuple(name or "without group" for name in frame["group"].cast(pl.String).to_list())
