@@ -146,7 +146,9 @@ def main() -> None:
     with (HERE / "points.csv").open("w", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         columns = ["rig", "noise_px", "ul", "vl", "ur", "vr", "l00", "l01", "l11", "r00", "r01", "r11"]
-        columns += [f"{what}_{axis}_{part}" for what in ("plain", "two") for axis in "xyz" for part in ("high", "low")]
+        columns += [
+            f"{what}_{axis}_{part}" for what in ("plain", "two") for axis in "xyz" for part in ("high", "low")
+        ]
         columns += [f"minimum_{axis}" for axis in "xyz"]
         columns += ["cxx", "cxy", "cxz", "cyy", "cyz", "czz", "reprojection_px"]
         writer.writerow(columns)
