@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from geoerr.errors import GeometryError, ShapeError
-from geoerr.verify.circle import PLANES, CircleOfCommands, fit_circle, fit_set_up
+from geoerr.verify.circle import PLANES, CircleOfCommands, fit_circle, fit_set_up, what_fits
 
 
 def points_on_circle(center, radius, start, arc, n):
@@ -121,7 +121,7 @@ def test_both_senses_start_at_the_same_point_and_visit_the_same_points():
 
 def test_a_circle_that_touches_the_range_fits():
     circle = CircleOfCommands("XY", (100.0, 100.0, 0.0), 100.0)
-    assert circle.refusal(np.zeros(3), np.full(3, 200.0), "the range") is None
+    assert circle.leaves(np.zeros(3), np.full(3, 200.0), "the range") is None
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -134,17 +134,17 @@ def test_a_circle_that_touches_the_range_fits():
 def test_what_a_refusal_says_would_fit_does_fit(plane, center, radius, high):
     low, high = np.zeros(3), np.array(high)
     circle = CircleOfCommands(plane, center, radius)
-    refusal = circle.refusal(low, high, "the range")
+    problem = circle.leaves(low, high, "the range")
     first, second, third = circle.axes
     reach = np.zeros(3)
     reach[[first, second]] = radius
     inside = bool((np.array(center) - reach >= low).all() and (np.array(center) + reach <= high).all())
-    if refusal is None:
+    if problem is None:
         assert (np.array(center) - reach >= low - 1e-6).all()
         assert (np.array(center) + reach <= high + 1e-6).all()
         return
     assert not inside
-    for offer in refusal[1].removeprefix("would fit: ").split(", or "):
+    for offer in what_fits(circle, low, high).removeprefix("would fit: ").split(", or "):
         _, where, _, size = offer.split(" ")
         numbers = [float(number) for number in where.split(",")]
         position = np.array(center)
@@ -152,4 +152,4 @@ def test_what_a_refusal_says_would_fit_does_fit(plane, center, radius, high):
         if len(numbers) == 3:
             # A level is an end of the range, printed with nine digits.
             position[third] = np.clip(numbers[2], low[third], high[third])
-        assert CircleOfCommands(plane, tuple(position), float(size)).refusal(low, high, "the range") is None
+        assert CircleOfCommands(plane, tuple(position), float(size)).leaves(low, high, "the range") is None

@@ -19,7 +19,7 @@ from geoerr.machine import AXES, Machine
 from geoerr.model import Model
 from geoerr.observations import CircularTest
 from geoerr.tables import RowProblem
-from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, fit_circle, fit_set_up
+from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, fit_circle, fit_set_up, what_fits
 from geoerr.verify.remaining import compensate_positions
 
 Numbers = npt.NDArray[np.float64]
@@ -408,17 +408,14 @@ def _measured_range_mm(model: Model) -> tuple[Numbers, Numbers]:
 
 
 def _refusal(model: Model, circle: CircleOfCommands) -> tuple[str, str] | None:
-    usable_low, usable_high = usable_range_mm(model)
     ranges = (
         (*_machine_range_mm(model.machine), "the machine's range"),
         (*_measured_range_mm(model), "the range in which its errors were measured"),
     )
     for low, high, what in ranges:
-        refusal = circle.refusal(low, high, what)
-        if refusal is not None:
-            # What would fit has to fit both.
-            both = circle.refusal(usable_low, usable_high, what)
-            return refusal[0], refusal[1] if both is None else both[1]
+        problem = circle.leaves(low, high, what)
+        if problem is not None:
+            return problem, what_fits(circle, *usable_range_mm(model))
     return None
 
 

@@ -193,13 +193,13 @@ class CircleOfCommands:
         first, second, _ = self.axes
         return np.asarray(positions_mm[:, [first, second]] - np.asarray(self.center_mm)[[first, second]])
 
-    def refusal(self, low_mm: Numbers, high_mm: Numbers, what: str) -> tuple[str, str] | None:
-        """Say which axis's range the circle leaves, and what would fit; None where it lies inside.
+    def leaves(self, low_mm: Numbers, high_mm: Numbers, what: str) -> str | None:
+        """Say which axis's range the circle leaves; None where it lies inside.
 
         Parameters
         ----------
         low_mm, high_mm : (3,)
-            The box.
+            The box; infinite where an axis is not bounded.
         what
             What the box is, for the message: "the machine's range".
         """
@@ -208,7 +208,7 @@ class CircleOfCommands:
         reach = np.zeros(3)
         reach[[first, second]] = self.radius_mm
         # A circle may touch the end of the range; doubles must not turn that into a refusal.
-        slack = 1e-9 * np.maximum(1.0, np.abs(high_mm - low_mm))
+        slack = 1e-9 * np.maximum(1.0, self.radius_mm)
         outside = (center - reach < low_mm - slack) | (center + reach > high_mm + slack)
         if not outside.any():
             return None
@@ -218,14 +218,22 @@ class CircleOfCommands:
             if axis == third
             else f"needs {AXES[axis]} from {center[axis] - reach[axis]:g} to {center[axis] + reach[axis]:g} mm"
         )
-        problem = f"the circle {span}, {what} is {low_mm[axis]:g} to {high_mm[axis]:g} mm"
-        return problem, _what_fits(self, low_mm, high_mm)
+        return f"the circle {span}, {what} is {low_mm[axis]:g} to {high_mm[axis]:g} mm"
 
 
-def _what_fits(circle: CircleOfCommands, low_mm: Numbers, high_mm: Numbers) -> str:
+def what_fits(circle: CircleOfCommands, low_mm: Numbers, high_mm: Numbers) -> str:
+    """Give options for a circle like this one that lies in a box: about the same centre, and about the middle.
+
+    Parameters
+    ----------
+    circle
+        The one that does not fit.
+    low_mm, high_mm : (3,)
+        The box, finite.
+    """
     first, second, third = circle.axes
     if (low_mm > high_mm).any() or (low_mm >= high_mm)[[first, second]].any():
-        return "no circle fits into the part of the machine's range in which its errors were measured"
+        return "none fits into the part of the machine's range in which its errors were measured"
     level = float(np.clip(circle.center_mm[third], low_mm[third], high_mm[third]))
     at_level = "" if level == circle.center_mm[third] else f",{level:.9g}"
     here = np.asarray(circle.center_mm)[[first, second]]
