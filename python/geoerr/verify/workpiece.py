@@ -240,13 +240,15 @@ def errors_of_points(observations: Observations) -> RelativeErrors:
         )
     measured = observations.measured_mm
     components = np.flatnonzero(np.isfinite(measured[usable]).any(axis=0))
+    if not components.size:
+        raise InputFileError(path, "no row has a measured position", row=rows[0], column=" ".join(MEASURED))
     names = [MEASURED[component] for component in components]
     for index in np.flatnonzero(usable & ~np.isfinite(measured[:, components]).all(axis=1)).tolist():
         usable[index] = False
-        problems.append(RowProblem(path, rows[index], " ".join(names or MEASURED), "not all were measured"))
+        problems.append(RowProblem(path, rows[index], " ".join(names), "not all were measured"))
     kept = observations.select(usable)
     if not len(kept):
-        raise InputFileError(path, "no row has a measured position", row=rows[0], column=" ".join(MEASURED))
+        raise InputFileError(path, "no row has all components measured", row=rows[0], column=" ".join(names))
     errors, first_points, is_first = _relative_to_first(kept)
     if is_first.all():
         raise InputFileError(
@@ -359,8 +361,8 @@ def _relative_to_first(
     sessions = np.asarray(observations.texts("session"))
     for session in dict.fromkeys(sessions.tolist()):
         of_session = np.flatnonzero(sessions == session)
-        turn = _base_from_measuring(nominal[of_session], measured[of_session])
-        error = measured[of_session] @ turn.T - nominal[of_session]
+        in_base = _in_base_axes(nominal[of_session], measured[of_session])
+        error = in_base - nominal[of_session]
         for line, of_line in _lines(observations.frame[of_session]):
             errors[of_session[of_line]] = error[of_line] - error[of_line[0]]
             is_first[of_session[of_line[0]]] = True
@@ -382,17 +384,18 @@ def _first_rows(frame: pl.DataFrame) -> set[int]:
     return set(frame.group_by("session", "line", "repeat", maintain_order=True).first()["file_row"].to_list())
 
 
-def _base_from_measuring(nominal_mm: Numbers, measured_mm: Numbers) -> Numbers:
-    """Give the rotation (3, 3) that brings measured points onto nominal ones (Kabsch); 1 for a parallel frame.
+def _in_base_axes(nominal_mm: Numbers, measured_mm: Numbers) -> Numbers:
+    """Turn measured points (n, 3) onto nominal ones (Kabsch); a frame with a component missing is parallel already.
 
     Points on one straight line leave the turn about it open; lengths of errors, all that is reported, do not feel it.
     """
     if not np.isfinite(measured_mm).all():
-        return np.eye(3)
+        return measured_mm
     centred_nominal = nominal_mm - nominal_mm.mean(axis=0)
     u, _, vt = np.linalg.svd((measured_mm - measured_mm.mean(axis=0)).T @ centred_nominal)
     sign = np.sign(np.linalg.det(vt.T @ u.T))
-    return np.asarray(vt.T @ np.diag([1.0, 1.0, sign]) @ u.T)
+    base_from_measuring = vt.T @ np.diag([1.0, 1.0, sign]) @ u.T
+    return np.asarray(measured_mm @ base_from_measuring.T)
 
 
 def _groups(frame: pl.DataFrame) -> tuple[str, ...]:
