@@ -1,0 +1,188 @@
+//! G codes by what they mean for a machine's path, and the macros that are known not to move it.
+
+use super::unsupported::Unsupported;
+
+/// Meaning of a G code. Numbers are ten times the code: 92.1 is 921.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Code {
+    /// `G0`, `G1`.
+    Straight,
+    /// A motion code that is not corrected; it holds until the next motion code.
+    OtherMotion(Unsupported),
+    /// `G80`: no motion code holds.
+    NoMotion,
+    /// `G4`: words are times.
+    Dwell,
+    /// `G10`: retraction, temperatures, offsets, by its words.
+    Settings,
+    /// `G28`: the named axes go home.
+    Home,
+    /// The machine moves by itself: `G29`, `G30`, `G12`, ...
+    MovesItself,
+    /// `G28.1`, `G30.1`: here is home; nothing moves.
+    StorePlace,
+    /// `G92`.
+    SetShift,
+    /// `G52`, `G92.1` to `G92.3`.
+    OtherShift,
+    /// `G20`, `G21`.
+    Unit {
+        /// Inches.
+        is_inch: bool,
+    },
+    /// `G90`, `G91`.
+    Distance {
+        /// Words are increments.
+        is_relative: bool,
+    },
+    /// `G53`.
+    MachineCoordinates,
+    /// `G54` to `G59`: 0 to 5.
+    System(usize),
+    /// `G59.1` to `G59.3`.
+    FurtherSystem,
+    /// `G40`.
+    CompensationOff,
+    /// `G41`, `G42`.
+    CompensationOn,
+    /// `G43`.
+    ToolLength,
+    /// `G49`.
+    ToolLengthOff,
+    /// `G43.1`, `G43.4` ...
+    ToolPoint,
+    /// `G93`.
+    InverseTime,
+    /// `G94`, `G95`.
+    FeedRate,
+    /// `G7`, `G16`, `G51`, `G68`.
+    TransformOn,
+    /// `G8`, `G15`, `G50`, `G69`.
+    TransformOff,
+    /// `G60`: Marlin remembers the place, to which `G61` then goes.
+    SavePlace,
+    /// `G61`: exact path, or back to the saved place.
+    ExactOrRestore,
+    /// Says nothing about the path.
+    Harmless,
+    /// Not known to geoerr.
+    Unknown,
+}
+
+impl Code {
+    /// The meaning of a code, given as ten times its number.
+    pub fn of(code10: u32) -> Self {
+        use Unsupported as U;
+        match code10 {
+            0 | 10 => Self::Straight,
+            20 | 30 => Self::OtherMotion(U::Arc { code10 }),
+            21..=29 | 31..=39 | 50..=53 | 60 => Self::OtherMotion(U::Spline { code10 }),
+            330..=339 => Self::OtherMotion(U::Thread { code10 }),
+            380..=389 => Self::OtherMotion(U::Probing { code10 }),
+            700..=799 | 810..=899 => Self::OtherMotion(U::CannedCycle { code10 }),
+            800 => Self::NoMotion,
+            40 => Self::Dwell,
+            100 => Self::Settings,
+            280 => Self::Home,
+            281 | 301 => Self::StorePlace,
+            120..=129 | 260..=279 | 290..=300 | 320 | 340..=359 | 4250 => Self::MovesItself,
+            920 => Self::SetShift,
+            520 | 921..=923 => Self::OtherShift,
+            200 | 210 => Self::Unit { is_inch: code10 == 200 },
+            900 | 910 => Self::Distance { is_relative: code10 == 910 },
+            530 => Self::MachineCoordinates,
+            540 | 550 | 560 | 570 | 580 | 590 => Self::System((code10 as usize - 540) / 10),
+            591..=593 => Self::FurtherSystem,
+            400 => Self::CompensationOff,
+            410..=429 => Self::CompensationOn,
+            430 => Self::ToolLength,
+            431..=449 => Self::ToolPoint,
+            490 => Self::ToolLengthOff,
+            930 => Self::InverseTime,
+            940 | 950 => Self::FeedRate,
+            70 | 160 | 510..=519 | 680..=689 => Self::TransformOn,
+            80 | 150 | 500 | 501 | 690 => Self::TransformOff,
+            600 => Self::SavePlace,
+            610 => Self::ExactOrRestore,
+            // G9, G11, G17 to G19, G22, G23, G61.1, G64, G90.1, G91.1, G96 to G99
+            90 | 110 | 170 | 180 | 190 | 220 | 230 | 611 | 640 | 901 | 911 | 960..=999 => Self::Harmless,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+/// What a macro (a command with a name of several letters) does to the path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Macro {
+    /// Nothing, by Klipper's or RepRapFirmware's manual.
+    Harmless,
+    /// Switches a correction of the firmware on or off; does not move.
+    FirmwareCorrection,
+    /// Measures the bed: moves, and corrects from then on.
+    MeasuresBed,
+    /// Moves the program's zero.
+    MovesZero,
+    /// `if`, `while` ...: which line comes next.
+    FlowControl,
+    /// Anything: the machine may be elsewhere afterwards.
+    Unknown,
+}
+
+impl Macro {
+    /// By its name.
+    pub fn of(name: &[u8]) -> Self {
+        if [b"if".as_slice(), b"elif", b"else", b"while", b"break", b"continue", b"abort"].contains(&name) {
+            return Self::FlowControl;
+        }
+        if [b"var".as_slice(), b"global", b"set", b"echo"].contains(&name) {
+            return Self::Harmless;
+        }
+        let name = name.to_ascii_uppercase();
+        match name.as_slice() {
+            b"SET_SKEW" | b"SKEW_PROFILE" | b"BED_MESH_PROFILE" | b"BED_MESH_CLEAR" | b"BED_MESH_OFFSET" => {
+                Self::FirmwareCorrection
+            }
+            b"BED_MESH_OUTPUT" | b"BED_MESH_MAP" => Self::Harmless,
+            _ if name.starts_with(b"BED_MESH_") => Self::MeasuresBed,
+            b"SET_GCODE_OFFSET" => Self::MovesZero,
+            b"SET_KINEMATIC_POSITION" | b"SET_DUAL_CARRIAGE" => Self::Unknown,
+            b"RESPOND"
+            | b"STATUS"
+            | b"GET_POSITION"
+            | b"TURN_OFF_HEATERS"
+            | b"TEMPERATURE_WAIT"
+            | b"UPDATE_DELAYED_GCODE"
+            | b"SAVE_GCODE_STATE"
+            | b"SAVE_VARIABLE"
+            | b"SYNC_EXTRUDER_MOTION" => Self::Harmless,
+            _ if [b"SET_".as_slice(), b"QUERY_", b"EXCLUDE_OBJECT"].iter().any(|p| name.starts_with(p)) => {
+                Self::Harmless
+            }
+            _ => Self::Unknown,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_with_and_without_a_digit_are_told_apart() {
+        assert_eq!(Code::of(52), Code::OtherMotion(Unsupported::Spline { code10: 52 }), "G5.2");
+        assert_eq!(Code::of(520), Code::OtherShift, "G52");
+        assert_eq!(Code::of(590), Code::System(5));
+        assert_eq!(Code::of(591), Code::FurtherSystem);
+        assert_eq!(Code::of(611), Code::Harmless);
+        assert_eq!(Code::of(9999), Code::Unknown);
+    }
+
+    #[test]
+    fn macros() {
+        assert_eq!(Macro::of(b"SET_PRINT_STATS_INFO"), Macro::Harmless);
+        assert_eq!(Macro::of(b"set_gcode_offset"), Macro::MovesZero);
+        assert_eq!(Macro::of(b"BED_MESH_CALIBRATE"), Macro::MeasuresBed);
+        assert_eq!(Macro::of(b"START_PRINT"), Macro::Unknown);
+        assert_eq!(Macro::of(b"while"), Macro::FlowControl);
+    }
+}

@@ -1,0 +1,190 @@
+//! Numbers as programs write them: exact decimals in, fixed decimals out.
+
+/// Digits that a mantissa keeps; further ones are below the resolution of an `f64` and are dropped.
+const MAX_DIGITS: u32 = 18;
+
+/// A decimal number, `mantissa / 10^digits`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Decimal {
+    /// The number without its point.
+    pub mantissa: i64,
+    /// Digits behind the point.
+    pub digits: u8,
+    /// Whether digits that the mantissa cannot hold were left out.
+    pub is_cut: bool,
+}
+
+impl Decimal {
+    /// Reads the number that `text` begins with; gives it and its length in bytes.
+    ///
+    /// Sign, digits, point, digits; no exponent (`1E2` is the word 1 and the word E2). None where there is no
+    /// digit or more than 18 before the point.
+    pub fn parse(text: &[u8]) -> Option<(Self, usize)> {
+        let negative = text.first() == Some(&b'-');
+        let mut at = usize::from(negative || text.first() == Some(&b'+'));
+        let mut mantissa: i64 = 0;
+        let mut kept = 0;
+        let mut digits: u8 = 0;
+        let mut seen_digit = false;
+        let mut behind_point = false;
+        let mut is_cut = false;
+        while let Some(&byte) = text.get(at) {
+            match byte {
+                b'0'..=b'9' => {
+                    seen_digit = true;
+                    if kept < MAX_DIGITS && digits < 18 {
+                        mantissa = mantissa * 10 + i64::from(byte - b'0');
+                        kept += u32::from(mantissa != 0);
+                        digits += u8::from(behind_point);
+                    } else if behind_point {
+                        is_cut |= byte != b'0';
+                    } else {
+                        return None;
+                    }
+                }
+                b'.' if !behind_point => behind_point = true,
+                _ => break,
+            }
+            at += 1;
+        }
+        if !seen_digit {
+            return None;
+        }
+        let mantissa = if negative { -mantissa } else { mantissa };
+        Some((Self { mantissa, digits, is_cut }, at))
+    }
+
+    /// The nearest `f64` (exact to half a unit in the last place below 2^53, to one beyond).
+    #[inline]
+    pub fn to_f64(self) -> f64 {
+        // 10^18 is exact in an f64: one rounding in the division.
+        self.mantissa as f64 / POWERS_F64[usize::from(self.digits)]
+    }
+
+    /// The number in units of `10^-digits`; None where it has more digits or does not fit.
+    pub fn scaled(self, digits: u8) -> Option<i64> {
+        let shift = digits.checked_sub(self.digits)?;
+        self.mantissa.checked_mul(*POWERS.get(usize::from(shift))?)
+    }
+
+    /// The number in units of `10^-18`: sums of such numbers are exact.
+    pub fn exact(self) -> i128 {
+        i128::from(self.mantissa) * i128::from(POWERS[usize::from(18 - self.digits.min(18))])
+    }
+}
+
+/// `10^0 .. 10^18`.
+pub const POWERS: [i64; 19] = {
+    let mut powers = [1; 19];
+    let mut i = 1;
+    while i < powers.len() {
+        powers[i] = powers[i - 1] * 10;
+        i += 1;
+    }
+    powers
+};
+
+/// `10^0 .. 10^18`, all exact.
+pub const POWERS_F64: [f64; 19] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18];
+
+/// Writes `scaled / 10^digits` with exactly `digits` digits behind the point.
+pub fn write_fixed(out: &mut Vec<u8>, scaled: i64, digits: u8) {
+    // Least significant digit first, into the end of the buffer.
+    let mut buffer = [b'0'; 40];
+    let mut at = buffer.len();
+    let mut rest = scaled.unsigned_abs();
+    let mut put = |byte: u8| {
+        at -= 1;
+        buffer[at] = byte;
+    };
+    for _ in 0..digits.min(18) {
+        put(b'0' + (rest % 10) as u8);
+        rest /= 10;
+    }
+    if digits > 0 {
+        put(b'.');
+    }
+    loop {
+        put(b'0' + (rest % 10) as u8);
+        rest /= 10;
+        if rest == 0 {
+            break;
+        }
+    }
+    if scaled < 0 {
+        put(b'-');
+    }
+    out.extend_from_slice(&buffer[at..]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn written(scaled: i64, digits: u8) -> String {
+        let mut out = Vec::new();
+        write_fixed(&mut out, scaled, digits);
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn reads_what_programs_write() {
+        let read = |text: &str| Decimal::parse(text.as_bytes()).map(|(d, n)| (d.mantissa, d.digits, n));
+        assert_eq!(read("156.387 Y"), Some((156_387, 3, 7)));
+        assert_eq!(read("-.1f24"), Some((-1, 1, 3)));
+        assert_eq!(read("+5.x"), Some((5, 0, 3)));
+        assert_eq!(read("1E5"), Some((1, 0, 1)));
+        assert_eq!(read("1.2.3"), Some((12, 1, 3)));
+        assert_eq!(read("00012.50"), Some((1250, 2, 8)));
+        for nothing in ["", "-", ".", "-.", "x", "{machine_depth}", "--1", "1234567890123456789"] {
+            assert_eq!(read(nothing), None, "{nothing}");
+        }
+    }
+
+    #[test]
+    fn digits_beyond_the_mantissa_are_cut_and_say_so() {
+        let (long, length) = Decimal::parse(b"10.12345678901234567890").unwrap();
+        assert_eq!(length, 23);
+        assert!(long.is_cut);
+        assert_eq!(long.to_f64(), 10.123_456_789_012_346);
+        let (zeros, _) = Decimal::parse(b"1.00000000000000000000000").unwrap();
+        assert!(!zeros.is_cut);
+        assert_eq!(zeros.to_f64(), 1.0);
+    }
+
+    #[test]
+    fn writes_fixed_digits() {
+        assert_eq!(written(1_000_500, 4), "100.0500");
+        assert_eq!(written(-5, 4), "-0.0005");
+        assert_eq!(written(0, 4), "0.0000");
+        assert_eq!(written(-42, 0), "-42");
+        assert_eq!(written(i64::MIN, 9), "-9223372036.854775808");
+    }
+
+    proptest! {
+        #[test]
+        fn reading_is_std_parsing(text in "-?[0-9]{1,9}(\\.[0-9]{0,6})?") {
+            let (decimal, length) = Decimal::parse(text.as_bytes()).unwrap();
+            prop_assert_eq!(length, text.len());
+            prop_assert_eq!(decimal.to_f64(), text.parse::<f64>().unwrap());
+        }
+
+        #[test]
+        fn written_numbers_read_back(scaled in -1_000_000_000_000_000_i64..1_000_000_000_000_000, digits in 0_u8..=9) {
+            let text = written(scaled, digits);
+            let (decimal, length) = Decimal::parse(text.as_bytes()).unwrap();
+            prop_assert_eq!(length, text.len());
+            prop_assert_eq!(decimal.scaled(digits), Some(scaled));
+        }
+
+        #[test]
+        fn any_bytes_are_read_or_refused(text in proptest::collection::vec(any::<u8>(), 0..40)) {
+            if let Some((decimal, length)) = Decimal::parse(&text) {
+                prop_assert!(length <= text.len());
+                prop_assert!(decimal.to_f64().is_finite());
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The extruder: whether `E` is a position or an increment, which firmwares read differently.
+//!
+//! | firmware | `E` is an increment |
+//! |---|---|
+//! | Marlin | after `M83` or `G91`, until `M82` or `G90`: the last one wins |
+//! | Klipper | while `M83` or `G91` holds |
+//! | RepRapFirmware | while `M83` holds; `G90` and `G91` mean the axes only |
+//!
+//! Nothing is printed that depends on the reading until a move with `E` has to be split.
+
+use super::decimal::Decimal;
+
+/// The firmware that will run the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Firmware {
+    /// Marlin.
+    Marlin,
+    /// Klipper.
+    Klipper,
+    /// RepRapFirmware.
+    RepRapFirmware,
+}
+
+impl Firmware {
+    const ALL: [Self; 3] = [Self::Marlin, Self::Klipper, Self::RepRapFirmware];
+}
+
+/// How the pieces of a split move share its `E` word.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Share {
+    /// The move has no `E` word.
+    None,
+    /// The word is an increment.
+    Increment(Decimal),
+    /// The word is a position; the move begins at `from`.
+    Position {
+        /// Extruder position at the begin of the move.
+        from: f64,
+        /// The word.
+        to: Decimal,
+    },
+    /// The firmwares that may run the program disagree, or the number has more digits than can be shared.
+    Unclear,
+}
+
+/// Extruder position as one firmware reads the program.
+#[derive(Clone, Copy, Debug, Default)]
+struct Reading {
+    /// In units of `10^-18`.
+    position: i128,
+}
+
+/// State of the extruder, as each firmware reads it.
+#[derive(Clone, Debug, Default)]
+pub struct Extrusion {
+    firmware: Option<Firmware>,
+    readings: [Reading; 3],
+    /// `G91` holds.
+    axes_relative: bool,
+    /// `M83` holds.
+    extruder_relative: bool,
+    /// What the last of `G90 G91 M82 M83` said.
+    last_relative: bool,
+}
+
+impl Extrusion {
+    /// At position 0, absolute; `firmware` where it is known.
+    pub fn new(firmware: Option<Firmware>) -> Self {
+        Self { firmware, ..Self::default() }
+    }
+
+    /// `G90` or `G91`.
+    pub fn set_axes_relative(&mut self, is_relative: bool) {
+        self.axes_relative = is_relative;
+        self.last_relative = is_relative;
+    }
+
+    /// `M82` or `M83`.
+    pub fn set_extruder_relative(&mut self, is_relative: bool) {
+        self.extruder_relative = is_relative;
+        self.last_relative = is_relative;
+    }
+
+    /// `G92 E..`.
+    pub fn set_position(&mut self, word: Decimal) {
+        for reading in &mut self.readings {
+            reading.position = word.exact();
+        }
+    }
+
+    /// A move with this `E` word: how its pieces would share it, and what it extrudes (units of `10^-18`) as the
+    /// named firmware, or else Marlin, reads it.
+    pub fn advance(&mut self, word: Decimal) -> (Share, i128) {
+        let shown = self.firmware.unwrap_or(Firmware::Marlin);
+        let mut share = None;
+        let mut shown_increment = 0;
+        for firmware in Firmware::ALL {
+            let is_relative = self.is_relative(firmware);
+            let position = &mut self.readings[firmware as usize].position;
+            let increment = if is_relative { word.exact() } else { word.exact().saturating_sub(*position) };
+            let this = if word.is_cut {
+                Share::Unclear
+            } else if is_relative {
+                Share::Increment(word)
+            } else {
+                Share::Position { from: *position as f64 * 1e-18, to: word }
+            };
+            *position = position.saturating_add(increment);
+            if firmware == shown {
+                shown_increment = increment;
+            }
+            if self.firmware.is_none_or(|named| named == firmware) {
+                share = Some(if share.is_none_or(|other| other == this) { this } else { Share::Unclear });
+            }
+        }
+        (share.unwrap_or(Share::Unclear), shown_increment)
+    }
+
+    fn is_relative(&self, firmware: Firmware) -> bool {
+        match firmware {
+            Firmware::Marlin => self.last_relative,
+            Firmware::Klipper => self.axes_relative || self.extruder_relative,
+            Firmware::RepRapFirmware => self.extruder_relative,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn number(text: &str) -> Decimal {
+        Decimal::parse(text.as_bytes()).unwrap().0
+    }
+
+    #[test]
+    fn readings_agree_in_ordinary_programs() {
+        let mut e = Extrusion::new(None);
+        assert_eq!(e.advance(number("2.5")).0, Share::Position { from: 0.0, to: number("2.5") });
+        e.set_position(number("0"));
+        e.set_axes_relative(false);
+        e.set_extruder_relative(true);
+        assert_eq!(e.advance(number(".06669")), (Share::Increment(number(".06669")), 66_690_000_000_000_000));
+    }
+
+    #[test]
+    fn g90_after_m83_is_unclear_without_a_firmware() {
+        for (firmware, expected) in [
+            (None, Share::Unclear),
+            (Some(Firmware::Marlin), Share::Position { from: 0.0, to: number("1") }),
+            (Some(Firmware::Klipper), Share::Increment(number("1"))),
+            (Some(Firmware::RepRapFirmware), Share::Increment(number("1"))),
+        ] {
+            let mut e = Extrusion::new(firmware);
+            e.set_extruder_relative(true);
+            e.set_axes_relative(false);
+            assert_eq!(e.advance(number("1")).0, expected);
+        }
+    }
+
+    #[test]
+    fn g91_moves_the_extruder_by_increments_except_on_reprapfirmware() {
+        for (firmware, relative) in
+            [(Firmware::Marlin, true), (Firmware::Klipper, true), (Firmware::RepRapFirmware, false)]
+        {
+            let mut e = Extrusion::new(Some(firmware));
+            e.set_extruder_relative(false);
+            e.set_axes_relative(true);
+            assert_eq!(matches!(e.advance(number("-2")).0, Share::Increment(_)), relative);
+        }
+    }
+
+    #[test]
+    fn positions_that_differ_by_reading_are_unclear() {
+        let mut e = Extrusion::new(None);
+        e.advance(number("5"));
+        e.set_axes_relative(true);
+        e.advance(number("-2"));
+        e.set_axes_relative(false);
+        assert_eq!(e.advance(number("6")).0, Share::Unclear, "3 mm so far, or -2");
+        e.set_position(number("0"));
+        assert_eq!(e.advance(number("6")).0, Share::Position { from: 0.0, to: number("6") });
+    }
+}

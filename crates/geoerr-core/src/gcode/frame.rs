@@ -1,0 +1,191 @@
+//! Where the machine is and what a program's zero means, kept twice: for the program as it was written and for the
+//! program as it is rewritten.
+//!
+//! `G92 X0` passes untouched, yet at that moment the two machines stand at different places (the second at the
+//! corrected one); so each has its own shift.
+
+/// One number for each of x, y, z; None = not known.
+pub type Known = [Option<f64>; 3];
+
+/// Which of x, y, z.
+pub type Mask = [bool; 3];
+
+/// All three axes.
+pub const ALL: Mask = [true; 3];
+
+/// The words of one straight move and how they are meant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Axis words, mm.
+    pub words_mm: Known,
+    /// `G90`: words are positions; else increments.
+    pub is_absolute: bool,
+    /// `G53`: words are machine coordinates.
+    pub in_machine_coordinates: bool,
+    /// Offset of the active coordinate system from the machine's zero.
+    pub system_mm: Known,
+}
+
+/// What a line does to a program's zero.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum Shift {
+    /// Nothing.
+    #[default]
+    Keep,
+    /// `G92`: here is what these words say, in the coordinate system with this offset.
+    Set {
+        /// The words, mm.
+        words_mm: Known,
+        /// Offset of the active coordinate system.
+        system_mm: Known,
+    },
+    /// The shift of these axes is 0 again.
+    Clear(Mask),
+    /// The shift of these axes is no longer known.
+    Lose(Mask),
+}
+
+/// What a line that is not rewritten does to the machine's place.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum Place {
+    /// Nothing.
+    #[default]
+    Keep,
+    /// These axes are at the home position, machine coordinates.
+    Home(Mask, [f64; 3]),
+    /// An untouched move ends where its words say.
+    Move(Motion),
+}
+
+/// What a line that is not rewritten does.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Effects {
+    /// To the program's zero; happens first.
+    pub shift: Shift,
+    /// These axes are somewhere; happens before `place`.
+    pub forget: Mask,
+    /// To the machine's place.
+    pub place: Place,
+}
+
+/// Place of a machine and shift of a program's zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Machine coordinates.
+    pub position_mm: Known,
+    /// `G92` shift: machine coordinate = word + coordinate system + shift.
+    pub shift_mm: Known,
+}
+
+impl Default for Frame {
+    fn default() -> Self {
+        Self { position_mm: [None; 3], shift_mm: [Some(0.0); 3] }
+    }
+}
+
+impl Frame {
+    /// Machine coordinates where `motion` ends.
+    pub fn end_of(&self, motion: &Motion) -> Known {
+        std::array::from_fn(|axis| match motion.words_mm[axis] {
+            None => self.position_mm[axis],
+            Some(word) if motion.in_machine_coordinates => Some(word),
+            Some(word) if motion.is_absolute => Some(word + self.zero_mm(motion, axis)?),
+            Some(word) => Some(self.position_mm[axis]? + word),
+        })
+    }
+
+    /// Machine coordinate of the program's zero.
+    #[inline]
+    pub fn zero_mm(&self, motion: &Motion, axis: usize) -> Option<f64> {
+        Some(motion.system_mm[axis]? + self.shift_mm[axis]?)
+    }
+
+    /// Takes over what an untouched line does.
+    pub fn apply(&mut self, effects: &Effects) {
+        match effects.shift {
+            Shift::Keep => {}
+            Shift::Set { words_mm, system_mm } => {
+                for axis in 0..3 {
+                    if let Some(word) = words_mm[axis] {
+                        self.shift_mm[axis] = self.position_mm[axis]
+                            .zip(system_mm[axis])
+                            .map(|(position, system)| position - system - word);
+                    }
+                }
+            }
+            Shift::Clear(mask) => self.set_shift(mask, Some(0.0)),
+            Shift::Lose(mask) => self.set_shift(mask, None),
+        }
+        self.set_position(effects.forget, [None; 3]);
+        match effects.place {
+            Place::Keep => {}
+            Place::Home(mask, at_mm) => self.set_position(mask, at_mm.map(Some)),
+            Place::Move(motion) => self.position_mm = self.end_of(&motion),
+        }
+    }
+
+    fn set_shift(&mut self, mask: Mask, shift_mm: Option<f64>) {
+        for (shift, _) in self.shift_mm.iter_mut().zip(mask).filter(|(_, is_meant)| *is_meant) {
+            *shift = shift_mm;
+        }
+    }
+
+    fn set_position(&mut self, mask: Mask, position_mm: Known) {
+        for axis in (0..3).filter(|&axis| mask[axis]) {
+            self.position_mm[axis] = position_mm[axis];
+        }
+    }
+}
+
+/// The axes of either mask.
+pub fn either(a: Mask, b: Mask) -> Mask {
+    std::array::from_fn(|axis| a[axis] || b[axis])
+}
+
+/// All three numbers, where all are known.
+#[inline]
+pub fn all_known(known: &Known) -> Option<[f64; 3]> {
+    Some([known[0]?, known[1]?, known[2]?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn absolute(words_mm: Known) -> Motion {
+        Motion {
+            words_mm,
+            is_absolute: true,
+            in_machine_coordinates: false,
+            system_mm: [Some(10.0), Some(0.0), None],
+        }
+    }
+
+    #[test]
+    fn words_plus_system_plus_shift_is_the_machine() {
+        let mut frame = Frame::default();
+        let end = frame.end_of(&absolute([Some(1.0), None, Some(3.0)]));
+        assert_eq!(end, [Some(11.0), None, None], "y was not named, z has no known zero");
+        frame.apply(&Effects {
+            place: Place::Move(absolute([Some(1.0), Some(2.0), None])),
+            ..Effects::default()
+        });
+        let set =
+            Shift::Set { words_mm: [Some(0.0), None, Some(0.0)], system_mm: [Some(10.0), Some(0.0), None] };
+        frame.apply(&Effects { shift: set, ..Effects::default() });
+        assert_eq!(frame.shift_mm, [Some(1.0), Some(0.0), None]);
+        assert_eq!(frame.end_of(&absolute([Some(5.0), None, None]))[0], Some(16.0));
+        let in_machine = Motion { in_machine_coordinates: true, ..absolute([None, None, Some(-10.0)]) };
+        assert_eq!(frame.end_of(&in_machine)[2], Some(-10.0));
+    }
+
+    #[test]
+    fn increments_add_to_what_is_known() {
+        let mut frame = Frame::default();
+        frame.apply(&Effects { place: Place::Home([true, false, false], [5.0; 3]), ..Effects::default() });
+        let motion = Motion { is_absolute: false, ..absolute([Some(-1.0), Some(1.0), None]) };
+        assert_eq!(frame.end_of(&motion), [Some(4.0), None, None]);
+        frame.apply(&Effects { shift: Shift::Lose(ALL), forget: ALL, place: Place::Keep });
+        assert_eq!(frame, Frame { position_mm: [None; 3], shift_mm: [None; 3] });
+    }
+}

@@ -1,0 +1,390 @@
+//! One line of a program into words: letters with numbers, comments aside.
+
+use super::decimal::Decimal;
+
+/// Bytes `start..end` of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// First byte.
+    pub start: u32,
+    /// Behind the last byte.
+    pub end: u32,
+}
+
+impl Span {
+    fn new(start: usize, end: usize) -> Self {
+        // Lines are at most a megabyte long: `lines::LINE_LIMIT_BYTES`.
+        Self { start: start as u32, end: end as u32 }
+    }
+
+    /// The bytes of `line` that are meant.
+    #[inline]
+    pub fn of(self, line: &[u8]) -> &[u8] {
+        line.get(self.start as usize..self.end as usize).unwrap_or_default()
+    }
+}
+
+/// What stands behind a letter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A number.
+    Number(Decimal),
+    /// Nothing, as in `G28 X`.
+    Missing,
+    /// Something that a controller computes: `[#1*2]`, `#5`, `{move.axes[0].max}`.
+    Expression,
+    /// A slicer's placeholder that was never filled in, `{machine_depth}`: no controller knows its value.
+    Placeholder,
+}
+
+/// A letter and what stands behind it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word {
+    /// The letter, upper case.
+    pub letter: u8,
+    /// Its value.
+    pub value: Value,
+    /// Where it stands, letter and value.
+    pub span: Span,
+}
+
+impl Word {
+    /// The number behind the letter.
+    pub fn number(&self) -> Option<Decimal> {
+        match self.value {
+            Value::Number(number) => Some(number),
+            _ => None,
+        }
+    }
+
+    /// Ten times the number, for codes such as 92.1; None where there are further digits.
+    pub fn code10(&self) -> Option<u32> {
+        let number = self.number()?;
+        // Trailing zeros say nothing: G1.00 is G1.
+        let tenfold = number.to_f64() * 10.0;
+        let rounded = tenfold.round();
+        ((tenfold - rounded).abs() < 1e-9 && (0.0..1e6).contains(&rounded)).then_some(rounded as u32)
+    }
+}
+
+/// How a line begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Head {
+    /// Nothing but blanks and comments.
+    #[default]
+    Empty,
+    /// `%`: begin or end of a tape.
+    Percent,
+    /// A word of several letters, such as `START_PRINT`: its name.
+    Macro(Span),
+    /// An `O` word: subprograms, loops, branches.
+    Subprogram,
+    /// Letters with numbers.
+    Words,
+}
+
+/// One line, taken apart. Kept and filled again, so that a line costs no allocation.
+#[derive(Debug, Default)]
+pub struct Line {
+    /// How it begins.
+    pub head: Head,
+    /// Its words, without the line number.
+    pub words: Vec<Word>,
+    /// Whether it begins with `/`.
+    pub is_block_skip: bool,
+    /// Whether it ends with a checksum, `*71`.
+    pub has_checksum: bool,
+    /// Whether it names a parameter outside a word's value: `#1=2`.
+    pub has_parameter: bool,
+    /// Byte from which nothing could be read.
+    pub unreadable: Option<u32>,
+    /// Whether it has a comment that begins with `;`.
+    pub has_semicolon: bool,
+    /// Whether it has a comment in parentheses.
+    pub has_parenthesis: bool,
+}
+
+impl Line {
+    /// Takes `body`, a line without its end, apart.
+    pub fn lex(&mut self, body: &[u8]) {
+        self.words.clear();
+        let words = std::mem::take(&mut self.words);
+        *self = Self { words, ..Self::default() };
+        let mut at = blanks(body, 0);
+        if body.get(at) == Some(&b'/') {
+            self.is_block_skip = true;
+            at = blanks(body, at + 1);
+        }
+        if let Some(behind) = line_number(body, at) {
+            at = blanks(body, behind);
+        }
+        if body.get(at) == Some(&b'%') {
+            self.head = Head::Percent;
+            return;
+        }
+        self.words(body, at);
+    }
+
+    fn words(&mut self, body: &[u8], mut at: usize) {
+        loop {
+            at = blanks(body, at);
+            let Some(&byte) = body.get(at) else { return };
+            match byte {
+                b';' => {
+                    self.has_semicolon = true;
+                    return;
+                }
+                b'(' => match memchr::memchr(b')', &body[at..]) {
+                    Some(length) => {
+                        self.has_parenthesis = true;
+                        at += length + 1;
+                    }
+                    None => return self.give_up(at),
+                },
+                b'*' => {
+                    self.has_checksum = true;
+                    at += 1 + body[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+                }
+                b'#' => {
+                    self.has_parameter = true;
+                    return;
+                }
+                _ if byte.is_ascii_alphabetic() => match self.word(body, at) {
+                    Some(behind) => at = behind,
+                    None => return,
+                },
+                _ => return self.give_up(at),
+            }
+        }
+    }
+
+    /// Reads one word; gives the place behind it, or None where the rest of the line is no words.
+    fn word(&mut self, body: &[u8], start: usize) -> Option<usize> {
+        let letter = body[start].to_ascii_uppercase();
+        let is_first = self.head == Head::Empty;
+        let directly = start + 1;
+        if is_first && body.get(directly).is_some_and(|&b| b.is_ascii_alphabetic() || b == b'_') {
+            self.head = Head::Macro(name(body, start));
+            return None;
+        }
+        if is_first && letter == b'O' {
+            self.head = Head::Subprogram;
+            return None;
+        }
+        let at = blanks(body, directly);
+        let (value, end) = match body.get(at) {
+            Some(b'0'..=b'9' | b'+' | b'-' | b'.') => match Decimal::parse(&body[at..]) {
+                Some((number, length)) => (Value::Number(number), at + length),
+                None => match body.get(at + 1) {
+                    Some(b'[' | b'#') => (Value::Expression, self.expression(body, at + 1)?),
+                    _ => {
+                        self.give_up(at);
+                        return None;
+                    }
+                },
+            },
+            Some(b'[' | b'#') => (Value::Expression, self.expression(body, at)?),
+            Some(b'{') => {
+                let Some(length) = memchr::memchr(b'}', &body[at..]) else {
+                    self.give_up(at);
+                    return None;
+                };
+                let inside = &body[at + 1..at + length];
+                let value = if is_placeholder(inside) { Value::Placeholder } else { Value::Expression };
+                (value, at + length + 1)
+            }
+            _ => (Value::Missing, directly),
+        };
+        if body.get(end) == Some(&b'_') {
+            // `T0_LOAD` is a name.
+            if is_first {
+                self.head = Head::Macro(name(body, start));
+            } else {
+                self.give_up(end);
+            }
+            return None;
+        }
+        self.head = Head::Words;
+        self.words.push(Word { letter, value, span: Span::new(start, end) });
+        if is_first && letter == b'M' && self.words[0].code10().is_some_and(takes_text) {
+            return None;
+        }
+        Some(end)
+    }
+
+    /// Place behind the bracketed expression or the parameter that begins at `start`.
+    fn expression(&mut self, body: &[u8], start: usize) -> Option<usize> {
+        let mut at = start;
+        while body.get(at) == Some(&b'#') {
+            at += 1;
+        }
+        let end = match body.get(at) {
+            Some(b'<') => memchr::memchr(b'>', &body[at..]).map(|length| at + length + 1),
+            Some(b'[') => {
+                let mut depth = 0_u32;
+                let close = body[at..].iter().position(|&byte| {
+                    depth += u32::from(byte == b'[');
+                    depth -= u32::from(byte == b']');
+                    depth == 0
+                });
+                close.map(|length| at + length + 1)
+            }
+            Some(byte) if byte.is_ascii_digit() => {
+                Some(at + body[at..].iter().take_while(|b| b.is_ascii_digit()).count())
+            }
+            _ => None,
+        };
+        if end.is_none() {
+            self.give_up(start);
+        }
+        end
+    }
+
+    fn give_up(&mut self, at: usize) {
+        self.unreadable = Some(at as u32);
+        if self.head == Head::Empty {
+            self.head = Head::Words;
+        }
+    }
+}
+
+#[inline]
+fn blanks(body: &[u8], at: usize) -> usize {
+    at + body[at..].iter().take_while(|&&byte| byte == b' ' || byte == b'\t').count()
+}
+
+/// Place behind the line number that begins at `at`.
+fn line_number(body: &[u8], at: usize) -> Option<usize> {
+    if !matches!(body.get(at), Some(b'N' | b'n')) {
+        return None;
+    }
+    let digits = blanks(body, at + 1);
+    let (_, length) = Decimal::parse(&body[digits..])?;
+    Some(digits + length)
+}
+
+fn name(body: &[u8], start: usize) -> Span {
+    let length = body[start..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
+    Span::new(start, start + length)
+}
+
+/// M codes (times ten) whose line is text: messages, file names, object names.
+fn takes_text(code10: u32) -> bool {
+    matches!(
+        code10 / 10,
+        0 | 1 | 16 | 20..=33 | 36..=39 | 98 | 99 | 117 | 118 | 486 | 550..=553 | 586..=589 | 808 | 862 | 928 | 929
+    )
+}
+
+/// A bare lower-case name, as slicers' templates have. What RepRapFirmware computes has a point, a bracket or an
+/// operator, or is one of its constants.
+fn is_placeholder(inside: &[u8]) -> bool {
+    const CONSTANTS: [&[u8]; 8] =
+        [b"iterations", b"line", b"null", b"pi", b"result", b"true", b"false", b"input"];
+    inside.first().is_some_and(u8::is_ascii_lowercase)
+        && inside.iter().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || *b == b'_')
+        && !CONSTANTS.contains(&inside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn lexed(text: &str) -> Line {
+        let mut line = Line::default();
+        line.lex(text.as_bytes());
+        line
+    }
+
+    fn shown(text: &str) -> String {
+        let line = lexed(text);
+        let words = line.words.iter().map(|word| {
+            let value = match word.value {
+                Value::Number(number) => number.to_f64().to_string(),
+                Value::Missing => "-".to_owned(),
+                Value::Expression => "?".to_owned(),
+                Value::Placeholder => "{}".to_owned(),
+            };
+            format!("{}={value}", char::from(word.letter))
+        });
+        words.collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn words_of_slicers_and_of_machining_programs() {
+        assert_eq!(shown("G1 X114.255 Y94.658 E2.00592"), "G=1 X=114.255 Y=94.658 E=2.00592");
+        assert_eq!(shown("N30g1z-.1f24 ; comment X5"), "G=1 Z=-0.1 F=24");
+        assert_eq!(shown("G17 G2 (270 360) I0.5 J7"), "G=17 G=2 I=0.5 J=7");
+        assert_eq!(shown(" X3.2100 Z-0.1530"), "X=3.21 Z=-0.153");
+        assert_eq!(shown("G28 X Y"), "G=28 X=- Y=-");
+        assert_eq!(shown("N50T#<toolno>M6"), "T=? M=6");
+        assert_eq!(shown("G0X[#<xscale>*53.]Y[#1*-[2+3]]"), "G=0 X=? Y=?");
+        assert_eq!(shown("G1 X0 Y{machine_depth} ;Present print"), "G=1 X=0 Y={}");
+        assert_eq!(shown("G1 X{move.axes[0].max}"), "G=1 X=?");
+        assert_eq!(shown("X -5 Y+ 3"), "X=-5");
+        assert_eq!(shown("G 1 X 10"), "G=1 X=10");
+    }
+
+    #[test]
+    fn heads() {
+        assert_eq!(lexed("").head, Head::Empty);
+        assert_eq!(lexed("  ; G1 X5").head, Head::Empty);
+        assert_eq!(lexed("%").head, Head::Percent);
+        assert_eq!(lexed("o<rm400> sub").head, Head::Subprogram);
+        assert_eq!(lexed("N10 O100 while [#1 LT 3]").head, Head::Subprogram);
+        for (text, length) in [("START_PRINT EXTRUDER=210", 11), ("T0_LOAD X5", 7), ("if {true}", 2)] {
+            let Head::Macro(name) = lexed(text).head else { panic!("{text}") };
+            assert_eq!(name.end - name.start, length);
+        }
+        assert!(lexed("#1=5").has_parameter);
+        assert!(lexed("/G1 X5").is_block_skip);
+        assert!(lexed("N3 G1 X5*71").has_checksum);
+    }
+
+    #[test]
+    fn text_of_messages_is_not_read() {
+        assert_eq!(shown("M117 G1 X10"), "M=117");
+        assert_eq!(shown("M862.3 P \"MINI\" G1 X1"), "M=862.3");
+        assert_eq!(shown("M3 S1000 G0 X5"), "M=3 S=1000 G=0 X=5");
+    }
+
+    #[test]
+    fn codes_with_a_digit() {
+        let code = |text: &str| lexed(text).words[0].code10();
+        assert_eq!(code("G38.2"), Some(382));
+        assert_eq!(code("G01"), Some(10));
+        assert_eq!(code("G1.00"), Some(10));
+        assert_eq!(code("G1.25"), None);
+        assert_eq!(code("G-1"), None);
+    }
+
+    #[test]
+    fn what_cannot_be_read_says_where() {
+        assert_eq!(lexed("G1 X1=2").unreadable, Some(5));
+        assert_eq!(lexed("G1 X--1").unreadable, Some(4));
+        assert_eq!(lexed("G1 X5 (open").unreadable, Some(6));
+        assert_eq!(lexed("G1 X[#1").unreadable, Some(4));
+        assert_eq!(lexed("G1 X1 0").unreadable, Some(6));
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_give_words_inside_the_line(body in proptest::collection::vec(any::<u8>(), 0..60)) {
+            let mut line = Line::default();
+            line.lex(&body);
+            for word in &line.words {
+                prop_assert!(word.span.start < word.span.end && word.span.end as usize <= body.len());
+            }
+        }
+
+        #[test]
+        fn any_text_of_words_gives_words(body in "[GXYZEMNO#\\[\\]{}();*%/0-9. _-]{0,40}") {
+            let mut line = Line::default();
+            line.lex(body.as_bytes());
+            for word in &line.words {
+                prop_assert!(word.span.end as usize <= body.len());
+            }
+        }
+    }
+}

@@ -1,0 +1,283 @@
+//! Straight moves through a machine that bends them: where to split so that the path stays straight enough.
+
+use crate::kinematics::{Axis, MachineModel};
+use crate::newton::{NewtonError, command_for};
+
+/// What compensation needs to know of a machine. Positions are those of a machine without errors: a tool position
+/// less the tool offset.
+pub trait PathMap: Sync {
+    /// The command that puts the tool where a machine without errors would have it at `ideal_mm`.
+    ///
+    /// # Errors
+    /// The distance that the best command leaves, mm; NaN where the model gives none.
+    fn command_for(&self, ideal_mm: &[f64; 3], tolerance_mm: f64) -> Result<[f64; 3], f64>;
+
+    /// Where `command_mm` puts the tool.
+    fn actual(&self, command_mm: &[f64; 3]) -> [f64; 3];
+
+    /// Coordinates of `axis` (0 to 2) between which [`actual`](Self::actual) is smooth, increasing.
+    fn knots(&self, axis: usize) -> &[f64];
+
+    /// Whether the machine has no errors.
+    fn is_nominal(&self) -> bool;
+}
+
+impl PathMap for MachineModel {
+    fn command_for(&self, ideal_mm: &[f64; 3], tolerance_mm: f64) -> Result<[f64; 3], f64> {
+        match command_for(self, ideal_mm, tolerance_mm) {
+            Ok(solution) => Ok(solution.command_mm),
+            Err(NewtonError::NotConverged { remaining_mm, .. }) => Err(remaining_mm),
+            Err(NewtonError::NonFinite | NewtonError::Tolerance { .. }) => Err(f64::NAN),
+        }
+    }
+
+    #[inline]
+    fn actual(&self, command_mm: &[f64; 3]) -> [f64; 3] {
+        let error_mm = self.error(command_mm, &[0.0; 3]);
+        std::array::from_fn(|axis| command_mm[axis] + error_mm[axis])
+    }
+
+    #[inline]
+    fn knots(&self, axis: usize) -> &[f64] {
+        MachineModel::knots(self, Axis::ALL[axis])
+    }
+
+    fn is_nominal(&self) -> bool {
+        MachineModel::is_nominal(self)
+    }
+}
+
+/// A point of a move: ideal position and the command that reaches it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// Share of the move's length that lies behind it, 0 to 1.
+    pub share: f64,
+    /// Where the tool should be.
+    pub ideal_mm: [f64; 3],
+    /// What to command.
+    pub command_mm: [f64; 3],
+}
+
+/// How closely to follow.
+#[derive(Clone, Copy, Debug)]
+pub struct Closeness {
+    /// Largest distance of actual and ideal tool position at the same share of the move.
+    pub limit_mm: f64,
+    /// Remaining error of a solved command.
+    pub newton_mm: f64,
+    /// No piece is made shorter.
+    pub shortest_mm: f64,
+}
+
+/// Why a move cannot be split.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SplitError {
+    /// No command found; the distance that the best one leaves.
+    NotSolved(f64),
+    /// The shortest piece deviates by this much.
+    NotHeld(f64),
+}
+
+/// The nodes behind `start` at which the move has to be commanded, `end` the last; None where `end` is enough.
+///
+/// The deviation of a piece is the distance between the actual tool position and the ideal one *at the same share of
+/// the move*. It is never smaller than the distance from the ideal line, so the path is within the tolerance either
+/// way; and it also keeps the tool, and what it deposits or cuts, at the right place along the line.
+///
+/// Tables are straight between knots, so the deviation along a piece is smooth between the places where a commanded
+/// axis crosses a knot, and there all but quadratic (a rotation that changes evenly times a lever that does): its ends
+/// `d_0, d_1` and its middle `d_m` bound it by `max(|d_0|, |d_m|, |d_1|) + |d_m − (d_0 + d_1)/2| / 4`.
+/// A piece over the limit is split where the deviation is largest.
+pub fn split(
+    map: &impl PathMap,
+    start: &Node,
+    end: &Node,
+    closeness: &Closeness,
+) -> Result<Option<Vec<Node>>, SplitError> {
+    let mut crossings = Vec::new();
+    if map.is_nominal() {
+        return Ok(None);
+    }
+    let Some(first) = worst(map, start, end, closeness.limit_mm, &mut crossings) else {
+        return Ok(None);
+    };
+    let length_mm = distance(&start.ideal_mm, &end.ideal_mm);
+    let mut pieces = Vec::new();
+    let mut ahead = vec![*end];
+    let mut from = *start;
+    let mut over = Some(first);
+    while let Some(to) = ahead.last() {
+        match over {
+            None => {
+                from = *to;
+                pieces.push(from);
+                ahead.pop();
+            }
+            Some(Worst { deviation_mm, at }) => {
+                if (to.share - from.share) * length_mm < 2.0 * closeness.shortest_mm {
+                    return Err(SplitError::NotHeld(deviation_mm));
+                }
+                let share = from.share + at * (to.share - from.share);
+                ahead.push(solved(map, start, end, share, closeness.newton_mm)?);
+            }
+        }
+        over = ahead.last().and_then(|to| worst(map, &from, to, closeness.limit_mm, &mut crossings));
+    }
+    Ok(Some(pieces))
+}
+
+/// The place of a piece where it is furthest off.
+#[derive(Clone, Copy, Debug)]
+struct Worst {
+    deviation_mm: f64,
+    /// Share of the piece, strictly between 0 and 1.
+    at: f64,
+}
+
+/// Where the piece has to be split; None where it stays within the limit.
+fn worst(
+    map: &impl PathMap,
+    from: &Node,
+    to: &Node,
+    limit_mm: f64,
+    crossings: &mut Vec<f64>,
+) -> Option<Worst> {
+    knot_crossings(map, from, to, crossings);
+    crossings.push(1.0);
+    let mut over: Option<Worst> = None;
+    let mut largest_mm = limit_mm;
+    let mut left = 0.0;
+    let mut at_left = deviation(map, from, to, 0.0);
+    for &right in crossings.iter() {
+        let middle = 0.5 * (left + right);
+        let at_middle = deviation(map, from, to, middle);
+        let at_right = deviation(map, from, to, right);
+        let bend: [f64; 3] = std::array::from_fn(|c| at_middle[c] - 0.5 * (at_left[c] + at_right[c]));
+        let sizes = [norm(&at_left), norm(&at_middle), norm(&at_right)];
+        let bound_mm = sizes[0].max(sizes[1]).max(sizes[2]) + 0.25 * norm(&bend);
+        if bound_mm > largest_mm || bound_mm.is_nan() {
+            largest_mm = bound_mm;
+            let at = if right < 1.0 && sizes[2] > sizes[1] { right } else { middle };
+            over = Some(Worst { deviation_mm: bound_mm, at });
+        }
+        (left, at_left) = (right, at_right);
+    }
+    over
+}
+
+/// Shares of the piece at which a commanded axis crosses a knot, increasing.
+fn knot_crossings(map: &impl PathMap, from: &Node, to: &Node, crossings: &mut Vec<f64>) {
+    crossings.clear();
+    for axis in 0..3 {
+        let (begin, end) = (from.command_mm[axis], to.command_mm[axis]);
+        let (low, high) = if begin < end { (begin, end) } else { (end, begin) };
+        let knots = map.knots(axis);
+        let first = knots.partition_point(|&knot| knot <= low);
+        let crossed = knots[first..].iter().take_while(|&&knot| knot < high);
+        crossings.extend(crossed.map(|knot| (knot - begin) / (end - begin)));
+    }
+    // Crossings at the very ends say nothing that the ends do not.
+    crossings.retain(|share| (1e-9..=1.0 - 1e-9).contains(share));
+    crossings.sort_by(f64::total_cmp);
+}
+
+/// Actual minus ideal tool position at a share of a piece.
+#[inline]
+fn deviation(map: &impl PathMap, from: &Node, to: &Node, share: f64) -> [f64; 3] {
+    let actual = map.actual(&between(&from.command_mm, &to.command_mm, share));
+    let ideal = between(&from.ideal_mm, &to.ideal_mm, share);
+    std::array::from_fn(|axis| actual[axis] - ideal[axis])
+}
+
+fn solved(
+    map: &impl PathMap,
+    start: &Node,
+    end: &Node,
+    share: f64,
+    newton_mm: f64,
+) -> Result<Node, SplitError> {
+    let ideal_mm = between(&start.ideal_mm, &end.ideal_mm, share);
+    let command_mm = map.command_for(&ideal_mm, newton_mm).map_err(SplitError::NotSolved)?;
+    Ok(Node { share, ideal_mm, command_mm })
+}
+
+#[inline]
+fn between(a: &[f64; 3], b: &[f64; 3], share: f64) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]))
+}
+
+/// Distance of two points, mm.
+pub fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    norm(&[a[0] - b[0], a[1] - b[1], a[2] - b[2]])
+}
+
+#[inline]
+fn norm(v: &[f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::{Chain, Component, ErrorTables, Squareness, Table};
+
+    fn machine(errors: ErrorTables) -> MachineModel {
+        MachineModel::new(Chain::parse("wbXYZt").unwrap(), errors, [1.0, 2.0, -3.0])
+    }
+
+    fn node(map: &impl PathMap, share: f64, ideal_mm: [f64; 3]) -> Node {
+        Node { share, ideal_mm, command_mm: map.command_for(&ideal_mm, 1e-7).unwrap() }
+    }
+
+    const CLOSE: Closeness = Closeness { limit_mm: 0.005, newton_mm: 1e-7, shortest_mm: 1e-3 };
+
+    #[test]
+    fn squareness_alone_bends_nothing() {
+        let mut errors = ErrorTables::default();
+        errors
+            .set_squareness(Squareness { s_xy_rad: -5.05e-3, s_xz_rad: 1.24e-3, s_yz_rad: 3.84e-3 })
+            .unwrap();
+        let map = machine(errors);
+        let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [400.0, 300.0, 200.0]));
+        assert_eq!(split(&map, &start, &end, &CLOSE), Ok(None));
+    }
+
+    #[test]
+    fn a_kink_is_split_at_the_kink() {
+        let mut errors = ErrorTables::default();
+        errors.set(Axis::X, Component::Y, Table::new(vec![0.0, 100.0, 400.0], vec![0.0, 0.5, -0.2]).unwrap());
+        let map = machine(errors);
+        let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [400.0, 0.0, 0.0]));
+        let pieces = split(&map, &start, &end, &CLOSE).unwrap().unwrap();
+        assert_eq!(pieces.len(), 2);
+        assert!((pieces[0].share - 0.25).abs() < 1e-12, "{}", pieces[0].share);
+        assert_eq!(pieces[1], end);
+    }
+
+    #[test]
+    fn what_no_piece_can_follow_is_said() {
+        // A step of a millimetre within a micrometre of travel.
+        let mut errors = ErrorTables::default();
+        errors.set(
+            Axis::X,
+            Component::Y,
+            Table::new(vec![0.0, 100.0, 100.001, 200.0], vec![0.0, 0.0, 1.0, 1.0]).unwrap(),
+        );
+        let map = machine(errors);
+        let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [200.0, 0.0, 0.0]));
+        let close = Closeness { limit_mm: 1e-6, shortest_mm: 0.1, ..CLOSE };
+        match split(&map, &start, &end, &close) {
+            Ok(None) => panic!("a step is no straight line"),
+            Ok(Some(pieces)) => {
+                let mut from = start;
+                for piece in pieces {
+                    for i in 0..=100 {
+                        assert!(norm(&deviation(&map, &from, &piece, f64::from(i) * 0.01)) < 1e-6);
+                    }
+                    from = piece;
+                }
+            }
+            Err(error) => assert!(matches!(error, SplitError::NotHeld(_))),
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! What happened to a program: counts, the largest correction, and what the user should know.
+
+use super::unsupported::Unsupported;
+
+/// Something that the user should know; the work went on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WarningKind {
+    /// A line that is not corrected was passed through.
+    Passed(Unsupported),
+    /// The program switches a correction of the firmware on.
+    FirmwareCorrects,
+    /// `G43`: a tool length.
+    ToolLength,
+    /// `M206`, `SET_GCODE_OFFSET`: the program's zero moves.
+    ZeroMoves,
+    /// A macro or code that may move the machine.
+    MayMove,
+    /// A slicer's placeholder that was never filled in.
+    Placeholder,
+    /// Moves before the position is known.
+    PositionUnknown,
+    /// Errors held beyond their measured range.
+    OutsideMeasured,
+    /// A move that had to stay whole because of its `E`.
+    NotSplit,
+    /// Another tool.
+    OtherTool,
+}
+
+impl WarningKind {
+    /// A short name, for programs.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Passed(_) => "passed-unsupported",
+            Self::FirmwareCorrects => "firmware-corrects",
+            Self::ToolLength => "tool-length",
+            Self::ZeroMoves => "zero-moves",
+            Self::MayMove => "may-move",
+            Self::Placeholder => "placeholder",
+            Self::PositionUnknown => "position-unknown",
+            Self::OutsideMeasured => "outside-measured",
+            Self::NotSplit => "not-split",
+            Self::OtherTool => "other-tool",
+        }
+    }
+
+    /// What it means, and what to do where there is something to do.
+    pub fn explanation(&self) -> String {
+        match self {
+            Self::Passed(what @ Unsupported::Arc { .. }) => format!(
+                "{what}: passed through untouched; it begins where the corrected move before it ended, which a controller that checks radii may refuse"
+            ),
+            Self::Passed(Unsupported::FlowControl) => {
+                format!("{}: this line and all that follow are passed through untouched", Unsupported::FlowControl)
+            }
+            Self::Passed(what) => format!("{what}: passed through untouched"),
+            Self::FirmwareCorrects => "the program switches on a correction of the firmware itself: name what it corrects with --firmware-corrects, or it is corrected twice".to_owned(),
+            Self::ToolLength => "a tool length, which the program does not tell: it has to be part of --work-offset".to_owned(),
+            Self::ZeroMoves => "moves the program's zero by the firmware's own offset: a shift that matters has to be part of --work-offset".to_owned(),
+            Self::MayMove => "may move the machine: moves after it pass through untouched until X, Y and Z are all given again".to_owned(),
+            Self::Placeholder => "a placeholder that the slicer did not fill in: passed through untouched".to_owned(),
+            Self::PositionUnknown => "the position is not known yet (start, homing, or an untouched line before): moves pass through untouched until X, Y and Z have all been given; --home tells where homing leaves the machine".to_owned(),
+            Self::OutsideMeasured => "outside the measured range: the last measured errors are held".to_owned(),
+            Self::NotSplit => "corrected at its end but not split, because firmwares read its E differently (--firmware)".to_owned(),
+            Self::OtherTool => "another tool: the model's tool offset is used for all of them".to_owned(),
+        }
+    }
+
+    fn is_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Passed(a), Self::Passed(b)) => std::mem::discriminant(a) == std::mem::discriminant(b),
+            _ => std::mem::discriminant(self) == std::mem::discriminant(other),
+        }
+    }
+}
+
+/// A kind of warning, once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Warning {
+    /// What.
+    pub kind: WarningKind,
+    /// 1-based line where it was first met.
+    pub line: u64,
+    /// That line.
+    pub text: String,
+    /// How often it was met.
+    pub count: u64,
+}
+
+/// Warnings, one for each kind, in the order in which they were first met.
+#[derive(Clone, Debug, Default)]
+pub struct Warnings(Vec<Warning>);
+
+impl Warnings {
+    /// Counts one more.
+    pub fn add(&mut self, kind: WarningKind, line: u64, body: &[u8]) {
+        match self.0.iter_mut().find(|warning| warning.kind.is_like(&kind)) {
+            Some(warning) => warning.count += 1,
+            None => self.0.push(Warning { kind, line, text: excerpt(body), count: 1 }),
+        }
+    }
+
+    /// All of them.
+    pub fn as_slice(&self) -> &[Warning] {
+        &self.0
+    }
+}
+
+/// Figures of a whole program.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Lines read.
+    pub lines: u64,
+    /// Moves read: lines that give X, Y or Z to `G0` or `G1`.
+    pub moves_in: u64,
+    /// Moves written.
+    pub moves_out: u64,
+    /// Moves whose end was corrected, changed digits or not.
+    pub moves_corrected: u64,
+    /// Moves untouched because the position was not known.
+    pub untouched_position_unknown: u64,
+    /// Lines passed through because they are unsupported.
+    pub untouched_unsupported: u64,
+    /// Lines behind a point from which the program was not followed.
+    pub lines_not_followed: u64,
+    /// Largest distance of a command from the programmed position, mm.
+    pub largest_correction_mm: f64,
+    /// Its line, 1-based; 0 where there is none.
+    pub largest_correction_line: u64,
+    /// Extruded length read, in units of `10^-18` mm.
+    pub extrusion_in: i128,
+    /// Extruded length written, in units of `10^-18` mm.
+    pub extrusion_out: i128,
+}
+
+/// The line as a message shows it: printable, short, between backquotes.
+pub fn excerpt(body: &[u8]) -> String {
+    const LONGEST: usize = 60;
+    let trimmed = body.trim_ascii();
+    let shown = &trimmed[..trimmed.len().min(LONGEST)];
+    let dots = if trimmed.len() > LONGEST { "..." } else { "" };
+    format!("`{}{dots}`", shown.escape_ascii().to_string().replace("\\\"", "\"").replace("\\'", "'"))
+}

@@ -1,0 +1,256 @@
+//! What this version cannot correct safely, each with its reason and what the user can do.
+
+/// A line that is refused, or passed through untouched where the user asks for it.
+///
+/// Codes are ten times the number, so that 92.1 is 921.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Unsupported {
+    /// `G2`, `G3`.
+    #[error("an arc ({}) is not corrected yet", code(.code10))]
+    Arc {
+        /// Code.
+        code10: u32,
+    },
+    /// `G5`, `G5.1`, `G5.2`, `G6`.
+    #[error("a spline ({}) is not corrected", code(.code10))]
+    Spline {
+        /// Code.
+        code10: u32,
+    },
+    /// `G70` to `G89`.
+    #[error("a canned cycle ({}) moves the machine in ways that its line does not show", code(.code10))]
+    CannedCycle {
+        /// Code.
+        code10: u32,
+    },
+    /// `G33`.
+    #[error("a thread ({}) ties the axes to the spindle", code(.code10))]
+    Thread {
+        /// Code.
+        code10: u32,
+    },
+    /// `G38.x`.
+    #[error("a probing move ({}) ends where the probe touches", code(.code10))]
+    Probing {
+        /// Code.
+        code10: u32,
+    },
+    /// `G41`, `G42`, and moves while they hold.
+    #[error("cutter compensation ({}) makes the controller leave the programmed path", code(.code10))]
+    CutterCompensation {
+        /// Code.
+        code10: u32,
+    },
+    /// `G93`, and moves while it holds.
+    #[error("under inverse time feed (G93) F is a time, which the pieces of a move cannot keep")]
+    InverseTime,
+    /// `G43.1`, `G43.4`, `G43.5` and other tool length modes.
+    #[error("{} moves the tool point in ways that the model of three axes does not have", code(.code10))]
+    ToolPoint {
+        /// Code.
+        code10: u32,
+    },
+    /// A second tool length, or its end.
+    #[error("{} changes the tool length, and with it the machine position, by a number the program does not tell", code(.code10))]
+    OtherToolLength {
+        /// Code.
+        code10: u32,
+    },
+    /// A word of an axis that the model does not have.
+    #[error("the word {} moves an axis that the model of three axes does not have", char::from(*.letter))]
+    ExtraAxis {
+        /// Letter.
+        letter: u8,
+    },
+    /// `G7`, `G16`, `G51`, `G68`, and moves while they hold.
+    #[error("{} changes what axis words mean", code(.code10))]
+    Transformed {
+        /// Code.
+        code10: u32,
+    },
+    /// `G52`, `G92.1` to `G92.3`, `G10 L20`, `G10 P X`, `G10 L2 R`, `G10 L2` after `G91`.
+    #[error("{} moves the program's zero in a way that geoerr does not follow", code(.code10))]
+    ZeroShift {
+        /// Code.
+        code10: u32,
+    },
+    /// `G92` without a word.
+    #[error("G92 without words means different things to different controllers")]
+    BareShift,
+    /// `G55` to `G59.3` without a known offset.
+    #[error("the program has not said where coordinate system {} is", code(.code10))]
+    UnknownSystem {
+        /// Code.
+        code10: u32,
+    },
+    /// `G28` while a `G92` shift holds.
+    #[error("some firmwares end the shift of G92 at G28, others keep it")]
+    HomingAfterShift,
+    /// `G53` under `G91`.
+    #[error("machine coordinates (G53) together with increments (G91)")]
+    MachineIncrement,
+    /// A number that the controller computes.
+    #[error("an expression or a parameter, which geoerr does not compute")]
+    Expression,
+    /// Subprograms, loops, branches.
+    #[error("subprograms, loops and branches: geoerr reads a program once, from top to bottom")]
+    FlowControl,
+    /// Two words of one letter.
+    #[error("the word {} stands twice", char::from(*.letter))]
+    RepeatedWord {
+        /// Letter.
+        letter: u8,
+    },
+    /// A word without a number.
+    #[error("the word {} has no number", char::from(*.letter))]
+    MissingNumber {
+        /// Letter.
+        letter: u8,
+    },
+    /// A letter that has no meaning on a straight move.
+    #[error("geoerr does not know what the word {} means on a straight move", char::from(*.letter))]
+    OddWord {
+        /// Letter.
+        letter: u8,
+    },
+    /// Bytes that are no words.
+    #[error("column {column}: no word can be read here")]
+    Unreadable {
+        /// 1-based.
+        column: u32,
+    },
+    /// Axis words before any `G0` or `G1`.
+    #[error("axis words, but no G0 or G1 has said how to move")]
+    NoMotionCode,
+    /// Two codes that both want the line's words.
+    #[error("two codes on one line want its axis words")]
+    TwoMotionCodes,
+    /// `/` before a move or a mode.
+    #[error("whether a line that begins with / runs is decided at the machine")]
+    BlockSkip,
+    /// A line with a checksum that would change.
+    #[error("the line has a checksum, and correcting it would make the checksum wrong")]
+    Checksum,
+    /// A move that must be split and whose `E` is read differently.
+    #[error("the move must be split, and firmwares differ on whether its E is a position or an increment")]
+    ExtruderMode,
+    /// A G code with axis words that geoerr does not know.
+    #[error("geoerr does not know {}", code(.code10))]
+    UnknownCode {
+        /// Code; `u32::MAX` where it is none.
+        code10: u32,
+    },
+}
+
+/// What is known after an unsupported line was passed through untouched; the later, the less.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum After {
+    /// The axes that the line names are where its words say; the others have not moved.
+    AtItsEnd,
+    /// All axes are somewhere.
+    Somewhere,
+    /// The program's zero is somewhere, and with it every position.
+    ZeroLost,
+    /// Which line comes next: the rest of the program is passed through.
+    EverythingLost,
+}
+
+impl Unsupported {
+    /// What the user can do, for a `hint:` line.
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            Self::Arc { .. } => {
+                "let the slicer or CAM write straight moves (switch arc fitting off), or pass it through untouched with --on-unsupported pass"
+            }
+            Self::Spline { .. } | Self::Transformed { .. } | Self::ToolPoint { .. } => {
+                "let the CAM write straight moves in plain coordinates, or use --on-unsupported pass"
+            }
+            Self::CannedCycle { .. } => {
+                "let the CAM write the cycle out as straight moves, or use --on-unsupported pass"
+            }
+            Self::Thread { .. } | Self::Probing { .. } | Self::ExtraAxis { .. } => {
+                "such a line can only pass through untouched: --on-unsupported pass"
+            }
+            Self::CutterCompensation { .. } => {
+                "let the CAM compute the path of the cutter's centre, or use --on-unsupported pass"
+            }
+            Self::InverseTime => "let the CAM write feeds per minute (G94), or use --on-unsupported pass",
+            Self::OtherToolLength { .. } => {
+                "write one program for each tool and put its length into --work-offset"
+            }
+            Self::ZeroShift { .. } | Self::BareShift | Self::UnknownSystem { .. } => {
+                "write the offset as G10 L2 P1 or G92 with words, or give it with --work-offset"
+            }
+            Self::HomingAfterShift => "name the firmware: --firmware marlin, klipper or reprapfirmware",
+            Self::MachineIncrement => "write G90 before G53",
+            Self::Expression | Self::FlowControl => {
+                "let the CAM write plain numbers and one straight sequence of lines"
+            }
+            Self::RepeatedWord { .. } | Self::MissingNumber { .. } | Self::Unreadable { .. } => {
+                "correct the line"
+            }
+            Self::OddWord { .. } | Self::UnknownCode { .. } => {
+                "take it out, or use --on-unsupported pass if it does not move the axes"
+            }
+            Self::NoMotionCode => "write G0 or G1 on the line",
+            Self::TwoMotionCodes => "write the codes on lines of their own",
+            Self::BlockSkip => "take the / away, or the line",
+            Self::Checksum => {
+                "strip line numbers and checksums; the host adds them when it sends the program"
+            }
+            Self::ExtruderMode => "name the firmware: --firmware marlin, klipper or reprapfirmware",
+        }
+    }
+
+    /// What is known after the line has passed through.
+    pub fn after(&self) -> After {
+        match self {
+            Self::Arc { .. }
+            | Self::Spline { .. }
+            | Self::InverseTime
+            | Self::Thread { .. }
+            | Self::ExtraAxis { .. }
+            | Self::UnknownSystem { .. }
+            | Self::ExtruderMode
+            | Self::Checksum => After::AtItsEnd,
+            Self::CannedCycle { .. }
+            | Self::Probing { .. }
+            | Self::CutterCompensation { .. }
+            | Self::Transformed { .. }
+            | Self::MachineIncrement
+            | Self::Expression
+            | Self::RepeatedWord { .. }
+            | Self::MissingNumber { .. }
+            | Self::OddWord { .. }
+            | Self::Unreadable { .. }
+            | Self::NoMotionCode
+            | Self::TwoMotionCodes
+            | Self::BlockSkip
+            | Self::UnknownCode { .. } => After::Somewhere,
+            Self::ToolPoint { .. }
+            | Self::OtherToolLength { .. }
+            | Self::ZeroShift { .. }
+            | Self::BareShift
+            | Self::HomingAfterShift => After::ZeroLost,
+            Self::FlowControl => After::EverythingLost,
+        }
+    }
+
+    /// Of two reasons the one that leaves less known.
+    #[must_use]
+    pub fn or_worse(self, other: Option<Self>) -> Self {
+        match other {
+            Some(other) if other.after() > self.after() => other,
+            _ => self,
+        }
+    }
+}
+
+fn code(code10: &u32) -> String {
+    match (*code10, code10 % 10) {
+        (u32::MAX, _) => "this G code".to_owned(),
+        (whole, 0) => format!("G{}", whole / 10),
+        (whole, tenth) => format!("G{}.{tenth}", whole / 10),
+    }
+}

@@ -1,0 +1,152 @@
+//! The words of one line that matter for the path, sorted by letter.
+
+use super::lexer::{Line, Span, Value, Word};
+use super::unsupported::Unsupported;
+
+/// The words of a line by what they are for.
+#[derive(Debug, Default)]
+pub struct Words {
+    /// X, Y, Z.
+    pub axes: [Option<Word>; 3],
+    /// E.
+    pub extruder: Option<Word>,
+    /// Number of a tool length.
+    pub h: Option<Word>,
+    /// Which kind of offset `G10` sets.
+    pub l: Option<Word>,
+    /// Which coordinate system, tool or time.
+    pub p: Option<Word>,
+    /// A letter of D, H, L, P, Q, which belong to codes other than moves.
+    pub parameter: Option<u8>,
+    /// A letter of X, Y, Z, E that stands twice.
+    pub repeated: Option<u8>,
+    /// Letter of an axis that the model does not have.
+    pub extra_axis: Option<u8>,
+    /// I, J, K or R.
+    pub has_arc_words: bool,
+    /// R.
+    pub has_rotation: bool,
+    /// A letter that may not stand on a straight move.
+    pub odd: Option<u8>,
+}
+
+impl Words {
+    /// Sorts the words of `line`.
+    pub fn of(line: &Line) -> Self {
+        let mut sorted = Self::default();
+        for word in &line.words {
+            sorted.take(word);
+        }
+        sorted
+    }
+
+    fn take(&mut self, word: &Word) {
+        if matches!(word.letter, b'D' | b'H' | b'L' | b'P' | b'Q') {
+            self.parameter = self.parameter.or(Some(word.letter));
+        }
+        let slot = match word.letter {
+            b'X' => &mut self.axes[0],
+            b'Y' => &mut self.axes[1],
+            b'Z' => &mut self.axes[2],
+            b'E' => &mut self.extruder,
+            b'H' => &mut self.h,
+            b'L' => &mut self.l,
+            b'P' => &mut self.p,
+            b'A' | b'B' | b'C' | b'U' | b'V' | b'W' => {
+                self.extra_axis = self.extra_axis.or(Some(word.letter));
+                return;
+            }
+            b'I' | b'J' | b'K' | b'R' => {
+                self.has_arc_words = true;
+                self.has_rotation |= word.letter == b'R';
+                self.odd = self.odd.or(Some(word.letter));
+                return;
+            }
+            b'G' | b'M' | b'F' | b'S' | b'T' | b'D' | b'Q' => return,
+            _ => {
+                self.odd = self.odd.or(Some(word.letter));
+                return;
+            }
+        };
+        if slot.is_some() {
+            self.repeated = Some(word.letter);
+        }
+        *slot = Some(*word);
+    }
+
+    /// Whether X, Y or Z is among them.
+    pub fn has_axes(&self) -> bool {
+        self.axes.iter().any(Option::is_some)
+    }
+
+    /// X, Y and Z in mm; the reason where one of them, or E, is no plain number.
+    pub fn axes_mm(&self, unit_mm: f64) -> Result<[Option<f64>; 3], Unsupported> {
+        if let Some(letter) = self.repeated {
+            return Err(Unsupported::RepeatedWord { letter });
+        }
+        let mut numbers = [None; 3];
+        for (number, word) in numbers.iter_mut().zip(&self.axes) {
+            *number = plain(word.as_ref())?.map(|value| value * unit_mm);
+        }
+        plain(self.extruder.as_ref())?;
+        Ok(numbers)
+    }
+
+    /// Whether one of X, Y, Z, E is a placeholder.
+    pub fn has_placeholder(&self) -> bool {
+        let mut words = self.axes.iter().chain([&self.extruder]).flatten();
+        words.any(|word| word.value == Value::Placeholder)
+    }
+}
+
+fn plain(word: Option<&Word>) -> Result<Option<f64>, Unsupported> {
+    let Some(word) = word else { return Ok(None) };
+    match word.value {
+        Value::Number(number) => Ok(Some(number.to_f64())),
+        Value::Missing => Err(Unsupported::MissingNumber { letter: word.letter }),
+        Value::Expression | Value::Placeholder => Err(Unsupported::Expression),
+    }
+}
+
+/// Where the words of a move stand in its line, for rewriting it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MoveText {
+    /// X, Y, Z.
+    pub axes: [Option<Span>; 3],
+    /// E.
+    pub extruder: Option<Span>,
+    /// `G0` or `G1`.
+    pub motion: Option<Span>,
+    /// `G53`.
+    pub machine: Option<Span>,
+    /// Behind the last of X, Y, Z.
+    pub behind_axes: u32,
+    /// Whether blanks stand between words.
+    pub is_spaced: bool,
+    /// Whether letters are lower case.
+    pub is_lower: bool,
+}
+
+impl MoveText {
+    /// Of a line that has been sorted into `words`.
+    pub fn of(line: &Line, words: &Words, body: &[u8]) -> Self {
+        let code = |wanted: &[u32]| {
+            let mut codes = line.words.iter().filter(|word| word.letter == b'G');
+            codes
+                .find(|word| word.code10().is_some_and(|code10| wanted.contains(&code10)))
+                .map(|word| word.span)
+        };
+        let axes = words.axes.map(|word| word.map(|word| word.span));
+        let letter = axes.iter().flatten().next().and_then(|span| span.of(body).first().copied());
+        Self {
+            axes,
+            extruder: words.extruder.map(|word| word.span),
+            motion: code(&[0, 10]),
+            machine: code(&[530]),
+            behind_axes: axes.iter().flatten().map(|span| span.end).max().unwrap_or(0),
+            is_spaced: line.words.len() < 2
+                || line.words.windows(2).any(|pair| pair[0].span.end < pair[1].span.start),
+            is_lower: letter.is_some_and(|letter| letter.is_ascii_lowercase()),
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! Moves written again with corrected words; knows where the rewritten program puts the machine.
+
+use super::decimal::{POWERS_F64, write_fixed};
+use super::extrusion::Share;
+use super::frame::{Effects, Frame};
+use super::lexer::Span;
+use super::options::{Options, unit_mm};
+use super::path::Node;
+use super::reader::Move;
+use super::words::MoveText;
+
+/// Fewest digits of a shared `E`.
+const EXTRUDER_DIGITS: u8 = 5;
+
+/// A line as it comes in.
+#[derive(Clone, Copy, Debug)]
+pub struct SourceLine<'a> {
+    /// Without its end.
+    pub body: &'a [u8],
+    /// Its end.
+    pub ending: &'a [u8],
+    /// The end to give to lines before a last line that has none.
+    pub usual_ending: &'a [u8],
+}
+
+/// What was written for a move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Written {
+    /// Whether it differs from the line that came in.
+    pub is_changed: bool,
+    /// What the written words extrude, `10^-18` mm.
+    pub extrusion: i128,
+}
+
+/// Writes moves; keeps the place of the machine that runs the rewritten program.
+#[derive(Debug, Default)]
+pub struct Writer {
+    frame: Frame,
+    /// Whether the next changed move must give all three axes, because the controller's own idea of its place is not
+    /// relied on.
+    must_give_all: bool,
+}
+
+/// An axis word of a piece.
+#[derive(Clone, Copy, Debug)]
+enum AxisWord {
+    /// The number as it was written is right.
+    Kept,
+    /// This many units of the last printed digit.
+    New(i64),
+    /// No word: the axis stays.
+    Absent,
+}
+
+impl Writer {
+    /// Takes over what a line does that is written as it is.
+    pub fn pass(&mut self, effects: &Effects) {
+        self.frame.apply(effects);
+    }
+
+    /// Writes a move that ends at the last of `nodes`, one line for each.
+    pub fn write(
+        &mut self,
+        out: &mut Vec<u8>,
+        line: SourceLine<'_>,
+        a_move: &Move,
+        nodes: &[Node],
+        options: &Options,
+    ) -> Written {
+        self.must_give_all |= a_move.is_first;
+        let mut is_changed = nodes.len() > 1;
+        let shares = Shares::new(a_move, nodes);
+        for (piece, node) in nodes.iter().enumerate() {
+            let words = self.axis_words(a_move, node, piece == 0, options);
+            let digits = options.word_digits(a_move.is_inch);
+            if piece == 0 {
+                is_changed |= words.iter().any(|word| matches!(word, AxisWord::New(_)));
+                write_first(out, line.body, &a_move.text, &words, &shares, digits);
+            } else {
+                write_further(out, line.body, &a_move.text, &words, &shares, piece, digits);
+            }
+            let is_last = piece + 1 == nodes.len();
+            out.extend_from_slice(if is_last || !line.ending.is_empty() {
+                line.ending
+            } else {
+                line.usual_ending
+            });
+        }
+        self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
+        Written { is_changed, extrusion: shares.extrusion }
+    }
+
+    /// The axis words of a piece, and the machine moved to where they say.
+    fn axis_words(
+        &mut self,
+        a_move: &Move,
+        node: &Node,
+        is_first_piece: bool,
+        options: &Options,
+    ) -> [AxisWord; 3] {
+        let motion = &a_move.motion;
+        let unit_mm = unit_mm(a_move.is_inch);
+        let step_per_unit = POWERS_F64[usize::from(options.word_digits(a_move.is_inch))];
+        let half_step_mm = options.half_step_mm(a_move.is_inch);
+        // The number of an axis that is where it should be may still differ by rounding: a hair more than half a step.
+        let near = |a_mm: f64, b_mm: f64| (a_mm - b_mm).abs() <= half_step_mm * (1.0 + 1e-6);
+        let origin_mm: [f64; 3] = std::array::from_fn(|axis| {
+            if motion.in_machine_coordinates {
+                0.0
+            } else if motion.is_absolute {
+                self.frame.zero_mm(motion, axis).unwrap_or(0.0)
+            } else {
+                // An end is known only where the begin of an increment is.
+                self.frame.position_mm[axis].unwrap_or(0.0)
+            }
+        });
+        let wanted_mm: [f64; 3] = std::array::from_fn(|axis| node.command_mm[axis] - origin_mm[axis]);
+        let stays =
+            |axis: usize| self.frame.position_mm[axis].is_some_and(|at| near(at, node.command_mm[axis]));
+        let mut words: [AxisWord; 3] = std::array::from_fn(|axis| {
+            let old = motion.words_mm[axis].filter(|_| is_first_piece);
+            match old {
+                Some(word_mm) if near(word_mm, wanted_mm[axis]) => AxisWord::Kept,
+                None if stays(axis) => AxisWord::Absent,
+                _ => AxisWord::New((wanted_mm[axis] / unit_mm * step_per_unit).round() as i64),
+            }
+        });
+        let is_changed = words.iter().any(|word| matches!(word, AxisWord::New(_)));
+        if self.must_give_all && is_changed && motion.is_absolute && is_first_piece {
+            for axis in 0..3 {
+                if matches!(words[axis], AxisWord::Absent) {
+                    words[axis] = AxisWord::New((wanted_mm[axis] / unit_mm * step_per_unit).round() as i64);
+                }
+            }
+        }
+        for axis in 0..3 {
+            let word_mm = match words[axis] {
+                AxisWord::Absent => continue,
+                AxisWord::Kept => motion.words_mm[axis].unwrap_or_default(),
+                AxisWord::New(steps) => steps as f64 / step_per_unit * unit_mm,
+            };
+            self.frame.position_mm[axis] = Some(origin_mm[axis] + word_mm);
+        }
+        words
+    }
+}
+
+/// `E` of the pieces of a move.
+#[derive(Debug)]
+struct Shares {
+    digits: u8,
+    /// Words of the pieces, in units of the last digit; empty where the word stays as it is.
+    words: Vec<i64>,
+    /// Whether the last piece has the word as it was written.
+    last_is_kept: bool,
+    extrusion: i128,
+}
+
+impl Shares {
+    /// By length, rounded to the word's digits (at least five); the sum, or the last position, is exact.
+    fn new(a_move: &Move, nodes: &[Node]) -> Self {
+        let mut shares =
+            Self { digits: 0, words: Vec::new(), last_is_kept: false, extrusion: a_move.extrusion };
+        let number = match a_move.share {
+            Share::Increment(number) | Share::Position { to: number, .. } if nodes.len() > 1 => number,
+            _ => return shares,
+        };
+        let digits = number.digits.max(EXTRUDER_DIGITS);
+        let Some(whole) = number.scaled(digits) else { return shares };
+        let per_unit = POWERS_F64[usize::from(digits)];
+        let up_to = |share: f64| match a_move.share {
+            Share::Position { from, .. } => {
+                ((from + share * (number.to_f64() - from)) * per_unit).round() as i64
+            }
+            _ => (share * whole as f64).round() as i64,
+        };
+        shares.digits = digits;
+        shares.words = nodes.iter().map(|node| up_to(node.share)).collect();
+        if let Some(last) = shares.words.last_mut() {
+            *last = whole;
+        }
+        if let Share::Position { .. } = a_move.share {
+            shares.last_is_kept = true;
+        } else {
+            let mut before = 0;
+            for word in &mut shares.words {
+                let here = *word;
+                *word = here - before;
+                before = here;
+            }
+            let unit = 10_i128.pow(18 - u32::from(digits.min(18)));
+            shares.extrusion = shares.words.iter().map(|&word| i128::from(word) * unit).sum();
+        }
+        shares
+    }
+}
+
+/// The line itself with new numbers; words of axes that it did not give behind the last that it gave.
+fn write_first(
+    out: &mut Vec<u8>,
+    body: &[u8],
+    text: &MoveText,
+    words: &[AxisWord; 3],
+    shares: &Shares,
+    digits: u8,
+) {
+    // Byte ranges to replace, in the order of the line. An insertion is an empty range.
+    let mut edits: [Option<(Span, Edit)>; 7] = [None; 7];
+    let behind = Span { start: text.behind_axes, end: text.behind_axes };
+    for (axis, &word) in words.iter().enumerate() {
+        if let AxisWord::New(steps) = word {
+            match text.axes[axis] {
+                Some(span) => edits[axis] = Some((span, Edit::Number { steps, digits })),
+                None => edits[3 + axis] = Some((behind, Edit::Axis { axis, steps })),
+            }
+        }
+    }
+    if let (Some(span), Some(&steps)) = (text.extruder, shares.words.first()) {
+        edits[6] = Some((span, Edit::Number { steps, digits: shares.digits }));
+    }
+    // Stable: insertions at one place stay in the order X, Y, Z.
+    edits.sort_by_key(|edit| edit.map_or(u32::MAX, |(span, _)| span.start));
+    let mut at = 0;
+    for (span, edit) in edits.into_iter().flatten() {
+        out.extend_from_slice(body.get(at..span.start as usize).unwrap_or_default());
+        match edit {
+            Edit::Number { steps, digits } => {
+                out.extend(span.of(body).first());
+                write_fixed(out, steps, digits);
+            }
+            Edit::Axis { axis, steps } => write_axis(out, text, axis, steps, digits),
+        }
+        at = span.end as usize;
+    }
+    out.extend_from_slice(body.get(at..).unwrap_or_default());
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Edit {
+    Number { steps: i64, digits: u8 },
+    Axis { axis: usize, steps: i64 },
+}
+
+/// A line for a further piece: the motion code, the axes that move, and `E`.
+fn write_further(
+    out: &mut Vec<u8>,
+    body: &[u8],
+    text: &MoveText,
+    words: &[AxisWord; 3],
+    shares: &Shares,
+    piece: usize,
+    digits: u8,
+) {
+    let begin = out.len();
+    for span in [text.machine, text.motion].into_iter().flatten() {
+        if text.is_spaced && out.len() > begin {
+            out.push(b' ');
+        }
+        out.extend_from_slice(span.of(body));
+    }
+    for (axis, word) in words.iter().enumerate() {
+        if let AxisWord::New(steps) = word {
+            // A line must not begin with a blank.
+            let spaced = MoveText { is_spaced: text.is_spaced && out.len() > begin, ..*text };
+            write_axis(out, &spaced, axis, *steps, digits);
+        }
+    }
+    if let (Some(span), Some(&steps)) = (text.extruder, shares.words.get(piece)) {
+        if text.is_spaced {
+            out.push(b' ');
+        }
+        if shares.last_is_kept && piece + 1 == shares.words.len() {
+            out.extend_from_slice(span.of(body));
+        } else {
+            out.extend(span.of(body).first());
+            write_fixed(out, steps, shares.digits);
+        }
+    }
+}
+
+fn write_axis(out: &mut Vec<u8>, text: &MoveText, axis: usize, steps: i64, digits: u8) {
+    if text.is_spaced {
+        out.push(b' ');
+    }
+    let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
+    out.push(letters[axis]);
+    write_fixed(out, steps, digits);
+}
