@@ -1,0 +1,1 @@
+"""`geoerr target`: plates and boards to print, true to scale."""
