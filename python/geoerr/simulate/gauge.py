@@ -175,9 +175,7 @@ def _move_constants(machine: VirtualMachine, constant_mm: dict[str, Array]) -> t
 def _delta(
     motion: _Axis, step: Callable[[Array], Array], constant_mm: Array, frame: Array, unit: Array, index: int
 ) -> Function:
-    return lambda q_mm: np.asarray(
-        motion.sign * ((step(q_mm) - constant_mm) @ frame[index]) - q_mm * unit[index]
-    )
+    return lambda q_mm: np.asarray(motion.sign * ((step(q_mm) - constant_mm) @ frame[index]) - q_mm * unit[index])
 
 
 def _epsilon(motion: _Axis, frame: Array, index: int) -> Function:

@@ -107,8 +107,7 @@ def build_errors(machine: Machine, plan: ErrorPlan, seed: np.random.SeedSequence
     for index, axis in enumerate(AXES):
         functions |= _axis_functions(machine, index, plan.axes[axis], plan.tables, streams)
     squareness = {
-        li_name: sign * plan.squareness_rad.get(iso_name, 0.0)
-        for iso_name, (li_name, sign) in LI_SQUARENESS.items()
+        li_name: sign * plan.squareness_rad.get(iso_name, 0.0) for iso_name, (li_name, sign) in LI_SQUARENESS.items()
     }
     return MachineErrors({name: functions[name] for name in LINEAR_AND_ANGULAR}, squareness)
 
@@ -155,9 +154,7 @@ def _axis_functions(
         free = plan.carriage == "free" or (straight in tables and angle in tables)
         if free:
             height = own(straight, plan.straightness_um * 1e-3)
-            functions[straight] = (
-                height.at if straight in tables else without_line(height.at, low_mm, high_mm)
-            )
+            functions[straight] = height.at if straight in tables else without_line(height.at, low_mm, high_mm)
             functions[angle] = angle_curve.at
         elif straight in tables:
             functions[straight] = tables[straight].at
@@ -188,6 +185,4 @@ def _on_two_feet(height: Function, length_mm: float) -> tuple[Function, Function
 
 def no_errors() -> MachineErrors:
     """Give a perfect machine."""
-    return MachineErrors(
-        dict.fromkeys(LINEAR_AND_ANGULAR, zero), {name: 0.0 for name, _ in LI_SQUARENESS.values()}
-    )
+    return MachineErrors(dict.fromkeys(LINEAR_AND_ANGULAR, zero), {name: 0.0 for name, _ in LI_SQUARENESS.values()})

@@ -115,9 +115,7 @@ class VirtualMachine:
             turned = turned @ rotation(sign * epsilon_rad)
         return turned, origin_mm + (added.tool_mm if carrier == "tool" else added.work_mm)
 
-    def points_mm(
-        self, carrier: str, q_mm: Array, points_mm: Array, disturbance: Disturbance | None = None
-    ) -> Array:
+    def points_mm(self, carrier: str, q_mm: Array, points_mm: Array, disturbance: Disturbance | None = None) -> Array:
         """Place points that are fixed to a carrier, in the base frame.
 
         Parameters

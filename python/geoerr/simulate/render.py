@@ -194,9 +194,7 @@ def _region(camera: Camera, sheet: Sheet, blur_px: float) -> tuple[slice, slice]
     # Straight edges bend under distortion: points along them, not the corners alone.
     corners = rectangle(sheet.pattern)
     along = np.linspace(0.0, 1.0, 17)[:-1, None]
-    edge = np.concatenate(
-        [corners[i] + along * (corners[(i + 1) % 4] - corners[i]) for i in range(4)]
-    )
+    edge = np.concatenate([corners[i] + along * (corners[(i + 1) % 4] - corners[i]) for i in range(4)])
     pixels = camera.project(sheet.place_mm(edge))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):

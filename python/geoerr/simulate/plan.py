@@ -1,0 +1,395 @@
+"""What to simulate: the plan (.toml), read and checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from geoerr.error_functions import LINEAR_AND_ANGULAR, SQUARENESS, is_angular
+from geoerr.errors import DetectionError, InputFileError
+from geoerr.files import read_json, read_toml, write_text
+from geoerr.machine import AXES, Machine, machine_from_document, read_machine
+from geoerr.simulate.curves import Polyline
+from geoerr.simulate.effects import HiddenEffect, read_hidden
+from geoerr.simulate.entries import Entries
+from geoerr.simulate.guideway import AxisPlan, ErrorPlan
+from geoerr.simulate.moments import CovariatePlan, PassPlan
+from geoerr.simulate.render import Light
+from geoerr.vision.patterns import Board, charuco_layout, chessboard_layout, marker_bits
+
+CARRIERS = ("tool", "work", "base")
+_CARRIAGES = ("tangent", "free", "length")
+_AMPLITUDES = ("positioning_um", "straightness_um", "pitch_yaw_urad", "roll_urad")
+# Li's Table 2.
+_LI_SIZE_PX = [2448.0, 2048.0]
+_LI_PIXEL_UM = 3.45
+_LI_FOCAL_MM = 8.0
+
+
+@dataclass(frozen=True)
+class LensPlan:
+    """One camera's interior: focal lengths, principal point (px), distortion k1 k2 p1 p2 k3, and a small extra turn."""
+
+    focal_px: tuple[float, float]
+    centre_px: tuple[float, float]
+    distortion: tuple[float, float, float, float, float]
+    turn_mrad: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class RigPlan:
+    """The camera pair.
+
+    Attributes
+    ----------
+    size_px
+        Width, height of both pictures.
+    middle_mm, look_at_mm, up
+        Halfway between the cameras, the point they look at, and what is up in the pictures; base frame.
+    baseline_mm
+        Distance of the cameras.
+    converging
+        0 = parallel optical axes, 1 = they cross at `look_at_mm`.
+    left, right
+        The two lenses.
+    """
+
+    size_px: tuple[int, int]
+    middle_mm: tuple[float, float, float]
+    look_at_mm: tuple[float, float, float]
+    up: tuple[float, float, float]
+    baseline_mm: float
+    converging: float
+    left: LensPlan
+    right: LensPlan
+
+
+@dataclass(frozen=True)
+class BoardPlan:
+    """The calibration board and how it is shown; `document` is the `[board]` of the session."""
+
+    board: Board
+    document: dict[str, Any]
+    margin_mm: float
+    views: int
+    depth_mm: tuple[float, float]
+    max_tilt_deg: float
+    least_seen: float
+
+
+@dataclass(frozen=True)
+class TargetPlan:
+    """One marker plate; `offset_mm` on the tool counts from the tool point, else from the base origin."""
+
+    id: int
+    dictionary: str
+    size_mm: float
+    carrier: str
+    offset_mm: tuple[float, float, float]
+    margin_mm: float
+    roll_deg: float
+    facing_mm: tuple[float, float, float] | None
+
+    @property
+    def name(self) -> str:
+        """Give a name for messages."""
+        return f"target {self.id} ({self.dictionary})"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked plan; `document` is what it was made from and is what `write_plan` writes."""
+
+    seed: int
+    machine: Machine
+    rig: RigPlan
+    light: Light
+    board: BoardPlan | None
+    targets: tuple[TargetPlan, ...]
+    errors: ErrorPlan
+    passes: tuple[PassPlan, ...]
+    hidden: tuple[HiddenEffect, ...]
+    covariates: dict[str, CovariatePlan]
+    seconds_per_frame: float
+    repeatability_um: float
+    document: dict[str, Any] = field(repr=False)
+    path: str = "-"
+
+
+def read_plan(path: str | Path) -> Plan:
+    """Read and check a plan; every refusal names the file, the key and the remedy."""
+    return plan_from_document(read_toml(path), path)
+
+
+def write_plan(path: str | Path, plan: Plan) -> None:
+    """Write a plan as TOML, whole or not at all."""
+    write_text(path, tomli_w.dumps(plan.document))
+
+
+def plan_from_document(document: dict[str, Any], path: str | Path) -> Plan:
+    """Check the content of a plan.
+
+    Parameters
+    ----------
+    document
+        As read from TOML. `machine` is the name of a machine.toml beside the plan, or the table itself, with `axes`
+        beside it as in machine.toml.
+    path
+        The plan's file, for messages and to find files beside it.
+
+    Raises
+    ------
+    InputFileError
+        for a missing, malformed or contradictory entry.
+    """
+    top = Entries(document, path)
+    machine = _machine(top)
+    rig = _rig(top.table("rig"))
+    covariates = {name: _covariate(top.table("covariates").table(name)) for name in top.table("covariates").content}
+    noise = top.table("noise")
+    targets = tuple(_target(entry) for entry in top.tables("targets"))
+    _refuse_twins(targets, path)
+    return Plan(
+        seed=top.whole("seed", 0),
+        machine=machine,
+        rig=rig,
+        light=_light(top.table("light"), top.table("rig"), noise),
+        board=_board(top.table("board")) if "board" in document else None,
+        targets=targets,
+        errors=_errors(top.table("errors")),
+        passes=tuple(_pass(entry, machine) for entry in top.tables("passes")),
+        hidden=tuple(read_hidden(entry, tuple(covariates)) for entry in top.tables("hidden")),
+        covariates=covariates,
+        seconds_per_frame=top.number("seconds_per_frame", 4.0, above=0.0),
+        repeatability_um=noise.number("repeatability_um", 0.0, low=0.0),
+        document=document,
+        path=str(path),
+    )
+
+
+def _machine(top: Entries) -> Machine:
+    given = top.content.get("machine")
+    if isinstance(given, str):
+        return read_machine(Path(top.path).parent / given)
+    if given is None:
+        raise top.refuse("machine", "is missing", 'name a file (machine = "machine.toml") or write [machine] here')
+    parts = {"machine": given, **({"axes": top.content["axes"]} if "axes" in top.content else {})}
+    return machine_from_document(parts, top.path)
+
+
+def _rig(entry: Entries) -> RigPlan:
+    size = entry.numbers("image_size_px", 2, _LI_SIZE_PX)
+    if any(side != int(side) or side < 16 for side in size):
+        raise entry.refuse("image_size_px", f"{size} are not two whole numbers of at least 16")
+    width, height = (int(side) for side in size)
+    pixel_um = entry.number("pixel_um", _LI_PIXEL_UM, above=0.0)
+    focal_px = entry.number("focal_mm", _LI_FOCAL_MM, above=0.0) / (pixel_um * 1e-3)
+    middle, look_at = entry.numbers("middle_mm", 3), entry.numbers("look_at_mm", 3)
+    up = entry.numbers("up", 3, [0.0, 0.0, 1.0])
+    if np.linalg.norm(np.cross(np.subtract(look_at, middle), up)) == 0.0:
+        raise entry.refuse("up", "lies along the viewing direction", "choose another up or look_at_mm")
+
+    def lens(name: str) -> LensPlan:
+        own = entry.table(name)
+        focal = own.numbers("focal_px", 2, [focal_px, focal_px])
+        if min(focal) <= 0.0:
+            raise own.refuse("focal_px", f"{focal} are not two positive numbers")
+        centre = own.numbers("centre_px", 2, [0.5 * (width - 1), 0.5 * (height - 1)])
+        k1, k2, p1, p2, k3 = own.numbers("distortion", 5, [0.0] * 5)
+        turn = own.numbers("turn_mrad", 3, [0.0] * 3)
+        return LensPlan(
+            (focal[0], focal[1]), (centre[0], centre[1]), (k1, k2, p1, p2, k3), (turn[0], turn[1], turn[2])
+        )
+
+    return RigPlan(
+        size_px=(width, height),
+        middle_mm=_triple(middle),
+        look_at_mm=_triple(look_at),
+        up=_triple(up),
+        baseline_mm=entry.number("baseline_mm", 300.0, above=0.0),
+        converging=entry.number("converging", 1.0),
+        left=lens("left"),
+        right=lens("right"),
+    )
+
+
+def _triple(numbers: list[float]) -> tuple[float, float, float]:
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _light(entry: Entries, rig: Entries, noise: Entries) -> Light:
+    usual = Light()
+    return Light(
+        white_grey=entry.number("white_grey", usual.white_grey, low=0.0),
+        black_grey=entry.number("black_grey", usual.black_grey, low=0.0),
+        background_grey=entry.number("background_grey", usual.background_grey, low=0.0),
+        shading=entry.number("shading", usual.shading),
+        vignetting=entry.number("vignetting", usual.vignetting),
+        blur_px=rig.number("blur_px", usual.blur_px, above=0.0),
+        noise_grey=noise.number("grey", usual.noise_grey, low=0.0),
+    )
+
+
+def _board(entry: Entries) -> BoardPlan:
+    kind = entry.text("type", "charuco", ("charuco", "chessboard"))
+    columns, rows = (int(count) for count in entry.numbers("squares", 2))
+    square_mm = entry.number("square_mm", above=0.0)
+    document: dict[str, Any] = {"type": kind, "squares": [columns, rows], "square_mm": square_mm}
+    try:
+        if kind == "charuco":
+            document["marker_mm"] = entry.number("marker_mm", above=0.0)
+            document["dictionary"] = entry.text("dictionary")
+            board = charuco_layout((columns, rows), square_mm, document["marker_mm"], document["dictionary"])
+        else:
+            board = chessboard_layout((columns, rows), square_mm)
+    except DetectionError as error:
+        raise entry.refuse("squares", str(error)) from error
+    near_mm, far_mm = entry.numbers("depth_mm", 2)
+    if not 0.0 < near_mm <= far_mm:
+        raise entry.refuse("depth_mm", f"[{near_mm}, {far_mm}] is not a nearest and a farthest distance")
+    return BoardPlan(
+        board=board,
+        document=document,
+        margin_mm=entry.number("margin_mm", 0.5 * square_mm, low=0.0),
+        views=entry.whole("views", 24, low=1),
+        depth_mm=(near_mm, far_mm),
+        max_tilt_deg=entry.number("max_tilt_deg", 40.0, low=0.0),
+        # A chessboard is found whole or not at all.
+        least_seen=entry.number("least_seen", 0.7, low=0.0) if kind == "charuco" else 1.0,
+    )
+
+
+def _target(entry: Entries) -> TargetPlan:
+    identity, dictionary = entry.whole("id"), entry.text("dictionary", "DICT_4X4_50")
+    try:
+        marker_bits(dictionary, identity)
+    except DetectionError as error:
+        raise entry.refuse("id", str(error)) from error
+    size_mm = entry.number("size_mm", above=0.0)
+    return TargetPlan(
+        id=identity,
+        dictionary=dictionary,
+        size_mm=size_mm,
+        carrier=entry.text("carrier", "tool", CARRIERS),
+        offset_mm=_triple(entry.numbers("offset_mm", 3)),
+        margin_mm=entry.number("margin_mm", size_mm / 8.0, low=0.0),
+        roll_deg=entry.number("roll_deg", 0.0),
+        facing_mm=_triple(entry.numbers("facing_mm", 3)) if "facing_mm" in entry.content else None,
+    )
+
+
+def _refuse_twins(targets: tuple[TargetPlan, ...], path: str | Path) -> None:
+    seen = set()
+    for number, target in enumerate(targets, start=1):
+        if (target.dictionary, target.id) in seen:
+            raise InputFileError(
+                path,
+                f"{target.dictionary} marker {target.id} is there twice",
+                column=f"targets[{number}].id",
+                remedy="give every target an id of its own",
+            )
+        seen.add((target.dictionary, target.id))
+
+
+def _errors(entry: Entries) -> ErrorPlan:
+    axes = {}
+    for axis in AXES:
+        own = Entries({**entry.content, **entry.table(axis).content}, entry.path, entry.key(axis))
+        carriage = own.text("carriage", "tangent", _CARRIAGES)
+        axes[axis] = AxisPlan(
+            **{name: own.number(name, 0.0) for name in _AMPLITUDES},
+            carriage=carriage,
+            carriage_length_mm=own.number("carriage_length_mm", above=0.0) if carriage == "length" else 0.0,
+        )
+    squareness = entry.table("squareness_mrad")
+    for name in squareness.content:
+        if name not in SQUARENESS:
+            raise squareness.refuse(
+                name, f"{name!r} is not a squareness", f"one of {', '.join(SQUARENESS)}, ISO signs"
+            )
+    return ErrorPlan(
+        axes=axes,
+        squareness_rad={name: squareness.number(name, 0.0) * 1e-3 for name in SQUARENESS},
+        tables=_tables(entry),
+    )
+
+
+def _tables(entry: Entries) -> dict[str, Polyline]:
+    """Read `[errors.tables]`, in the form of errors.json, or `tables = "errors.json"`."""
+    source = entry
+    if isinstance(entry.content.get("tables"), str):
+        path = Path(entry.path).parent / entry.content["tables"]
+        content = read_json(path)
+        functions = content.get("errors", {}) if isinstance(content, dict) else {}
+        source = Entries(
+            {"tables": {name: table for name, table in functions.items() if name not in SQUARENESS}}, path
+        )
+    tables = source.table("tables")
+    return {name: _table(tables, name) for name in tables.content}
+
+
+def _table(tables: Entries, name: str) -> Polyline:
+    if name not in LINEAR_AND_ANGULAR:
+        raise tables.refuse(name, f"{name!r} is not an error function", f"one of {', '.join(LINEAR_AND_ANGULAR)}")
+    entry = tables.table(name)
+    column, factor = ("value_urad", 1e-6) if is_angular(name) else ("value_um", 1e-3)
+    position_mm, value = entry.numbers("position_mm"), entry.numbers(column)
+    if len(position_mm) != len(value) or len(value) < 2 or min(np.diff(position_mm)) <= 0.0:
+        raise entry.refuse(column, "needs two or more ascending positions and one value for each")
+    return Polyline(np.array(position_mm), np.array(value) * factor)
+
+
+def _pass(entry: Entries, machine: Machine) -> PassPlan:
+    axis = entry.text("axis", None, AXES)
+    low_mm, high_mm = machine.axes[axis].range_mm
+    if "positions" in entry.content:
+        positions = entry.numbers("positions")
+    else:
+        start, stop = entry.number("start", low_mm), entry.number("stop", high_mm)
+        count = (
+            round(abs(stop - start) / entry.number("step", above=0.0)) + 1
+            if "step" in entry.content
+            else entry.whole("count", low=1)
+        )
+        positions = [float(value) for value in np.linspace(start, stop, count)]
+    if not positions:
+        raise entry.refuse("positions", "is empty")
+    others = entry.table("at")
+    at_mm = {
+        name: others.number(name, min(max(0.0, machine.axes[name].range_mm[0]), machine.axes[name].range_mm[1]))
+        for name in AXES
+        if name != axis
+    }
+    for name, values in {axis: positions, **{name: [value] for name, value in at_mm.items()}}.items():
+        low_mm, high_mm = machine.axes[name].range_mm
+        outside = [value for value in values if not low_mm <= value <= high_mm]
+        if outside:
+            raise entry.refuse(
+                "positions" if name == axis else f"at.{name}",
+                f"{outside[0]:g} mm is outside the range {low_mm:g} to {high_mm:g} mm of axis {name}",
+                "change the pass or the machine's range",
+            )
+    return PassPlan(
+        line=entry.text("line", axis.upper()),
+        axis=axis,
+        positions_mm=tuple(positions),
+        at_mm=at_mm,
+        repeats=entry.whole("repeats", 1, low=1),
+        both_directions=entry.flag("both_directions", False),
+    )
+
+
+def _covariate(entry: Entries) -> CovariatePlan:
+    if "tau_s" in entry.content:
+        values = (entry.number("start"), entry.number("end"))
+        return CovariatePlan((0.0, 0.0), values, entry.number("tau_s", above=0.0))
+    if "t_s" in entry.content:
+        t_s, value = entry.numbers("t_s"), entry.numbers("value")
+        if len(t_s) != len(value) or not t_s or (len(t_s) > 1 and min(np.diff(t_s)) <= 0.0):
+            raise entry.refuse("t_s", "needs ascending times and one value for each")
+        return CovariatePlan(tuple(t_s), tuple(value))
+    return CovariatePlan((0.0,), (entry.number("value"),))

@@ -1,0 +1,104 @@
+"""What was put into a simulation: the 21 errors in the gauge, hidden effects, and the camera pair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geoerr.error_functions import (
+    LI_SQUARENESS,
+    LINEAR_AND_ANGULAR,
+    ErrorFunction,
+    ErrorFunctions,
+    Squareness,
+    write_errors,
+)
+from geoerr.machine import AXES
+from geoerr.simulate.effects import HiddenEffect
+from geoerr.simulate.moments import measured_positions
+from geoerr.simulate.scene import Scene
+
+_N_POSITIONS = 21
+_NOTE = (
+    "positioning and angles are 0 at the first point of the measured range; straightness has no least-squares slope "
+    "over the range (continuous and uniform) and is 0 at the first point; slopes are in squareness; "
+    "given at the commanded positions of the passes that move the axis"
+)
+_NOTE_NOT_MOVED = "no pass moves axis {axis}: its gauge is that of its whole range"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The truth of a simulation; see truth.json.
+
+    Attributes
+    ----------
+    errors
+        The 21 in THEORY's gauge, method `truth`; `extra` holds `hidden` and `rig`.
+    hidden
+        What acts besides.
+    rig
+        The camera pair in the form of rig.json, and `base_from_left`.
+    """
+
+    errors: ErrorFunctions
+    hidden: tuple[HiddenEffect, ...]
+    rig: dict[str, Any]
+
+    def write(self, path: str | Path) -> None:
+        """Write truth.json, whole or not at all."""
+        write_errors(path, self.errors)
+
+
+def truth_of(scene: Scene) -> Truth:
+    """Work out the truth of a scene."""
+    gauged = scene.gauged.errors
+    notes = [_NOTE]
+    functions: dict[str, ErrorFunction] = {}
+    for index, axis in enumerate(AXES):
+        position_mm = measured_positions(scene.moments, index)
+        if len(position_mm) < 2:
+            position_mm = np.linspace(*scene.range_mm[axis], _N_POSITIONS)
+            notes.append(_NOTE_NOT_MOVED.format(axis=axis))
+        for name in LINEAR_AND_ANGULAR:
+            if name.endswith(axis.upper()):
+                functions[name] = ErrorFunction(position_mm, gauged.functions[name](position_mm))
+    squareness = {
+        iso_name: Squareness(sign * gauged.included_angle_rad[li_name])
+        for iso_name, (li_name, sign) in LI_SQUARENESS.items()
+    }
+    rig = _rig_document(scene)
+    hidden = scene.plan.hidden
+    errors = ErrorFunctions(
+        machine=scene.plan.machine,
+        functions=functions,
+        squareness=squareness,
+        method="truth",
+        notes=tuple(notes),
+        extra={
+            "hidden": [
+                {"effect": item.effect, "axis": item.axis, "covariate": item.covariate, "parameters": item.parameters}
+                for item in hidden
+            ],
+            "rig": rig,
+        },
+    )
+    return Truth(errors, hidden, rig)
+
+
+def _rig_document(scene: Scene) -> dict[str, Any]:
+    rig = scene.rig
+    turn, shift_mm = rig.right_from_left
+    document: dict[str, Any] = {}
+    for name, camera in rig.cameras.items():
+        document[f"K_{name}"] = camera.matrix.tolist()
+        document[f"dist_{name}"] = list(camera.distortion)
+    return {
+        **document,
+        "right_from_left": {"R": turn.tolist(), "t_mm": shift_mm.tolist()},
+        "image_size": list(rig.left.size_px),
+        "base_from_left": {"R": rig.left.camera_from_base.T.tolist(), "t_mm": rig.left.centre_mm.tolist()},
+    }
