@@ -1,8 +1,22 @@
 """Figures: one function a figure, each gives a `plotly.graph_objects.Figure`."""
 
+from geoerr.report.figures.calibration import CalibrationView, calibration_views
 from geoerr.report.figures.circle import circle
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
+from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
+from geoerr.report.figures.path import path_error
 
-__all__ = ["LineCurve", "circle", "error_curves", "error_field", "lines_of_errors", "nine_lines"]
+__all__ = [
+    "CalibrationView",
+    "LineCurve",
+    "calibration_views",
+    "circle",
+    "error_curves",
+    "error_field",
+    "lines_of_errors",
+    "measurement_residuals",
+    "nine_lines",
+    "path_error",
+]

@@ -50,7 +50,7 @@ def circle(
     for column, curves in enumerate(panels, start=1):
         ring_um = _draw_panel(figure, column, curves)
         name = "before and after" if column == 1 and len(panels) > 1 else ("after, at its own scale" * (column > 1))
-        titles.append(f"<b>{name or 'before'}</b>: rings {_text_um(ring_um)} apart")
+        titles.append(f"<b>{name or 'before'}</b>: rings {ring_um:g} µm apart")
     for column, title in enumerate(titles, start=1):
         domain = figure.layout[f"polar{'' if column == 1 else column}"].domain.x
         figure.add_annotation(
@@ -113,7 +113,7 @@ def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve]) -> flo
             go.Scatterpolar(
                 theta=np.rad2deg(angle),
                 r=deviation * style.UM_PER_MM,
-                name=f"{name}, G = {_text_um(trace.circular_deviation_mm * style.UM_PER_MM)}",
+                name=f"{name}, G = {style.text_um(trace.circular_deviation_mm * style.UM_PER_MM)}",
                 showlegend=column == 1,
                 hovertemplate="%{theta:.0f}°: %{r:.2f} µm<extra>" + name + "</extra>",
                 **look,
@@ -149,7 +149,3 @@ def _closed(trace: Trace) -> tuple[Numbers, Numbers]:
     if abs(gap) < 3.0 * (2.0 * np.pi / len(angle)):
         return np.append(angle, angle[0]), np.append(deviation, deviation[0])
     return angle, deviation
-
-
-def _text_um(value_um: float) -> str:
-    return f"{value_um:.3g} µm" if value_um >= 0.01 else "below 0.01 µm"

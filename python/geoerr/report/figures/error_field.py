@@ -88,11 +88,7 @@ def _ranges(low_mm: Numbers, high_mm: Numbers) -> dict[str, object]:
 
 def _panel_title(name: str, error: Numbers) -> str:
     length = np.linalg.norm(error, axis=1) * style.UM_PER_MM
-    return f"<b>{name}</b>: largest {_um(length.max())}, rms {_um(np.sqrt(np.mean(length**2)))}"
-
-
-def _um(value_um: float) -> str:
-    return f"{value_um:.1f} µm" if value_um >= 0.05 else "below 0.05 µm"
+    return f"<b>{name}</b>: largest {style.text_um(length.max())}, rms {style.text_um(np.sqrt(np.mean(length**2)))}"
 
 
 def _draw_panel(

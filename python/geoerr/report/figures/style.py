@@ -148,6 +148,14 @@ def transparent(color: str, opacity: float) -> str:
     return f"rgba({red},{green},{blue},{opacity:g})"
 
 
+def text_um(value_um: float) -> str:
+    """Write a length in µm with the digits that a reader needs."""
+    if value_um < 0.01:
+        return "below 0.01 µm"
+    digits = 0 if value_um >= 1000.0 else 1 if value_um >= 10.0 else 2
+    return f"{value_um:,.{digits}f} µm"
+
+
 def round_up_125(value: float) -> float:
     """Round a positive number up to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))

@@ -1,0 +1,225 @@
+"""Figures show the numbers they were given, with units, names and reasons."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from geoerr.error_functions import (
+    LINEAR_AND_ANGULAR,
+    SQUARENESS,
+    ErrorFunction,
+    ErrorFunctions,
+    NotDetermined,
+    Squareness,
+    is_angular,
+)
+from geoerr.machine import AXES, Axis, Machine
+from geoerr.model import Model
+from geoerr.observations import observations_from_columns
+from geoerr.report import figures
+from geoerr.report.error_tables import error_function_table, not_determined, share_within_95, squareness_table
+from geoerr.report.figures import style
+from geoerr.verify.ballbar import circle_to_test, run_circular_test
+
+MACHINE = Machine("test", "wZbXYt", {name: Axis((0.0, 400.0)) for name in AXES})
+POSITION_MM = np.linspace(0.0, 400.0, 21)
+
+
+def some_errors(seed: int = 0, with_std: bool = True, scale: float = 1.0) -> ErrorFunctions:
+    rng = np.random.default_rng(seed)
+    functions = {}
+    for name in LINEAR_AND_ANGULAR:
+        size = scale * (1e-4 if is_angular(name) else 0.03)
+        value = size * np.sin(POSITION_MM / rng.uniform(60, 200) + rng.uniform(0, 6))
+        std = size * 0.1 * np.arange(21) / 20
+        functions[name] = ErrorFunction(POSITION_MM, value - value[0], std if with_std else None)
+    squareness = {name: Squareness(scale * rng.normal() * 1e-3, 1e-5 if with_std else None) for name in SQUARENESS}
+    return ErrorFunctions(MACHINE, functions, squareness, "truth")
+
+
+def all_figures() -> dict[str, go.Figure]:
+    errors = some_errors()
+    model = Model(MACHINE, errors)
+    result = run_circular_test(model, circle_to_test(model))
+    n = 9
+    observations = observations_from_columns(
+        {"x": np.arange(n), "y": np.zeros(n), "z": np.zeros(n), "mx": np.arange(n), "sx": np.full(n, 0.004)}
+    )
+    views = [figures.CalibrationView("left01.png", 0.2, 0.3), figures.CalibrationView("b", None, None, "too dark")]
+    return {
+        "error_curves": figures.error_curves(errors, some_errors(1)),
+        "nine_lines": figures.nine_lines(errors),
+        "error_field": figures.error_field(model, lambda q: np.zeros_like(q)),
+        "circle": figures.circle(result.before[0], result.after[0], result.before[1]),
+        "measurement_residuals": figures.measurement_residuals(observations, np.full(n, 0.05)),
+        "calibration_views": figures.calibration_views(views),
+        "path_error": figures.path_error(np.arange(5.0), np.ones(5), np.full(5, 1e-3), 5e-3),
+    }
+
+
+def test_every_figure_has_a_title_units_and_the_same_look():
+    for name, figure in all_figures().items():
+        assert figure.layout.title.text, name
+        assert figure.layout.title.subtitle.text, name
+        assert figure.layout.height >= 360, name
+        assert figure.layout.template.layout.colorway == style.SERIES, name
+        words = figure.to_json()
+        assert any(unit in words for unit in ("µm", "px", "mm")), name
+
+
+def test_figures_are_the_same_every_time():
+    first = {name: figure.to_json() for name, figure in all_figures().items()}
+    assert first == {name: figure.to_json() for name, figure in all_figures().items()}
+
+
+def test_curves_show_values_and_95_percent_bands_in_micro_units():
+    errors, truth = some_errors(), some_errors(1)
+    figure = figures.error_curves(errors, truth)
+    lines = [trace for trace in figure.data if trace.name == "found" and len(trace.x) > 1]
+    bands = [trace for trace in figure.data if trace.name == "95 % interval"]
+    truths = [trace for trace in figure.data if trace.name == "truth" and len(trace.x) > 2]
+    assert len(lines) == len(bands) == len(truths) == 18
+    # Rows are directions, columns axes.
+    order = [f"E{direction}{axis}" for direction in "XYZABC" for axis in "XYZ"]
+    for name, line, band, true in zip(order, lines, bands, truths, strict=True):
+        factor = 1e6 if is_angular(name) else 1e3
+        found = errors.functions[name]
+        np.testing.assert_allclose(line.y, found.value * factor)
+        np.testing.assert_allclose(band.y[:21] - line.y, 1.96 * found.std * factor, atol=1e-9)
+        np.testing.assert_allclose(line.y - band.y[21:][::-1], 1.96 * found.std * factor, atol=1e-9)
+        np.testing.assert_allclose(true.y, truth.functions[name].value * factor)
+    titles = " ".join(annotation.text for annotation in figure.layout.annotations)
+    assert "<b>EYX</b>  δ<sub>yx</sub>" in titles
+    assert "<b>ECX</b>  ε<sub>zx</sub>" in titles
+    assert sum(trace.showlegend is not False for trace in figure.data) == 3
+
+
+def test_squareness_has_its_interval_and_its_value_in_words():
+    errors = some_errors()
+    figure = figures.error_curves(errors)
+    points = [trace for trace in figure.data if trace.name == "found" and len(trace.x) == 1]
+    assert len(points) == 3
+    for name, point in zip(SQUARENESS, points, strict=True):
+        assert point.x[0] == pytest.approx(errors.squareness[name].value_rad * 1e6)
+        assert point.error_x.array[0] == pytest.approx(1.96 * 10.0)
+        text = f"{errors.squareness[name].value_rad * 1e6:.1f} ± 19.6 µrad".replace("-", "−")
+        assert any(text in annotation.text for annotation in figure.layout.annotations)
+
+
+def test_what_is_not_determined_is_said_where_its_curve_would_be():
+    errors = some_errors()
+    fewer = {name: function for name, function in errors.functions.items() if name != "EAX"}
+    unknown = dataclasses.replace(
+        errors,
+        functions=fewer,
+        squareness={"EC0Y": errors.squareness["EC0Y"]},
+        not_determined=(NotDetermined("EAX", "no second target"), NotDetermined("EB0Z", "the camera moved")),
+    )
+    figure = figures.error_curves(unknown)
+    texts = [annotation.text for annotation in figure.layout.annotations]
+    assert sum("not determined" in text for text in texts) == 3
+    assert any("no second target" in text for text in texts)
+    assert any("the camera moved" in text for text in texts)
+    blocks = not_determined(unknown)
+    assert ("EAX", "ε_xx", "no second target") in blocks[1].rows
+    row = next(row for row in error_function_table(unknown).rows if row[0] == "EAX")
+    assert row[3] == "not determined"
+    assert next(row for row in squareness_table(unknown).rows if row[0] == "EB0Z")[2] == "not determined"
+
+
+@pytest.mark.parametrize("chain", ["wZbXYt", "wbXYZt", "wXYZbt"])
+def test_the_nine_lines_are_what_a_target_at_their_offset_travels(chain):
+    machine = dataclasses.replace(MACHINE, chain=chain)
+    errors = dataclasses.replace(some_errors(scale=0.01), machine=machine, squareness={})
+    model = Model(machine, errors)
+    curves = {curve.number: curve for curve in figures.lines_of_errors(errors)}
+    assert sorted(curves) == list(range(1, 10))
+    offsets = {4: (0, 0, 200), 5: (0, 150, 0), 6: (0, 0, 200), 7: (150, 0, 0), 8: (0, 200, 0), 9: (200, 0, 0)}
+    for number, curve in curves.items():
+        axis = AXES.index(curve.axis)
+        q = np.zeros((len(POSITION_MM), 3))
+        q[:, axis] = POSITION_MM
+        error = model.error_mm(q, offset_mm=np.array(offsets.get(number, (0, 0, 0)), dtype=float))
+        # Second order: angles of 1e-6 rad squared on arms of 400 mm.
+        np.testing.assert_allclose(curve.deviation_mm, error[:, axis] - error[0, axis], atol=1e-8)
+
+
+def test_the_field_is_drawn_magnified_as_it_says():
+    model = Model(MACHINE, some_errors())
+    figure = figures.error_field(model, lambda q: 0.5 * model.error_mm(q))
+    nominal, before, _, after = figure.data
+    magnification = float(figure.layout.title.subtitle.text.split("magnified ")[1].split(" ")[0].replace(",", ""))
+    at = np.column_stack([nominal.x, nominal.y, nominal.z])
+    drawn = np.isfinite(at[:, 0])
+    error = model.error_mm(np.ascontiguousarray(at[drawn]))
+    for trace, share in ((before, 1.0), (after, 0.5)):
+        moved = np.column_stack([trace.x, trace.y, trace.z])[drawn] - at[drawn]
+        np.testing.assert_allclose(moved, share * magnification * error, atol=1e-9)
+    largest = np.linalg.norm(error, axis=1).max()
+    assert 0.05 * 400 < magnification * largest <= 0.15 * 400
+    assert before.line.cmax == after.line.cmax == pytest.approx(largest * 1e3)
+    # Every point of the grid lies on a face of the volume.
+    assert ((at[drawn] == 0.0) | (at[drawn] == 400.0)).any(axis=1).all()
+
+
+def test_the_field_of_a_nominal_machine_can_be_drawn():
+    figure = figures.error_field(Model(MACHINE))
+    assert "magnified 1 times" in figure.layout.title.subtitle.text
+
+
+def test_the_circle_shows_the_deviations_and_closes():
+    model = Model(MACHINE, some_errors())
+    result = run_circular_test(model, circle_to_test(model))
+    figure = figures.circle(result.before[0], result.after[0])
+    before = next(trace for trace in figure.data if (trace.name or "").startswith("before"))
+    np.testing.assert_allclose(before.r[:-1], result.before[0].radial_deviation_mm * 1e3)
+    assert before.r[0] == before.r[-1]
+    assert f"{result.before[0].circular_deviation_mm * 1e3:.1f} µm" in before.name
+    # Nothing falls off the plot, and rings are the tick marks that the caption names.
+    for axis, trace in ((figure.layout.polar.radialaxis, before), (figure.layout.polar2.radialaxis, figure.data[-1])):
+        assert axis.range[0] < trace.r.min()
+        assert trace.r.max() < axis.range[1]
+        ring = np.diff(axis.tickvals)
+        assert any(f"rings {ring[0]:g} µm apart" in annotation.text for annotation in figure.layout.annotations)
+
+
+def test_a_long_path_keeps_its_largest_error():
+    rng = np.random.default_rng(0)
+    before, after = rng.uniform(0.5, 1.0, 30_011), rng.uniform(0, 1e-3, 30_011)
+    after[17_003] = 0.25
+    figure = figures.path_error(np.arange(30_011) * 0.1, before, after)
+    assert len(figure.data[1].y) <= 2000
+    assert np.nanmax(figure.data[1].y) == pytest.approx(250.0)
+    assert np.nanmax(figure.data[0].y) == pytest.approx(before.max() * 1e3)
+    assert "largest 250.0 µm" in figure.data[1].name
+
+
+def test_an_empty_path_is_an_empty_figure():
+    figure = figures.path_error([], [], [])
+    assert all(len(trace.x) == 0 for trace in figure.data)
+
+
+def test_dropped_views_are_named_with_their_reason():
+    views = [figures.CalibrationView("a.png", 0.2, 0.3), figures.CalibrationView("b.png", None, None, "too dark")]
+    figure = figures.calibration_views(views)
+    assert list(figure.data[0].x) == ["a.png"]
+    assert "b.png (too dark)" in figure.layout.annotations[0].text
+
+
+def test_the_share_within_95_percent_counts_uncertain_positions_only():
+    found = ErrorFunction(POSITION_MM, np.zeros(21), np.where(POSITION_MM == 0.0, 0.0, 1.0))
+    true = ErrorFunction(POSITION_MM, np.where(POSITION_MM >= 200.0, 1.97, 1.95))
+    assert share_within_95(found, true) == pytest.approx(9 / 20)
+    assert share_within_95(dataclasses.replace(found, std=None), true) is None
+
+
+@pytest.mark.parametrize(
+    ("value", "up", "down"), [(1.0, 1, 1), (1.1, 2, 1), (2.0, 2, 2), (30, 50, 20), (0.07, 0.1, 0.05)]
+)
+def test_rounding_to_1_2_5(value, up, down):
+    assert style.round_up_125(value) == pytest.approx(up)
+    assert style.round_down_125(value) == pytest.approx(down)
