@@ -1,0 +1,269 @@
+"""Li's nine-line method (Li §4.3): from observations to the 21 errors, with uncertainties and what is not determined.
+
+1. Lines are recognised by the axis that moves and by its lever on the target (`passes`, `places`).
+2. Distances along the lines give positioning, pitch and yaw: Eqs. 17 and 18 (`along`).
+3. Lines 1 to 3 give each session's base frame (`frames`).
+4. Positions across the lines give straightness directly and roll linearly (`transverse`); Eqs. 20 to 22 by name
+   (`roll`).
+5. Angles integrated give straightness the other way: Eq. 19 (`straightness`).
+6. Everything is referred to the carriage origin, in THEORY's gauge (`axis`).
+7. Directions of lines 1 to 3 in one session give squareness (`squareness`).
+
+Every step is linear in the points to first order and carries its operator along; uncertainties are propagated through
+it (`uncertainty`). Second-order terms that are left out are of the size of an angle times a displacement: with 0.2
+mrad and 0.1 mm, 0.02 µm; with a squareness of 5 mrad, 0.5 µm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.error_functions import ErrorFunctions
+from geoerr.errors import GeometryError, ShapeError
+from geoerr.identify.along import FittedPass
+from geoerr.identify.assemble import assemble
+from geoerr.identify.fitting import fit_passes
+from geoerr.identify.frames import session_frames
+from geoerr.identify.linear import Numbers
+from geoerr.identify.measurements import Measurements, measurements_of
+from geoerr.identify.offsets import offset_doubts
+from geoerr.identify.passes import FoundPasses, find_passes
+from geoerr.identify.places import Places, number_lines
+from geoerr.identify.reasons import Findings
+from geoerr.identify.stages import Stages, run_stages
+from geoerr.identify.straightness import TangentVerdict
+from geoerr.identify.uncertainty import AxisScatter, Noise, axis_scatter, covariance_from_repeats, scaled
+from geoerr.machine import Machine
+from geoerr.observations import Observations
+
+StraightnessMethod = Literal["direct", "integrated"]
+RollMethod = Literal["linear", "li"]
+
+
+@dataclass(frozen=True)
+class FoundLine:
+    """One line as it was recognised.
+
+    Attributes
+    ----------
+    number
+        Li's number, None for a further line.
+    axis
+        Moving axis.
+    place_mm
+        Lever of the axis on the target.
+    n_points, n_passes
+        Rows, and passes (one session, line, repeat and target each).
+    sessions, carriers, targets
+        Labels that occur.
+    rms_mm
+        Root mean square distance of its points from its passes' fitted lines.
+    """
+
+    number: int | None
+    axis: str
+    place_mm: tuple[float, float, float]
+    n_points: int
+    n_passes: int
+    sessions: tuple[str, ...]
+    carriers: tuple[str, ...]
+    targets: tuple[str, ...]
+    rms_mm: float
+
+
+@dataclass(frozen=True)
+class NineLineResult:
+    """The 21 errors with everything that speaks for or against them.
+
+    Attributes
+    ----------
+    errors
+        The error functions.
+    lines
+        What was recognised.
+    missing_lines
+        Li's numbers of lines that are not in the data.
+    tangent
+        Direct against integrated straightness, one verdict a function that has both.
+    scatter
+        Redundancy and scatter by axis.
+    left_out
+        Reason to number of rows that took no part.
+    """
+
+    errors: ErrorFunctions
+    lines: tuple[FoundLine, ...]
+    missing_lines: tuple[int, ...]
+    tangent: tuple[TangentVerdict, ...]
+    scatter: tuple[AxisScatter, ...]
+    left_out: dict[str, int]
+
+
+def identify_nine_line(
+    observations: Observations,
+    machine: Machine,
+    *,
+    straightness: StraightnessMethod = "direct",
+    roll: RollMethod = "linear",
+    rig_sensitivity: npt.ArrayLike | None = None,
+    rig_covariance: npt.ArrayLike | None = None,
+) -> ErrorFunctions:
+    """Identify the 21 errors by Li's nine-line method; `analyze_nine_lines` gives the diagnostics too.
+
+    Parameters
+    ----------
+    observations
+        Measured target points.
+    machine
+        Chain, ranges and tool offset.
+    straightness
+        Which straightness is in `functions`: `direct` from the points or `integrated` from the angles (Eq. 19). The
+        other is under `alternatives`, as `straightness-integrated` or `straightness-direct`.
+    roll
+        `linear`, or `li` for Eqs. 20 to 22; the other is under `alternatives`, as `roll-li` or `roll-linear`.
+    rig_sensitivity : (n, 3, p), optional
+        Derivative of each row's measured position by the calibration's parameters.
+    rig_covariance : (p, p), optional
+        Covariance of these parameters.
+
+    Returns
+    -------
+    ErrorFunctions
+        In THEORY's gauge, at the carriage origin; `not_determined` names the rest and why.
+
+    Raises
+    ------
+    GeometryError
+        if no line is recognised, or directions of travel are left-handed.
+    ShapeError
+        if the calibration's arrays do not fit the rows.
+    """
+    return analyze_nine_lines(
+        observations,
+        machine,
+        straightness=straightness,
+        roll=roll,
+        rig_sensitivity=rig_sensitivity,
+        rig_covariance=rig_covariance,
+    ).errors
+
+
+def analyze_nine_lines(
+    observations: Observations,
+    machine: Machine,
+    *,
+    straightness: StraightnessMethod = "direct",
+    roll: RollMethod = "linear",
+    rig_sensitivity: npt.ArrayLike | None = None,
+    rig_covariance: npt.ArrayLike | None = None,
+) -> NineLineResult:
+    """Identify the 21 errors and keep the diagnostics; arguments as for `identify_nine_line`."""
+    if straightness not in ("direct", "integrated") or roll not in ("linear", "li"):
+        raise ValueError(f"straightness {straightness!r} or roll {roll!r} is not a known method")
+    data = measurements_of(observations)
+    rig = _checked_rig(rig_sensitivity, rig_covariance, len(data.measured_mm))
+    found = find_passes(data, machine)
+    passes, refused = fit_passes(found.passes, data)
+    if not passes:
+        raise GeometryError(_nothing_found(found, refused))
+    places = number_lines([one.source for one in passes], machine)
+    frames = session_frames(data, [one.source for one in passes], [one.direction for one in passes], places, machine)
+    stages = run_stages(passes, data, frames, places, machine)
+    noise, scatter, noise_notes = _noise(data, passes, stages, rig)
+    findings = Findings(machine, found, passes, places, frames, stages.functions)
+    notes = [*refused, *offset_doubts(passes, data, frames, machine), *stages.notes, *data.notes, *noise_notes]
+    errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
+    return NineLineResult(
+        errors=errors,
+        lines=_found_lines(places, passes),
+        missing_lines=tuple(sorted(number for numbers in places.missing.values() for number in numbers)),
+        tangent=tangent,
+        scatter=tuple(scatter.values()),
+        left_out=dict(found.left_out),
+    )
+
+
+def _checked_rig(
+    sensitivity: npt.ArrayLike | None, covariance: npt.ArrayLike | None, n_rows: int
+) -> tuple[Numbers, Numbers] | None:
+    if sensitivity is None and covariance is None:
+        return None
+    if sensitivity is None or covariance is None:
+        raise ShapeError("rig_sensitivity and rig_covariance belong together: one of them is missing")
+    j, c = np.asarray(sensitivity, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    if c.ndim != 2 or c.shape[0] != c.shape[1]:
+        raise ShapeError(f"rig_covariance has shape {c.shape}, a square matrix is needed")
+    if j.shape != (n_rows, 3, len(c)):
+        raise ShapeError(f"rig_sensitivity has shape {j.shape}, ({n_rows}, 3, {len(c)}) is needed")
+    return j, c
+
+
+def _nothing_found(found: FoundPasses, refused: Sequence[str]) -> str:
+    reasons = [f"{count} rows: {why}" for why, count in found.left_out.items()] + list(refused)
+    return (
+        "no line of points is in the observations"
+        + "".join(f"\n  {reason}" for reason in reasons)
+        + ("\nhint: move one axis at a time, to two positions or more; `carrier` says what the target is fixed to")
+    )
+
+
+def _noise(
+    data: Measurements, passes: Sequence[FittedPass], stages: Stages, rig: tuple[Numbers, Numbers] | None
+) -> tuple[Noise, dict[str, AxisScatter], list[str]]:
+    """Settle the covariance of the points: stated and scaled where the data contradict it, or from repeats."""
+    sources = [one.source for one in passes]
+    is_stated = data.covariance_mm2 is not None
+    scatter = {}
+    for axis, along in stages.along.items():
+        transverse = stages.transverse[axis]
+        parts = [stage.scatter for stage in (along, transverse) if stage is not None]
+        scatter[axis] = axis_scatter(axis, parts, is_stated)
+    notes = []
+    if data.covariance_mm2 is not None:
+        rows = scaled(data.covariance_mm2, sources, scatter)
+        for axis, one in scatter.items():
+            if one.birge_ratio > 1.0:
+                notes.append(
+                    f"points along {axis.upper()} scatter {one.birge_ratio:.2f} times as much as their stated "
+                    "uncertainty: uncertainties were multiplied by that (Birge ratio)"
+                )
+    else:
+        estimated, dof = covariance_from_repeats(data, sources)
+        if estimated is None:
+            notes.append(
+                "no uncertainties: the observations state none, and too few points were visited again to tell"
+            )
+            return Noise(None), scatter, notes
+        rows = estimated
+        notes.append(f"the observations state no uncertainty: it was taken from repeats ({dof} degrees of freedom)")
+    if rig is None:
+        notes.append("the calibration's uncertainty is not included")
+        return Noise(rows), scatter, notes
+    return Noise(rows, *rig), scatter, notes
+
+
+def _found_lines(places: Places, passes: Sequence[FittedPass]) -> tuple[FoundLine, ...]:
+    lines = []
+    for line in sorted(places.lines, key=lambda one: (one.axis, one.number or 10)):
+        members = [passes[number] for number in line.passes]
+        n_points = sum(len(one.source.rows) for one in members)
+        square = sum(len(one.source.rows) * one.rms_mm**2 for one in members)
+        lines.append(
+            FoundLine(
+                number=line.number,
+                axis=line.axis,
+                place_mm=(float(line.place_mm[0]), float(line.place_mm[1]), float(line.place_mm[2])),
+                n_points=n_points,
+                n_passes=len(members),
+                sessions=tuple(dict.fromkeys(one.source.session for one in members)),
+                carriers=tuple(dict.fromkeys(one.source.carrier for one in members)),
+                targets=tuple(dict.fromkeys(one.source.target for one in members)),
+                rms_mm=float(np.sqrt(square / n_points)),
+            )
+        )
+    return tuple(lines)
