@@ -52,6 +52,7 @@ def ballbar(
     report: Annotated[Path | None, typer.Option("--report", help="Write the circle plot as an HTML page.")] = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
+    # Every verb takes it; a circle is too small to share.
     threads: Threads = 0,
 ) -> None:
     """Circular deviation (ISO 230-4) that MODEL predicts, before and after compensation."""
@@ -136,7 +137,7 @@ def _print_result(result: CircularTestResult, with_truth: bool) -> None:
             )
 
 
-_SENSE = {1: ", ccw", -1: ", cw", 0: ""}
+_SENSE = {1: ", dir +1", -1: ", dir −1", 0: ""}
 
 
 def _um(trace: Trace) -> str:

@@ -28,6 +28,7 @@ def workpiece(
     after: Annotated[Path, typer.Argument(help="The same workpiece made with the compensated program.")],
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
+    # Every verb takes it; a table is too small to share.
     threads: Threads = 0,
 ) -> None:
     """RMSE of the relative positioning errors by group, before and after compensation (Li, Table 4)."""

@@ -71,7 +71,7 @@ def error_field(model: Model, compensated: Callable[[Numbers], Numbers] | None =
         zaxis_title_text="Z, mm",
         aspectmode="data",
         **_ranges(low, high),
-        camera={"eye": {"x": 1.3, "y": -1.5, "z": 0.95}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
     )
     figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
     return figure
