@@ -178,7 +178,7 @@ impl Trial {
     fn at(model: &MachineModel, command_mm: [f64; 3], target_mm: &[f64; 3]) -> Option<Self> {
         let (error_mm, jacobian) = model.error_and_jacobian(&command_mm, &[0.0; 3]);
         let miss_mm: [f64; 3] = std::array::from_fn(|c| (command_mm[c] - target_mm[c]) + error_mm[c]);
-        let remaining_mm = miss_mm[0].hypot(miss_mm[1]).hypot(miss_mm[2]);
+        let remaining_mm = miss_mm.iter().map(|c| c * c).sum::<f64>().sqrt();
         remaining_mm.is_finite().then_some(Self { command_mm, miss_mm, remaining_mm, jacobian })
     }
 

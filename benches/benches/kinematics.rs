@@ -1,0 +1,105 @@
+//! Positions, Jacobians and commands a second, against a chain of nalgebra isometries.
+//!
+//! `cargo bench -p geoerr-bench --bench kinematics`
+
+use std::hint::black_box;
+
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use geoerr_core::kinematics::{
+    Axis, Chain, Component, ErrorTables, MachineModel, Squareness, Table, View, jacobians, positions,
+};
+use geoerr_core::newton::{command_for, commands_for};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+
+const N_ROWS: usize = 100_000;
+const ORIGIN: [f64; 3] = [0.0; 3];
+
+/// Li's printer: 400 mm, a table entry each 20 mm, his squareness; 0.2 mm and 1 mrad otherwise.
+fn machine() -> MachineModel {
+    let mut errors = ErrorTables::default();
+    for axis in Axis::ALL {
+        for component in Component::ALL {
+            let size = if component.index() < 3 { 0.2 } else { 1e-3 };
+            let knots: Vec<f64> = (0..=20).map(|k| 20.0 * f64::from(k)).collect();
+            let phase = (axis.index() * 6 + component.index()) as f64;
+            let values = knots.iter().map(|q| size * (q / 70.0 + phase).sin()).collect();
+            if let Ok(table) = Table::new(knots, values) {
+                errors.set(axis, component, table);
+            }
+        }
+    }
+    let li = Squareness { s_xy_rad: -5.05e-3, s_xz_rad: 1.24e-3, s_yz_rad: 3.84e-3 };
+    assert!(errors.set_squareness(li).is_ok());
+    let chain = Chain::parse("wZbXYt");
+    chain
+        .map(|chain| MachineModel::new(chain, errors, ORIGIN))
+        .unwrap_or_else(|error| unreachable!("{error}"))
+}
+
+fn rows() -> Vec<[f64; 3]> {
+    let golden = [0.618_033_988_749_895, 0.754_877_666_246_693, 0.819_172_513_396_164];
+    (0..N_ROWS).map(|k| golden.map(|step| 400.0 * (k as f64 * step).fract())).collect()
+}
+
+/// The theory's product, written down as it stands: one search a table, one isometry an axis.
+fn with_isometries(machine: &MachineModel, directions: &[Vector3<f64>; 3], q: &[f64; 3]) -> Point3<f64> {
+    let side = |axes: &[Axis], sign: f64| {
+        axes.iter().fold(Isometry3::identity(), |product, &axis| {
+            let at = |component| machine.errors().table(axis, component).value(q[axis.index()]);
+            let delta = Vector3::new(at(Component::X), at(Component::Y), at(Component::Z));
+            let epsilon = Vector3::new(at(Component::A), at(Component::B), at(Component::C));
+            let translation = sign * (q[axis.index()] * directions[axis.index()] + delta);
+            let rotation = UnitQuaternion::from_scaled_axis(sign * epsilon);
+            product * Isometry3::from_parts(Translation3::from(translation), rotation)
+        })
+    };
+    let (tool, work) = (side(machine.chain().tool_axes(), 1.0), side(machine.chain().work_axes(), -1.0));
+    work.inverse() * tool * Point3::origin()
+}
+
+fn one_thread(criterion: &mut Criterion) {
+    let (machine, rows) = (machine(), rows());
+    let directions = [Vector3::x(), Vector3::new(5.05e-3, 1.0, 0.0), Vector3::new(-1.24e-3, -3.84e-3, 1.0)];
+    let mut group = criterion.benchmark_group("kinematics, 100000 rows, one thread");
+    group.throughput(Throughput::Elements(N_ROWS as u64));
+    group.sample_size(20);
+    group.bench_function("position", |b| {
+        b.iter(|| rows.iter().for_each(|q| _ = black_box(machine.tool_from_work(q, &ORIGIN))));
+    });
+    group.bench_function("position, isometries of nalgebra", |b| {
+        b.iter(|| rows.iter().for_each(|q| _ = black_box(with_isometries(&machine, &directions, q))));
+    });
+    group.bench_function("jacobian", |b| {
+        b.iter(|| rows.iter().for_each(|q| _ = black_box(machine.jacobian(q, &ORIGIN))));
+    });
+    for tolerance_mm in [1e-3, 1e-6, 1e-9] {
+        group.bench_function(format!("command to {tolerance_mm:e} mm"), |b| {
+            b.iter(|| rows.iter().for_each(|q| _ = black_box(command_for(&machine, q, tolerance_mm))));
+        });
+    }
+    group.finish();
+}
+
+fn batches(criterion: &mut Criterion) {
+    let (machine, rows) = (machine(), rows());
+    let mut group = criterion.benchmark_group("kinematics, 100000 rows, all threads");
+    group.throughput(Throughput::Elements(N_ROWS as u64));
+    group.sample_size(20);
+    group.bench_function("positions", |b| {
+        b.iter_batched(
+            || (),
+            |()| positions(&machine, View::ToolFromWork, &rows, &[ORIGIN]),
+            BatchSize::LargeInput,
+        );
+    });
+    group.bench_function("jacobians", |b| {
+        b.iter_batched(|| (), |()| jacobians(&machine, &rows, &[ORIGIN]), BatchSize::LargeInput);
+    });
+    group.bench_function("commands to 1e-6 mm", |b| {
+        b.iter_batched(|| (), |()| commands_for(&machine, &rows, 1e-6), BatchSize::LargeInput);
+    });
+    group.finish();
+}
+
+criterion_group!(benches, one_thread, batches);
+criterion_main!(benches);
