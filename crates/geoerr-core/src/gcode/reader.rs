@@ -105,7 +105,9 @@ struct Asked {
 impl Asked {
     /// Notes a problem; the one that leaves least known counts.
     fn refuse(&mut self, what: Unsupported) {
-        self.problem = Some(what.or_worse(self.problem));
+        if self.problem.is_none_or(|before| before.after() < what.after()) {
+            self.problem = Some(what);
+        }
     }
 }
 
@@ -363,6 +365,7 @@ impl Reader {
             }
             Code::CompensationOn => {
                 modes.compensation = Some(code10);
+                asked.takes_parameters = true;
                 asked.refuse(Unsupported::CutterCompensation { code10 });
             }
             Code::ToolLength => {

@@ -236,15 +236,6 @@ impl Unsupported {
             Self::FlowControl => After::EverythingLost,
         }
     }
-
-    /// Of two reasons the one that leaves less known.
-    #[must_use]
-    pub fn or_worse(self, other: Option<Self>) -> Self {
-        match other {
-            Some(other) if other.after() > self.after() => other,
-            _ => self,
-        }
-    }
 }
 
 fn code(code10: &u32) -> String {

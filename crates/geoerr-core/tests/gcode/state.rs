@@ -1,0 +1,146 @@
+//! What is known of the machine from line to line.
+
+use super::common::{options, passing, rewritten, run, scaled, skewed};
+use geoerr_core::gcode::{Firmware, Options};
+
+#[test]
+fn moves_before_the_position_is_known_pass_untouched() {
+    let outcome = run(scaled(), options(), "G1 X100.1 Y99.8\nG91\nG1 Z5\nG90\nG1 Z5\nG1 X100.1\n").unwrap();
+    let lines = outcome.lines();
+    assert_eq!(lines[..4], ["G1 X100.1 Y99.8", "G91", "G1 Z5", "G90"]);
+    assert_eq!(lines[4], "G1 Z5 X100.0000 Y100.0000", "now all three are known");
+    assert_eq!(outcome.summary.untouched_position_unknown, 2);
+    assert_eq!(outcome.warning_names(), ["position-unknown"]);
+    assert_eq!(outcome.warnings[0].line, 1);
+    assert_eq!(outcome.warnings[0].count, 2);
+}
+
+#[test]
+fn homing_forgets_unless_its_place_is_given() {
+    let program = "G1 X100.1 Y0 Z0\nG28 X\nG1 Y99.8\nG1 X100.1\n";
+    assert_eq!(
+        rewritten(scaled(), options(), program)[1..],
+        ["G28 X", "G1 Y99.8", "G1 X100.0000 Y100.0000 Z0.0000"]
+    );
+    let home = Options { home_mm: Some([0.0, 0.0, 10.0]), ..options() };
+    assert_eq!(rewritten(scaled(), home, program)[2], "G1 Y100.0000 X0.0000 Z0.0000");
+}
+
+#[test]
+fn g92_keeps_two_zeros() {
+    // At X 100 of the corrected machine the program says it is at 0; 100.1 further on is at command 200.
+    let lines =
+        rewritten(scaled(), options(), "G1 X100.1 Y0 Z0\nG92 X0\nG1 X100.1\nG1 X0\nG92 X100.1\nG1 X0\n");
+    assert_eq!(lines, ["G1 X100.0000 Y0 Z0", "G92 X0", "G1 X100.0000", "G1 X0", "G92 X100.1", "G1 X0.1000"]);
+}
+
+#[test]
+fn g92_at_an_unknown_place_leaves_it_unknown() {
+    let outcome = run(scaled(), options(), "G92 X0 Y0 Z0\nG1 X100.1 Y99.8 Z5\n").unwrap();
+    assert_eq!(outcome.text(), "G92 X0 Y0 Z0\nG1 X100.1 Y99.8 Z5\n");
+    assert_eq!(outcome.summary.untouched_position_unknown, 1);
+}
+
+#[test]
+fn homing_after_a_shift_is_asked_about() {
+    let program = "G1 X0 Y0 Z0\nG92 X10\nG28 X\nG1 X100.1 Y0 Z0\n";
+    let refused = run(scaled(), options(), program).unwrap_err();
+    assert_eq!(refused.line(), 3);
+    let klipper = Options { firmware: Some(Firmware::Klipper), ..options() };
+    assert_eq!(rewritten(scaled(), klipper, program)[3], "G1 X100.0000 Y0 Z0");
+}
+
+#[test]
+fn coordinate_systems_that_the_program_sets() {
+    let program = "G10 L2 P2 X100.1 Y0 Z0\nG55 G90\nG0 X0 Y0 Z0\nG54\nG0 X100.1\nG10 L2 P1 X200.2\nG0 X0\n";
+    let lines = rewritten(scaled(), options(), program);
+    assert_eq!(lines[2], "G0 X-0.1000 Y0 Z0");
+    assert_eq!(lines[4], "G0 X100.0000");
+    assert_eq!(lines[6], "G0 X-0.2000");
+    assert_eq!(run(scaled(), options(), "G10 L2 P2 X0 Y0\nG55\n").unwrap_err().line(), 2, "Z was not set");
+}
+
+#[test]
+fn commands_that_may_move_the_machine_make_it_unknown() {
+    let corrected = "G1 X100.1 Y0 Z0\n";
+    for command in ["PARK", "G29", "G30", "T1 M6", "G27", "M48 P3", "BED_MESH_CALIBRATE", "G12 P1"] {
+        let lines = rewritten(scaled(), options(), &format!("{corrected}{command}\nG1 X200.2\n"));
+        assert_eq!(lines[1..], [command, "G1 X200.2"], "{command}");
+    }
+    for command in [
+        "SET_PRINT_STATS_INFO CURRENT_LAYER=3",
+        "M117 G1 X5",
+        "G4 X100",
+        "G10",
+        "G11",
+        "G10 S200 P0",
+        "M204 P4000",
+        "M201 X4000 Y4000 Z400 E5000",
+        "T0",
+        "G92 E0",
+        "G17 G40 G64 P0.1",
+        "EXCLUDE_OBJECT_START NAME=a",
+        "M84 X Y E",
+    ] {
+        let lines = rewritten(scaled(), options(), &format!("{corrected}{command}\nG1 X200.2\n"));
+        assert_eq!(lines[1..], [command, "G1 X200.0000"], "{command}");
+    }
+}
+
+#[test]
+fn a_placeholder_passes_and_forgets_what_it_names() {
+    let outcome =
+        run(scaled(), options(), "G1 X100.1 Y0 Z0\nG1 X0 Y{machine_depth} ; show\nG1 Z5\n").unwrap();
+    assert_eq!(outcome.lines()[1..], ["G1 X0 Y{machine_depth} ; show", "G1 Z5"]);
+    assert_eq!(outcome.warning_names(), ["placeholder", "position-unknown"]);
+}
+
+#[test]
+fn a_tool_length_is_named_once_and_forgets_z() {
+    let outcome = run(scaled(), options(), "G0 X0 Y0 Z50\nG43 H1 Z10\nG0 X100.1\nG43 H1\n").unwrap();
+    assert_eq!(outcome.lines()[2], "G0 X100.0000 Y0.0000 Z10.0000");
+    assert_eq!(outcome.warning_names(), ["tool-length"]);
+    assert_eq!(run(scaled(), options(), "G43 H1\nG43 H2\n").unwrap_err().line(), 2);
+    assert_eq!(run(scaled(), options(), "G43 H1\nG49\n").unwrap_err().line(), 2);
+    assert!(run(scaled(), options(), "G49\nG43 H2\n").is_ok());
+}
+
+#[test]
+fn corrections_of_the_firmware_are_pointed_out_unless_named() {
+    let program = "M852 I0.01\nSET_SKEW XY=1,2,3\nG29\nM425 X0.1\nBED_MESH_PROFILE LOAD=a\n";
+    let outcome = run(scaled(), options(), program).unwrap();
+    assert_eq!(outcome.warning_names(), ["firmware-corrects"]);
+    assert_eq!((outcome.warnings[0].line, outcome.warnings[0].count), (1, 5));
+    let named = Options { firmware_corrections_named: true, ..options() };
+    assert_eq!(run(scaled(), named, program).unwrap().warning_names(), Vec::<&str>::new());
+}
+
+#[test]
+fn passed_lines_leave_known_what_their_words_say() {
+    // The arc ends at its words, uncorrected; Z has not moved and is still where it was put.
+    let program = "G1 X100.1 Y99.8 Z10\nG2 X200.2 Y99.8 I50\nG1 X100.1\nG1 Y0\n";
+    let outcome = run(skewed(), passing(), program).unwrap();
+    let lines = outcome.lines();
+    assert_eq!(lines[1], "G2 X200.2 Y99.8 I50");
+    assert!(lines[2].contains('X') && lines[2].contains('Y') && lines[2].contains('Z'), "{}", lines[2]);
+    assert_eq!(outcome.summary.untouched_unsupported, 1);
+    // A cycle retracts somewhere: nothing is known until all three are given.
+    let program = "G1 X100.1 Y0 Z0\nG81 X0 Y0 Z-5 R2 F50\nX10\nG80\nG1 X100.1 Y0\nG1 Z5\nG1 X200.2\n";
+    let outcome = run(scaled(), passing(), program).unwrap();
+    assert_eq!(outcome.lines()[1..5], ["G81 X0 Y0 Z-5 R2 F50", "X10", "G80", "G1 X100.1 Y0"]);
+    assert_eq!(outcome.lines()[5..], ["G1 Z5 X100.0000 Y0.0000", "G1 X200.0000"]);
+}
+
+#[test]
+fn after_a_branch_nothing_is_corrected() {
+    let program = "G1 X100.1 Y0 Z0\no100 while [#1 LT 3]\nG1 X200.2 Y0 Z0\no100 endwhile\n";
+    let outcome = run(scaled(), passing(), program).unwrap();
+    assert_eq!(outcome.lines()[1..], ["o100 while [#1 LT 3]", "G1 X200.2 Y0 Z0", "o100 endwhile"]);
+    assert_eq!(outcome.summary.lines_not_followed, 2);
+}
+
+#[test]
+fn other_tools_and_zero_shifts_are_pointed_out() {
+    let outcome = run(scaled(), options(), "T0\nT1\nSET_GCODE_OFFSET Z=0.05\nM206 X1\n").unwrap();
+    assert_eq!(outcome.warning_names(), ["other-tool", "zero-moves"]);
+}
