@@ -20,7 +20,8 @@ def board_sheets(plan: BoardPlan, rig: StereoPair, up: Array, path: str, rng: np
     """Draw the board's poses.
 
     The board's middle goes evenly over the picture of the left and of the right camera by turns, at distances evenly
-    spread; its tilt is drawn up to the largest one, in any direction. A pose counts if both cameras see enough corners.
+    spread; its tilt is drawn up to the largest one, in any direction. A pose counts if both cameras see enough
+    corners.
 
     Raises
     ------
@@ -44,8 +45,11 @@ def board_sheets(plan: BoardPlan, rig: StereoPair, up: Array, path: str, rng: np
             centre_mm = _at_distance(camera.ideal(pixel[0], pixel[1]), depth_mm)
             centre_mm = camera.centre_mm + camera.camera_from_base.T @ centre_mm
             tilt = np.deg2rad(plan.max_tilt_deg) * np.sqrt(rng.uniform(0.05, 1.0))
-            around, roll = rng.uniform(0.0, 2.0 * np.pi), rng.normal(0.0, 0.15)
-            turn = rotation(tilt * np.array([np.cos(around), np.sin(around), 0.0])) @ rotation(np.array([0.0, 0.0, roll]))
+            # Every other pair of views upright, the next on its side: focal lengths and pixels' shape separate.
+            around, roll = rng.uniform(0.0, 2.0 * np.pi), rng.normal(0.0, 0.2) + 0.5 * np.pi * (view // 2 % 2)
+            turn = rotation(tilt * np.array([np.cos(around), np.sin(around), 0.0])) @ rotation(
+                np.array([0.0, 0.0, roll])
+            )
             base_from_board = looking_along(centre_mm - rig.middle_mm, up) @ turn
             sheet = Sheet(pattern, base_from_board, centre_mm - base_from_board @ middle_mm)
             if _seen(sheet, plan.board.corners_mm, rig) >= plan.least_seen:

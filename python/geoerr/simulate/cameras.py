@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from geoerr.errors import GeometryError
 from geoerr.simulate.rotations import Array, rotation
@@ -63,7 +64,7 @@ class Camera:
         seen = (depth > 0) & (np.sum(ideal * ideal, axis=-1) < self._largest_radius**2)
         ideal = np.where(seen[..., None], ideal, np.nan)
         bent, _ = distort(ideal[..., 0], ideal[..., 1], self.distortion)
-        return np.stack(bent, axis=-1) * np.asarray(self.focal_px) + np.asarray(self.centre_px)
+        return np.asarray(np.stack(bent, axis=-1) * np.asarray(self.focal_px) + np.asarray(self.centre_px))
 
     def ideal(self, u_px: Array, v_px: Array) -> tuple[Array, Array, Array]:
         """Undistort pixels: ideal x, y (...) and the derivative of (x, y) by (u, v), (2, 2, ...).
@@ -98,7 +99,7 @@ class Camera:
         derivative[1, 0], derivative[1, 1] = -scale * xy / fx, scale * xx / fy
         return x, y, derivative
 
-    def sees(self, pixels: Array, margin_px: float = 0.0) -> Array:
+    def sees(self, pixels: Array, margin_px: float = 0.0) -> npt.NDArray[np.bool_]:
         """Tell whether pixels (..., 2) lie in the picture, at least `margin_px` from its edge."""
         width, height = self.size_px
         u, v = pixels[..., 0], pixels[..., 1]

@@ -1,7 +1,7 @@
 """Hidden effects: what a plan may put into the virtual machine besides its 21 errors.
 
-Ids, symbols and formulas are those of the catalogue of physical effects; they are written out here once more, apart from
-the catalogue and its expressions, so that diagnosis is tested against something it does not share.
+Ids, symbols and formulas are those of the catalogue of physical effects; they are written out here once more, apart
+from the catalogue and its expressions, so that diagnosis is tested against something it does not share.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class HiddenEffect:
     effect
         Id of the catalogue.
     axis
-        `x y z`: the moving axis, or the direction of a tool effect; `work-x` ...: the direction of a work effect; None
-        where the effect has no axis.
+        `x y z`: the moving axis, or the direction of a tool effect; `work-x` ...: the direction of a work effect;
+        None where the effect has no axis.
     covariate
         Name of a column, or a difference `temp_a-temp_b`; None where the effect needs none.
     parameters

@@ -1,12 +1,13 @@
-"""The truth in THEORY.md's gauge, worked out exactly.
+"""The truth in the project's gauge, worked out exactly.
 
 The same machine can be written with many sets of 21 functions: constant angles, slopes of straightness and constant
-shifts can be moved from one axis to another, to squareness, to the set-up of the work and to the tilt of the tool. The
-gauge picks one: positioning and angles 0 at the first point of the measured range; straightness without least-squares
-slope over the range (continuous, uniform) and 0 at its first point; X the datum, Y in the XY plane, slopes in squareness.
-Every step below is an identity of rigid transforms, not a first-order one.
+shifts can be moved from one axis to another, to squareness, to the set-up of the work and to the tilt of the tool.
+The gauge picks one: positioning and angles 0 at the first point of the measured range; straightness without
+least-squares slope over the range (continuous, uniform) and 0 at its first point; X the datum, Y in the XY plane,
+slopes in squareness. Every step below is an identity of rigid transforms, not a first-order one.
 
-With axes 1, 2, 3 of a side from the base outwards, `A_i(q) = [R_i, t_i]` and C_i = R_i(first point), D_i = C_1 ... C_i:
+With axes 1, 2, 3 of a side from the base outwards, `A_i(q) = [R_i, t_i]` and C_i = R_i(first point), D_i = C_1 ...
+C_i:
 
     A_1 A_2 A_3 l = A_1'' A_2'' A_3'' (D_3 l),   R_i'' = D_{i−1} R_i C_iᵀ D_{i−1}ᵀ,  t_i'' = D_{i−1} t_i
 

@@ -3,7 +3,8 @@
 Straightness and the angle about the third direction are tied by how the carriage rides on its guideway:
 
 - `tangent`: a short carriage follows the guideway's tangent (Li's assumption, Eq. 19);
-- a carriage of length Λ touches the guideway at both ends: δ is the mean of the two heights, the angle their difference
+- a carriage of length Λ touches the guideway at both ends: δ is the mean of the two heights, the angle their
+difference
   over Λ;
 - `free`: straightness and angles have nothing to do with each other.
 
@@ -115,7 +116,7 @@ def build_errors(machine: Machine, plan: ErrorPlan, seed: np.random.SeedSequence
 def pair_sign(axis: int, direction: int, side: str) -> float:
     """Give σ of dδ_b/dq = σ ε_c for moving axis a and the third direction c: (±ε × â)_b.
 
-    On the tool side +1 for EYX/ECX, −1 for EZX/EBX and so on round; every sign turns on the work side (THEORY.md).
+    On the tool side +1 for EYX/ECX, −1 for EZX/EBX and so on round; every sign turns on the work side.
     """
     third = 3 - axis - direction
     even = (direction, third, axis) in ((0, 1, 2), (1, 2, 0), (2, 0, 1))

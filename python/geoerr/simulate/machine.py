@@ -1,4 +1,4 @@
-"""The virtual machine's own kinematics: exact rotations, any order of three axes, straight from THEORY.md's sentences.
+"""The virtual machine's own kinematics: exact rotations, any order of three axes.
 
 Written apart from the core's kinematics on purpose: what makes test data shares no code with what explains it.
 """
@@ -79,7 +79,7 @@ class VirtualMachine:
         """Give the pose of the tool carriage, of the work, or of the base at n moments, in the base frame.
 
         The product of the side's axes from the base outwards; each is `[R(ε), q·â' + δ]` on the tool side and
-        `[R(−ε), −q·â' − δ]` on the work side (THEORY.md, Kinematics).
+        `[R(−ε), −q·â' − δ]` on the work side (Li Eqs. 6 and 7, for errors of the tool as seen from the work).
 
         Parameters
         ----------

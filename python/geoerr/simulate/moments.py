@@ -25,7 +25,10 @@ class PassPlan:
 
 @dataclass(frozen=True)
 class CovariatePlan:
-    """A column as a function of time: straight lines between points, or a rise start + (end − start)(1 − e^(−t/τ))."""
+    """A column as a function of time: straight lines between points, or a rise to an end value.
+
+    With `tau_s` there are two values, and the column is start + (end − start)(1 − e^(−t/τ)).
+    """
 
     t_s: tuple[float, ...]
     value: tuple[float, ...]
@@ -97,7 +100,7 @@ def moments_of(
                     moving.append(axis)
                     q_mm.append(goal)
                     direction.append(last)
-    t_s = np.arange(len(line)) * seconds_per_frame
+    t_s = np.arange(len(line), dtype=np.float64) * seconds_per_frame
     return Moments(
         line=tuple(line),
         repeat=np.array(repeat, dtype=np.int64),

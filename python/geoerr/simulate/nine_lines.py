@@ -1,9 +1,9 @@
 """Plans for Li's nine lines: three runs, along X, Y and Z, with a fixture of plates on each body.
 
-A line is an axis that moves and a target's offset on its carrier: with plates at the origin and at x₀, y₀, z₀, the run
-along X draws lines 1, 4 and 5, that along Y lines 2, 6 and 7, that along Z lines 3, 8 and 9 (THEORY.md, "Nine lines to
-21 errors"). Both bodies' plates are seen in every picture. The builder places the cameras as near as the view allows and
-refuses an arrangement in which a plate leaves the picture or hides another.
+A line is an axis that moves and a target's offset on its carrier: with plates at the origin and at x₀, y₀, z₀, the
+run along X draws lines 1, 4 and 5, that along Y lines 2, 6 and 7, that along Z lines 3, 8 and 9 (Li §4.3). Both
+bodies' plates are seen in every picture. The builder places the cameras as near as the view allows and refuses an
+arrangement in which a plate leaves the picture or hides another.
 """
 
 from __future__ import annotations
@@ -25,7 +25,11 @@ from geoerr.simulate.visibility import look_around
 # Li's Table 3, mrad: S_xy = +EC0Y, S_xz = −EB0Z, S_yz = +EA0Z.
 _LI_SQUARENESS_MRAD = {"EC0Y": -5.05, "EB0Z": -1.24, "EA0Z": 3.84}
 # Small faults of assembly, so that nothing about the pair is round: distortion k1 k2 p1 p2 k3 of two like lenses.
-_LEFT_LENS = {"distortion": [-0.098, 0.121, 3.1e-4, -2.2e-4, -0.021], "off_px": [6.3, -4.1], "turn_mrad": [0.0, 0.0, 0.0]}
+_LEFT_LENS = {
+    "distortion": [-0.098, 0.121, 3.1e-4, -2.2e-4, -0.021],
+    "off_px": [6.3, -4.1],
+    "turn_mrad": [0.0, 0.0, 0.0],
+}
 _RIGHT_LENS = {
     "distortion": [-0.101, 0.127, -1.7e-4, 2.9e-4, -0.024],
     "off_px": [-3.8, 7.2],
@@ -97,7 +101,10 @@ class NineLines:
 
 
 def nine_line_plan(
-    setting: NineLines | None = None, *, hidden: Sequence[dict[str, Any]] = (), covariates: dict[str, Any] | None = None
+    setting: NineLines | None = None,
+    *,
+    hidden: Sequence[dict[str, Any]] = (),
+    covariates: dict[str, Any] | None = None,
 ) -> Plan:
     """Make a nine-line plan in which every plate is seen in every picture.
 
@@ -136,7 +143,7 @@ _NAME = "nine-line plan"
 
 
 def _directions(machine: Machine) -> list[Array]:
-    """List viewing directions: from above, then from below, both so that X and Y plates recede as their axis moves."""
+    """List viewing directions: from above, then from below; X and Y plates recede as their axis moves."""
     x, y = (1.0 if machine.side(axis) == "tool" else -1.0 for axis in "xy")
     return [np.array([x, y, z]) * slant for z in (-1.0, 1.0) for slant in _SLANTS]
 
@@ -171,7 +178,7 @@ def _parkings(machine: Machine) -> list[dict[str, float]]:
         return [{axis: ends[axis][0] for axis in AXES}]
     choices = []
     for side_axes in (machine.tool_axes, machine.work_axes):
-        first, *others = side_axes
+        first, others = side_axes[0], side_axes[1:]
         choices.append(
             [
                 {first: ends[first][1], **{axis: ends[axis][0] for axis in others}},
@@ -186,7 +193,9 @@ def _document(setting: NineLines, machine: Machine, direction: Array, parking: d
     passes = []
     for axis in AXES:
         at = {
-            other: 0.0 if machine.side(other) == machine.side(axis) else parking[other] for other in AXES if other != axis
+            other: 0.0 if machine.side(other) == machine.side(axis) else parking[other]
+            for other in AXES
+            if other != axis
         }
         passes.append(
             {

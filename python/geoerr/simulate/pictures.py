@@ -69,8 +69,7 @@ class Studio:
         # Far ones first, should plates ever overlap.
         for sheet in sorted(sheets, key=lambda item: -float(np.linalg.norm(item.origin_mm - camera.centre_mm))):
             paint(picture, camera, sheet, self.plan.light, self._brightness)
-        rng = np.random.default_rng(seed_of(self.plan.seed, *key, SIDES.index(side)))
-        return expose(picture, self.plan.light.noise_grey, rng)
+        return expose(picture, self.plan.light.noise_grey, seed_of(self.plan.seed, *key, SIDES.index(side)))
 
 
 def frames(plan: Plan) -> Iterator[tuple[FrameRow, Image, Image]]:
@@ -107,14 +106,16 @@ def true_pixels(plan: Plan | Scene, row: int) -> dict[tuple[str, int], dict[str,
     Returns
     -------
     dict
-        (dictionary, id) to `left` and `right`, each (4, 2): upper left, upper right, lower right, lower left corner as
-        one looks at the upright marker; NaN where a corner cannot be seen.
+        (dictionary, id) to `left` and `right`, each (4, 2): upper left, upper right, lower right, lower left corner
+        as one looks at the upright marker; NaN where a corner cannot be seen.
     """
     scene = plan if isinstance(plan, Scene) else Scene(plan)
     corners_mm = scene.corners_mm(row)
     cameras = scene.rig_at(row).cameras
     return {
-        (plate.target.dictionary, plate.target.id): {name: camera.project(corners) for name, camera in cameras.items()}
+        (plate.target.dictionary, plate.target.id): {
+            name: camera.project(corners) for name, camera in cameras.items()
+        }
         for plate, corners in zip(scene.plates, corners_mm, strict=True)
     }
 

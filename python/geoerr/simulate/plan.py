@@ -32,7 +32,7 @@ _LI_FOCAL_MM = 8.0
 
 @dataclass(frozen=True)
 class LensPlan:
-    """One camera's interior: focal lengths, principal point (px), distortion k1 k2 p1 p2 k3, and a small extra turn."""
+    """One camera's own: focal lengths, principal point, distortion k1 k2 p1 p2 k3, and a small extra turn."""
 
     focal_px: tuple[float, float]
     centre_px: tuple[float, float]

@@ -1,11 +1,12 @@
 """Pictures of flat patterns with true sub-pixel edges.
 
-A pattern is a grid of straight lines. Under a Gaussian point spread of σ pixels (the pixel's own width included) an edge
-is the normal distribution of the signed pixel distance to it, and where a horizontal and a vertical line cross, the four
-cells around them are weighted with the bivariate normal distribution of the two distances; its correlation is the cosine
-of the angle between the two gradients in the picture. Distances are (u − u_line) / |∇u|, with u, v and their pixel
-gradients exact at every pixel (lens, perspective), so an edge's position has no error; the curvature of u over the point
-spread is neglected. Exact while cells are wider than about 6 σ: only the nearest line each way is looked at.
+A pattern is a grid of straight lines. Under a Gaussian point spread of σ pixels (the pixel's own width included) an
+edge is the normal distribution of the signed pixel distance to it, and where a horizontal and a vertical line
+cross, the four cells around them are weighted with the bivariate normal distribution of the two distances; its
+correlation is the cosine of the angle between the two gradients in the picture. Distances are (u − u_line) / |∇u|,
+with u, v and their pixel gradients exact at every pixel (lens, perspective), so an edge's position has no error;
+the curvature of u over the point spread is neglected. Exact while cells are wider than about 6 σ: only the nearest
+line each way is looked at.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from statistics import NormalDist
 from typing import TypeAlias
 
 import numpy as np
@@ -245,16 +247,30 @@ def normal_distribution(argument: Array) -> Array:
     return np.asarray(table[index] + (place - index) * (table[index + 1] - table[index]))
 
 
-def expose(picture: Picture, noise_grey: float, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-    """Add the camera's noise and round to 8 bits."""
+@cache
+def _normal_quantiles() -> Picture:
+    """Give the normal quantiles of (i + ½) / 65536."""
+    usual = NormalDist()
+    return np.array([usual.inv_cdf((i + 0.5) / 65536.0) for i in range(65536)], dtype=np.float32)
+
+
+def expose(picture: Picture, noise_grey: float, seed: np.random.SeedSequence) -> npt.NDArray[np.uint8]:
+    """Add the camera's noise and round to 8 bits.
+
+    The noise is Gaussian, taken from 65536 quantiles by random 16-bit numbers: a quarter of the time that a normal
+    generator takes, nothing beyond 4.2 σ, standard deviation within 1e-4 of σ.
+    """
+    n_words = -(-picture.size // 4)
+    words = np.random.SFC64(seed).random_raw(n_words)
+    draws = words.astype("<u8").view("<u2")[: picture.size].reshape(picture.shape)
+    noise = _normal_quantiles() * np.float32(noise_grey)
     exposed = np.empty(picture.shape, dtype=np.uint8)
     for start in range(0, picture.shape[0], _EXPOSE_ROWS):
-        band = picture[start : start + _EXPOSE_ROWS]
-        grey = rng.standard_normal(band.shape, dtype=np.float32)
-        grey *= np.float32(noise_grey)
-        grey += band
+        rows = slice(start, start + _EXPOSE_ROWS)
+        grey = noise[draws[rows]]
+        grey += picture[rows]
         # Adding a half and cutting off is rounding, once the values are not negative.
         grey += np.float32(0.5)
         np.clip(grey, 0.0, 255.0, out=grey)
-        exposed[start : start + _EXPOSE_ROWS] = grey
+        exposed[rows] = grey
     return exposed

@@ -33,14 +33,16 @@ def build_rig(plan: RigPlan) -> StereoPair:
     middle_mm, look_at_mm = np.array(plan.middle_mm), np.array(plan.look_at_mm)
     base_from_stand = looking_along(look_at_mm - middle_mm, np.array(plan.up))
     right_mm = 0.5 * plan.baseline_mm * base_from_stand[:, 0]
+    # Both turn about the bar's upright only: one picture is not rolled against the other.
+    up = -base_from_stand[:, 1]
     return StereoPair(
-        _camera(plan, plan.left, middle_mm - right_mm, look_at_mm - (1.0 - plan.converging) * right_mm),
-        _camera(plan, plan.right, middle_mm + right_mm, look_at_mm + (1.0 - plan.converging) * right_mm),
+        _camera(plan, plan.left, middle_mm - right_mm, look_at_mm - (1.0 - plan.converging) * right_mm, up),
+        _camera(plan, plan.right, middle_mm + right_mm, look_at_mm + (1.0 - plan.converging) * right_mm, up),
     )
 
 
-def _camera(plan: RigPlan, lens: LensPlan, centre_mm: Array, look_at_mm: Array) -> Camera:
-    base_from_camera = looking_along(look_at_mm - centre_mm, np.array(plan.up))
+def _camera(plan: RigPlan, lens: LensPlan, centre_mm: Array, look_at_mm: Array, up: Array) -> Camera:
+    base_from_camera = looking_along(look_at_mm - centre_mm, up)
     return Camera(
         size_px=plan.size_px,
         focal_px=lens.focal_px,
@@ -130,7 +132,8 @@ class Scene:
     def _poses(self) -> dict[str, tuple[Array, Array]]:
         """Pose of each carrier at every moment: rotations (n, 3, 3) and origins (n, 3)."""
         return {
-            carrier: self.machine.pose(carrier, self.moments.q_mm, self.disturbance) for carrier in ("tool", "work", "base")
+            carrier: self.machine.pose(carrier, self.moments.q_mm, self.disturbance)
+            for carrier in ("tool", "work", "base")
         }
 
     def sheets(self, row: int) -> list[Sheet]:
@@ -144,80 +147,6 @@ class Scene:
             half_mm = 0.5 * plate.target.size_mm
             corner_mm = origin_mm + turned @ arm_mm - base_from_sheet @ np.array([half_mm, half_mm, 0.0])
             sheets.append(Sheet(plate.pattern, base_from_sheet, corner_mm))
-        return sheets
-
-    def corners_mm(self) -> Array:
-        """Give the marker's corners (4, 2) on the plate: upper left, upper right, lower right, lower left."""
-        size_mm = self.target.size_mm
-        return np.array([[0.0, 0.0], [size_mm, 0.0], [size_mm, size_mm], [0.0, size_mm]])
-
-
-class Scene:
-    """Everything that a plan describes, ready to be looked at."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self.rig = build_rig(plan.rig)
-        self.machine = VirtualMachine(
-            plan.machine, build_errors(plan.machine, plan.errors, seed_of(plan.seed, _STREAM_ERRORS))
-        )
-        self.moments: Moments = moments_of(plan.passes, plan.covariates, plan.machine, plan.seconds_per_frame)
-        self.plates = tuple(self._plate(target) for target in plan.targets)
-
-    def __len__(self) -> int:
-        """Count the moments."""
-        return len(self.moments)
-
-    @cached_property
-    def disturbance(self) -> Disturbance:
-        """What hidden effects and the machine's scatter add at each moment."""
-        total = disturbance_of(self.plan.hidden, self.moments, self.plan.machine)
-        # Only the axis that was moved can have stopped elsewhere; a parked axis stays where it is.
-        rng = np.random.default_rng(seed_of(self.plan.seed, _STREAM_REPEATABILITY))
-        scatter_mm = rng.standard_normal(len(self)) * self.plan.repeatability_um * 1e-3
-        moving = self.moments.moving_axis
-        total.delta_mm[np.arange(len(self)), moving, moving] += scatter_mm
-        return total
-
-    @cached_property
-    def range_mm(self) -> dict[str, tuple[float, float]]:
-        """First and last measured position of each axis; an axis that no pass moves counts with its whole range."""
-        ranges = {}
-        for index, axis in enumerate(AXES):
-            positions = measured_positions(self.moments, index)
-            ranges[axis] = (
-                (float(positions[0]), float(positions[-1]))
-                if len(positions) > 1
-                else self.plan.machine.axes[axis].range_mm
-            )
-        return ranges
-
-    @cached_property
-    def gauged(self) -> Gauged:
-        """The machine's errors in the gauge of the measured range."""
-        return to_gauge(self.machine, self.range_mm)
-
-    def rig_at(self, row: int) -> StereoPair:
-        """Give the camera pair at one moment; it stands still unless a hidden effect moves it."""
-        shift_mm, turn_rad = self.disturbance.rig_mm[row], self.disturbance.rig_rad[row]
-        return self.rig.moved(shift_mm, turn_rad) if shift_mm.any() or turn_rad.any() else self.rig
-
-    def sheets(self, row: int) -> list[Sheet]:
-        """Give all plates where they are at one moment, in the order of the plan's targets."""
-        q_mm = self.moments.q_mm[row : row + 1]
-        disturbance = self.disturbance[row : row + 1]
-        poses = {carrier: self.machine.pose(carrier, q_mm, disturbance) for carrier in ("tool", "work", "base")}
-        sheets = []
-        for plate in self.plates:
-            carrier = plate.target.carrier
-            turned, origin_mm = (part[0] for part in poses[carrier])
-            base_from_sheet = turned @ plate.carrier_from_plate
-            arm_mm = self.machine.arms_mm(carrier, np.array([plate.target.offset_mm]))[0]
-            half_mm = 0.5 * plate.target.size_mm
-            centre_mm = origin_mm + turned @ arm_mm
-            sheets.append(
-                Sheet(plate.pattern, base_from_sheet, centre_mm - base_from_sheet @ np.array([half_mm, half_mm, 0.0]))
-            )
         return sheets
 
     def corners_mm(self, row: int) -> Array:

@@ -20,7 +20,6 @@ from geoerr.machine import write_machine
 from geoerr.simulate.pictures import SIDES, Studio, check_complete
 from geoerr.simulate.plan import Plan
 from geoerr.simulate.truth import Truth, truth_of
-from geoerr.simulate.visibility import look_around
 from geoerr.vision.images import write_png
 
 # Called with the number of stereo pairs done and their total.
@@ -57,7 +56,6 @@ def simulate_session(plan: Plan, directory: str | Path, threads: int = 0, progre
     check_complete(plan)
     _refuse_foreign_folder(Path(directory))
     studio = Studio(plan)
-    look_around(studio.scene)
     truth = truth_of(studio.scene)
     with _whole_folder(Path(directory)) as folder:
         _write_descriptions(folder, plan, studio)

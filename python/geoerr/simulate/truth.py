@@ -20,6 +20,7 @@ from geoerr.machine import AXES
 from geoerr.simulate.effects import HiddenEffect
 from geoerr.simulate.moments import measured_positions
 from geoerr.simulate.scene import Scene
+from geoerr.simulate.visibility import NotSeen, look_around
 
 _N_POSITIONS = 21
 _NOTE = (
@@ -37,16 +38,23 @@ class Truth:
     Attributes
     ----------
     errors
-        The 21 in THEORY's gauge, method `truth`; `extra` holds `hidden` and `rig`.
+        The 21 in the gauge (see `gauge`), method `truth`; `extra` holds `hidden` and `rig`.
     hidden
         What acts besides.
     rig
         The camera pair in the form of rig.json, and `base_from_left`.
+    n_frames, n_board_views
+        Stereo pairs of the machine and of the calibration board.
+    not_seen
+        Plates that a camera does not see whole.
     """
 
     errors: ErrorFunctions
     hidden: tuple[HiddenEffect, ...]
     rig: dict[str, Any]
+    n_frames: int
+    n_board_views: int
+    not_seen: tuple[NotSeen, ...]
 
     def write(self, path: str | Path) -> None:
         """Write truth.json, whole or not at all."""
@@ -54,7 +62,13 @@ class Truth:
 
 
 def truth_of(scene: Scene) -> Truth:
-    """Work out the truth of a scene."""
+    """Work out the truth of a scene.
+
+    Raises
+    ------
+    InputFileError
+        if plates hide each other.
+    """
     gauged = scene.gauged.errors
     notes = [_NOTE]
     functions: dict[str, ErrorFunction] = {}
@@ -86,7 +100,8 @@ def truth_of(scene: Scene) -> Truth:
             "rig": rig,
         },
     )
-    return Truth(errors, hidden, rig)
+    n_board_views = scene.plan.board.views if scene.plan.board is not None else 0
+    return Truth(errors, hidden, rig, len(scene), n_board_views, tuple(look_around(scene)))
 
 
 def _rig_document(scene: Scene) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def look_around(scene: Scene, margin_px: float = 0.0) -> list[NotSeen]:
     missing: list[NotSeen] = []
     for row in range(len(scene)):
         for name, (outlines_px, faces) in scene.outlines_px(row).items():
-            whole = scene.rig.cameras[name].sees(outlines_px, margin_px).all(axis=1)
+            whole = np.all(scene.rig.cameras[name].sees(outlines_px, margin_px), axis=1)
             shown: list[tuple[int, Array]] = []
             for index, plate in enumerate(scene.plates):
                 if faces[index] and np.isfinite(outlines_px[index]).all():
@@ -58,7 +58,9 @@ def look_around(scene: Scene, margin_px: float = 0.0) -> list[NotSeen]:
 def _refuse_overlap(scene: Scene, row: int, camera: str, shown: list[tuple[int, Array]]) -> None:
     for place, (first, outline) in enumerate(shown):
         for second, other in shown[place + 1 :]:
-            apart = np.linalg.norm(outline[0] - other[0]) > np.ptp(outline, axis=0).sum() + np.ptp(other, axis=0).sum()
+            apart = (
+                np.linalg.norm(outline[0] - other[0]) > np.ptp(outline, axis=0).sum() + np.ptp(other, axis=0).sum()
+            )
             if not apart and distance_px(outline, other) < _GAP_PX:
                 q = ", ".join(f"{value:g}" for value in scene.moments.q_mm[row])
                 names = scene.plates[first].target.name, scene.plates[second].target.name

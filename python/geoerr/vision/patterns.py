@@ -1,8 +1,8 @@
 """What is printed on plates and boards: marker bits and board layouts, as OpenCV defines them.
 
-A pattern is a rectilinear grid of black and white cells: enough to print it, to draw it in a virtual picture and to say
-where its corners are. Coordinates are millimetres from the pattern's upper left corner, u to the right, v downwards, as
-one looks at it.
+A pattern is a rectilinear grid of black and white cells: enough to print it, to draw it in a virtual picture and to
+say where its corners are. Coordinates are millimetres from the pattern's upper left corner, u to the right, v
+downwards, as one looks at it.
 """
 
 from __future__ import annotations
