@@ -253,3 +253,13 @@ class TestRefusals:
         function = ErrorFunction(np.array([0.0]), np.array([0.0]))
         with pytest.raises(GeometryError, match='"EDX" is not an error function'):
             Model(machine(), ErrorFunctions(machine(), {"EDX": function}, {}, "test"))
+
+    def test_the_core_refuses_arrays_that_it_cannot_view(self) -> None:
+        core, rows, none = drawn_model()._core, points(4), np.zeros((1, 3))
+        for bad in (np.zeros((4, 2)), np.asfortranarray(rows), rows[::2]):
+            with pytest.raises(ShapeError, match=r"q_mm must be a C-contiguous \(n, 3\)"):
+                core.tool_from_work(bad, none, 1)
+        with pytest.raises(ShapeError, match="2 offsets for 4 positions"):
+            core.jacobian(rows, np.zeros((2, 3)), 1)
+        with pytest.raises(ShapeError, match="axis must be 0, 1 or 2"):
+            core.knots_mm(3)

@@ -98,7 +98,7 @@ const MAX_HALVINGS: u32 = 20;
 /// Li et al. 2023, Eqs. 24 to 27 (one step).
 ///
 /// # Verified by
-/// `tests/newton.rs`: compensate∘map is the identity to 1 nm on drawn tables, on tables made to hurt, and on a periodic
+/// `tests/kinematics/newton.rs`: compensate∘map is the identity to 1 nm on drawn tables, on tables made to hurt, and on a periodic
 /// error of 2 mm period and 20 µm amplitude.
 pub fn command_for(
     model: &MachineModel,

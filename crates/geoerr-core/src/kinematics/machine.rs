@@ -22,8 +22,9 @@ use super::vec3::{Vec3, add, cross, scale};
 /// Li et al. 2023, Eqs. 6 to 8, with full rotations and unit directions.
 ///
 /// # Verified by
-/// `tests/kinematics.rs` (first-order sums of all 24 chains, Abbe transfer, squareness, finite differences)
-/// and by a second implementation in arbitrary precision (`tests/model/`).
+/// `tests/kinematics/` for all 24 chains: first-order sums (what is left falls by 100 when errors shrink by 10), matrix
+/// products by nalgebra, Abbe transfer, squareness, derivatives by differences; and `tests/model/` against quaternions
+/// with 40 digits: positions within 1.7e-13 mm at 700 mm, errors within 2e-15 mm, Jacobian within 8e-16.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MachineModel {
     chain: Chain,
