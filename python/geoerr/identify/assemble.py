@@ -21,7 +21,6 @@ from geoerr.identify.linear import Curve, Numbers
 from geoerr.identify.measurements import Measurements
 from geoerr.identify.reasons import (
     Findings,
-    name_lines,
     why_pitch_or_yaw,
     why_positioning,
     why_roll,
@@ -81,7 +80,7 @@ def assemble(
         method=METHOD,
         not_determined=not_determined,
         alternatives=alternatives,
-        notes=(*notes, *_notes(findings, functions, roots)),
+        notes=(*notes, *_notes(findings, functions, squareness, roots)),
     )
     return errors, tuple(verdict for verdict in verdicts if verdict is not None)
 
@@ -208,23 +207,33 @@ def _why(
     return f"{why}; integrated from the angle it stands under alternatives" if name in other else why
 
 
-def _notes(findings: Findings, functions: Mapping[str, ErrorFunction], roots: Mapping[str, RootRoll]) -> list[str]:
+def _notes(
+    findings: Findings,
+    functions: Mapping[str, ErrorFunction],
+    squareness: Mapping[str, Squareness],
+    roots: Mapping[str, RootRoll],
+) -> list[str]:
     notes = []
     missing = sorted(number for numbers in findings.places.missing.values() for number in numbers)
     if missing:
-        notes.append(f"{name_lines(missing)} not in the data")
+        numbers = ", ".join(str(number) for number in missing)
+        notes.append(f"of Li's nine lines the data lack {numbers}")
     for axis, axis_functions in findings.axes.items():
-        by_place: dict[tuple[float, ...], list[str]] = {}
-        for name, lever_mm in axis_functions.at_line.items():
-            if name in functions:
-                by_place.setdefault(tuple(np.round(lever_mm, 3).tolist()), []).append(name)
-        for place, names in by_place.items():
-            where = ", ".join(f"{value:g}" for value in place)
+        names = [name for name in axis_functions.at_line if name in functions]
+        names += [name for name, pair in PAIRS.items() if name in squareness and _is_at_line(findings, axis, pair)]
+        if names:
+            where = ", ".join(f"{value:g}" for value in findings.places.base_mm[axis])
             notes.append(
-                f"{', '.join(names)} hold at the line's own place (lever {where} mm of {axis.upper()}), not at the "
-                "carriage origin: the angles that would refer them are not determined"
+                f"valid at the {axis.upper()} line's own place only (lever {where} mm), because the angles that would "
+                f"refer them to the carriage origin are not determined: {', '.join(names)}"
             )
     for name, found in roots.items():
         if found.n_without_root:
             notes.append(f"{name} by Eq. 22: {found.n_without_root} of {len(found.value_rad)} points have no root")
     return notes
+
+
+def _is_at_line(findings: Findings, axis: str, pair: tuple[str, str]) -> bool:
+    """Tell whether a squareness contains an axis's direction at its line instead of at the carriage origin."""
+    others = [other for other in pair if other != axis]
+    return len(others) == 1 and delta_name(AXES.index(others[0]), axis) in findings.axes[axis].at_line

@@ -86,7 +86,7 @@ def at_carriage_origin(
             continue
         name = delta_name(component, axis)
         functions[name], removed = without_slope(referred)
-        if not complete or transverse.at_moving_point:
+        if not complete or component in transverse.at_moving_point:
             at_line[name] = base_mm
         slopes |= {key: slope + removed for key, slope in transverse.slopes.items() if key.component == component}
     return AxisFunctions(functions, slopes, at_line)

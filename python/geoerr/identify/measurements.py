@@ -52,10 +52,10 @@ def measurements_of(observations: Observations) -> Measurements:
     """Take the arrays out of the table."""
     measured = observations.measured_mm
     session = np.asarray(observations.texts("session"), dtype=np.str_)
-    is_complete: npt.NDArray[np.bool_] = np.isfinite(measured).all(axis=1)
+    is_complete = np.asarray(np.isfinite(measured).all(axis=1))
     is_parallel = {str(name): not bool(is_complete[session == name].any()) for name in np.unique(session)}
     parallel_rows = np.array([is_parallel[str(name)] for name in session], dtype=bool)
-    usable: npt.NDArray[np.bool_] = np.where(parallel_rows, np.isfinite(measured).any(axis=1), is_complete)
+    usable = np.asarray(np.where(parallel_rows, np.isfinite(measured).any(axis=1), is_complete))
     covariance, notes = _filled_covariance(observations.covariance_mm2, measured, usable)
     return Measurements(
         commanded_mm=observations.commanded_mm,

@@ -143,7 +143,8 @@ def _origin(
 ) -> Numbers:
     """Give the place where the base line of an axis is, or should be where the data lack it."""
     places = [place for place, _ in grouped[axis]]
-    if _spans_both_directions(axis, places):
+    # One line alone is the base line, wherever it is.
+    if len(places) == 1 or _spans_both_directions(axis, places):
         return base[axis]
     for other, others in grouped.items():
         if other == axis or not _spans_both_directions(other, [place for place, _ in others]):

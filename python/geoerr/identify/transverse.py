@@ -90,7 +90,7 @@ class Transverse:
     roll: Curve | None
     angles: dict[int, Curve]
     slopes: dict[SlopeKey, Linear]
-    at_moving_point: bool
+    at_moving_point: frozenset[int]
     scatter: Scatter
 
 
@@ -152,14 +152,21 @@ def identify_transverse(
     open_angles = [direction for direction in rows.components if direction not in known.get(axis, {})]
     rows = _without_gaps(rows, known.get(axis, {}))
     result = _solve(rows, frames, known.get(axis, {}), open_angles, with_roll=True)
-    if result.straightness or not open_angles:
+    hidden = [component for component in rows.components if component not in result.straightness]
+    at_base = np.all(np.abs(rows.lever_mm[:, list(rows.components)]) < SAME_PLACE_MM, axis=1)
+    if not hidden or not open_angles or not at_base.any():
         return result
     # Only for `relative` data of a work-side axis: its lever grows with its own position, so that an unknown angle
-    # hides straightness even on the base line. What is left is the straightness of the moving point.
-    at_base = np.all(np.abs(rows.lever_mm[:, list(rows.components)]) < SAME_PLACE_MM, axis=1)
-    if not at_base.any():
-        return result
-    return _solve(_chosen(rows, at_base), frames, known.get(axis, {}), [], with_roll=False)
+    # hides straightness even on the base line. What shows is the straightness of the moving point.
+    at_point = _solve(_chosen(rows, at_base), frames, known.get(axis, {}), [], with_roll=False)
+    shown = frozenset(component for component in hidden if component in at_point.straightness)
+    return replace(
+        result,
+        straightness=result.straightness | {component: at_point.straightness[component] for component in shown},
+        slopes={key: slope for key, slope in result.slopes.items() if key.component not in shown}
+        | {key: slope for key, slope in at_point.slopes.items() if key.component in shown},
+        at_moving_point=shown,
+    )
 
 
 def _collect(
@@ -224,7 +231,8 @@ def _turned_by_parked(
 ) -> tuple[Linear, tuple[SlopeKey, SlopeKey]]:
     """Give the slopes (2,) that parked axes give a line by their rotation, and what of them is not known.
 
-    ε × â has the component ε_c along b and −ε_b along c.
+    ε × â has the component ε_c along b and −ε_b along c; for a target on the work both are turned, because its axis
+    moves it by −q while its travel is reversed (`geoerr.identify.levers`: the bracket has −q_b there).
     """
     axis = one.source.index
     second, third = (axis + 1) % 3, (axis + 2) % 3
@@ -234,7 +242,7 @@ def _turned_by_parked(
         parked = float(one.source.parked_mm[AXES.index(other)])
         if other in first_mm and parked <= first_mm[other] + SAME_POSITION_MM:
             continue
-        for number, (direction, sign) in enumerate(((third, 1.0), (second, -1.0))):
+        for number, (direction, sign) in enumerate(((third, one.source.sign), (second, -one.source.sign))):
             curve = known.get(other, {}).get(direction)
             if curve is None:
                 unknown[number].append((other, round(parked, 3)))
@@ -339,7 +347,7 @@ def _solve(
         roll=curve(columns.roll, 1.0 / ARM_MM, least=2),
         angles={direction: found for direction, found in found_angles.items() if found is not None},
         slopes=slopes,
-        at_moving_point=not with_roll,
+        at_moving_point=frozenset(),
         scatter=_scatter(rows, solution, whitening, flat, known),
     )
 
