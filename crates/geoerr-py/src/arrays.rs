@@ -14,7 +14,8 @@ pub fn rows<'a, const K: usize>(
     name: &str,
 ) -> Result<&'a [[f64; K]], CoreError> {
     let refused = || CoreError::shape(format!("{name} must be a C-contiguous (n, {K}) array of float64"));
-    if array.shape()[1] != K {
+    // `as_slice` would take Fortran's order too, and mix up rows and columns.
+    if array.shape()[1] != K || !array.is_c_contiguous() {
         return Err(refused());
     }
     Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<K>().0)
@@ -27,7 +28,7 @@ pub fn matrices<'a, const K: usize>(
 ) -> Result<&'a [[[f64; K]; K]], CoreError> {
     let refused =
         || CoreError::shape(format!("{name} must be a C-contiguous (n, {K}, {K}) array of float64"));
-    if array.shape()[1..] != [K, K] {
+    if array.shape()[1..] != [K, K] || !array.is_c_contiguous() {
         return Err(refused());
     }
     Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<K>().0.as_chunks::<K>().0)

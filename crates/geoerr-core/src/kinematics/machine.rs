@@ -192,7 +192,7 @@ impl MachineModel {
 
     /// [`error`](Self::error) and [`jacobian`](Self::jacobian) in one pass through the chain.
     ///
-    /// `d(R v)/dq = ω × (R v) + R dv/dq`, with ω of [`Rotation::velocity`].
+    /// `d(R v)/dq = ω × (R v) + R dv/dq`, with ω the angular velocity of the carriage.
     pub fn error_and_jacobian(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
         let mut nominal = self.lever(offset_mm);
         let mut error = [0.0; 3];
