@@ -1,0 +1,94 @@
+"""Pictures in and out: whole ones come back, everything else says what is wrong with it."""
+
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from geoerr.errors import InputFileError, ShapeError
+from geoerr.vision.images import encode_png, read_grey, write_png
+
+NOISE = np.random.default_rng(5).integers(0, 256, (48, 64), dtype=np.uint8)
+
+
+def encoded(suffix, image=NOISE, settings=()):
+    done, content = cv2.imencode(suffix, image, list(settings))
+    assert done
+    return content.tobytes()
+
+
+WHOLE = {".png": encoded(".png"), ".jpg": encoded(".jpg"), ".tif": encoded(".tif", settings=[cv2.IMWRITE_TIFF_COMPRESSION, 1])}
+
+
+def test_a_png_comes_back_as_it_was(tmp_path):
+    write_png(tmp_path / "a.png", NOISE)
+    assert np.array_equal(read_grey(tmp_path / "a.png"), NOISE)
+    assert read_grey(tmp_path / "a.png").dtype == np.uint8
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_lossless_kinds_are_read_exactly(tmp_path, suffix):
+    (tmp_path / "a").write_bytes(WHOLE[suffix])
+    assert np.array_equal(read_grey(tmp_path / "a"), NOISE)
+
+
+def test_colour_and_sixteen_bits_become_grey(tmp_path):
+    (tmp_path / "a.tif").write_bytes(encoded(".tif", (NOISE.astype(np.uint16) << 8) + 0x37))
+    assert np.array_equal(read_grey(tmp_path / "a.tif"), NOISE)
+    (tmp_path / "b.png").write_bytes(encoded(".png", np.repeat(NOISE[..., None], 3, axis=2)))
+    assert np.array_equal(read_grey(tmp_path / "b.png"), NOISE)
+
+
+def test_a_note_to_turn_the_picture_is_ignored(tmp_path):
+    ifd = struct.pack("<HHHIHHI", 1, 0x0112, 3, 1, 6, 0, 0)
+    exif = b"Exif\0\0" + b"II*\0" + struct.pack("<I", 8) + ifd
+    plain = WHOLE[".jpg"]
+    (tmp_path / "a.jpg").write_bytes(plain[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + plain[2:])
+    assert cv2.imread(str(tmp_path / "a.jpg"), cv2.IMREAD_GRAYSCALE).shape == (64, 48)
+    assert read_grey(tmp_path / "a.jpg").shape == (48, 64)
+
+
+@settings(max_examples=60, deadline=None)
+@given(share=st.floats(0.0, 1.0), suffix=st.sampled_from(sorted(WHOLE)))
+def test_a_picture_cut_anywhere_is_refused(tmp_path_factory, share, suffix):
+    content = WHOLE[suffix]
+    path = tmp_path_factory.mktemp("cut") / "cut"
+    path.write_bytes(content[: int(share * (len(content) - 2))])
+    with pytest.raises(InputFileError, match="truncated|empty|not a picture") as refusal:
+        read_grey(path)
+    assert str(path) in str(refusal.value)
+
+
+@settings(max_examples=40, deadline=None)
+@given(place=st.integers(8, len(WHOLE[".png"]) - 1), flip=st.integers(1, 255))
+def test_a_png_with_one_byte_changed_is_never_read(tmp_path_factory, place, flip):
+    content = bytearray(WHOLE[".png"])
+    content[place] ^= flip
+    path = tmp_path_factory.mktemp("changed") / "changed.png"
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputFileError, match="truncated|damaged"):
+        read_grey(path)
+
+
+def test_what_is_no_picture_is_refused_by_name(tmp_path):
+    (tmp_path / "empty.png").write_bytes(b"")
+    (tmp_path / "text.png").write_text("x, y, z\n")
+    for path, message in (
+        (tmp_path / "none.png", "no such picture"),
+        (tmp_path, "is a folder"),
+        (tmp_path / "empty.png", "empty"),
+        (tmp_path / "text.png", "not a picture"),
+    ):
+        with pytest.raises(InputFileError, match=message):
+            read_grey(path)
+
+
+def test_only_grey_pictures_are_written(tmp_path):
+    for wrong in (NOISE.astype(np.float64), np.zeros((4, 4, 3), np.uint8), np.zeros((0, 4), np.uint8)):
+        with pytest.raises(ShapeError):
+            encode_png(wrong)
+    with pytest.raises(InputFileError, match="does not exist"):
+        write_png(tmp_path / "none" / "a.png", NOISE)
