@@ -1,6 +1,6 @@
 """What the Rust core offers to the package; `geoerr.*` is the public face."""
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
@@ -72,3 +72,28 @@ def integrate_straightness(
 def remove_line(
     position_mm: npt.NDArray[np.float64], values: npt.NDArray[np.float64], threads: int
 ) -> npt.NDArray[np.float64]: ...
+
+@final
+class GcodeRewriter:
+    """A program on its way through the core: push its bytes, pull the corrected ones."""
+
+    def __new__(
+        cls,
+        model: MachineModel,
+        *,
+        work_offset_mm: tuple[float, float, float],
+        tolerance_mm: float,
+        digits: int,
+        home_mm: tuple[float, float, float] | None,
+        firmware: str | None,
+        passes_unsupported: bool,
+        holds_outside_measured: bool,
+        firmware_corrections_named: bool,
+        range_mm: list[tuple[float, float]],
+        measured_mm: list[tuple[float, float]],
+        model_name: str,
+    ) -> GcodeRewriter: ...
+    def push(self, program: bytes, is_last: bool) -> None: ...
+    def pull(self, threads: int) -> bytes | None: ...
+    def summary(self) -> dict[str, Any]: ...
+    def warnings(self) -> list[tuple[str, int, str, int, str]]: ...

@@ -1,13 +1,18 @@
 //! Maps every error of the core to one exception of `geoerr.errors`, exhaustively and in one place.
 
+use geoerr_core::gcode;
 use geoerr_core::kinematics::KinematicsError;
 use geoerr_core::line::LineError;
 use geoerr_core::newton::NewtonError;
 use geoerr_core::straightness::StraightnessError;
 use geoerr_core::triangulate::TriangulateError;
 use pyo3::exceptions::PyRuntimeError;
-use pyo3::{PyErr, import_exception};
+use pyo3::prelude::*;
+use pyo3::types::IntoPyDict;
+use pyo3::{PyErr, PyTypeInfo, import_exception};
 
+import_exception!(geoerr.errors, GcodeError);
+import_exception!(geoerr.errors, GeoerrError);
 import_exception!(geoerr.errors, GeometryError);
 import_exception!(geoerr.errors, NotConvergedError);
 import_exception!(geoerr.errors, ShapeError);
@@ -91,6 +96,37 @@ impl From<StraightnessError> for CoreError {
         Self(match error {
             E::TooFewPositions { .. } | E::NotWholeFunctions { .. } => ShapeError::new_err(message),
             E::PositionNotFinite { .. } | E::PositionsNotRising { .. } => GeometryError::new_err(message),
+        })
+    }
+}
+
+/// The name of the file is the caller's: `geoerr.compensate` puts it in the place of `program`.
+impl From<gcode::GcodeError> for CoreError {
+    fn from(error: gcode::GcodeError) -> Self {
+        use gcode::GcodeError as E;
+        let message = error.to_string();
+        let at_line = |line: u64, remedy: &str| {
+            Python::attach(|py| {
+                let remedy = [("remedy", remedy)].into_py_dict(py)?;
+                let error =
+                    GcodeError::type_object(py).call(("program", line, message.as_str()), Some(&remedy))?;
+                Ok(PyErr::from_value(error))
+            })
+            .unwrap_or_else(|failure: PyErr| failure)
+        };
+        Self(match error {
+            E::Option { .. } => GeoerrError::new_err(message),
+            E::Binary
+            | E::NulByte { .. }
+            | E::LineTooLong { .. }
+            | E::AlreadyCorrected { .. }
+            | E::Unsupported { .. }
+            | E::OutsideRange { .. }
+            | E::CommandOutsideRange { .. }
+            | E::OutsideMeasured { .. }
+            | E::NotSolved { .. }
+            | E::NotHeld { .. }
+            | E::TooFewDigits { .. } => at_line(error.line(), error.remedy()),
         })
     }
 }

@@ -6,6 +6,7 @@
 mod arrays;
 mod core_door;
 mod errors;
+mod gcode;
 mod kinematics;
 mod line;
 mod straightness;
@@ -16,6 +17,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    gcode::register(module)?;
     kinematics::register(module)?;
     line::register(module)?;
     straightness::register(module)?;

@@ -4,7 +4,6 @@ use super::unsupported::Unsupported;
 
 /// A program, or an option, with which nothing safe can be done. The message does not repeat the line's number.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum GcodeError {
     /// Prusa's binary format.
     #[error("binary G-code, not text")]

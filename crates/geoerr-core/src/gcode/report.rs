@@ -4,7 +4,6 @@ use super::unsupported::Unsupported;
 
 /// Something that the user should know; the work went on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum WarningKind {
     /// A line that is not corrected was passed through.
     Passed(Unsupported),

@@ -4,7 +4,6 @@
 ///
 /// Codes are ten times the number, so that 92.1 is 921.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
 pub enum Unsupported {
     /// `G2`, `G3`.
     #[error("an arc ({}) is not corrected yet", code(.code10))]

@@ -1,0 +1,126 @@
+//! Binds `geoerr_core::gcode`: a stream that takes a program's bytes and gives the corrected ones.
+
+use std::sync::{Mutex, MutexGuard};
+
+use geoerr_core::gcode::{Firmware, GcodeError, OnUnsupported, Options, Rewriter};
+use geoerr_core::kinematics::MachineModel;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::core_door::enter_core;
+use crate::errors::CoreError;
+use crate::kinematics::PyMachineModel;
+
+/// A program on its way through the core.
+#[pyclass(frozen, name = "GcodeRewriter", module = "geoerr._core")]
+pub struct PyGcodeRewriter {
+    rewriter: Mutex<Rewriter<MachineModel>>,
+}
+
+impl PyGcodeRewriter {
+    /// Waiting here, with the interpreter held, for a thread that waits for the interpreter would never end.
+    fn lock(&self) -> PyResult<MutexGuard<'_, Rewriter<MachineModel>>> {
+        self.rewriter.try_lock().map_err(|_| PyRuntimeError::new_err("another thread uses this stream"))
+    }
+}
+
+/// Kind, first line, its text, how often, what it means.
+type WarningRow = (&'static str, u64, String, u64, String);
+
+#[pymethods]
+impl PyGcodeRewriter {
+    #[new]
+    #[pyo3(signature = (
+        model, *, work_offset_mm, tolerance_mm, digits, home_mm, firmware, passes_unsupported,
+        holds_outside_measured, firmware_corrections_named, range_mm, measured_mm, model_name
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keywords on the Python side")]
+    fn new(
+        model: &PyMachineModel,
+        work_offset_mm: [f64; 3],
+        tolerance_mm: f64,
+        digits: u8,
+        home_mm: Option<[f64; 3]>,
+        firmware: Option<&str>,
+        passes_unsupported: bool,
+        holds_outside_measured: bool,
+        firmware_corrections_named: bool,
+        range_mm: [(f64, f64); 3],
+        measured_mm: [(f64, f64); 3],
+        model_name: String,
+    ) -> PyResult<Self> {
+        let firmware = match firmware {
+            None => None,
+            Some("marlin") => Some(Firmware::Marlin),
+            Some("klipper") => Some(Firmware::Klipper),
+            Some("reprapfirmware") => Some(Firmware::RepRapFirmware),
+            Some(other) => return Err(PyValueError::new_err(format!("unknown firmware {other:?}"))),
+        };
+        let on_unsupported = if passes_unsupported { OnUnsupported::Pass } else { OnUnsupported::Refuse };
+        let options = Options {
+            work_offset_mm,
+            tolerance_mm,
+            digits,
+            home_mm,
+            firmware,
+            on_unsupported,
+            holds_outside_measured,
+            firmware_corrections_named,
+            range_mm,
+            measured_mm,
+            model_name,
+        };
+        let rewriter = Rewriter::new(model.core().clone(), options).map_err(CoreError::from)?;
+        Ok(Self { rewriter: Mutex::new(rewriter) })
+    }
+
+    /// Takes more of the program; `is_last` with its end.
+    fn push(&self, program: &[u8], is_last: bool) -> PyResult<()> {
+        self.lock()?.push(program, is_last);
+        Ok(())
+    }
+
+    /// The next corrected block; None where nothing is left to do until the next push.
+    fn pull<'py>(&self, py: Python<'py>, threads: usize) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let mut rewriter = self.lock()?;
+        let rewriter = &mut *rewriter;
+        let block = enter_core(py, threads, || -> Result<Option<Vec<u8>>, GcodeError> {
+            let mut out = Vec::new();
+            Ok(rewriter.pull(&mut out)?.then_some(out))
+        })?;
+        Ok(block.map(|bytes| PyBytes::new(py, &bytes)))
+    }
+
+    /// Counts so far, and the largest correction.
+    fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let summary = *self.lock()?.summary();
+        let dict = PyDict::new(py);
+        dict.set_item("lines", summary.lines)?;
+        dict.set_item("moves_in", summary.moves_in)?;
+        dict.set_item("moves_out", summary.moves_out)?;
+        dict.set_item("moves_corrected", summary.moves_corrected)?;
+        dict.set_item("untouched_position_unknown", summary.untouched_position_unknown)?;
+        dict.set_item("untouched_unsupported", summary.untouched_unsupported)?;
+        dict.set_item("lines_not_followed", summary.lines_not_followed)?;
+        dict.set_item("largest_correction_mm", summary.largest_correction_mm)?;
+        dict.set_item("largest_correction_line", summary.largest_correction_line)?;
+        dict.set_item("extrusion_in", summary.extrusion_in)?;
+        dict.set_item("extrusion_out", summary.extrusion_out)?;
+        Ok(dict)
+    }
+
+    /// Warnings so far, in the order of their first lines.
+    fn warnings(&self) -> PyResult<Vec<WarningRow>> {
+        let warnings = self.lock()?.warnings();
+        let rows = warnings.into_iter().map(|warning| {
+            (warning.kind.name(), warning.line, warning.text, warning.count, warning.kind.explanation())
+        });
+        Ok(rows.collect())
+    }
+}
+
+/// Adds the class to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyGcodeRewriter>()
+}
