@@ -15,7 +15,8 @@ use crate::kinematics::PyMachineModel;
 /// A program on its way through the core.
 #[pyclass(frozen, name = "GcodeRewriter", module = "geoerr._core")]
 pub struct PyGcodeRewriter {
-    rewriter: Mutex<Rewriter<MachineModel>>,
+    /// Boxed: Python gives its objects 16-byte boundaries, and the rewriter holds vector registers that need 32.
+    rewriter: Box<Mutex<Rewriter<MachineModel>>>,
 }
 
 impl PyGcodeRewriter {
@@ -72,7 +73,7 @@ impl PyGcodeRewriter {
             model_name,
         };
         let rewriter = Rewriter::new(model.core().clone(), options).map_err(CoreError::from)?;
-        Ok(Self { rewriter: Mutex::new(rewriter) })
+        Ok(Self { rewriter: Box::new(Mutex::new(rewriter)) })
     }
 
     /// Takes more of the program; `is_last` with its end.

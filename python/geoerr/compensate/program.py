@@ -1,0 +1,333 @@
+"""Correct a G-code program for the machine that will run it."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.errors import GcodeError, GeoerrError, InputFileError
+from geoerr.files import whole_or_absent
+from geoerr.machine import AXES
+from geoerr.model import Model
+
+Triple = tuple[float, float, float]
+Firmware = Literal["marlin", "klipper", "reprapfirmware"]
+
+# What is read at a time: with the block that is being written, a few times this is all the memory that is used.
+CHUNK_BYTES = 1 << 20
+
+# The core counts extruded length in units of 1e-18 mm, so that sums are exact.
+_EXTRUSION_UNITS_PER_MM = 10**18
+
+
+@dataclass(frozen=True)
+class CompensationOptions:
+    """What the user decides.
+
+    Attributes
+    ----------
+    work_offset_mm
+        From the machine's zero to the program's zero (G54).
+    tolerance_mm
+        Largest distance of the actual tool position from the programmed one, at the same share of a move.
+    digits
+        Digits behind the point of a printed axis word in millimetres; words in inches get one more.
+    home_mm
+        Where G28 leaves the machine, machine coordinates; None: not known.
+    firmware
+        Who will run the program; only needed where firmwares read a program differently.
+    firmware_corrects
+        Errors (ISO names or groups, as in `Model.without`) that the firmware corrects itself.
+    on_unsupported
+        Refuse a program with a line that is not corrected, or pass such lines through untouched with a warning.
+    outside_measured
+        Refuse positions outside the measured range of the errors, or hold the last measured values.
+    """
+
+    work_offset_mm: Triple = (0.0, 0.0, 0.0)
+    tolerance_mm: float = 0.005
+    digits: int = 4
+    home_mm: Triple | None = None
+    firmware: Firmware | None = None
+    firmware_corrects: tuple[str, ...] = ()
+    on_unsupported: Literal["refuse", "pass"] = "refuse"
+    outside_measured: Literal["refuse", "hold"] = "refuse"
+
+
+@dataclass(frozen=True)
+class ProgramWarning:
+    """Something the user should know about the program; each kind is reported once.
+
+    Attributes
+    ----------
+    kind
+        A short name, for programs.
+    line, text
+        Where it was first met (1-based), and what stands there.
+    count
+        On how many lines.
+    explanation
+        What it means and what to do.
+    """
+
+    kind: str
+    line: int
+    text: str
+    count: int
+    explanation: str
+
+    def __str__(self) -> str:
+        """Give it as one sentence for a terminal."""
+        more = f" (and {self.count - 1} more)" if self.count > 1 else ""
+        return f"line {self.line}{more}: {self.text}: {self.explanation}"
+
+
+@dataclass(frozen=True)
+class CompensationResult:
+    """What happened to a program.
+
+    Attributes
+    ----------
+    lines
+        Lines read.
+    moves_in, moves_out
+        Moves (G0 or G1 with X, Y or Z) read and written.
+    moves_corrected
+        Moves whose end was corrected, whether or not a digit changed.
+    untouched_position_unknown, untouched_unsupported, lines_not_followed
+        Moves passed through before the position was known; lines passed through because they are not corrected;
+        lines behind a branch or the end of the tape.
+    largest_correction_um, largest_correction_line
+        Largest distance of a command from the programmed position, and its line (0 where nothing was corrected).
+    extrusion_in_mm, extrusion_out_mm
+        Net extruded length.
+    warnings
+        One for each kind.
+    """
+
+    lines: int
+    moves_in: int
+    moves_out: int
+    moves_corrected: int
+    untouched_position_unknown: int
+    untouched_unsupported: int
+    lines_not_followed: int
+    largest_correction_um: float
+    largest_correction_line: int
+    extrusion_in_mm: float
+    extrusion_out_mm: float
+    warnings: tuple[ProgramWarning, ...]
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as plain values, for `--json`."""
+        document = {name: value for name, value in vars(self).items() if name != "warnings"}
+        document["warnings"] = [vars(warning) for warning in self.warnings]
+        return document
+
+
+def compensate_program(
+    model: Model,
+    source: str | Path,
+    target: str | Path,
+    options: CompensationOptions | None = None,
+    *,
+    model_name: str = "unnamed",
+    threads: int = 0,
+    on_progress: Callable[[int], None] | None = None,
+) -> CompensationResult:
+    """Correct the program `source` into `target`, in constant memory; `-` is standard input or output.
+
+    The output appears when it is whole, or not at all. Lines that are no straight moves come out byte for byte, and a
+    model without errors gives the file back byte for byte. A program that geoerr has corrected is refused.
+
+    Parameters
+    ----------
+    model
+        The machine and its errors.
+    source, target
+        Files; they must not be the same.
+    options
+        None for the defaults.
+    model_name
+        Names the model in the mark that says the program is corrected: the first twelve digits of its file's SHA-256.
+    threads
+        0 = all cores. Never changes a byte.
+    on_progress
+        Called with the number of bytes read so far.
+
+    Raises
+    ------
+    GcodeError
+        for a line that cannot be corrected safely, with its number, text and remedy.
+    InputFileError
+        for a file that cannot be read, or an output that would replace the input.
+
+    Notes
+    -----
+    Li et al. 2023, Eqs. 24 to 27, one solve a move end; a move is split where its path would leave the tolerance.
+    """
+    _refuse_same_file(source, target)
+    rewriter = _rewriter(model, options or CompensationOptions(), model_name)
+    with contextlib.ExitStack() as stack:
+        chunks = _chunks(_opened(source, stack), on_progress)
+        if str(target) == "-":
+            # A refused program must not leave half an output in a pipe.
+            whole = stack.enter_context(tempfile.TemporaryFile())
+            _rewrite(rewriter, source, chunks, whole, threads)
+            whole.seek(0)
+            shutil.copyfileobj(whole, sys.stdout.buffer)
+            sys.stdout.buffer.flush()
+        else:
+            _refuse_folder(target)
+            temporary = stack.enter_context(whole_or_absent(target))
+            with temporary.open("wb") as stream:
+                _rewrite(rewriter, source, chunks, stream, threads)
+    return _result(rewriter)
+
+
+def compensate_bytes(
+    model: Model,
+    program: bytes,
+    options: CompensationOptions | None = None,
+    *,
+    model_name: str = "unnamed",
+    threads: int = 0,
+) -> tuple[bytes, CompensationResult]:
+    """Correct a program in memory; everything else as `compensate_program`."""
+    rewriter = _rewriter(model, options or CompensationOptions(), model_name)
+    written: list[bytes] = []
+    starts = range(0, len(program), CHUNK_BYTES)
+    chunks = (program[start : start + CHUNK_BYTES] for start in starts)
+    for block in _blocks(rewriter, "program", chunks, threads):
+        written.append(block)
+    return b"".join(written), _result(rewriter)
+
+
+def _rewriter(model: Model, options: CompensationOptions, model_name: str) -> _core.GcodeRewriter:
+    corrected = model.without(options.firmware_corrects)
+    measured = corrected.measured_range_mm
+    return _core.GcodeRewriter(
+        corrected._core,
+        work_offset_mm=options.work_offset_mm,
+        tolerance_mm=options.tolerance_mm,
+        digits=options.digits,
+        home_mm=options.home_mm,
+        firmware=options.firmware,
+        passes_unsupported=options.on_unsupported == "pass",
+        holds_outside_measured=options.outside_measured == "hold",
+        firmware_corrections_named=bool(options.firmware_corrects),
+        range_mm=[model.machine.axes[axis].range_mm for axis in AXES],
+        measured_mm=[measured[axis] or (-np.inf, np.inf) for axis in AXES],
+        model_name=model_name,
+    )
+
+
+def _rewrite(
+    rewriter: _core.GcodeRewriter,
+    source: str | Path,
+    chunks: Iterable[bytes],
+    stream: IO[bytes],
+    threads: int,
+) -> None:
+    for block in _blocks(rewriter, source, chunks, threads):
+        stream.write(block)
+
+
+def _blocks(
+    rewriter: _core.GcodeRewriter, source: str | Path, chunks: Iterable[bytes], threads: int
+) -> Iterator[bytes]:
+    """Give the corrected blocks; control comes back to Python after each, so that Ctrl-C works."""
+    try:
+        for chunk in chunks:
+            rewriter.push(chunk, False)
+            yield from _pulled(rewriter, threads)
+        rewriter.push(b"", True)
+        yield from _pulled(rewriter, threads)
+    except GcodeError as error:
+        raise GcodeError(source, error.line, error.problem, remedy=error.remedy) from None
+
+
+def _pulled(rewriter: _core.GcodeRewriter, threads: int) -> Iterator[bytes]:
+    while (block := rewriter.pull(threads)) is not None:
+        yield block
+
+
+def _chunks(stream: IO[bytes], on_progress: Callable[[int], None] | None) -> Iterator[bytes]:
+    n_read = 0
+    while chunk := stream.read(CHUNK_BYTES):
+        n_read += len(chunk)
+        yield chunk
+        if on_progress is not None:
+            on_progress(n_read)
+
+
+def _opened(source: str | Path, stack: contextlib.ExitStack) -> IO[bytes]:
+    if str(source) == "-":
+        return sys.stdin.buffer
+    try:
+        return stack.enter_context(Path(source).open("rb"))
+    except FileNotFoundError as error:
+        raise InputFileError(source, "no such file", remedy="check the name and the folder") from error
+    except IsADirectoryError as error:
+        raise InputFileError(source, "is a folder, a file is needed") from error
+    except PermissionError as error:
+        raise InputFileError(source, "cannot be read: permission denied") from error
+
+
+def _refuse_same_file(source: str | Path, target: str | Path) -> None:
+    if "-" in (str(source), str(target)):
+        return
+    both_there = Path(source).exists() and Path(target).exists()
+    if Path(source) == Path(target) or (both_there and Path(source).samefile(target)):
+        raise InputFileError(
+            target, "is the program that is read", remedy="name another output; an input is never replaced"
+        )
+
+
+def _refuse_folder(target: str | Path) -> None:
+    if Path(target).is_dir():
+        raise InputFileError(target, "is a folder", remedy="name a file in it")
+
+
+def _result(rewriter: _core.GcodeRewriter) -> CompensationResult:
+    summary = rewriter.summary()
+    return CompensationResult(
+        lines=summary["lines"],
+        moves_in=summary["moves_in"],
+        moves_out=summary["moves_out"],
+        moves_corrected=summary["moves_corrected"],
+        untouched_position_unknown=summary["untouched_position_unknown"],
+        untouched_unsupported=summary["untouched_unsupported"],
+        lines_not_followed=summary["lines_not_followed"],
+        largest_correction_um=summary["largest_correction_mm"] * 1e3,
+        largest_correction_line=summary["largest_correction_line"],
+        extrusion_in_mm=summary["extrusion_in"] / _EXTRUSION_UNITS_PER_MM,
+        extrusion_out_mm=summary["extrusion_out"] / _EXTRUSION_UNITS_PER_MM,
+        warnings=tuple(ProgramWarning(*row) for row in rewriter.warnings()),
+    )
+
+
+def check_conditions(model_needs: Iterable[str], given: dict[str, float | str]) -> None:
+    """Refuse conditions (`--at`) that the model does not need, and name those that it needs and nobody gave.
+
+    Raises
+    ------
+    GeoerrError
+        naming the condition.
+    """
+    needed = set(model_needs)
+    for name in given:
+        if name not in needed:
+            has = f"it needs {', '.join(sorted(needed))}" if needed else "it needs no conditions"
+            raise GeoerrError(f"the model does not depend on {name!r}\nhint: leave --at {name} out; {has}")
+    for name in sorted(needed - set(given)):
+        raise GeoerrError(f"the model needs {name!r}\nhint: give it as --at {name}=VALUE, or --at {name}=reference")
