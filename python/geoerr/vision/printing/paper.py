@@ -215,8 +215,8 @@ def _lines(artwork: Artwork, page_width_mm: float) -> tuple[str, ...]:
     keys = " and ".join(artwork.size_keys)
     texts = (
         artwork.description,
-        f"Print at 100 %, no scaling. Measure both rulers: each must be {RULER_MM:g} mm. If both have one other length,"
-        f" enter the true {keys} in session.toml; if they differ, the print is distorted: print again.",
+        f"Print at 100 %, no scaling. Measure both rulers: each must be {RULER_MM:g} mm. If both have one other"
+        f" length, enter the true {keys} in session.toml; if they differ, the print is distorted: print again.",
         "Glue the sheet to something flat and stiff, then cut at the crop marks: the white quiet zone of"
         f" {in_mm(artwork.quiet_zone_mm)} belongs to it.",
     )

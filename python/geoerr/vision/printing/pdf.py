@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from reportlab.pdfgen.canvas import FILL_EVEN_ODD, Canvas
+from reportlab.pdfgen.canvas import FILL_EVEN_ODD, FILL_NON_ZERO, Canvas
 
 from geoerr.errors import InputFileError
 from geoerr.files import whole_or_absent
@@ -27,6 +27,8 @@ from geoerr.vision.printing.request import Request
 _POINTS_PER_MM = 72.0 / 25.4
 _LINE_WIDTH_MM = 0.15
 _LABEL_POINTS = 6.0
+# Left, bottom, width, height in mm.
+_Bar = tuple[float, float, float, float]
 
 
 def write_print(path: str | Path, request: Request, paper: Paper | None = None) -> tuple[Layout, ...]:
@@ -105,21 +107,23 @@ def _draw_crop_marks(canvas: Canvas, layout: Layout) -> None:
     left_mm, bottom_mm, width_mm, height_mm = layout.box_mm
     near_mm, far_mm = CROP_MM
     right_mm, top_mm = left_mm + width_mm, bottom_mm + height_mm
+    marks = []
     for y_mm in (bottom_mm, top_mm):
-        _horizontal(canvas, left_mm - far_mm, left_mm - near_mm, y_mm)
-        _horizontal(canvas, right_mm + near_mm, right_mm + far_mm, y_mm)
+        marks.append(_horizontal(left_mm - far_mm, left_mm - near_mm, y_mm))
+        marks.append(_horizontal(right_mm + near_mm, right_mm + far_mm, y_mm))
     for x_mm in (left_mm, right_mm):
-        _vertical(canvas, x_mm, bottom_mm - far_mm, bottom_mm - near_mm)
-        _vertical(canvas, x_mm, top_mm + near_mm, top_mm + far_mm)
+        marks.append(_vertical(x_mm, bottom_mm - far_mm, bottom_mm - near_mm))
+        marks.append(_vertical(x_mm, top_mm + near_mm, top_mm + far_mm))
+    _fill(canvas, marks)
 
 
 def _draw_rulers(canvas: Canvas, layout: Layout) -> None:
     x_mm, y_mm = layout.ruler_origin_mm
-    _horizontal(canvas, x_mm, x_mm + RULER_MM, y_mm)
-    _vertical(canvas, x_mm, y_mm, y_mm + RULER_MM)
+    bars = [_horizontal(x_mm, x_mm + RULER_MM, y_mm), _vertical(x_mm, y_mm, y_mm + RULER_MM)]
     for at_mm, tick_mm in _ticks_mm():
-        _vertical(canvas, x_mm + at_mm, y_mm - tick_mm, y_mm)
-        _horizontal(canvas, x_mm - tick_mm, x_mm, y_mm + at_mm)
+        bars.append(_vertical(x_mm + at_mm, y_mm - tick_mm, y_mm))
+        bars.append(_horizontal(x_mm - tick_mm, x_mm, y_mm + at_mm))
+    _fill(canvas, bars)
     canvas.setFont(TEXT_FONT, _LABEL_POINTS)
     away_mm = TICK_MM + 2.4
     for at_mm, label in ((0.0, "0"), (0.5 * RULER_MM, f"{0.5 * RULER_MM:g}"), (RULER_MM, f"{RULER_MM:g} mm")):
@@ -150,14 +154,17 @@ def _label(canvas: Canvas, x_mm: float, y_mm: float, text: str, *, turned: bool)
     canvas.restoreState()
 
 
-def _horizontal(canvas: Canvas, from_mm: float, to_mm: float, y_mm: float) -> None:
-    _bar(canvas, from_mm, y_mm - 0.5 * _LINE_WIDTH_MM, to_mm - from_mm, _LINE_WIDTH_MM)
+def _horizontal(from_mm: float, to_mm: float, y_mm: float) -> _Bar:
+    return from_mm, y_mm - 0.5 * _LINE_WIDTH_MM, to_mm - from_mm, _LINE_WIDTH_MM
 
 
-def _vertical(canvas: Canvas, x_mm: float, from_mm: float, to_mm: float) -> None:
-    _bar(canvas, x_mm - 0.5 * _LINE_WIDTH_MM, from_mm, _LINE_WIDTH_MM, to_mm - from_mm)
+def _vertical(x_mm: float, from_mm: float, to_mm: float) -> _Bar:
+    return x_mm - 0.5 * _LINE_WIDTH_MM, from_mm, _LINE_WIDTH_MM, to_mm - from_mm
 
 
-def _bar(canvas: Canvas, x_mm: float, y_mm: float, width_mm: float, height_mm: float) -> None:
-    """Fill a rectangle: a stroked line may be moved by half a pixel where it is thin, a filled shape is not."""
-    canvas.rect(*(value * _POINTS_PER_MM for value in (x_mm, y_mm, width_mm, height_mm)), stroke=0, fill=1)
+def _fill(canvas: Canvas, bars: list[_Bar]) -> None:
+    """Fill bars as one shape: programs round thin strokes, and rectangles drawn alone, to whole pixels."""
+    path = canvas.beginPath()
+    for bar in bars:
+        path.rect(*(value * _POINTS_PER_MM for value in bar))
+    canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_NON_ZERO)
