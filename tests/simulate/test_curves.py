@@ -27,7 +27,9 @@ def test_slope_is_the_difference_quotient(curve):
 @pytest.mark.parametrize("curve", curves())
 def test_integral_is_the_area(curve):
     for low, high in ((-80.0, 10.0), (0.0, 400.0), (17.0, 300.0), (380.0, 460.0)):
-        area, _ = quad(lambda q: float(curve.at(np.array([q]))[0]), low, high, points=[0, 30, 100, 220, 400], limit=200)
+        area, _ = quad(
+            lambda q: float(curve.at(np.array([q]))[0]), low, high, points=[0, 30, 100, 220, 400], limit=200
+        )
         ends = curve.integral(np.array([low, high]))
         assert ends[1] - ends[0] == pytest.approx(area, abs=1e-9)
 

@@ -20,7 +20,11 @@ def encoded(suffix, image=NOISE, settings=()):
     return content.tobytes()
 
 
-WHOLE = {".png": encoded(".png"), ".jpg": encoded(".jpg"), ".tif": encoded(".tif", settings=[cv2.IMWRITE_TIFF_COMPRESSION, 1])}
+WHOLE = {
+    ".png": encoded(".png"),
+    ".jpg": encoded(".jpg"),
+    ".tif": encoded(".tif", settings=[cv2.IMWRITE_TIFF_COMPRESSION, 1]),
+}
 
 
 def test_a_png_comes_back_as_it_was(tmp_path):

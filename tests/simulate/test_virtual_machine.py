@@ -135,7 +135,14 @@ def test_errors_drawn_over_the_measured_range_are_in_the_gauge_already_to_second
 
 
 # Straightness and the angle whose integral it is, with the sign on the tool side; on the work side every sign turns.
-TANGENT = {"EYX": ("ECX", 1), "EZX": ("EBX", -1), "EXY": ("ECY", -1), "EZY": ("EAY", 1), "EXZ": ("EBZ", 1), "EYZ": ("EAZ", -1)}
+TANGENT = {
+    "EYX": ("ECX", 1),
+    "EZX": ("EBX", -1),
+    "EXY": ("ECY", -1),
+    "EZY": ("EAY", 1),
+    "EXZ": ("EBZ", 1),
+    "EYZ": ("EAZ", -1),
+}
 
 
 @pytest.mark.parametrize("chain", ["wbXYZt", "wXYZbt", "wZbXYt"])

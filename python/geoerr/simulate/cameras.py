@@ -89,7 +89,9 @@ class Camera:
             x, y = x + step_x, y + step_y
             if max(np.abs(step_x).max(), np.abs(step_y).max()) < _LAST_STEP:
                 break
-        else:
+        # Beyond the fold of the polynomial there are other roots: turned inside out, or on the far side of the centre.
+        folded = np.min(scale) <= 0.0 or np.min(x * bent_x + y * bent_y) < -_LAST_STEP
+        if folded or not max(np.abs(step_x).max(), np.abs(step_y).max()) < _LAST_STEP:
             raise GeometryError(
                 "the lens distortion cannot be undone within the picture"
                 "\nhint: choose smaller distortion coefficients"
