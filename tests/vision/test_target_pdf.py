@@ -449,6 +449,13 @@ def test_what_is_no_spec(spec: str, says: str) -> None:
         ("size_mm = 80", "size_mm = -80", "#3", "targets[2].size_mm", "above 0"),
         ("size_mm = 80", f"size_mm = 1{400 * '0'}", "#3", "targets[2].size_mm", "not a size"),
         ("id = 3", "id = 4", "#3", "targets", "ids are 7, 4"),
+        (
+            'id = 3\ndictionary = "DICT_APRILTAG_36H11"',
+            'id = 7\ndictionary = "DICT_4X4_50"',
+            "#7",
+            "targets[2].id",
+            "already",
+        ),
         ("id = 3", "id = 3", "#nine", None, "#board, #targets"),
     ],
 )

@@ -107,14 +107,31 @@ def _from_session(document: dict[str, Any], path: Path, part: str) -> tuple[Artw
         return (_board(document, path),)
     targets = _targets(document, path)
     if part == "targets":
-        return tuple(plate_artwork(target) for target in targets)
+        return _plates(targets)
     if not part.isascii() or not part.isdigit():
         raise InputFileError(path, f"has no part #{part}", remedy="write #board, #targets, or # and a target's id")
     wanted = [target for target in targets if target.content.get("id") == int(part)]
     if not wanted:
         known = ", ".join(str(target.content.get("id", "?")) for target in targets)
         raise InputFileError(path, f"has no target {part}", column="targets", remedy=f"its ids are {known}")
-    return tuple(plate_artwork(target) for target in wanted)
+    return _plates(wanted)
+
+
+def _plates(targets: list[Parts]) -> tuple[Artwork, ...]:
+    places: dict[tuple[str, int], str] = {}
+    plates = []
+    for target in targets:
+        plate = plate_artwork(target)
+        marker = (plate.document["dictionary"], plate.document["id"])
+        if marker in places:
+            raise target.refuse(
+                "id",
+                f"{marker[0]} marker {marker[1]} is {places[marker]} already",
+                "give every target an id of its own; two plates with one id cannot be told apart",
+            )
+        places[marker] = target.place
+        plates.append(plate)
+    return tuple(plates)
 
 
 def _board(document: dict[str, Any], path: Path) -> Artwork:
