@@ -198,8 +198,9 @@ def observe(
     covariance_mm2: Numbers | None = None,
     rng: np.random.Generator | None = None,
     order: Numbers | None = None,
+    is_stated: bool = True,
 ) -> Observations:
-    """Measure, one row a target and position; with `rng`, noise of `covariance_mm2` (3, 3) in the measuring frame."""
+    """Measure, one row a target and position; with `rng`, noise of `covariance_mm2` (3, 3), which is stated."""
     columns: dict[str, list[object]] = {name: [] for name in _COLUMNS}
     for move in moves:
         grid = truth.q_mm[move.axis] if move.q_mm is None else move.q_mm
@@ -216,7 +217,7 @@ def observe(
         noise = rng.multivariate_normal(np.zeros(3), covariance_mm2, size=len(columns["x"]))
         for index, name in enumerate(("mx", "my", "mz")):
             columns[name] = list(np.asarray(columns[name]) + noise[:, index])
-    if covariance_mm2 is not None:
+    if covariance_mm2 is not None and is_stated:
         for name, (i, j) in {
             "cxx": (0, 0),
             "cxy": (0, 1),

@@ -224,8 +224,8 @@ def _notes(
         if names:
             where = ", ".join(f"{value:g}" for value in findings.places.base_mm[axis])
             notes.append(
-                f"valid at the {axis.upper()} line's own place only (lever {where} mm), because the angles that would "
-                f"refer them to the carriage origin are not determined: {', '.join(names)}"
+                f"valid at the {axis.upper()} line's own place only (lever {where} mm), as the angles that would "
+                f"refer them to the carriage origin are unknown: {', '.join(names)}"
             )
     for name, found in roots.items():
         if found.n_without_root:

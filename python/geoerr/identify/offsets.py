@@ -6,7 +6,6 @@ nonsense; nothing in the error functions would show it, but the measured distanc
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -25,7 +24,7 @@ _LARGEST_SHARE = 0.05
 def offset_doubts(
     passes: Sequence[FittedPass], data: Measurements, frames: Mapping[str, SessionFrame], machine: Machine
 ) -> list[str]:
-    """Give a sentence for each pair of targets on one carrier that lie otherwise than stated."""
+    """Give a sentence for each target that lies otherwise from the first one on its carrier than stated."""
     doubts: dict[str, None] = {}
     places: dict[tuple[str, str], dict[tuple[float, ...], tuple[str, list[np.ndarray]]]] = {}
     for one in passes:
@@ -40,7 +39,8 @@ def offset_doubts(
         name = one.source.target or f"at {key}"
         places.setdefault((one.source.session, carrier), {}).setdefault(key, (name, []))[1].append(seen - stated)
     for (session, carrier), targets in places.items():
-        for (key, (name, own)), (other_key, (other_name, others)) in itertools.combinations(targets.items(), 2):
+        (other_key, (other_name, others)), *further = targets.items()
+        for key, (name, own) in further:
             difference = np.mean(own, axis=0) - np.mean(others, axis=0)
             stated_mm = np.subtract(key, other_key)
             limit = max(_LARGEST_DIFFERENCE_MM, _LARGEST_SHARE * float(np.linalg.norm(stated_mm)))
@@ -57,4 +57,5 @@ def _sentence(session: str, carrier: str, name: str, other: str, seen_mm: np.nda
 
 
 def _vector(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.0f}" for value in values) + ")"
+    # Adding 0 turns −0 into 0.
+    return "(" + ", ".join(f"{value:.0f}" for value in np.round(values) + 0.0) + ")"

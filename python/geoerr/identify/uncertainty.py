@@ -142,9 +142,10 @@ def covariance_from_repeats(data: Measurements, passes: Sequence[Pass]) -> tuple
         total += residual.T @ residual
         dof += found * np.outer(seen, seen)
     measured = np.diag(dof)[np.any([one.components for one in passes], axis=0)]
-    if measured.min(initial=LEAST_DOF_OF_REPEATS) < LEAST_DOF_OF_REPEATS:
-        return None, int(measured.min())
-    return np.tile(total / np.maximum(dof, 1), (len(data.measured_mm), 1, 1)), int(measured.min(initial=0))
+    fewest = int(measured.min())
+    if fewest < LEAST_DOF_OF_REPEATS:
+        return None, fewest
+    return np.tile(total / np.maximum(dof, 1), (len(data.measured_mm), 1, 1)), fewest
 
 
 def _repeated(passes: Sequence[Pass]) -> list[list[int]]:
