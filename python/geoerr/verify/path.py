@@ -1,0 +1,270 @@
+"""Prove a corrected program: run both programs through the model and compare their paths with the intended one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.model import Model
+from geoerr.verify.path_matching import Run, paired_runs, piece_counts
+from geoerr.verify.program_reader import ProgramReader, Triple
+
+Numbers = npt.NDArray[np.float64]
+
+# Moves that are compared together, and samples that are evaluated together: what bounds the memory.
+_BATCH_MOVES = 50_000
+_BATCH_SAMPLES = 500_000
+
+
+@dataclass(frozen=True)
+class PathResult:
+    """How far the tool is from where the program means it to be.
+
+    Errors are distances between the actual tool position, by the model, and the intended one at the same share of the
+    move; rms figures weigh every millimetre of the path alike.
+
+    Attributes
+    ----------
+    max_error_um_before, rms_um_before
+        Of the program as it was written.
+    max_error_um_after, rms_um_after
+        Of the corrected one.
+    max_error_line_after
+        Line of the corrected program where its largest error is; 0 where nothing was compared.
+    moves_in, moves_out
+        Moves (lines that give X, Y or Z to a motion code) of both.
+    moves_compared, moves_not_compared
+        Moves of the first program whose path was compared, and the others: they begin or end at a place that is not
+        known, or are no straight moves.
+    path_mm
+        Length of the path that was compared.
+    extrusion_in_mm, extrusion_out_mm
+        Net extruded length of both.
+    moves_with_other_extrusion
+        Moves whose pieces together do not extrude what the move did.
+    """
+
+    max_error_um_before: float
+    max_error_um_after: float
+    rms_um_before: float
+    rms_um_after: float
+    max_error_line_after: int
+    moves_in: int
+    moves_out: int
+    moves_compared: int
+    moves_not_compared: int
+    path_mm: float
+    extrusion_in_mm: float
+    extrusion_out_mm: float
+    moves_with_other_extrusion: int
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as plain values, for `--json`."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Straight pieces of the corrected program: commanded ends, intended ends, lines; all (n, ...)."""
+
+    command_begin_mm: Numbers
+    command_end_mm: Numbers
+    ideal_begin_mm: Numbers
+    ideal_end_mm: Numbers
+    line: npt.NDArray[np.int64]
+
+
+@dataclass
+class _Figures:
+    largest_mm: float = 0.0
+    largest_at: int = 0
+    weighted_square: float = 0.0
+    weight: float = 0.0
+
+    def add(self, distance_mm: Numbers, weight: Numbers, line: npt.NDArray[np.int64]) -> None:
+        worst = int(np.argmax(distance_mm))
+        if distance_mm[worst] > self.largest_mm or not self.largest_at:
+            self.largest_mm, self.largest_at = float(distance_mm[worst]), int(line[worst])
+        self.weighted_square += float(np.sum(weight * distance_mm**2))
+        self.weight += float(np.sum(weight))
+
+    @property
+    def rms_mm(self) -> float:
+        return float(np.sqrt(self.weighted_square / self.weight)) if self.weight > 0.0 else 0.0
+
+
+def compare_paths(
+    model: Model,
+    before: str | Path,
+    after: str | Path,
+    *,
+    work_offset_mm: Triple = (0.0, 0.0, 0.0),
+    home_mm: Triple | None = None,
+    firmware: str | None = None,
+    sample_step_mm: float = 0.5,
+    threads: int = 0,
+    on_progress: Callable[[int], None] | None = None,
+) -> PathResult:
+    """Compare the paths of a program and of its corrected form with the intended path.
+
+    Parameters
+    ----------
+    model
+        The machine that runs them.
+    before, after
+        The program as it was written and as it was corrected.
+    work_offset_mm, home_mm, firmware
+        As they were given when the program was corrected.
+    sample_step_mm
+        Largest distance of neighbouring samples; every piece has five at least.
+    threads
+        0 = all cores. Never changes a figure.
+    on_progress
+        Called with the number of lines of `before` read so far.
+
+    Returns
+    -------
+    PathResult
+
+    Raises
+    ------
+    GcodeError
+        naming the line of `after` that does not belong to `before`: it is no move and differs, or moves are missing.
+    InputFileError
+        where a file cannot be read.
+    """
+    options = (work_offset_mm, home_mm, firmware)
+    reader_in, reader_out = ProgramReader(before, *options), ProgramReader(after, *options)
+    in_figures, out_figures = _Figures(), _Figures()
+    n_compared = n_other = 0
+    for batch in _batches(paired_runs(reader_in, reader_out)):
+        pieces, n_moves, n_differ = _pieces(model, batch, threads)
+        n_compared += n_moves
+        n_other += n_differ
+        for part in _parts(pieces, sample_step_mm):
+            _sample(model, part, sample_step_mm, threads, in_figures, out_figures)
+        last_line = batch[-1][0].next_line
+        if on_progress is not None and last_line is not None:
+            on_progress(last_line.number)
+    return PathResult(
+        max_error_um_before=in_figures.largest_mm * 1e3,
+        max_error_um_after=out_figures.largest_mm * 1e3,
+        rms_um_before=in_figures.rms_mm * 1e3,
+        rms_um_after=out_figures.rms_mm * 1e3,
+        max_error_line_after=out_figures.largest_at,
+        moves_in=reader_in.n_moves,
+        moves_out=reader_out.n_moves,
+        moves_compared=n_compared,
+        moves_not_compared=reader_in.n_moves - n_compared,
+        path_mm=in_figures.weight,
+        extrusion_in_mm=reader_in.extrusion / 1e9,
+        extrusion_out_mm=reader_out.extrusion / 1e9,
+        moves_with_other_extrusion=n_other,
+    )
+
+
+def _batches(runs: Iterator[tuple[Run, Run]]) -> Iterator[list[tuple[Run, Run]]]:
+    """Give runs in lists of some ten thousand moves, so that arrays are worth their while."""
+    batch: list[tuple[Run, Run]] = []
+    n_moves = 0
+    for pair in runs:
+        batch.append(pair)
+        n_moves += len(pair[1].moves)
+        if n_moves >= _BATCH_MOVES:
+            yield batch
+            batch, n_moves = [], 0
+    if batch:
+        yield batch
+
+
+def _pieces(model: Model, batch: list[tuple[Run, Run]], threads: int) -> tuple[_Pieces, int, int]:
+    """Match the moves of a batch; give their pieces, the number of moves, and of those with another extrusion."""
+    commands = _rows([move.end_mm for _, run_out in batch for move in run_out.moves])
+    actual_mm = commands + model.error_mm(commands, threads=threads)
+    rows: list[tuple[Triple, Triple, Triple, Triple, int]] = []
+    n_moves = n_differ = at = 0
+    for run_in, run_out in batch:
+        n_out = len(run_out.moves)
+        counts = piece_counts(run_in, run_out, actual_mm[at : at + n_out])
+        first = 0
+        for move, count in zip(run_in.moves, counts, strict=True):
+            own = run_out.moves[first : first + count]
+            n_differ += sum(piece.extrusion for piece in own) != move.extrusion
+            if move.start_mm is not None and own[0].start_mm is not None:
+                n_moves += 1
+                ideal = move.start_mm
+                for number, piece in enumerate(own):
+                    is_last = number + 1 == count
+                    end = (
+                        move.end_mm if is_last else _foot(move.start_mm, move.end_mm, actual_mm[at + first + number])
+                    )
+                    begin = piece.start_mm or move.start_mm
+                    rows.append((begin, piece.end_mm, ideal, end, run_out.numbers[first + number]))
+                    ideal = end
+            first += count
+        at += n_out
+    columns: tuple[list[Triple], ...] = tuple([row[column] for row in rows] for column in range(4))  # type: ignore[misc]
+    lines = np.array([row[4] for row in rows], dtype=np.int64)
+    return _Pieces(*(_rows(column) for column in columns), lines), n_moves, n_differ
+
+
+def _foot(begin: Triple, end: Triple, point: Numbers) -> Triple:
+    """Give the point of a segment that is nearest to `point`: where the program means a piece to end."""
+    along = np.subtract(end, begin)
+    length2 = float(along @ along)
+    share = 0.0 if length2 == 0.0 else float(np.clip((point - np.asarray(begin)) @ along / length2, 0.0, 1.0))
+    x, y, z = (np.asarray(begin) + share * along).tolist()
+    return x, y, z
+
+
+def _parts(pieces: _Pieces, step_mm: float) -> Iterator[_Pieces]:
+    """Give the pieces in groups that have a bounded number of samples."""
+    n_samples = np.cumsum(_intervals(pieces, step_mm) + 1)
+    begin = 0
+    while begin < len(n_samples):
+        before = n_samples[begin - 1] if begin else 0
+        end = max(begin + 1, int(np.searchsorted(n_samples, before + _BATCH_SAMPLES)))
+        part = slice(begin, end)
+        yield _Pieces(
+            pieces.command_begin_mm[part],
+            pieces.command_end_mm[part],
+            pieces.ideal_begin_mm[part],
+            pieces.ideal_end_mm[part],
+            pieces.line[part],
+        )
+        begin = end
+
+
+def _intervals(pieces: _Pieces, step_mm: float) -> npt.NDArray[np.int64]:
+    length_mm = np.linalg.norm(pieces.ideal_end_mm - pieces.ideal_begin_mm, axis=1)
+    return np.maximum(4, np.ceil(length_mm / step_mm)).astype(np.int64)
+
+
+def _sample(
+    model: Model, pieces: _Pieces, step_mm: float, threads: int, in_figures: _Figures, out_figures: _Figures
+) -> None:
+    """Sample every piece from end to end, evenly; a sample stands for the path half-way to its neighbours."""
+    n_intervals = _intervals(pieces, step_mm)
+    n_samples = n_intervals + 1
+    piece = np.repeat(np.arange(len(n_samples)), n_samples)
+    number = np.arange(len(piece)) - np.repeat(np.cumsum(n_samples) - n_samples, n_samples)
+    share = (number / n_intervals[piece])[:, None]
+    command = pieces.command_begin_mm[piece] * (1.0 - share) + pieces.command_end_mm[piece] * share
+    ideal = pieces.ideal_begin_mm[piece] * (1.0 - share) + pieces.ideal_end_mm[piece] * share
+    length_mm = np.linalg.norm(pieces.ideal_end_mm - pieces.ideal_begin_mm, axis=1)
+    is_end = (number == 0) | (number == n_intervals[piece])
+    weight = (length_mm / n_intervals)[piece] * np.where(is_end, 0.5, 1.0)
+    line = pieces.line[piece]
+    before = np.linalg.norm(model.error_mm(ideal, threads=threads), axis=1)
+    after = np.linalg.norm((command - ideal) + model.error_mm(command, threads=threads), axis=1)
+    in_figures.add(before, weight, line)
+    out_figures.add(after, weight, line)
+
+
+def _rows(triples: list[Triple]) -> Numbers:
+    return np.array(triples, dtype=np.float64).reshape(-1, 3)

@@ -1,0 +1,104 @@
+"""Lay two programs side by side: which moves of the corrected program are the pieces of which move."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.errors import GcodeError
+from geoerr.verify.program_reader import Line, Move, ProgramReader
+
+Numbers = npt.NDArray[np.float64]
+
+# The comment that marks a corrected program.
+MARK = b"corrected by geoerr: model "
+
+# A piece ends a move where the tool, by the model, is this close to the move's end. Pieces of a corrected move are far
+# longer: where errors change by less than 0.01 mm a millimetre, a piece shorter than this times ten cannot leave a
+# tolerance of a tenth of a micrometre.
+_END_MM = 1e-3
+
+
+@dataclass
+class Run:
+    """Consecutive moves between two lines that stand in both programs, with the numbers of their lines."""
+
+    moves: list[Move] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)
+    next_line: Line | None = None
+
+
+def runs_of(reader: ProgramReader) -> Iterator[Run]:
+    """Give the runs of a program; the comment that marks it as corrected is left out."""
+    run = Run()
+    for line in reader:
+        if line.move is not None:
+            run.moves.append(line.move)
+            run.numbers.append(line.number)
+        elif MARK not in line.body:
+            run.next_line = line
+            yield run
+            run = Run()
+    yield run
+
+
+def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator[tuple[Run, Run]]:
+    """Give the runs of both programs side by side.
+
+    Raises
+    ------
+    GcodeError
+        where a line that is no move differs, or the corrected program has fewer moves or lines.
+    """
+    for run_in, run_out in itertools.zip_longest(runs_of(reader_in), runs_of(reader_out)):
+        if run_in is None or run_out is None:
+            number = (run_in or run_out).next_line.number if (run_in or run_out).next_line else 1
+            raise GcodeError(reader_out.path, number, f"has not the same lines as {reader_in.path}", remedy=_REMEDY)
+        line_in, line_out = run_in.next_line, run_out.next_line
+        bodies = [None if line is None else line.body for line in (line_in, line_out)]
+        if bodies[0] != bodies[1]:
+            raise GcodeError(
+                reader_out.path,
+                1 if line_out is None else line_out.number,
+                f"{_shown(line_out)} stands where {reader_in.path} has {_shown(line_in)}",
+                remedy=_REMEDY,
+            )
+        if len(run_out.moves) < len(run_in.moves):
+            number = 1 if line_out is None else line_out.number
+            missing = len(run_in.moves) - len(run_out.moves)
+            raise GcodeError(reader_out.path, number, f"{missing} moves are missing before this line", remedy=_REMEDY)
+        yield run_in, run_out
+
+
+def piece_counts(run_in: Run, run_out: Run, actual_mm: Numbers) -> list[int]:
+    """Give the number of pieces of each move of `run_in`; `actual_mm` (n, 3) is where the tool is after each of `run_out`."""
+    n_moves, slack = len(run_in.moves), len(run_out.moves) - len(run_in.moves)
+    if slack == 0:
+        return [1] * n_moves
+    counts: list[int] = []
+    at = 0
+    for number, move in enumerate(run_in.moves):
+        count = 1
+        if number + 1 == n_moves:
+            count += slack
+        elif slack and move.start_mm is not None:
+            off_mm = np.linalg.norm(actual_mm[at : at + slack + 1] - np.asarray(move.end_mm), axis=1)
+            near = np.flatnonzero(off_mm <= _END_MM)
+            # A path that is corrected for another machine never comes close: its nearest piece then stands for the end.
+            count += int(near[0] if near.size else np.argmin(off_mm))
+        counts.append(count)
+        slack -= count - 1
+        at += count
+    return counts
+
+
+_REMEDY = "give the program as it was written, then the one that `geoerr compensate` made of it"
+
+
+def _shown(line: Line | None) -> str:
+    return "the end" if line is None else f"`{line.body.decode('ascii', 'backslashreplace').strip()[:60]}`"

@@ -1,0 +1,386 @@
+"""Follow a G-code program, for checking it: where each straight move begins and ends, and what it extrudes.
+
+Nothing here is shared with the code that corrects programs. The rules are the published ones: a position is known once
+X, Y and Z have been given since the start, homing, or a line after which the machine may be anywhere.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from geoerr.errors import InputFileError
+from geoerr.verify.program_words import Kind, Statement, read_statement
+
+Triple = tuple[float, float, float]
+Place = tuple[float | None, float | None, float | None]
+
+_LINE_END = re.compile(rb"\r\n|\n|\r")
+_LETTERS = (b"X", b"Y", b"Z")
+_OTHER_AXES = frozenset((b"A", b"B", b"C", b"U", b"V", b"W"))
+_ARC_WORDS = frozenset((b"I", b"J", b"K", b"R"))
+_UNKNOWN: Place = (None, None, None)
+_INCH_MM = 25.4
+
+# G codes that say nothing about where the machine is.
+_STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
+# G codes whose words are times or settings.
+_OWN_WORDS = frozenset((4.0, 28.1, 30.1))
+# Axis words mean something else until the second code: diameters, polar, scaled, turned; offset by the cutter.
+_TRANSFORM = {7.0: 8.0, 16.0: 15.0, 51.0: 50.0, 68.0: 69.0, 41.0: 40.0, 41.1: 40.0, 42.0: 40.0, 42.1: 40.0}
+_TRANSFORM_ENDS = frozenset(_TRANSFORM.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A straight move whose end is known.
+
+    Attributes
+    ----------
+    start_mm
+        Where it begins, machine coordinates; None where it does not begin at the end of such a move.
+    end_mm
+        Where it ends.
+    extrusion
+        What its E word extrudes, in units of 1e-9 mm.
+    """
+
+    start_mm: Triple | None
+    end_mm: Triple
+    extrusion: int
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line: its number (1-based), its bytes without the end, and its move where it has one to be checked."""
+
+    number: int
+    body: bytes
+    move: Move | None
+
+
+@dataclass
+class _Extruder:
+    """The extruder, as one firmware reads E: Marlin obeys the last of G90 G91 M82 M83."""
+
+    firmware: str | None
+    position: int = 0
+    total: int = 0
+    axes_relative: bool = False
+    own_relative: bool = False
+    last_relative: bool = False
+
+    def set_axes(self, is_relative: bool) -> None:
+        self.axes_relative = self.last_relative = is_relative
+
+    def set_own(self, is_relative: bool) -> None:
+        self.own_relative = self.last_relative = is_relative
+
+    def move(self, word: float | None) -> int:
+        if word is None:
+            return 0
+        is_relative = self.last_relative
+        if self.firmware == "klipper":
+            is_relative = self.axes_relative or self.own_relative
+        elif self.firmware == "reprapfirmware":
+            is_relative = self.own_relative
+        increment = _nano(word) if is_relative else _nano(word) - self.position
+        self.position += increment
+        self.total += increment
+        return increment
+
+
+@dataclass
+class _Modes:
+    unit_mm: float = 1.0
+    is_relative: bool = False
+    motion: Literal["straight", "ends at its words", "ends somewhere"] | None = None
+    transforms: set[float] = field(default_factory=set)
+    is_inverse_time: bool = False
+    tool_length: float | None = None
+    has_saved_place: bool = False
+    system: int = 1
+
+
+class ProgramReader:
+    """Follows a program line by line.
+
+    Parameters
+    ----------
+    path
+        The program.
+    work_offset_mm
+        From the machine's zero to the program's zero (G54).
+    home_mm
+        Where G28 leaves the machine; None: not known.
+    firmware
+        `marlin`, `klipper` or `reprapfirmware`: how E is read; Marlin's way where it is not said.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        work_offset_mm: Triple = (0.0, 0.0, 0.0),
+        home_mm: Triple | None = None,
+        firmware: str | None = None,
+    ) -> None:
+        self.path = Path(path)
+        self.n_moves = 0
+        self.n_unchecked = 0
+        self._home_mm = home_mm
+        self._firmware = firmware
+        self._extruder = _Extruder(firmware)
+        self._modes = _Modes()
+        self._place: Place = _UNKNOWN
+        self._is_on_path = False
+        self._shift: Place = (0.0, 0.0, 0.0)
+        self._systems: dict[int, Place] = {1: work_offset_mm}
+        self._n_tape_marks = 0
+        self._is_lost = False
+
+    @property
+    def extrusion(self) -> int:
+        """Net extruded length so far, in units of 1e-9 mm."""
+        return self._extruder.total
+
+    def __iter__(self) -> Iterator[Line]:
+        """Give every line in order.
+
+        Raises
+        ------
+        InputFileError
+            where the file cannot be read.
+        """
+        number = 0
+        try:
+            with self.path.open("rb") as stream:
+                for raw in stream:
+                    for body in _LINE_END.split(raw.removesuffix(b"\n").removesuffix(b"\r")):
+                        number += 1
+                        yield Line(number, body, self._follow(body))
+        except OSError as error:
+            raise InputFileError(self.path, f"cannot be read: {error.strerror}") from error
+
+    def _follow(self, body: bytes) -> Move | None:
+        if self._is_lost or self._n_tape_marks >= 2:
+            return None
+        statement = read_statement(body)
+        match statement.kind:
+            case Kind.STILL:
+                pass
+            case Kind.TAPE:
+                self._n_tape_marks += 1
+            case Kind.BRANCH:
+                self._forget()
+                self._is_lost = True
+            case Kind.ANYWHERE:
+                self._forget()
+            case Kind.PLACEHOLDER:
+                self._forget_named(statement)
+            case Kind.M_CODE:
+                self._m_code(statement.m_codes[0])
+            case Kind.WORDS:
+                return self._words(statement)
+        return None
+
+    def _words(self, statement: Statement) -> Move | None:
+        words = statement.words or {}
+        for code in statement.m_codes:
+            self._m_code(code)
+        owners = [code for code in statement.codes if not self._take_mode(code, words)]
+        if owners:
+            self._owned(owners[0], words)
+            return None
+        if any(letter in words for letter in _LETTERS):
+            return self._motion(statement, words)
+        if self._modes.motion == "straight" and not _OTHER_AXES & words.keys():
+            self._extruder.move(words.get(b"E"))
+        return None
+
+    def _motion(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
+        modes = self._modes
+        in_machine = 53.0 in statement.codes
+        has_numbers = all(words[letter] is not None for letter in _LETTERS if letter in words)
+        is_odd = modes.motion == "straight" and bool(_ARC_WORDS & words.keys())
+        is_clear = statement.is_clear and has_numbers and not is_odd and not modes.transforms
+        if modes.motion in (None, "ends somewhere") or not is_clear or (in_machine and modes.is_relative):
+            self._forget()
+            return None
+        self.n_moves += 1
+        extrusion = self._extruder.move(words.get(b"E"))
+        begin, was_on_path = self._place, self._is_on_path
+        end = self._place = self._end(words, in_machine)
+        is_plain = modes.motion == "straight" and not _OTHER_AXES & words.keys() and not modes.is_inverse_time
+        self._is_on_path = is_plain and _is_known(end)
+        if not self._is_on_path:
+            self.n_unchecked += 1
+            return None
+        return Move(_known(begin) if was_on_path else None, _known(end), extrusion)
+
+    def _end(self, words: dict[bytes, float | None], in_machine: bool) -> Place:
+        modes = self._modes
+        system = self._systems.get(modes.system, _UNKNOWN)
+        ends: list[float | None] = []
+        for letter, here, zero, shift in zip(_LETTERS, self._place, system, self._shift, strict=True):
+            word = words.get(letter)
+            if word is None:
+                ends.append(here)
+            elif in_machine:
+                ends.append(word * modes.unit_mm)
+            elif modes.is_relative:
+                ends.append(None if here is None else here + word * modes.unit_mm)
+            else:
+                ends.append(None if zero is None or shift is None else zero + shift + word * modes.unit_mm)
+        return ends[0], ends[1], ends[2]
+
+    def _take_mode(self, code: float, words: dict[bytes, float | None]) -> bool:
+        """Take over a code that says how to read words; False where the line's words belong to the code."""
+        modes = self._modes
+        if self._take_motion(code):
+            return True
+        if code in (20.0, 21.0):
+            modes.unit_mm = _INCH_MM if code == 20.0 else 1.0
+        elif code in (90.0, 91.0):
+            modes.is_relative = code == 91.0
+            self._extruder.set_axes(modes.is_relative)
+        elif 54.0 <= code < 60.0:
+            # 7 and up: G59.1 to G59.3, which are not followed.
+            modes.system = int(code) - 53 if code == int(code) else 7
+        elif code in (93.0, 94.0, 95.0):
+            modes.is_inverse_time = code == 93.0
+        elif code in _TRANSFORM:
+            modes.transforms.add(_TRANSFORM[code])
+            self._forget()
+        elif code in _TRANSFORM_ENDS:
+            modes.transforms.discard(code)
+        elif code in (43.0, 49.0):
+            self._tool_length(code, words.get(b"H"))
+        elif 43.0 < code < 45.0:
+            self._lose_zero()
+        elif code == 60.0:
+            modes.has_saved_place = True
+        elif code == 61.0:
+            if modes.has_saved_place:
+                self._forget()
+        else:
+            return code == 53.0 or code in _STILL
+        return True
+
+    def _take_motion(self, code: float) -> bool:
+        modes = self._modes
+        if code in (0.0, 1.0):
+            modes.motion = "straight"
+        elif 2.0 <= code < 4.0 or 5.0 <= code < 5.4 or code == 6.0 or 33.0 <= code < 34.0:
+            modes.motion = "ends at its words"
+        elif 38.0 <= code < 39.0 or (70.0 <= code < 90.0 and code != 80.0):
+            modes.motion = "ends somewhere"
+            self._forget()
+        elif code == 80.0:
+            modes.motion = None
+        else:
+            return False
+        return True
+
+    def _tool_length(self, code: float, number: float | None) -> None:
+        modes = self._modes
+        length = -1.0 if number is None else number
+        if modes.tool_length is not None and (code == 49.0 or modes.tool_length != length):
+            self._lose_zero()
+        elif code == 43.0 and modes.tool_length is None:
+            self._place = (self._place[0], self._place[1], None)
+            self._is_on_path = False
+        if code == 43.0:
+            modes.tool_length = length
+
+    def _owned(self, code: float, words: dict[bytes, float | None]) -> None:
+        if code == 92.0:
+            self._shift_zero(words)
+        elif code == 10.0:
+            self._settings(words)
+        elif code == 28.0:
+            self._home([letter in words for letter in _LETTERS])
+        elif code == 52.0 or 92.0 < code < 93.0:
+            self._lose_zero()
+        elif code not in _OWN_WORDS:
+            self._forget()
+
+    def _shift_zero(self, words: dict[bytes, float | None]) -> None:
+        if not words:
+            self._lose_zero()
+            return
+        if words.get(b"E") is not None:
+            self._extruder.position = _nano(words[b"E"])
+        system = self._systems.get(self._modes.system, _UNKNOWN)
+        shift = list(self._shift)
+        for axis, letter in enumerate(_LETTERS):
+            word, here, zero = words.get(letter), self._place[axis], system[axis]
+            if letter in words:
+                shift[axis] = None
+                if word is not None and here is not None and zero is not None:
+                    shift[axis] = here - zero - word * self._modes.unit_mm
+        self._shift = (shift[0], shift[1], shift[2])
+
+    def _settings(self, words: dict[bytes, float | None]) -> None:
+        kind, system = words.get(b"L"), words.get(b"P")
+        has_axes = any(letter in words for letter in _LETTERS)
+        is_plain = not self._modes.is_relative and b"R" not in words and system is not None and 0.0 <= system <= 9.0
+        if kind == 2.0 and is_plain and system is not None:
+            number = int(system) or self._modes.system
+            place = list(self._systems.get(number, _UNKNOWN))
+            for axis, letter in enumerate(_LETTERS):
+                word = words.get(letter)
+                if word is not None:
+                    place[axis] = word * self._modes.unit_mm
+            if number < 7:
+                self._systems[number] = (place[0], place[1], place[2])
+        elif kind in (2.0, 20.0) or (has_axes and kind not in (1.0, 10.0, 11.0)):
+            self._lose_zero()
+
+    def _home(self, named: list[bool]) -> None:
+        place, shift = list(self._place), list(self._shift)
+        for axis in range(3):
+            if named[axis] or not any(named):
+                place[axis] = None if self._home_mm is None else self._home_mm[axis]
+                if self._firmware is not None:
+                    shift[axis] = 0.0
+        self._place = (place[0], place[1], place[2])
+        self._shift = (shift[0], shift[1], shift[2])
+        self._is_on_path = False
+
+    def _m_code(self, code: float) -> None:
+        if code in (82.0, 83.0):
+            self._extruder.set_own(code == 83.0)
+        elif code in (6.0, 48.0):
+            self._forget()
+
+    def _forget_named(self, statement: Statement) -> None:
+        words = statement.words or {}
+        place = [None if letter in words else here for letter, here in zip(_LETTERS, self._place, strict=True)]
+        self._place = (place[0], place[1], place[2])
+        self._is_on_path = False
+
+    def _forget(self) -> None:
+        self._place = _UNKNOWN
+        self._is_on_path = False
+
+    def _lose_zero(self) -> None:
+        self._forget()
+        self._shift = _UNKNOWN
+
+
+def _is_known(place: Place) -> bool:
+    return None not in place
+
+
+def _known(place: Place) -> Triple:
+    """Give a place whose numbers are all known."""
+    x, y, z = (float("nan") if number is None else number for number in place)
+    return x, y, z
+
+
+def _nano(word: float | None) -> int:
+    """Give a length in units of 1e-9 mm: exact for the digits that programs have."""
+    return round((word or 0.0) * 1e9)

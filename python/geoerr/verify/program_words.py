@@ -1,0 +1,146 @@
+"""Take one line of a G-code program apart, for checking programs.
+
+Nothing here is shared with the code that corrects programs: what proves a correction must not inherit its mistakes.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+_BEGIN = re.compile(rb"\s*(/?)\s*(?:[Nn]\s*\d+(?:\.\d*)?)?\s*")
+_COMMENT = re.compile(rb"\([^)]*\)|;.*|\*\d+\s*$")
+_WORD = re.compile(rb"([A-Za-z])[ \t]*([-+]?(?:\d+\.?\d*|\.\d+))?")
+_NAME = re.compile(rb"[A-Za-z_]{2}\w*|[A-Za-z]\d[\d.]*_\w*")
+_PLACEHOLDER = re.compile(rb"\{[a-z][a-z0-9_]*\}")
+
+# M codes whose line is text, not words.
+_TEXT_CODES = frozenset(
+    (0, 1, 16, *range(20, 34), 36, 37, 38, 39, 117, 118, 486, 550, 551, 552, 553, 586, 587, 588, 589, 862, 928, 929)
+)
+# M codes that may share their line with a move (machining programs).
+_MACHINING_CODES = frozenset(range(2, 10))
+# M codes and names that decide which line comes next.
+_BRANCHING_CODES = frozenset((98, 99, 808))
+_BRANCHING_NAMES = frozenset((b"if", b"elif", b"else", b"while", b"break", b"continue", b"abort"))
+# Named commands that, by Klipper's and RepRapFirmware's manuals, leave the machine where it is.
+_STILL_NAMES = re.compile(
+    rb"var|global|set|echo|SET_(?!KINEMATIC_POSITION$|DUAL_CARRIAGE$)\w*|QUERY_\w*|EXCLUDE_OBJECT\w*|RESPOND|STATUS"
+    rb"|GET_POSITION|TURN_OFF_HEATERS|TEMPERATURE_WAIT|UPDATE_DELAYED_GCODE|SAVE_GCODE_STATE|SAVE_VARIABLE"
+    rb"|SYNC_EXTRUDER_MOTION|SKEW_PROFILE|BED_MESH_(?:PROFILE|CLEAR|OFFSET|OUTPUT|MAP)",
+    re.IGNORECASE,
+)
+
+
+class Kind(Enum):
+    """What a line is to somebody who follows the machine."""
+
+    STILL = "leaves the machine and its modes alone"
+    WORDS = "letters with numbers"
+    M_CODE = "belongs to the M code it begins with"
+    PLACEHOLDER = "holds a placeholder that the slicer did not fill in"
+    ANYWHERE = "may move the machine anywhere"
+    BRANCH = "decides which line comes next"
+    TAPE = "begin or end of the tape"
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A line taken apart.
+
+    Attributes
+    ----------
+    kind
+        What it is.
+    codes
+        Numbers of its G words, in order.
+    m_codes
+        Numbers of its M words, in order.
+    words
+        The other letters (upper case) with their numbers; None where there is no number.
+    is_clear
+        Whether every byte was read and no letter but G and M stands twice.
+    """
+
+    kind: Kind
+    codes: tuple[float, ...] = ()
+    m_codes: tuple[float, ...] = ()
+    words: dict[bytes, float | None] | None = None
+    is_clear: bool = True
+
+
+_STILL = Statement(Kind.STILL)
+_ANYWHERE = Statement(Kind.ANYWHERE)
+_BRANCH = Statement(Kind.BRANCH)
+_TAPE = Statement(Kind.TAPE)
+
+
+def read_statement(body: bytes) -> Statement:
+    """Take a line (without its end) apart."""
+    begin = _BEGIN.match(body)
+    is_skipped = begin is not None and begin.group(1) == b"/"
+    rest = body if begin is None else body[begin.end() :]
+    if not rest or rest.startswith(b";"):
+        return _STILL
+    if rest.startswith(b"%"):
+        return _TAPE
+    name = _NAME.match(rest)
+    if name is not None:
+        return _named(name.group())
+    if rest[:1] in b"oO":
+        return _BRANCH
+    return _worded(rest, is_skipped)
+
+
+def _named(name: bytes) -> Statement:
+    if name in _BRANCHING_NAMES:
+        return _BRANCH
+    return _STILL if _STILL_NAMES.fullmatch(name) else _ANYWHERE
+
+
+def _worded(rest: bytes, is_skipped: bool) -> Statement:
+    if rest[:1] in b"mM":
+        first = _WORD.match(rest)
+        code = int(float(first.group(2))) if first is not None and first.group(2) else -1
+        if code in _BRANCHING_CODES:
+            return _BRANCH
+        if code in _TEXT_CODES:
+            return _STILL
+    text = rest
+    if b";" in rest or b"(" in rest or b"*" in rest:
+        text = _COMMENT.sub(b" ", rest)
+    pairs = _WORD.findall(text)
+    if b"{" in text:
+        without = _PLACEHOLDER.sub(b"", text)
+        if without != text and b"{" not in without:
+            return Statement(Kind.PLACEHOLDER, words={l.upper(): None for l, _ in _WORD.findall(without)})
+    statement = _sorted(pairs, is_clear=not _WORD.sub(b"", text).strip())
+    if not pairs:
+        return _STILL if statement.is_clear else _ANYWHERE
+    has_axes = bool({b"X", b"Y", b"Z"} & (statement.words or {}).keys())
+    if statement.kind is Kind.WORDS and is_skipped and (statement.codes or has_axes):
+        # Whether it runs is decided at the machine; a mode that may not hold spoils everything behind it.
+        return _ANYWHERE if all(code in (0.0, 1.0) for code in statement.codes) else _BRANCH
+    return statement
+
+
+def _sorted(pairs: list[tuple[bytes, bytes]], *, is_clear: bool) -> Statement:
+    codes: list[float] = []
+    m_codes: list[float] = []
+    words: dict[bytes, float | None] = {}
+    for letter, digits in pairs:
+        upper = letter.upper()
+        number = float(digits) if digits else None
+        if upper == b"G" and number is not None:
+            codes.append(number)
+        elif upper == b"M" and number is not None:
+            m_codes.append(number)
+        else:
+            is_clear = is_clear and upper not in words
+            words[upper] = number
+    begins_with_m = bool(pairs) and pairs[0][0] in b"mM" and bool(m_codes)
+    kind = Kind.WORDS
+    if begins_with_m and not codes and m_codes[0] not in _MACHINING_CODES:
+        kind = Kind.M_CODE
+    return Statement(kind, tuple(codes), tuple(m_codes), words, is_clear)
