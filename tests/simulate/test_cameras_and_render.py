@@ -113,7 +113,7 @@ def by_brute_force(camera, sheet, light, rows, columns, fine=41):
         for window in (rows, columns)
     ]
     v_px, u_px = np.meshgrid(*samples, indexing="ij")
-    u_mm, v_mm, _ = _on_sheet(camera, sheet, u_px, v_px)
+    u_mm, v_mm, _ = _on_sheet(camera, sheet, *camera.ideal(u_px, v_px))
     pattern = sheet.pattern
     column = np.searchsorted(pattern.u_edges_mm, u_mm) - 1
     row = np.searchsorted(pattern.v_edges_mm, v_mm) - 1

@@ -227,7 +227,7 @@ def test_a_board_that_cannot_be_shown_is_refused():
 
 def test_distance_of_polygons():
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    assert distance_px(square, square + [3.0, 0.5]) == pytest.approx(2.0)
+    assert distance_px(square, square + np.array([3.0, 0.5])) == pytest.approx(2.0)
     assert distance_px(square, square + 0.5) == pytest.approx(-0.5)
 
 

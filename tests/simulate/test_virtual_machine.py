@@ -45,7 +45,7 @@ def with_lines(errors, rng):
 
 
 def test_li_first_order_sums_hold_for_his_printer():
-    # Errors a thousand times smaller than real ones: second-order terms are then below 1e-9 mm, first-order ones 1e-4.
+    # Errors a thousand times smaller than real ones: second-order terms below 1e-9 mm, first-order ones 1e-4.
     small = {name: value * 1e-3 for name, value in SQUARENESS.items()}
     made = machine(tool_offset=(0.0, 0.0, 0.0))
     errors = drawn(made, squareness=small, size=1e-3)

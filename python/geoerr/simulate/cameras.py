@@ -16,8 +16,8 @@ from geoerr.errors import GeometryError
 from geoerr.simulate.rotations import Array, rotation
 
 _NEWTON_STEPS = 20
-# Convergence is quadratic: after a step of 1e-7 the remaining error is below 1e-13.
-_LAST_STEP = 1e-7
+# Convergence is quadratic: after a step of 1e-6 the remaining error is of the order of 1e-12.
+_LAST_STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,10 @@ class Camera:
         bent, _ = distort(ideal[..., 0], ideal[..., 1], self.distortion)
         return np.asarray(np.stack(bent, axis=-1) * np.asarray(self.focal_px) + np.asarray(self.centre_px))
 
-    def ideal(self, u_px: Array, v_px: Array) -> tuple[Array, Array, Array]:
+    def ideal(self, u_px: Array, v_px: Array, start: tuple[Array, Array] | None = None) -> tuple[Array, Array, Array]:
         """Undistort pixels: ideal x, y (...) and the derivative of (x, y) by (u, v), (2, 2, ...).
 
+        `start` is a guess of x and y; within 1e-6 it makes one step enough.
         Newton's method on the distortion itself, to the last digits; the derivative is good to 1e-6.
 
         Raises
@@ -79,7 +80,7 @@ class Camera:
         fx, fy = self.focal_px
         bent_x = (u_px - self.centre_px[0]) / fx
         bent_y = (v_px - self.centre_px[1]) / fy
-        x, y = bent_x, bent_y
+        x, y = (bent_x, bent_y) if start is None else start
         for _ in range(_NEWTON_STEPS):
             (at_x, at_y), (xx, xy, yy) = distort(x, y, self.distortion)
             scale = 1.0 / (xx * yy - xy * xy)
@@ -89,7 +90,7 @@ class Camera:
             x, y = x + step_x, y + step_y
             if max(np.abs(step_x).max(), np.abs(step_y).max()) < _LAST_STEP:
                 break
-        # Beyond the fold of the polynomial there are other roots: turned inside out, or on the far side of the centre.
+        # Beyond the fold of the polynomial are other roots: turned inside out, or on the far side of the centre.
         folded = np.min(scale) <= 0.0 or np.min(x * bent_x + y * bent_y) < -_LAST_STEP
         if folded or not max(np.abs(step_x).max(), np.abs(step_y).max()) < _LAST_STEP:
             raise GeometryError(

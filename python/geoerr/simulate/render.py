@@ -32,6 +32,7 @@ _REACH_SIGMA = 6.0
 _STEPS_PER_SIGMA = 512
 # Rows at a time, so that what is worked on stays in the cache.
 _PAINT_ROWS = 16
+_LATTICE_PX = 8
 _EXPOSE_ROWS = 64
 
 
@@ -127,17 +128,48 @@ def paint(picture: Picture, camera: Camera, sheet: Sheet, light: Light, brightne
     # Around the sheet lies a frame of nothing: reflectance 0 and cover 0, so that its edge is an edge like any other.
     grey = np.pad(np.where(sheet.pattern.white == 1, light.white_grey, light.black_grey), 1)
     cover = np.pad(np.ones(sheet.pattern.white.shape), 1)
+    lattice = _Lattice(camera, rows, columns)
     for start in range(rows.start, rows.stop, _PAINT_ROWS):
         band = slice(start, min(start + _PAINT_ROWS, rows.stop))
-        weights = _weights(camera, sheet, light.blur_px, band, columns)
+        weights = _weights(lattice, sheet, light.blur_px, band)
         part = picture[band, columns]
         part *= (1.0 - weights.mix(cover)).astype(np.float32)
         part += brightness[band, columns] * weights.mix(grey).astype(np.float32)
 
 
-def _weights(camera: Camera, sheet: Sheet, blur_px: float, rows: slice, columns: slice) -> _Weights:
-    v_px, u_px = np.mgrid[rows, columns].astype(np.float64)
-    u_mm, v_mm, gradient = _on_sheet(camera, sheet, u_px, v_px)
+class _Lattice:
+    """Undistorted places every few pixels of a region: between them they guess those of all its pixels to 1e-6."""
+
+    def __init__(self, camera: Camera, rows: slice, columns: slice) -> None:
+        self.camera = camera
+        self.columns = columns
+        self._v_px, self._u_px = (_nodes(p) for p in (rows, columns))
+        v_px, u_px = np.meshgrid(self._v_px, self._u_px, indexing="ij")
+        # Interpolated along the rows at once; between the rows when they are asked for.
+        self._x, self._y = (_between(self._u_px, part.T, columns).T for part in camera.ideal(u_px, v_px)[:2])
+
+    def ideal(self, rows: slice) -> tuple[Array, Array, Array]:
+        """Undistort some rows of the region; see `Camera.ideal`."""
+        v_px, u_px = np.mgrid[rows, self.columns].astype(np.float64)
+        start = _between(self._v_px, self._x, rows), _between(self._v_px, self._y, rows)
+        return self.camera.ideal(u_px, v_px, start)
+
+
+def _nodes(pixels: slice) -> Array:
+    """Give every `_LATTICE_PX`th pixel and one beyond the last."""
+    return np.arange(pixels.start, pixels.stop + _LATTICE_PX, _LATTICE_PX, dtype=np.float64)
+
+
+def _between(nodes: Array, values: Array, pixels: slice) -> Array:
+    """Interpolate along the first axis by straight lines: values (nodes, ...) to (pixels, ...)."""
+    places = np.arange(pixels.start, pixels.stop, dtype=np.float64)
+    before = np.clip(np.searchsorted(nodes, places, side="right") - 1, 0, len(nodes) - 2)
+    share = ((places - nodes[before]) / (nodes[before + 1] - nodes[before]))[:, None]
+    return np.asarray(values[before] * (1.0 - share) + values[before + 1] * share)
+
+
+def _weights(lattice: _Lattice, sheet: Sheet, blur_px: float, rows: slice) -> _Weights:
+    u_mm, v_mm, gradient = _on_sheet(lattice.camera, sheet, *lattice.ideal(rows))
     u_per_px = np.hypot(gradient[0, 0], gradient[0, 1])
     v_per_px = np.hypot(gradient[1, 0], gradient[1, 1])
     correlation = np.sum(gradient[0] * gradient[1], axis=0) / (u_per_px * v_per_px)
@@ -210,9 +242,8 @@ def _region(camera: Camera, sheet: Sheet, blur_px: float) -> tuple[slice, slice]
     return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
 
 
-def _on_sheet(camera: Camera, sheet: Sheet, u_px: Array, v_px: Array) -> tuple[Array, Array, Array]:
-    """Follow pixels back to the sheet: u, v in mm and their gradient (2, 2, ...): [sheet coordinate][pixel axis]."""
-    x, y, ideal_by_px = camera.ideal(u_px, v_px)
+def _on_sheet(camera: Camera, sheet: Sheet, x: Array, y: Array, ideal_by_px: Array) -> tuple[Array, Array, Array]:
+    """Follow undistorted pixels to the sheet: u, v in mm, gradient [sheet coordinate][pixel axis] (2, 2, ...)."""
     camera_from_sheet = camera.camera_from_base @ sheet.base_from_sheet
     homography = np.column_stack([camera_from_sheet[:, :2], camera.in_camera_mm(sheet.origin_mm)])
     back = np.linalg.inv(homography)

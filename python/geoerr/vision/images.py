@@ -151,6 +151,8 @@ def _check_tiff(content: bytes, path: str | Path) -> None:
     try:
         (directory,) = struct.unpack_from(order + "I", content, 4)
         (n_fields,) = struct.unpack_from(order + "H", content, directory)
+        # The place of the next directory closes this one: it must be there, whatever it says.
+        struct.unpack_from(order + "I", content, directory + 2 + 12 * n_fields)
         fields: dict[int, tuple[int, ...]] = {}
         for index in range(n_fields):
             field = directory + 2 + 12 * index
