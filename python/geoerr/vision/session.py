@@ -69,6 +69,8 @@ class BoardSpec:
         Side of a square.
     marker_mm, dictionary
         Of a ChArUco board's markers; None on a chessboard.
+    is_legacy_pattern
+        The layout that OpenCV had before 4.6: with an even number of rows it begins with a white square.
     """
 
     type: str
@@ -76,6 +78,7 @@ class BoardSpec:
     square_mm: float
     marker_mm: float | None = None
     dictionary: str | None = None
+    is_legacy_pattern: bool = False
 
     def layout(self) -> Board:
         """Lay the board out in mm.
@@ -367,7 +370,10 @@ def _board(table: _Table) -> BoardSpec:
         raise table.refuse(
             "marker_mm", f"a marker of {marker_mm:g} mm does not fit into a square of {square_mm:g} mm"
         )
-    board = BoardSpec(kind, (squares[0], squares[1]), square_mm, marker_mm, dictionary)
+    is_legacy = table.content.get("legacy_pattern", False)
+    if not isinstance(is_legacy, bool):
+        raise table.refuse("legacy_pattern", f"{is_legacy!r} is not true or false")
+    board = BoardSpec(kind, (squares[0], squares[1]), square_mm, marker_mm, dictionary, is_legacy)
     n_markers = squares[0] * squares[1] // 2
     if n_markers > dictionary_size(dictionary):
         raise table.refuse(

@@ -1,0 +1,201 @@
+"""The calibration board in a picture: its inner corners to hundredths of a pixel.
+
+OpenCV finds the board; every corner is then fitted to the full picture (`corners.py`). A chessboard found upside
+down is turned the right way where its colours tell which that is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.errors import DetectionError
+from geoerr.vision.corners import CornerFits, fit_corners
+from geoerr.vision.patterns import opencv_dictionary
+from geoerr.vision.session import BoardSpec
+
+Array = npt.NDArray[np.float64]
+GreyImage = npt.NDArray[np.uint8]
+
+LEAST_CORNERS = 6
+"""Fewer corners of a view than this say nothing about a lens."""
+
+# Chessboards are first looked for in a picture of about this width: quicker, and large squares are found better.
+_SEARCH_WIDTH_PX = 1280
+# Of the corners of one board: more with the wrong colours than this, and it is not this board.
+_MOST_WRONG_COLOURS = 0.2
+_NOT_FOUND = "the board was not found"
+
+
+@dataclass(frozen=True)
+class BoardSighting:
+    """The board's corners in one picture.
+
+    Attributes
+    ----------
+    ids
+        (n,) numbers of the inner corners, row by row, ascending.
+    corners_px
+        (n, 2) distorted pixels.
+    """
+
+    ids: npt.NDArray[np.int64]
+    corners_px: Array
+
+
+def find_board(picture: GreyImage, board: BoardSpec) -> BoardSighting:
+    """Find the board in a picture.
+
+    Parameters
+    ----------
+    picture
+        (h, w) uint8.
+    board
+        A ChArUco board may be seen in part, a chessboard must be seen whole.
+
+    Raises
+    ------
+    DetectionError
+        saying what was seen and what was not.
+
+    Notes
+    -----
+    Verified against the simulator's true corners (tests/vision/test_boards.py).
+    """
+    sighting = _find_charuco(picture, board) if board.type == "charuco" else _find_chessboard(picture, board)
+    columns, rows = board.squares[0] - 1, board.squares[1] - 1
+    across, down = sighting.ids % columns, sighting.ids // columns
+    if len(sighting.ids) < LEAST_CORNERS or len(np.unique(across)) < 2 or len(np.unique(down)) < 2:
+        raise DetectionError(
+            f"only {len(sighting.ids)} of the board's {columns * rows} corners were found, "
+            f"{LEAST_CORNERS} in more than one row are needed"
+        )
+    return sighting
+
+
+def same_colours(board: BoardSpec) -> tuple[npt.NDArray[np.int64], ...]:
+    """List the renumberings of corners under which the board looks the same, the identity first.
+
+    A ChArUco board has one: its markers say which way up it is. A chessboard turned by half a turn has its own
+    colours again if both sides have odd or both have even numbers of squares; a square one also by a quarter turn
+    where that number is odd.
+
+    Returns
+    -------
+    tuple of (n,) arrays
+        entry i of the turned board's corners is corner `renumbering[i]` of the board.
+    """
+    columns, rows = board.squares[0] - 1, board.squares[1] - 1
+    numbers = np.arange(columns * rows, dtype=np.int64).reshape(rows, columns)
+    if board.type == "charuco":
+        return (numbers.ravel(),)
+    return tuple(turned.ravel() for turned, keeps_colours in _turns(numbers, board) if keeps_colours)
+
+
+def _turns(numbers: npt.NDArray[np.int64], board: BoardSpec) -> list[tuple[npt.NDArray[np.int64], bool]]:
+    """All turns that a chessboard's outline allows, each with whether it keeps the colours."""
+    columns, rows = board.squares
+    turns = [(numbers, True), (np.rot90(numbers, 2), (columns + rows) % 2 == 0)]
+    if columns == rows:
+        keeps = columns % 2 == 1
+        turns += [(np.rot90(numbers, 1), keeps), (np.rot90(numbers, 3), keeps)]
+    return turns
+
+
+def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
+    assert board.marker_mm is not None
+    assert board.dictionary is not None
+    layout = cv2.aruco.CharucoBoard(
+        board.squares, board.square_mm, board.marker_mm, opencv_dictionary(board.dictionary)
+    )
+    layout.setLegacyPattern(board.is_legacy_pattern)
+    detector = cv2.aruco.CharucoDetector(layout)
+    corners, ids, _, marker_ids = detector.detectBoard(picture)
+    if marker_ids is None or len(marker_ids) == 0:
+        raise DetectionError(f"{_NOT_FOUND}: no marker of {board.dictionary} is seen")
+    if ids is None or len(ids) == 0:
+        raise DetectionError(
+            f"{_NOT_FOUND}: {len(marker_ids)} markers of {board.dictionary} are seen but they do not lie as on this "
+            "board: check squares and dictionary, or set legacy_pattern = true for a board made before OpenCV 4.6"
+        )
+    order = np.argsort(np.ravel(ids))
+    numbers = np.ravel(ids)[order].astype(np.int64)
+    starts = np.asarray(corners, dtype=np.float64).reshape(-1, 2)[order]
+    gap_of_side = 0.5 * (1.0 - board.marker_mm / board.square_mm)
+    fits = _fit(picture, board, numbers, starts, gap_of_side)
+    has_colours = fits.half_contrast_grey * _colours(board, numbers) > 0.0
+    return BoardSighting(numbers[has_colours], fits.corners_px[has_colours])
+
+
+def _find_chessboard(picture: GreyImage, board: BoardSpec) -> BoardSighting:
+    columns, rows = board.squares[0] - 1, board.squares[1] - 1
+    starts = _chessboard_corners(picture, (columns, rows))
+    if starts is None:
+        raise DetectionError(f"{_NOT_FOUND}: no {columns} × {rows} inner corners of a chessboard are seen")
+    grid = starts.reshape(rows, columns, 2)
+    along_u, along_v = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
+    if along_u[0] * along_v[1] - along_u[1] * along_v[0] < 0.0:
+        # Numbered as in a mirror.
+        grid = grid[:, ::-1]
+    numbers = np.arange(columns * rows, dtype=np.int64)
+    fits = _fit(picture, board, numbers, grid.reshape(-1, 2))
+    colours = fits.half_contrast_grey * _colours(board, numbers)
+    is_inverse = float(np.sum(np.sign(colours))) < 0.0
+    is_good = (colours < 0.0) if is_inverse else (colours > 0.0)
+    if np.mean(~is_good) > _MOST_WRONG_COLOURS:
+        raise DetectionError(f"{_NOT_FOUND}: black and white do not alternate as on a chessboard")
+    found = fits.corners_px
+    if is_inverse:
+        turned = next((turn for turn, keeps in _turns(numbers.reshape(rows, columns), board) if not keeps), None)
+        if turned is not None:
+            found, is_good = found[turned.ravel()], is_good[turned.ravel()]
+    return BoardSighting(numbers[is_good], found[is_good])
+
+
+def _chessboard_corners(picture: GreyImage, inner: tuple[int, int]) -> Array | None:
+    """Look in a reduced picture first, then in the full one; the quick detector first, then the thorough one."""
+    scale = min(1.0, _SEARCH_WIDTH_PX / max(picture.shape))
+    sizes = [(picture, 1.0)]
+    if scale < 1.0:
+        reduced = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        sizes.insert(0, (np.asarray(reduced, dtype=np.uint8), scale))
+    for image, shrunk in sizes:
+        is_found, corners = cv2.findChessboardCorners(image, inner)
+        if not is_found:
+            is_found, corners = cv2.findChessboardCornersSB(image, inner)
+        if is_found:
+            found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+            # Pixel centres are at whole numbers in both pictures.
+            return np.asarray((found + 0.5) / shrunk - 0.5)
+    return None
+
+
+def _fit(
+    picture: GreyImage, board: BoardSpec, numbers: npt.NDArray[np.int64], starts: Array, gap_of_side: float = np.inf
+) -> CornerFits:
+    """Fit corners, with the squares' sides at each taken from the board's homography."""
+    columns = board.squares[0] - 1
+    place = np.stack([numbers % columns, numbers // columns], axis=1).astype(np.float64)
+    homography, _ = cv2.findHomography(place, starts)
+    if homography is None:
+        raise DetectionError(f"{_NOT_FOUND}: its corners lie in one line")
+
+    def seen(at: Array) -> Array:
+        mapped = np.column_stack([at, np.ones(len(at))]) @ np.asarray(homography, dtype=np.float64).T
+        return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+    half_u, half_v = np.array([0.5, 0.0]), np.array([0.0, 0.5])
+    side_u = seen(place + half_u) - seen(place - half_u)
+    side_v = seen(place + half_v) - seen(place - half_v)
+    return fit_corners(picture, starts, side_u, side_v, gap_of_side)
+
+
+def _colours(board: BoardSpec, numbers: npt.NDArray[np.int64]) -> Array:
+    """+1 for corners whose square towards −u −v is black, −1 for the others."""
+    columns = board.squares[0] - 1
+    parity = (numbers % columns + numbers // columns) % 2
+    sign = -1.0 if board.is_legacy_pattern and board.squares[1] % 2 == 0 else 1.0
+    return np.asarray(sign * (1.0 - 2.0 * parity))
