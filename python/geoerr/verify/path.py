@@ -208,9 +208,11 @@ def _pieces(model: Model, batch: list[tuple[Run, Run]], threads: int) -> tuple[_
                     ideal = end
             first += count
         at += n_out
-    columns: tuple[list[Triple], ...] = tuple([row[column] for row in rows] for column in range(4))  # type: ignore[misc]
-    lines = np.array([row[4] for row in rows], dtype=np.int64)
-    return _Pieces(*(_rows(column) for column in columns), lines), n_moves, n_differ
+    begins, ends, ideal_begins, ideal_ends, lines = ([row[column] for row in rows] for column in range(5))
+    pieces = _Pieces(
+        _rows(begins), _rows(ends), _rows(ideal_begins), _rows(ideal_ends), np.array(lines, dtype=np.int64)
+    )
+    return pieces, n_moves, n_differ
 
 
 def _foot(begin: Triple, end: Triple, point: Numbers) -> Triple:
@@ -242,7 +244,7 @@ def _parts(pieces: _Pieces, step_mm: float) -> Iterator[_Pieces]:
 
 def _intervals(pieces: _Pieces, step_mm: float) -> npt.NDArray[np.int64]:
     length_mm = np.linalg.norm(pieces.ideal_end_mm - pieces.ideal_begin_mm, axis=1)
-    return np.maximum(4, np.ceil(length_mm / step_mm)).astype(np.int64)
+    return np.asarray(np.maximum(4, np.ceil(length_mm / step_mm)), dtype=np.int64)
 
 
 def _sample(
@@ -266,5 +268,5 @@ def _sample(
     out_figures.add(after, weight, line)
 
 
-def _rows(triples: list[Triple]) -> Numbers:
+def _rows(triples: list[Any]) -> Numbers:
     return np.array(triples, dtype=np.float64).reshape(-1, 3)

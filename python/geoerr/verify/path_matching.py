@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +17,9 @@ Numbers = npt.NDArray[np.float64]
 # The comment that marks a corrected program.
 MARK = b"corrected by geoerr: model "
 
-# A piece ends a move where the tool, by the model, is this close to the move's end. Pieces of a corrected move are far
-# longer: where errors change by less than 0.01 mm a millimetre, a piece shorter than this times ten cannot leave a
-# tolerance of a tenth of a micrometre.
+# A piece ends a move where the tool, by the model, is this close to the move's end. Pieces of a corrected move are
+# far longer: where errors change by less than 0.01 mm a millimetre, a piece shorter than this times ten cannot leave
+# a tolerance of a tenth of a micrometre.
 _END_MM = 1e-3
 
 
@@ -57,8 +56,9 @@ def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator
     """
     for run_in, run_out in itertools.zip_longest(runs_of(reader_in), runs_of(reader_out)):
         if run_in is None or run_out is None:
-            number = (run_in or run_out).next_line.number if (run_in or run_out).next_line else 1
-            raise GcodeError(reader_out.path, number, f"has not the same lines as {reader_in.path}", remedy=_REMEDY)
+            longer = run_in or run_out
+            number = 1 if longer is None or longer.next_line is None else longer.next_line.number
+            raise GcodeError(reader_out.path, number, f"has not as many lines as {reader_in.path}", remedy=_REMEDY)
         line_in, line_out = run_in.next_line, run_out.next_line
         bodies = [None if line is None else line.body for line in (line_in, line_out)]
         if bodies[0] != bodies[1]:
@@ -76,7 +76,10 @@ def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator
 
 
 def piece_counts(run_in: Run, run_out: Run, actual_mm: Numbers) -> list[int]:
-    """Give the number of pieces of each move of `run_in`; `actual_mm` (n, 3) is where the tool is after each of `run_out`."""
+    """Give the number of pieces of each move of `run_in`.
+
+    `actual_mm` (n, 3) is where the tool is, by the model, after each move of `run_out`.
+    """
     n_moves, slack = len(run_in.moves), len(run_out.moves) - len(run_in.moves)
     if slack == 0:
         return [1] * n_moves
@@ -89,7 +92,7 @@ def piece_counts(run_in: Run, run_out: Run, actual_mm: Numbers) -> list[int]:
         elif slack and move.start_mm is not None:
             off_mm = np.linalg.norm(actual_mm[at : at + slack + 1] - np.asarray(move.end_mm), axis=1)
             near = np.flatnonzero(off_mm <= _END_MM)
-            # A path that is corrected for another machine never comes close: its nearest piece then stands for the end.
+            # A path that is corrected for another machine never comes close: its nearest piece stands for the end.
             count += int(near[0] if near.size else np.argmin(off_mm))
         counts.append(count)
         slack -= count - 1

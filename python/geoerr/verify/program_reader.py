@@ -1,7 +1,7 @@
 """Follow a G-code program, for checking it: where each straight move begins and ends, and what it extrudes.
 
-Nothing here is shared with the code that corrects programs. The rules are the published ones: a position is known once
-X, Y and Z have been given since the start, homing, or a line after which the machine may be anywhere.
+Nothing here is shared with the code that corrects programs. The rules are the published ones: a position is known
+once X, Y and Z have been given since the start, homing, or a line after which the machine may be anywhere.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple, TypeGuard
 
 from geoerr.errors import InputFileError
 from geoerr.verify.program_words import Kind, Statement, read_statement
@@ -19,6 +19,11 @@ Triple = tuple[float, float, float]
 Place = tuple[float | None, float | None, float | None]
 
 _LINE_END = re.compile(rb"\r\n|\n|\r")
+# The form that nearly all lines of a sliced program have; read without taking the line apart in general.
+_NUMBER = rb"([-+]?(?:\d+\.?\d*|\.\d+))"
+_PLAIN_MOVE = re.compile(
+    rb"G[01](?: X%b)?(?: Y%b)?(?: Z%b)?(?: E%b)?(?: F[\d.]+)? ?(?:;.*)?" % (_NUMBER, _NUMBER, _NUMBER, _NUMBER)
+)
 _LETTERS = (b"X", b"Y", b"Z")
 _OTHER_AXES = frozenset((b"A", b"B", b"C", b"U", b"V", b"W"))
 _ARC_WORDS = frozenset((b"I", b"J", b"K", b"R"))
@@ -34,8 +39,7 @@ _TRANSFORM = {7.0: 8.0, 16.0: 15.0, 51.0: 50.0, 68.0: 69.0, 41.0: 40.0, 41.1: 40
 _TRANSFORM_ENDS = frozenset(_TRANSFORM.values())
 
 
-@dataclass(frozen=True, slots=True)
-class Move:
+class Move(NamedTuple):
     """A straight move whose end is known.
 
     Attributes
@@ -53,8 +57,7 @@ class Move:
     extrusion: int
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(NamedTuple):
     """One line: its number (1-based), its bytes without the end, and its move where it has one to be checked."""
 
     number: int
@@ -129,7 +132,6 @@ class ProgramReader:
     ) -> None:
         self.path = Path(path)
         self.n_moves = 0
-        self.n_unchecked = 0
         self._home_mm = home_mm
         self._firmware = firmware
         self._extruder = _Extruder(firmware)
@@ -138,6 +140,7 @@ class ProgramReader:
         self._is_on_path = False
         self._shift: Place = (0.0, 0.0, 0.0)
         self._systems: dict[int, Place] = {1: work_offset_mm}
+        self._zero: Place = work_offset_mm
         self._n_tape_marks = 0
         self._is_lost = False
 
@@ -167,6 +170,9 @@ class ProgramReader:
     def _follow(self, body: bytes) -> Move | None:
         if self._is_lost or self._n_tape_marks >= 2:
             return None
+        plain = _PLAIN_MOVE.fullmatch(body)
+        if plain is not None and not self._modes.transforms and not self._modes.is_inverse_time:
+            return self._plain_move(plain)
         statement = read_statement(body)
         match statement.kind:
             case Kind.STILL:
@@ -185,6 +191,14 @@ class ProgramReader:
             case Kind.WORDS:
                 return self._words(statement)
         return None
+
+    def _plain_move(self, plain: re.Match[bytes]) -> Move | None:
+        self._modes.motion = "straight"
+        x, y, z, e = plain.groups()
+        extrusion = 0 if e is None else self._extruder.move(float(e))
+        if x is None and y is None and z is None:
+            return None
+        return self._arrive(self._end(_number(x), _number(y), _number(z), self._origin()), extrusion)
 
     def _words(self, statement: Statement) -> Move | None:
         words = statement.words or {}
@@ -209,32 +223,47 @@ class ProgramReader:
         if modes.motion in (None, "ends somewhere") or not is_clear or (in_machine and modes.is_relative):
             self._forget()
             return None
-        self.n_moves += 1
         extrusion = self._extruder.move(words.get(b"E"))
-        begin, was_on_path = self._place, self._is_on_path
-        end = self._place = self._end(words, in_machine)
-        is_plain = modes.motion == "straight" and not _OTHER_AXES & words.keys() and not modes.is_inverse_time
-        self._is_on_path = is_plain and _is_known(end)
-        if not self._is_on_path:
-            self.n_unchecked += 1
-            return None
-        return Move(_known(begin) if was_on_path else None, _known(end), extrusion)
+        x, y, z = (words.get(letter) for letter in _LETTERS)
+        end = self._end(x, y, z, (0.0, 0.0, 0.0) if in_machine else self._origin())
+        if modes.motion == "straight" and not _OTHER_AXES & words.keys() and not modes.is_inverse_time:
+            return self._arrive(end, extrusion)
+        self.n_moves += 1
+        self._place, self._is_on_path = end, False
+        return None
 
-    def _end(self, words: dict[bytes, float | None], in_machine: bool) -> Place:
-        modes = self._modes
-        system = self._systems.get(modes.system, _UNKNOWN)
-        ends: list[float | None] = []
-        for letter, here, zero, shift in zip(_LETTERS, self._place, system, self._shift, strict=True):
-            word = words.get(letter)
-            if word is None:
-                ends.append(here)
-            elif in_machine:
-                ends.append(word * modes.unit_mm)
-            elif modes.is_relative:
-                ends.append(None if here is None else here + word * modes.unit_mm)
-            else:
-                ends.append(None if zero is None or shift is None else zero + shift + word * modes.unit_mm)
-        return ends[0], ends[1], ends[2]
+    def _arrive(self, end: Place, extrusion: int) -> Move | None:
+        """Move on a straight line; give the move where its end is known."""
+        self.n_moves += 1
+        begin, was_on_path = self._place, self._is_on_path
+        self._place = end
+        self._is_on_path = _is_known(end)
+        if not _is_known(end):
+            return None
+        return Move(begin if was_on_path and _is_known(begin) else None, end, extrusion)
+
+    def _origin(self) -> Place:
+        """Give the machine coordinates from which axis words count."""
+        return self._place if self._modes.is_relative else self._zero
+
+    def _end(self, x: float | None, y: float | None, z: float | None, origin: Place) -> Place:
+        unit_mm = self._modes.unit_mm
+        here_x, here_y, here_z = self._place
+        from_x, from_y, from_z = origin
+        return (
+            here_x if x is None else None if from_x is None else from_x + x * unit_mm,
+            here_y if y is None else None if from_y is None else from_y + y * unit_mm,
+            here_z if z is None else None if from_z is None else from_z + z * unit_mm,
+        )
+
+    def _find_zero(self) -> None:
+        """Find the machine coordinates of the program's zero again, after the system or the shift has changed."""
+        system = self._systems.get(self._modes.system, _UNKNOWN)
+        x, y, z = (
+            None if zero is None or shift is None else zero + shift
+            for zero, shift in zip(system, self._shift, strict=True)
+        )
+        self._zero = (x, y, z)
 
     def _take_mode(self, code: float, words: dict[bytes, float | None]) -> bool:
         """Take over a code that says how to read words; False where the line's words belong to the code."""
@@ -249,9 +278,17 @@ class ProgramReader:
         elif 54.0 <= code < 60.0:
             # 7 and up: G59.1 to G59.3, which are not followed.
             modes.system = int(code) - 53 if code == int(code) else 7
+            self._find_zero()
         elif code in (93.0, 94.0, 95.0):
             modes.is_inverse_time = code == 93.0
-        elif code in _TRANSFORM:
+        else:
+            return self._take_geometry(code, words)
+        return True
+
+    def _take_geometry(self, code: float, words: dict[bytes, float | None]) -> bool:
+        """Take over a code that changes what axis words mean, or where the machine is."""
+        modes = self._modes
+        if code in _TRANSFORM:
             modes.transforms.add(_TRANSFORM[code])
             self._forget()
         elif code in _TRANSFORM_ENDS:
@@ -306,6 +343,7 @@ class ProgramReader:
             self._lose_zero()
         elif code not in _OWN_WORDS:
             self._forget()
+        self._find_zero()
 
     def _shift_zero(self, words: dict[bytes, float | None]) -> None:
         if not words:
@@ -368,17 +406,15 @@ class ProgramReader:
 
     def _lose_zero(self) -> None:
         self._forget()
-        self._shift = _UNKNOWN
+        self._shift = self._zero = _UNKNOWN
 
 
-def _is_known(place: Place) -> bool:
+def _is_known(place: Place) -> TypeGuard[Triple]:
     return None not in place
 
 
-def _known(place: Place) -> Triple:
-    """Give a place whose numbers are all known."""
-    x, y, z = (float("nan") if number is None else number for number in place)
-    return x, y, z
+def _number(digits: bytes | None) -> float | None:
+    return None if digits is None else float(digits)
 
 
 def _nano(word: float | None) -> int:

@@ -114,7 +114,7 @@ def _worded(rest: bytes, is_skipped: bool) -> Statement:
     if b"{" in text:
         without = _PLACEHOLDER.sub(b"", text)
         if without != text and b"{" not in without:
-            return Statement(Kind.PLACEHOLDER, words={l.upper(): None for l, _ in _WORD.findall(without)})
+            return Statement(Kind.PLACEHOLDER, words={letter.upper(): None for letter, _ in _WORD.findall(without)})
     statement = _sorted(pairs, is_clear=not _WORD.sub(b"", text).strip())
     if not pairs:
         return _STILL if statement.is_clear else _ANYWHERE
