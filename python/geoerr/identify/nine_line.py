@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,8 @@ from geoerr.observations import Observations
 
 StraightnessMethod = Literal["direct", "integrated"]
 RollMethod = Literal["linear", "li"]
+
+_UM_PER_MM = 1e3
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,47 @@ class NineLineResult:
     scatter: tuple[AxisScatter, ...]
     left_out: dict[str, int]
 
+    def to_document(self) -> dict[str, Any]:
+        """Give the diagnostics as plain values, for `--json`; lengths in µm."""
+        return {
+            "lines": [
+                {
+                    "number": line.number,
+                    "axis": line.axis,
+                    "lever_mm": list(line.place_mm),
+                    "points": line.n_points,
+                    "passes": line.n_passes,
+                    "sessions": list(line.sessions),
+                    "carriers": list(line.carriers),
+                    "targets": list(line.targets),
+                    "rms_um": line.rms_mm * _UM_PER_MM,
+                }
+                for line in self.lines
+            ],
+            "missing_lines": list(self.missing_lines),
+            "straightness": [
+                {
+                    "name": verdict.name,
+                    "rms_um": verdict.rms_mm * _UM_PER_MM,
+                    "p_value": verdict.p_value,
+                    "follows_tangent": verdict.follows,
+                }
+                for verdict in self.tangent
+            ],
+            "scatter": [
+                {
+                    "axis": one.axis,
+                    "dof": one.dof,
+                    "rms_um": None if one.rms_mm is None else one.rms_mm * _UM_PER_MM,
+                    "chi_squared_per_dof": one.chi_squared_per_dof,
+                    "p_value": one.p_value,
+                    "birge_ratio": one.birge_ratio,
+                }
+                for one in self.scatter
+            ],
+            "left_out": self.left_out,
+        }
+
 
 def identify_nine_line(
     observations: Observations,
@@ -127,7 +170,7 @@ def identify_nine_line(
     roll
         `linear`, or `li` for Eqs. 20 to 22; the other is under `alternatives`, as `roll-li` or `roll-linear`.
     rig_sensitivity : (n, 3, p), optional
-        Derivative of each row's measured position by the calibration's parameters.
+        Derivative of each row's measured position by the calibration's parameters; NaN where it is unknown.
     rig_covariance : (p, p), optional
         Covariance of these parameters.
 
@@ -200,7 +243,7 @@ def _checked_rig(
         raise ShapeError(f"rig_covariance has shape {c.shape}, a square matrix is needed")
     if j.shape != (n_rows, 3, len(c)):
         raise ShapeError(f"rig_sensitivity has shape {j.shape}, ({n_rows}, 3, {len(c)}) is needed")
-    return j, c
+    return np.nan_to_num(j), c
 
 
 def _nothing_found(found: FoundPasses, refused: Sequence[str]) -> str:

@@ -1,0 +1,156 @@
+"""`geoerr identify`: what it prints, writes and refuses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import typer
+from typer.testing import CliRunner
+from virtual_machine import Camera, camera, draw_truth, li_nine_lines, machine_of, nine_lines, observe
+
+from geoerr.cli import identify as verb
+from geoerr.error_functions import ALL_NAMES, read_errors
+from geoerr.errors import GeometryError, InputFileError
+from geoerr.identify import identify_nine_line
+from geoerr.machine import write_machine
+from geoerr.observations import Observations, read_observations, write_observations
+from geoerr.vision.rig import Rig, RightFromLeft, write_rig
+from geoerr.vision.sensitivity import project_to_both
+
+MACHINE = machine_of("wZbXYt")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """machine.toml and noisy nine lines, each twice."""
+    rng = np.random.default_rng(60)
+    moves = [replace(move, repeat=repeat) for repeat in range(2) for move in nine_lines(MACHINE)]
+    truth = draw_truth(rng, "wZbXYt")
+    observations = observe(
+        MACHINE, truth, moves, {"0": camera(rng)}, covariance_mm2=np.diag([1e-4, 1e-4, 9e-4]), rng=rng
+    )
+    write_machine(tmp_path / "machine.toml", MACHINE)
+    write_observations(tmp_path / "observations.csv", observations)
+    return tmp_path
+
+
+def run(folder: Path, *arguments: str, observations: str = "observations.csv"):  # type: ignore[no-untyped-def]
+    app = typer.Typer()
+    verb.register(app)
+    app.command("other")(lambda: None)
+    fixed = ["identify", str(folder / observations), "--machine", str(folder / "machine.toml")]
+    return CliRunner().invoke(app, [*fixed, *arguments], catch_exceptions=True)
+
+
+def test_table_of_the_21_fits_and_errors_are_written(folder: Path) -> None:
+    result = run(folder, "-o", str(folder / "errors.json"))
+    assert result.exit_code == 0
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert [line.split()[0] for line in lines[3:24]] == list(ALL_NAMES)
+    assert "test (wZbXYt): 18 of 18 error functions and 3 of 3 squarenesses, method nine-line" in lines[0]
+    assert sum("follows, as far as can be told" in line for line in lines) == 6
+    assert any(line.startswith("X: lines 1, 4, 5; 54 points in 6 passes; residual ") for line in lines)
+    assert "note: the calibration's uncertainty is not included" in result.stderr
+    written = read_errors(folder / "errors.json")
+    expected = identify_nine_line(read_observations(folder / "observations.csv"), MACHINE)
+    for name, table in expected.functions.items():
+        assert np.allclose(written.functions[name].value, table.value, rtol=1e-12, atol=1e-15)
+
+
+def test_quiet_says_nothing_beside_the_result(folder: Path) -> None:
+    assert run(folder, "--quiet").stderr == ""
+
+
+def test_json_is_one_document(folder: Path) -> None:
+    result = run(folder, "--json", "--straightness", "integrated", "--roll", "li")
+    document = json.loads(result.stdout)
+    assert set(document["alternatives"]) == {"straightness-direct", "roll-linear"}
+    assert [line["number"] for line in document["lines"]] == [1, 4, 5, 2, 6, 7, 3, 8, 9]
+    assert {item["name"] for item in document["straightness"]} == {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}
+    assert document["scatter"][0]["birge_ratio"] == 1.0
+    assert document["missing_lines"] == []
+    assert str(folder / "observations.csv") in document["provenance"]["inputs"]
+
+
+def test_missing_line_is_named_with_its_cost(folder: Path) -> None:
+    rng = np.random.default_rng(61)
+    moves = [move for move in li_nine_lines(MACHINE) if move.line != "line 5"]
+    observations = observe(MACHINE, draw_truth(rng, "wZbXYt"), moves, {"0": camera(rng)})
+    write_observations(folder / "eight.csv", observations)
+    result = run(folder, observations="eight.csv")
+    assert result.exit_code == 0
+    assert "  ECX (ε_zx): line 5 (X, target offset along y) is missing" in result.stdout.splitlines()
+    assert "note: of Li's nine lines the data lack 5" in result.stderr
+    assert "cannot be judged without uncertainties" in result.stdout
+
+
+def test_rows_that_cannot_be_used_are_named(folder: Path) -> None:
+    text = (folder / "observations.csv").read_text().splitlines()
+    cells = text[3].split(",")
+    cells[text[0].split(",").index("mx")] = "broken"
+    (folder / "broken.csv").write_text("\n".join([*text[:3], ",".join(cells), *text[4:]]) + "\n")
+    result = run(folder, observations="broken.csv")
+    assert result.exit_code == 0
+    assert "broken.csv:4: mx:" in result.stderr
+
+
+def test_joint_is_refused(folder: Path) -> None:
+    result = run(folder, "--method", "joint")
+    assert result.exit_code == 2
+    assert "not part of this version" in " ".join(result.stderr.split())
+
+
+def test_an_input_is_never_replaced(folder: Path) -> None:
+    before = (folder / "observations.csv").read_bytes()
+    result = run(folder, "-o", str(folder / "observations.csv"))
+    assert isinstance(result.exception, InputFileError)
+    assert "is an input of this command" in str(result.exception)
+    assert (folder / "observations.csv").read_bytes() == before
+
+
+def stereo_rig(covariance: np.ndarray | None) -> Rig:
+    matrix = np.array([[2300.0, 0.0, 1224.0], [0.0, 2300.0, 1024.0], [0.0, 0.0, 1.0]])
+    pose = RightFromLeft(np.eye(3), np.array([-300.0, 0.0, 0.0]))
+    return Rig(matrix, np.zeros(5), matrix, np.zeros(5), pose, (2448, 2048), covariance)
+
+
+def test_rig_adds_the_calibrations_uncertainty(folder: Path) -> None:
+    """A baseline known to 1 in 10⁴ makes every length uncertain by 1 in 10⁴."""
+    rng = np.random.default_rng(62)
+    plain = stereo_rig(None)
+    variance = np.zeros(len(plain.parameter_names))
+    variance[plain.parameter_names.index("t_x_mm")] = 0.03**2
+    rig = stereo_rig(np.diag(variance))
+    view = {"0": Camera(np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]), np.array([-200.0, 100.0, 900.0]))}
+    observations = observe(
+        MACHINE, draw_truth(rng, "wZbXYt"), li_nine_lines(MACHINE), view, covariance_mm2=np.eye(3) * 1e-8, rng=rng
+    )
+    pixels = project_to_both(rig, observations.measured_mm).pixel
+    names = ("u_left", "v_left", "u_right", "v_right")
+    frame = observations.frame.with_columns(**{name: pl.Series(pixels[:, i]) for i, name in enumerate(names)})
+    write_observations(folder / "pixels.csv", Observations(frame, observations.sources))
+    write_rig(folder / "rig.json", rig)
+    result = run(folder, "--rig", str(folder / "rig.json"), "-o", str(folder / "e.json"), observations="pixels.csv")
+    assert result.exit_code == 0, result.exception
+    assert "the calibration's uncertainty is not included" not in result.stderr
+    table = read_errors(folder / "e.json").functions["EXX"]
+    assert table.std is not None
+    assert np.allclose(table.std[1:], 1e-4 * table.position_mm[1:], rtol=0.02)
+
+
+def test_rig_without_covariance_or_pixels_is_refused(folder: Path) -> None:
+    write_rig(folder / "rig.json", stereo_rig(None))
+    result = run(folder, "--rig", str(folder / "rig.json"))
+    assert isinstance(result.exception, InputFileError)
+    assert "states no covariance" in str(result.exception)
+    n_parameters = len(stereo_rig(None).parameter_names)
+    write_rig(folder / "rig.json", stereo_rig(np.eye(n_parameters) * 1e-8))
+    result = run(folder, "--rig", str(folder / "rig.json"))
+    assert isinstance(result.exception, GeometryError)
+    assert "no pixels" in str(result.exception)
