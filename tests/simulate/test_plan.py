@@ -1,6 +1,10 @@
 """Plans: what is read, in which order things happen, and what is refused by file and key."""
 
+import inspect
 import json
+import textwrap
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +12,8 @@ from small_plans import DOCUMENT, changed
 
 from geoerr.errors import InputFileError
 from geoerr.files import write_json
-from geoerr.machine import write_machine
+from geoerr.machine import Axis, write_machine
+from geoerr.simulate import plan as plan_module
 from geoerr.simulate.effects import AVAILABLE_EFFECTS, disturbance_of
 from geoerr.simulate.moments import measured_positions, moments_of
 from geoerr.simulate.plan import plan_from_document, read_plan, write_plan
@@ -33,6 +38,17 @@ def test_a_plan_written_is_the_plan_read(tmp_path):
         plan().rig,
         plan().errors,
     )
+
+
+def test_the_plan_that_the_documentation_shows_is_a_plan(tmp_path):
+    _, _, example = inspect.getdoc(plan_module).partition("::")
+    document = tomllib.loads(textwrap.dedent(example))
+    machine = plan().machine
+    write_machine(tmp_path / "machine.toml", replace(machine, axes=dict.fromkeys("xyz", Axis((0.0, 400.0)))))
+    shown = plan_from_document(document, tmp_path / "plan.toml")
+    assert len(shown.passes[0].positions_mm) == 21
+    assert shown.hidden[0].parameters == {"alpha": 11.5e-6, "q_fixed": 0.0}
+    assert shown.errors.tables["EZZ"].value.tolist() == [0.0, 0.08]
 
 
 def test_the_machine_may_stand_in_a_file_of_its_own(tmp_path):

@@ -165,8 +165,3 @@ def without_line(function: Function, low_mm: float, high_mm: float) -> Function:
     """Give the function without its least-squares slope over the range, then 0 at `low_mm`."""
     _, per_mm = fitted_line(function, low_mm, high_mm)
     return from_zero(lambda q_mm: np.asarray(function(q_mm) - per_mm * q_mm), low_mm)
-
-
-def zero(q_mm: Array) -> Array:
-    """Give 0 everywhere."""
-    return np.zeros_like(q_mm)

@@ -20,7 +20,7 @@ import numpy as np
 
 from geoerr.error_functions import LI_SQUARENESS, LINEAR_AND_ANGULAR
 from geoerr.machine import AXES, Machine
-from geoerr.simulate.curves import Curve, Function, Polyline, draw_wave, from_zero, without_line, zero
+from geoerr.simulate.curves import Curve, Function, Polyline, draw_wave, from_zero, without_line
 from geoerr.simulate.rotations import Array
 
 _TRANSLATION = "XYZ"
@@ -182,8 +182,3 @@ def _on_two_feet(height: Function, length_mm: float) -> tuple[Function, Function
         lambda q_mm: np.asarray(0.5 * (height(q_mm + half_mm) + height(q_mm - half_mm))),
         lambda q_mm: np.asarray((height(q_mm + half_mm) - height(q_mm - half_mm)) / length_mm),
     )
-
-
-def no_errors() -> MachineErrors:
-    """Give a perfect machine."""
-    return MachineErrors(dict.fromkeys(LINEAR_AND_ANGULAR, zero), {name: 0.0 for name, _ in LI_SQUARENESS.values()})

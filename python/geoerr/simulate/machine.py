@@ -35,16 +35,6 @@ class Disturbance:
     rig_mm: Array
     rig_rad: Array
 
-    def __getitem__(self, rows: slice) -> Disturbance:
-        return Disturbance(
-            self.delta_mm[rows],
-            self.epsilon_rad[rows],
-            self.tool_mm[rows],
-            self.work_mm[rows],
-            self.rig_mm[rows],
-            self.rig_rad[rows],
-        )
-
 
 def no_disturbance(n_moments: int) -> Disturbance:
     """Give a disturbance of nothing; its arrays may be filled in."""

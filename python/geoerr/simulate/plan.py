@@ -1,4 +1,60 @@
-"""What to simulate: the plan (.toml), read and checked."""
+"""What to simulate: the plan (.toml), read and checked.
+
+A plan with nearly every key there is; most may be left out (`[rig]` must say where it stands and looks)::
+
+    seed = 0
+    machine = "machine.toml"                 # beside the plan; or [machine] and [axes.*] here, as in that file
+    seconds_per_frame = 4.0
+    [rig]                                    # Li's Table 2 unless said otherwise
+    image_size_px = [2448, 2048]
+    pixel_um = 3.45
+    focal_mm = 8.0
+    middle_mm = [-395.0, -395.0, 430.0]      # halfway between the cameras, base frame
+    look_at_mm = [140.0, 140.0, -100.0]
+    baseline_mm = 300.0
+    converging = 1.0                         # 0: parallel axes, 1: they cross at look_at_mm
+    blur_px = 0.8
+    left = { distortion = [-0.1, 0.12, 0.0003, -0.0002, -0.02] }     # also focal_px, centre_px, turn_mrad
+    [noise]
+    grey = 1.5
+    repeatability_um = 0.0
+    [board]                                  # a session's [board], and
+    type = "charuco"
+    squares = [14, 10]
+    square_mm = 25.0
+    marker_mm = 18.0
+    dictionary = "DICT_5X5_100"
+    views = 24
+    depth_mm = [600.0, 1150.0]
+    [[targets]]
+    id = 0
+    size_mm = 54.0
+    carrier = "tool"                         # tool, work or base
+    offset_mm = [0.0, 0.0, 0.0]
+    roll_deg = 6.0                           # plates look at the cameras unless facing_mm says where else
+    [errors]                                 # largest sizes to draw, 0 where absent; [errors.x] for one axis
+    carriage = "tangent"                     # or "free" (with straightness_um) or "length" (carriage_length_mm)
+    positioning_um = 300.0
+    pitch_yaw_urad = 500.0
+    roll_urad = 400.0
+    squareness_mrad = { EC0Y = -5.05, EB0Z = -1.24, EA0Z = 3.84 }
+    tables = { EZZ = { position_mm = [0.0, 400.0], value_um = [0.0, 80.0] } }    # or an errors.json
+    [[passes]]
+    axis = "x"
+    count = 21                               # from start to stop (the axis's range), or step, or positions
+    at = { z = 400.0 }
+    repeats = 1
+    both_directions = true
+    [covariates.temp_bed]                    # or t_s = [...], value = [...]; or value = 20.0
+    start = 20.0
+    end = 60.0
+    tau_s = 600.0
+    [[hidden]]
+    effect = "thermal-expansion"
+    axis = "x"
+    covariate = "temp_bed"
+    parameters = { alpha = 11.5e-6, q_fixed = 0.0 }
+"""
 
 from __future__ import annotations
 
