@@ -11,7 +11,7 @@ from geoerr import __version__
 from geoerr.errors import GeoerrError
 
 # Each module has `register(app: typer.Typer) -> None`; the order is that of `geoerr --help`.
-VERBS = ("identify", "simulate", "target")
+VERBS = ("identify", "compensate", "verify", "simulate", "target")
 
 app = typer.Typer(
     name="geoerr",

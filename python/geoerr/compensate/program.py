@@ -14,7 +14,7 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from geoerr import _core
-from geoerr.errors import GcodeError, GeoerrError, InputFileError
+from geoerr.errors import GcodeError, InputFileError
 from geoerr.files import whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
@@ -314,20 +314,3 @@ def _result(rewriter: _core.GcodeRewriter) -> CompensationResult:
         extrusion_out_mm=summary["extrusion_out"] / _EXTRUSION_UNITS_PER_MM,
         warnings=tuple(ProgramWarning(*row) for row in rewriter.warnings()),
     )
-
-
-def check_conditions(model_needs: Iterable[str], given: dict[str, float | str]) -> None:
-    """Refuse conditions (`--at`) that the model does not need, and name those that it needs and nobody gave.
-
-    Raises
-    ------
-    GeoerrError
-        naming the condition.
-    """
-    needed = set(model_needs)
-    for name in given:
-        if name not in needed:
-            has = f"it needs {', '.join(sorted(needed))}" if needed else "it needs no conditions"
-            raise GeoerrError(f"the model does not depend on {name!r}\nhint: leave --at {name} out; {has}")
-    for name in sorted(needed - set(given)):
-        raise GeoerrError(f"the model needs {name!r}\nhint: give it as --at {name}=VALUE, or --at {name}=reference")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.errors import GcodeError
-from geoerr.verify.program_reader import Line, Move, ProgramReader
+from geoerr.verify.program_reader import Line, Move, ProgramReader, Triple
 
 Numbers = npt.NDArray[np.float64]
 
@@ -21,6 +22,9 @@ MARK = b"corrected by geoerr: model "
 # far longer: where errors change by less than 0.01 mm a millimetre, a piece shorter than this times ten cannot leave
 # a tolerance of a tenth of a micrometre.
 _END_MM = 1e-3
+
+# No move has more pieces: what bounds the search where the tool never comes close.
+_MOST_PIECES = 1000
 
 
 @dataclass
@@ -90,14 +94,26 @@ def piece_counts(run_in: Run, run_out: Run, actual_mm: Numbers) -> list[int]:
         if number + 1 == n_moves:
             count += slack
         elif slack and move.start_mm is not None:
-            off_mm = np.linalg.norm(actual_mm[at : at + slack + 1] - np.asarray(move.end_mm), axis=1)
-            near = np.flatnonzero(off_mm <= _END_MM)
-            # A path that is corrected for another machine never comes close: its nearest piece stands for the end.
-            count += int(near[0] if near.size else np.argmin(off_mm))
+            count += _further_pieces(actual_mm[at : at + min(slack, _MOST_PIECES) + 1], move.end_mm)
         counts.append(count)
         slack -= count - 1
         at += count
     return counts
+
+
+def _further_pieces(actual_mm: Numbers, end_mm: Triple) -> int:
+    """Give the number of pieces behind the first until the tool reaches the end of the move."""
+    x, y, z = end_mm
+    nearest, nearest_mm = 0, math.inf
+    # Row by row: the first is nearly always the one.
+    for number, (actual_x, actual_y, actual_z) in enumerate(actual_mm):
+        off_mm = math.hypot(actual_x - x, actual_y - y, actual_z - z)
+        if off_mm <= _END_MM:
+            return number
+        if off_mm < nearest_mm:
+            nearest, nearest_mm = number, off_mm
+    # A path that is corrected for another machine never comes close: its nearest piece stands for the end.
+    return nearest
 
 
 _REMEDY = "give the program as it was written, then the one that `geoerr compensate` made of it"

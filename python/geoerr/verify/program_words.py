@@ -11,6 +11,8 @@ from enum import Enum
 
 _BEGIN = re.compile(rb"\s*(/?)\s*(?:[Nn]\s*\d+(?:\.\d*)?)?\s*")
 _COMMENT = re.compile(rb"\([^)]*\)|;.*|\*\d+\s*$")
+# `# text`, as Klipper's own files comment; `#1=2` sets a parameter.
+_TEXT = re.compile(rb"#(?![\d<#\[])")
 _WORD = re.compile(rb"([A-Za-z])[ \t]*([-+]?(?:\d+\.?\d*|\.\d+))?")
 _NAME = re.compile(rb"[A-Za-z_]{2}\w*|[A-Za-z]\d[\d.]*_\w*")
 _PLACEHOLDER = re.compile(rb"\{[a-z][a-z0-9_]*\}")
@@ -81,7 +83,7 @@ def read_statement(body: bytes) -> Statement:
     begin = _BEGIN.match(body)
     is_skipped = begin is not None and begin.group(1) == b"/"
     rest = body if begin is None else body[begin.end() :]
-    if not rest or rest.startswith(b";"):
+    if not rest or rest.startswith(b";") or _TEXT.match(rest):
         return _STILL
     if rest.startswith(b"%"):
         return _TAPE

@@ -1,0 +1,138 @@
+"""`geoerr compensate`: a program corrected for the machine that runs it."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.program_options import (
+    At,
+    Firmware,
+    FirmwareCorrects,
+    Home,
+    WorkOffset,
+    check_conditions,
+    conditions,
+    names,
+    triple,
+)
+from geoerr.cli.progress import progress_bar
+from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program
+from geoerr.errors import InputFileError
+from geoerr.files import digest
+from geoerr.model import load_model
+from geoerr.report.provenance import provenance_of_command
+
+
+class OnUnsupported(StrEnum):
+    """What to do with a line that is not corrected."""
+
+    REFUSE = "refuse"
+    PASS = "pass"
+
+
+class OutsideMeasured(StrEnum):
+    """What to do outside the measured range."""
+
+    REFUSE = "refuse"
+    HOLD = "hold"
+
+
+# Twelve digits tell any two models of a workshop apart.
+_MODEL_NAME_DIGITS = 12
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("compensate")(compensate)
+
+
+def compensate(
+    model: Annotated[Path, typer.Argument(help="errors.json, or machine.toml (no errors).")],
+    program: Annotated[Path, typer.Argument(metavar="IN", help="The program; - is standard input.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="OUT", help="The corrected program; - is standard output.")
+    ],
+    at: At = None,
+    work_offset: WorkOffset = "0,0,0",
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", help="Largest distance of the tool from the programmed path, mm.")
+    ] = 0.005,
+    on_unsupported: Annotated[
+        OnUnsupported,
+        typer.Option("--on-unsupported", help="A line that is not corrected: refuse the program, or pass the line."),
+    ] = OnUnsupported.REFUSE,
+    outside_measured: Annotated[
+        OutsideMeasured,
+        typer.Option("--outside-measured", help="Beyond the measured range: refuse, or hold the last errors."),
+    ] = OutsideMeasured.REFUSE,
+    digits: Annotated[
+        int, typer.Option("--digits", min=1, max=9, help="Digits of a printed axis word in mm; inches get one more.")
+    ] = 4,
+    home: Home = None,
+    firmware: Firmware = None,
+    firmware_corrects: FirmwareCorrects = None,
+    as_json: JsonFlag = False,
+    quiet: QuietFlag = False,
+    threads: Threads = 0,
+) -> None:
+    """Rewrite the program IN so that the machine of MODEL follows the path that IN means."""
+    if as_json and str(output) == "-":
+        raise typer.BadParameter("--json has standard output for itself", param_hint="-o -")
+    check_conditions((), conditions(at))
+    options = CompensationOptions(
+        work_offset_mm=triple(work_offset, "--work-offset"),
+        tolerance_mm=tolerance,
+        digits=digits,
+        home_mm=None if home is None else triple(home, "--home"),
+        firmware=None if firmware is None else firmware.value,
+        firmware_corrects=names(firmware_corrects),
+        on_unsupported=on_unsupported.value,
+        outside_measured=outside_measured.value,
+    )
+    loaded = load_model(model)
+    if output.exists() and output.samefile(model):
+        raise InputFileError(output, "is the model that is read", remedy="name another output")
+    size = program.stat().st_size if program.is_file() else 0
+    with progress_bar("compensate", quiet) as advance:
+        result = compensate_program(
+            loaded,
+            program,
+            output,
+            options,
+            model_name=digest(model)[:_MODEL_NAME_DIGITS],
+            threads=threads,
+            on_progress=lambda n_bytes: advance(n_bytes, max(size, n_bytes)),
+        )
+    for warning in result.warnings:
+        note(f"warning: {warning}", quiet)
+    if as_json:
+        provenance = provenance_of_command([model, program])
+        print_json({**result.to_document(), "provenance": provenance.to_document()})
+    elif str(output) == "-":
+        note(_report(result), quiet)
+    else:
+        typer.echo(_report(result))
+
+
+def _report(result: CompensationResult) -> str:
+    lines = [
+        f"{result.moves_in} moves in {result.lines} lines, {result.moves_out} moves written",
+        f"largest correction {result.largest_correction_um:.1f} µm"
+        + (f", line {result.largest_correction_line}" if result.largest_correction_line else ""),
+    ]
+    untouched = {
+        "moves before the position is known": result.untouched_position_unknown,
+        "lines that are not corrected": result.untouched_unsupported,
+        "lines behind the part that can be followed": result.lines_not_followed,
+    }
+    told = [f"{count} {what}" for what, count in untouched.items() if count]
+    if told:
+        lines.append(f"untouched: {', '.join(told)}")
+    if result.extrusion_in_mm or result.extrusion_out_mm:
+        lines.append(f"extrusion {result.extrusion_in_mm:.5f} mm in, {result.extrusion_out_mm:.5f} mm out")
+    return "\n".join(lines)

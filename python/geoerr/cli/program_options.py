@@ -1,0 +1,96 @@
+"""Options about a program that `compensate` and `verify path` share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from geoerr.compensate.program import Triple
+from geoerr.errors import GeoerrError
+
+
+class FirmwareName(StrEnum):
+    """Firmwares that read programs differently."""
+
+    MARLIN = "marlin"
+    KLIPPER = "klipper"
+    REPRAPFIRMWARE = "reprapfirmware"
+
+
+At = Annotated[
+    list[str] | None,
+    typer.Option("--at", metavar="NAME=VALUE", help="Condition that MODEL depends on; `reference` is a value."),
+]
+WorkOffset = Annotated[
+    str,
+    typer.Option("--work-offset", metavar="X,Y,Z", help="From the machine's zero to the program's zero (G54), mm."),
+]
+Home = Annotated[
+    str | None,
+    typer.Option("--home", metavar="X,Y,Z", help="Where G28 leaves the machine, machine coordinates, mm."),
+]
+Firmware = Annotated[
+    FirmwareName | None,
+    typer.Option("--firmware", help="Who runs the program; needed only where firmwares read it differently."),
+]
+FirmwareCorrects = Annotated[
+    str | None,
+    typer.Option(
+        "--firmware-corrects",
+        metavar="LIST",
+        help="Errors that the firmware corrects itself, not to be corrected twice: names (EC0Y) and groups"
+        " (squareness, straightness, positioning, angular), with commas.",
+    ),
+]
+
+
+def triple(text: str, option: str) -> Triple:
+    """Read X,Y,Z in mm; anything else is wrong usage."""
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise typer.BadParameter(f"{text!r} is not X,Y,Z in millimetres", param_hint=option)
+    return x, y, z
+
+
+def names(text: str | None) -> tuple[str, ...]:
+    """Split a list at its commas."""
+    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
+
+
+def conditions(given: list[str] | None) -> dict[str, float | str]:
+    """Read NAME=VALUE, VALUE a number or `reference`; anything else is wrong usage."""
+    read: dict[str, float | str] = {}
+    for text in given or []:
+        name, separator, value = text.partition("=")
+        try:
+            number: float | str = value if value == "reference" else float(value)
+        except ValueError:
+            number = math.nan
+        if not name or not separator or (isinstance(number, float) and not math.isfinite(number)):
+            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--at")
+        read[name] = number
+    return read
+
+
+def check_conditions(model_needs: Iterable[str], given: dict[str, float | str]) -> None:
+    """Refuse conditions (`--at`) that the model does not need, and name those that it needs and nobody gave.
+
+    Raises
+    ------
+    GeoerrError
+        naming the condition.
+    """
+    needed = set(model_needs)
+    for name in given:
+        if name not in needed:
+            has = f"it needs {', '.join(sorted(needed))}" if needed else "it needs no conditions"
+            raise GeoerrError(f"the model does not depend on {name!r}\nhint: leave --at {name} out; {has}")
+    for name in sorted(needed - set(given)):
+        raise GeoerrError(f"the model needs {name!r}\nhint: give it as --at {name}=VALUE, or --at {name}=reference")

@@ -1,0 +1,97 @@
+"""`geoerr verify path`: the paths of a program before and after compensation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.program_options import (
+    At,
+    Firmware,
+    FirmwareCorrects,
+    Home,
+    WorkOffset,
+    check_conditions,
+    conditions,
+    names,
+    triple,
+)
+from geoerr.cli.progress import progress_bar
+from geoerr.errors import GeoerrError
+from geoerr.model import load_model
+from geoerr.report.provenance import provenance_of_command
+from geoerr.verify.path import PathResult, compare_paths
+
+
+def register(sub: typer.Typer) -> None:
+    """Add the verb to the group `geoerr verify`."""
+    sub.command("path")(path)
+
+
+def path(
+    model: Annotated[Path, typer.Argument(help="errors.json, or machine.toml (no errors).")],
+    before: Annotated[Path, typer.Argument(metavar="IN", help="The program as it was written.")],
+    after: Annotated[Path, typer.Argument(metavar="OUT", help="The program that compensate made of it.")],
+    at: At = None,
+    work_offset: WorkOffset = "0,0,0",
+    home: Home = None,
+    firmware: Firmware = None,
+    firmware_corrects: FirmwareCorrects = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option("--tolerance", help="Fail (exit status 1) where the path of OUT is further off, mm."),
+    ] = None,
+    as_json: JsonFlag = False,
+    quiet: QuietFlag = False,
+    threads: Threads = 0,
+) -> None:
+    """Path error of a program before and after compensation, from dense samples, by a reader of its own."""
+    check_conditions((), conditions(at))
+    machine = load_model(model).without(names(firmware_corrects))
+    with progress_bar("verify path", quiet) as advance:
+        result = compare_paths(
+            machine,
+            before,
+            after,
+            work_offset_mm=triple(work_offset, "--work-offset"),
+            home_mm=None if home is None else triple(home, "--home"),
+            firmware=None if firmware is None else firmware.value,
+            threads=threads,
+            on_progress=lambda n_lines: advance(n_lines, n_lines),
+        )
+    if as_json:
+        provenance = provenance_of_command([model, before, after])
+        print_json({**result.to_document(), "provenance": provenance.to_document()})
+    else:
+        typer.echo(_report(result))
+    if not result.moves_compared:
+        note("note: no move of the program could be compared", quiet)
+    _check(result, tolerance)
+
+
+def _report(result: PathResult) -> str:
+    rows = [
+        ("", "before", "after"),
+        ("largest error, µm", f"{result.max_error_um_before:.3f}", f"{result.max_error_um_after:.3f}"),
+        ("rms error, µm", f"{result.rms_um_before:.3f}", f"{result.rms_um_after:.3f}"),
+        ("moves", str(result.moves_in), str(result.moves_out)),
+        ("extrusion, mm", f"{result.extrusion_in_mm:.5f}", f"{result.extrusion_out_mm:.5f}"),
+    ]
+    lines = [f"{name:<20}{before:>16}{after:>16}" for name, before, after in rows]
+    lines.append(f"{result.moves_compared} moves compared over {result.path_mm:.1f} mm of path")
+    if result.moves_not_compared:
+        lines.append(f"{result.moves_not_compared} moves not compared (position not known, or no straight move)")
+    if result.moves_with_other_extrusion:
+        lines.append(f"{result.moves_with_other_extrusion} moves extrude another length than before")
+    return "\n".join(lines)
+
+
+def _check(result: PathResult, tolerance_mm: float | None) -> None:
+    if tolerance_mm is not None and not result.max_error_um_after <= tolerance_mm * 1e3:
+        raise GeoerrError(
+            f"the corrected path is up to {result.max_error_um_after:.3f} µm off"
+            f" (line {result.max_error_line_after}), {tolerance_mm * 1e3:g} µm were asked for"
+        )
