@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import sys
+from typing import Any
 
 import typer
+import typer.core
 
 from geoerr import __version__
 from geoerr.errors import GeoerrError
@@ -13,8 +15,28 @@ from geoerr.errors import GeoerrError
 # Each module has `register(app: typer.Typer) -> None`; the order is that of `geoerr --help`.
 VERBS = ("identify", "compensate", "verify", "simulate", "target")
 
+
+class _Verbs(typer.core.TyperGroup):
+    """Imports a verb when it is asked for: `compensate` needs neither OpenCV nor Polars, nor their memory."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Give the names of all verbs."""
+        return list(VERBS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Give one verb; None where there is no such verb."""
+        if cmd_name not in VERBS:
+            return None
+        holder = typer.Typer(add_completion=False)
+        # With a callback it stays a group, even of one verb.
+        holder.callback()(lambda: None)
+        importlib.import_module(f"geoerr.cli.{cmd_name}").register(holder)
+        return typer.main.get_group(holder).commands[cmd_name]
+
+
 app = typer.Typer(
     name="geoerr",
+    cls=_Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Why a three-axis machine is not where it should be: measure, identify, compensate, prove.",
@@ -34,10 +56,6 @@ def _top(
     ),
 ) -> None:
     """Hold the options that belong to no verb."""
-
-
-for _name in VERBS:
-    importlib.import_module(f"geoerr.cli.{_name}").register(app)
 
 
 def run() -> None:

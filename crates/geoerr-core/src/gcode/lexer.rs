@@ -146,7 +146,9 @@ impl Line {
                     at += 1 + body[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
                 }
                 b'#' => {
-                    self.has_parameter = true;
+                    // `# text`, alone on a line, is how Klipper's own files comment.
+                    let names_one = body.get(at + 1).is_some_and(|b| b.is_ascii_digit() || b"<#[".contains(b));
+                    self.has_parameter = names_one || self.head != Head::Empty;
                     return;
                 }
                 _ if byte.is_ascii_alphabetic() => match self.word(body, at) {
@@ -337,7 +339,8 @@ mod tests {
             let Head::Macro(name) = lexed(text).head else { panic!("{text}") };
             assert_eq!(name.end - name.start, length);
         }
-        assert!(lexed("#1=5").has_parameter);
+        assert!(lexed("#1=5").has_parameter && lexed("#<depth>=5").has_parameter);
+        assert!(!lexed("# X5 to the left").has_parameter && lexed("G1 X5 # left").has_parameter);
         assert!(lexed("/G1 X5").is_block_skip);
         assert!(lexed("N3 G1 X5*71").has_checksum);
     }
