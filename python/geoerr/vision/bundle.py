@@ -8,7 +8,7 @@ numbers and the poses follow. The inverse of the reduced matrix is the rig's cov
 |---|---|---|
 | p = R_v X + t_v | board corner X of view v, left camera's frame | mm |
 | p' = R p + t | the same in the right camera's frame | mm |
-| θ | left and right (fx, fy, cx, cy, distortion), turn and shift of the pair, as `Rig.parameter_names` | px, –, rad, mm |
+| θ | both lenses (fx, fy, cx, cy, distortion), turn and shift of the pair: `Rig.parameter_names` | px, –, rad, mm |
 | φ_v | turn and shift of view v's board | rad, mm |
 | [A B; Bᵀ D] | normal matrix of (θ, φ); D is block-diagonal | – |
 
@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,7 @@ from geoerr.vision.rotation import cross_matrix, rotation_from_vector
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
-_ITERATIONS = 60
+_ITERATIONS = 200
 # The last step, in standard deviations of what it changes.
 _CONVERGED_SIGMAS = 1e-4
 _FIRST_DAMPING = 1e-3
@@ -73,7 +74,7 @@ class Sightings:
     def rows_of_views(self, n_views: int) -> list[slice]:
         """Give each view's rows."""
         edges = np.searchsorted(self.view, np.arange(n_views + 1))
-        return [slice(int(first), int(end)) for first, end in zip(edges[:-1], edges[1:], strict=True)]
+        return [slice(int(first), int(end)) for first, end in pairwise(edges)]
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ def adjust(
     *,
     hold_cameras: bool = False,
     hold_pair: bool = False,
+    iterations: int = _ITERATIONS,
 ) -> Adjusted:
     """Adjust by Levenberg–Marquardt until the step is nothing against the uncertainty.
 
@@ -154,6 +156,8 @@ def adjust(
         Near enough: poses within a few degrees.
     hold_cameras, hold_pair
         Keep lenses, or the pair's pose, as they are.
+    iterations
+        Steps to try at most; a handful do unless the views hardly determine the lenses.
 
     Raises
     ------
@@ -171,25 +175,30 @@ def adjust(
     n_numbers = 2.0 * sum(float(seen.weight.sum()) for seen in sightings)
     freedom = max(n_numbers - len(free) - _POSE_SIZE * len(start.poses), 1.0)
     is_converged = False
-    iterations = 0
-    while iterations < _ITERATIONS and not is_converged and damping < _LARGEST_DAMPING:
-        iterations += 1
+    growth = 2.0
+    tries = 0
+    while tries < iterations and not is_converged and damping < _LARGEST_DAMPING:
+        tries += 1
         step_a, step_d = _step(normal, damping)
         tried = _moved(estimate, free, step_a, step_d)
         tried_normal, tried_residuals = _normal_equations(sightings, tried, free)
         expected = float(step_a @ normal.right_a + np.sum(step_d * normal.right_d))
         is_converged = expected <= _CONVERGED_SIGMAS**2 * max(normal.cost / freedom, 1e-20) and damping < 1.0
         if tried_normal.cost <= normal.cost:
+            # Nielsen's rule: the better the linear prediction was, the bolder the next step.
+            gain = (normal.cost - tried_normal.cost) / max(_predicted_gain(normal, step_a, step_d, damping), 1e-300)
+            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), _LEAST_DAMPING)
+            growth = 2.0
             estimate, normal, residuals = tried, tried_normal, tried_residuals
-            damping = max(damping * 0.1, _LEAST_DAMPING)
         elif not is_converged:
-            damping *= 10.0
-    return Adjusted(estimate, residuals, is_converged, iterations, _information(normal))
+            damping *= growth
+            growth *= 2.0
+    return Adjusted(estimate, residuals, is_converged, tries, _information(normal))
 
 
 def residuals_of(sightings: tuple[Sightings, ...], estimate: Estimate) -> tuple[Array, ...]:
     """Seen minus expected pixels, (m, 2) for each camera."""
-    return _normal_equations(sightings, estimate, np.empty(0, dtype=np.intp))[1]
+    return tuple(_camera_rows(number, seen, estimate)[0] for number, seen in enumerate(sightings))
 
 
 def covariance_of(information: Array) -> Array:
@@ -244,7 +253,7 @@ def _normal_equations(
         by_rig, by_pose = by_rig[:, :, free] * root[..., None], by_pose * root[..., None]
         normal.cost += float(np.sum(residual * residual))
         for view, rows in enumerate(seen.rows_of_views(n_views)):
-            g = by_rig[rows].reshape(-1, n_free)
+            g = by_rig[rows].reshape(2 * (rows.stop - rows.start), n_free)
             p = by_pose[rows].reshape(-1, _POSE_SIZE)
             r = residual[rows].ravel()
             normal.a += g.T @ g
@@ -291,6 +300,13 @@ def _step(normal: _Normal, damping: float) -> tuple[Array, Array]:
         step_a = np.linalg.solve(reduced / np.outer(scale, scale), right / scale) / scale
     right_d = normal.right_d - np.einsum("vgi,g->vi", normal.b, step_a)
     return step_a, np.einsum("vij,vj->vi", d_inverse, right_d)
+
+
+def _predicted_gain(normal: _Normal, step_a: Array, step_d: Array, damping: float) -> float:
+    """By how much the linear model says that the cost falls."""
+    towards = float(step_a @ normal.right_a + np.sum(step_d * normal.right_d))
+    held = float(step_a**2 @ np.diag(normal.a) + np.sum(step_d**2 * np.einsum("vii->vi", normal.d)))
+    return towards + damping * held
 
 
 def _diagonal(blocks: Array) -> Array:
