@@ -42,12 +42,12 @@ impl Rig {
     ) -> Result<Self, TriangulateError> {
         let left = Camera::new(projection_left, Side::Left)?;
         let right = Camera::new(projection_right, Side::Right)?;
-        let (c_left, c_right) = (left.centre_mm, right.centre_mm);
-        let baseline_mm = norm(&std::array::from_fn(|i| c_right[i] - c_left[i]));
-        if baseline_mm <= MIN_RELATIVE_BASELINE * (norm(&c_left) + norm(&c_right)) {
+        let rig = Self { left, right };
+        let baseline_mm = rig.baseline_mm();
+        if baseline_mm <= MIN_RELATIVE_BASELINE * (norm(&left.centre_mm) + norm(&right.centre_mm)) {
             return Err(TriangulateError::CentresCoincide { baseline_mm });
         }
-        Ok(Self { left, right })
+        Ok(rig)
     }
 
     /// Distance of the two projection centres.

@@ -1,0 +1,58 @@
+//! Points a second by total-least-squares line fits, against nalgebra's SVD.
+//!
+//! `cargo bench -p geoerr-bench --bench line`
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use geoerr_core::line::{PointNoise, fit_lines};
+use nalgebra::MatrixXx3;
+use rayon::ThreadPoolBuilder;
+
+const POINTS_OF_A_LINE: usize = 50;
+
+fn points(n_lines: usize) -> Vec<[f64; 3]> {
+    let fraction = |i: usize, step: f64| (i as f64 * step).fract() - 0.5;
+    (0..n_lines * POINTS_OF_A_LINE)
+        .map(|i| {
+            let along = 8.0 * (i % POINTS_OF_A_LINE) as f64;
+            let noise = [0.31, 0.77, 0.55].map(|step| 0.02 * fraction(i, step));
+            [0.6 * along + noise[0], 0.8 * along + noise[1], 600.0 + noise[2]]
+        })
+        .collect()
+}
+
+fn bench(criterion: &mut Criterion) {
+    for threads in [1, 2] {
+        let Ok(pool) = ThreadPoolBuilder::new().num_threads(threads).build() else { return };
+        for n_lines in [9, 300, 2_000] {
+            let points = points(n_lines);
+            let starts: Vec<usize> = (0..n_lines).map(|line| line * POINTS_OF_A_LINE).collect();
+            let mut group = criterion.benchmark_group(format!("lines of 50 points/{threads} threads"));
+            group.throughput(Throughput::Elements(points.len() as u64)).sample_size(20);
+            group.bench_function(BenchmarkId::new("fit_lines", n_lines), |bencher| {
+                pool.install(|| {
+                    bencher.iter(|| fit_lines(black_box(&points), &starts, PointNoise::FromResiduals))
+                });
+            });
+            if threads == 1 {
+                group.bench_function(BenchmarkId::new("nalgebra SVD, direction only", n_lines), |bencher| {
+                    bencher.iter(|| -> f64 {
+                        let lines = black_box(&points).chunks_exact(POINTS_OF_A_LINE);
+                        lines.map(|line| direction_by_svd(line)[0]).sum()
+                    });
+                });
+            }
+        }
+    }
+}
+
+fn direction_by_svd(line: &[[f64; 3]]) -> [f64; 3] {
+    let mean = [0, 1, 2].map(|j| line.iter().map(|p| p[j]).sum::<f64>() / line.len() as f64);
+    let centred = MatrixXx3::from_fn(line.len(), |i, j| line[i][j] - mean[j]);
+    let svd = centred.svd(false, true);
+    svd.v_t.map_or([f64::NAN; 3], |v_t| [0, 1, 2].map(|j| v_t[(0, j)]))
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);

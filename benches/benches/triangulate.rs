@@ -1,0 +1,90 @@
+//! Points a second by two-view triangulation, against the same least squares by nalgebra's QR.
+//!
+//! `cargo bench -p geoerr-bench --bench triangulate`
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use geoerr_core::triangulate::{PixelNoise, Pixels, Rig, triangulate};
+use nalgebra::{Matrix4x3, Vector3, Vector4};
+use rayon::ThreadPoolBuilder;
+
+type Projection = [[f64; 4]; 3];
+
+/// Li's lens twice, 200 mm apart, both looking at 700 mm.
+fn projections() -> [Projection; 2] {
+    let focal_px = 8.0 / 0.003_45;
+    let (sine, cosine) = (200.0_f64 / 700.0).atan().sin_cos();
+    let left = [[focal_px, 0.0, 1223.5, 0.0], [0.0, focal_px, 1023.5, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    let pose =
+        [[cosine, 0.0, sine, -200.0 * cosine], [0.0, 1.0, 0.0, 0.0], [-sine, 0.0, cosine, 200.0 * sine]];
+    let right =
+        left.map(|row| std::array::from_fn(|column| (0..3).map(|k| row[k] * pose[k][column]).sum::<f64>()));
+    [left, right]
+}
+
+fn pixels(projection: &Projection, n_points: usize) -> Vec<[f64; 2]> {
+    let fraction = |i: usize, step: f64| (i as f64 * step).fract() - 0.5;
+    (0..n_points)
+        .map(|i| {
+            let p = [
+                240.0 * fraction(i, 0.8192),
+                200.0 * fraction(i, 0.6710),
+                700.0 + 200.0 * fraction(i, 0.5497),
+            ];
+            let [x, y, w] = projection.map(|m| m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]);
+            [x / w + 0.1 * fraction(i, 0.31), y / w + 0.1 * fraction(i, 0.77)]
+        })
+        .collect()
+}
+
+/// One point by QR of its four rows, without covariance or status.
+fn by_qr(projections: &[Projection; 2], uv: [&[f64; 2]; 2]) -> Option<Vector3<f64>> {
+    let row = |i: usize, j: usize| {
+        let (m, uv) = (&projections[i / 2], uv[i / 2]);
+        uv[i % 2] * m[2][j] - m[i % 2][j]
+    };
+    let qr = Matrix4x3::from_fn(row).qr();
+    let b = Vector4::from_fn(|i, _| -row(i, 3));
+    qr.r().solve_upper_triangular(&(qr.q().transpose() * b))
+}
+
+fn bench(criterion: &mut Criterion) {
+    let projections = projections();
+    let Ok(rig) = Rig::new(&projections[0], &projections[1]) else { return };
+    for threads in [1, 2] {
+        let Ok(pool) = ThreadPoolBuilder::new().num_threads(threads).build() else { return };
+        for n_points in [1_000, 8_000, 16_000, 100_000] {
+            let mut group = criterion.benchmark_group(format!("triangulate/{threads} threads"));
+            group.throughput(Throughput::Elements(n_points as u64)).sample_size(20);
+            let [left, right] = [0, 1].map(|side| pixels(&projections[side], n_points));
+            let covariances = vec![[[0.01, 0.002], [0.002, 0.02]]; n_points];
+            let sigma = PixelNoise::Sigma(0.1);
+            for (name, noise, reweightings) in [
+                ("as printed", sigma, 0),
+                ("1 reweighting", sigma, 1),
+                ("2 reweightings", sigma, 2),
+                ("2 reweightings, covariances", PixelNoise::Covariances(&covariances), 2),
+            ] {
+                let seen = [&left, &right].map(|uv_px| Pixels { uv_px, noise });
+                group.bench_function(BenchmarkId::new(name, n_points), |bencher| {
+                    pool.install(|| {
+                        bencher.iter(|| {
+                            triangulate(&rig, black_box(&seen[0]), black_box(&seen[1]), reweightings)
+                        })
+                    });
+                });
+            }
+            if threads == 1 {
+                group.bench_function(BenchmarkId::new("nalgebra QR, points only", n_points), |bencher| {
+                    bencher.iter(|| -> Vec<_> {
+                        left.iter().zip(&right).map(|(l, r)| by_qr(black_box(&projections), [l, r])).collect()
+                    });
+                });
+            }
+        }
+    }
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);
