@@ -335,3 +335,12 @@ def test_offsets_that_contradict_the_picture_are_pointed_out() -> None:
         "from target A to C (tool) the data show (0, 0, 200) mm, the offsets tx ty tz say (0, 200, 0) mm" in note
         for note in notes
     )
+
+
+def test_direct_straightness_that_stands_aside_says_where_it_holds_too() -> None:
+    """Two slanted targets leave roll open, so the direct straightness of a line off the origin stays there."""
+    slanted = {"A": (0.0, 0.0, 0.0), "B": (160.0, 170.0, 0.0)}
+    truth, cameras = truth_and_cameras(29)
+    moves = [Move(axis, "tool", slanted, (0.0, 300.0, 0.0), line=axis) for axis in "xy"]
+    errors = identify_nine_line(observe(MACHINE, truth, moves, cameras), MACHINE, straightness="integrated")
+    assert any("own place only" in note and note.endswith("EZX (direct)") for note in errors.notes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -80,7 +80,7 @@ def assemble(
         method=METHOD,
         not_determined=not_determined,
         alternatives=alternatives,
-        notes=(*notes, *_notes(findings, functions, squareness, roots)),
+        notes=(*notes, *_notes(findings, functions, squareness, roots, () if straightness == "direct" else direct)),
     )
     return errors, tuple(verdict for verdict in verdicts if verdict is not None)
 
@@ -212,6 +212,7 @@ def _notes(
     functions: Mapping[str, ErrorFunction],
     squareness: Mapping[str, Squareness],
     roots: Mapping[str, RootRoll],
+    direct_alternatives: Collection[str],
 ) -> list[str]:
     notes = []
     missing = sorted(number for numbers in findings.places.missing.values() for number in numbers)
@@ -219,7 +220,12 @@ def _notes(
         numbers = ", ".join(str(number) for number in missing)
         notes.append(f"of Li's nine lines the data lack {numbers}")
     for axis, axis_functions in findings.axes.items():
-        names = [name for name in axis_functions.at_line if name in functions]
+        # With integrated straightness the direct one, which this is about, stands under the alternatives.
+        names = [
+            f"{name} (direct)" if name in direct_alternatives else name
+            for name in axis_functions.at_line
+            if name in functions or name in direct_alternatives
+        ]
         names += [name for name, pair in PAIRS.items() if name in squareness and _is_at_line(findings, axis, pair)]
         if names:
             where = ", ".join(f"{value:g}" for value in findings.places.base_mm[axis])

@@ -11,8 +11,8 @@ from geoerr.identify.linear import Numbers
 from geoerr.identify.passes import SAME_POSITION_MM, Pass
 from geoerr.identify.places import Line
 
-# Lines that visit at least this share of all positions within their range have the same points, some missing.
-_SAME_POINTS = 0.6
+# Where at least this share of all positions is visited by two lines or more, they have the same points, some missing.
+_SAME_POINTS = 0.5
 # Width of an interval of the grid in the coarsest line's largest steps, where the lines have different points:
 # between two nodes every line then has a point.
 _STEPS_PER_INTERVAL = 1.5
@@ -35,7 +35,7 @@ def choose_nodes(lines: Sequence[Line], passes: Sequence[Pass]) -> tuple[Numbers
         distinct_positions(np.concatenate([passes[number].position_mm for number in line.passes])) for line in lines
     ]
     union = distinct_positions(np.concatenate(own))
-    if all(_share_visited(positions, union) >= _SAME_POINTS for positions in own):
+    if len(own) == 1 or _share_visited_twice(own, union) >= _SAME_POINTS:
         return union, None
     low = max(float(positions[0]) for positions in own)
     high = min(float(positions[-1]) for positions in own)
@@ -65,9 +65,14 @@ def within(nodes_mm: Numbers, position_mm: Numbers) -> npt.NDArray[np.bool_]:
     )
 
 
-def _share_visited(positions: Numbers, union: Numbers) -> float:
-    between = (union >= positions[0] - SAME_POSITION_MM) & (union <= positions[-1] + SAME_POSITION_MM)
-    return len(positions) / max(1, int(between.sum()))
+def _share_visited_twice(own: Sequence[Numbers], union: Numbers) -> float:
+    visits = sum((_is_visited(positions, union) for positions in own), start=np.zeros(len(union), dtype=np.intp))
+    return float((visits >= 2).mean())
+
+
+def _is_visited(positions: Numbers, union: Numbers) -> npt.NDArray[np.intp]:
+    nearest = np.abs(union[:, None] - positions[None]).min(axis=1)
+    return np.asarray(nearest <= SAME_POSITION_MM, dtype=np.intp)
 
 
 def _largest_step(positions: Numbers, low: float, high: float) -> float:
