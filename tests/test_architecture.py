@@ -24,7 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "geometry": CORE | {"errors"},
     "model": TABLES | CORE,
     "vision": TABLES | CORE,
-    "identify": TABLES | CORE,
+    "identify": MODEL,
     "compensate": MODEL,
     "verify": MODEL,
     "simulate": TABLES | {"vision.patterns", "vision.images"},

@@ -43,7 +43,7 @@ def noisy_li_lines(chain: str, seed: int, is_stated: bool = True) -> tuple[Obser
 @pytest.mark.parametrize("chain", ["wZbXYt", "wbXYZt", "wXYbZt"])
 def test_positioning_pitch_and_yaw_are_equations_17_and_18(chain: str) -> None:
     observations, points = noisy_li_lines(chain, seed=7)
-    errors = identify_nine_line(observations, machine_of(chain))
+    errors = identify_nine_line(observations, machine_of(chain), first_order=True)
     q = errors.functions["EXX"].position_mm
     delta_l = {name: fit_line(line).along_mm - (q - q[0]) for name, line in points.items()}
     z0 = y0 = x0 = 200.0
@@ -92,7 +92,7 @@ def test_roll_from_one_offset_line_is_theorys_difference(
     labels = np.asarray(observations.texts("line"))
     others = {"1", "2", "3"} | set(lines)
     kept = observations.select(np.isin(labels, [f"line {name}" for name in others]))
-    errors = identify_nine_line(kept, machine_of(chain))
+    errors = identify_nine_line(kept, machine_of(chain), first_order=True)
     rows = base_frame(points)[component]
     difference = (points[offset_line] - points[lines[0]]) @ rows
     expected = (difference - difference[0]) * factor

@@ -72,7 +72,11 @@ def test_moments_come_in_the_order_of_passes_with_the_direction_of_approach():
     assert order.t_s.tolist() == [0, 4, 8, 12, 16, 20, 24]
     assert measured_positions(order, 2).tolist() == [10, 50, 90]
     assert measured_positions(order, 1).size == 0
-    assert Scene(plan()).range_mm == {"x": (0.0, 100.0), "y": (0.0, 100.0), "z": (10.0, 90.0)}
+    assert {axis: (float(at[0]), float(at[-1])) for axis, at in Scene(plan()).positions_mm.items()} == {
+        "x": (0.0, 100.0),
+        "y": (0.0, 100.0),
+        "z": (10.0, 90.0),
+    }
 
 
 def test_repeats_are_numbered():

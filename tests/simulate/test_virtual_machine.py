@@ -7,7 +7,7 @@ import pytest
 
 from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.machine import AXES, Axis, Machine
-from geoerr.simulate.curves import Polyline, fitted_line
+from geoerr.simulate.curves import Polyline
 from geoerr.simulate.gauge import to_gauge
 from geoerr.simulate.guideway import AxisPlan, ErrorPlan, MachineErrors, build_errors, pair_sign
 from geoerr.simulate.machine import VirtualMachine, axis_directions
@@ -18,7 +18,8 @@ CHAINS = [
     for place in range(4)
 ]
 SQUARENESS = {"EC0Y": -5.05e-3, "EB0Z": -1.24e-3, "EA0Z": 3.84e-3}
-RANGE = {axis: (20.0, 380.0) for axis in AXES}
+GRID = np.linspace(20.0, 380.0, 19)
+POSITIONS = {axis: GRID for axis in AXES}
 
 
 def machine(chain="wZbXYt", tool_offset=(3.0, -20.0, -50.0)):
@@ -91,7 +92,7 @@ def test_included_angles_are_exact():
 def test_the_truth_in_the_gauge_is_the_same_machine(chain):
     rng = np.random.default_rng(CHAINS.index(chain))
     raw = VirtualMachine(machine(chain), with_lines(drawn(machine(chain)), rng))
-    gauged = to_gauge(raw, RANGE)
+    gauged = to_gauge(raw, POSITIONS)
     other = VirtualMachine(raw.machine, gauged.errors)
     q = rng.uniform(0.0, 400.0, (100, 3))
     carriage = np.asarray(raw.machine.tool_offset_mm)
@@ -106,17 +107,18 @@ def test_the_truth_in_the_gauge_is_the_same_machine(chain):
 @pytest.mark.parametrize("chain", ["wZbXYt", "wbXYZt", "wYXZbt"])
 def test_the_gauge_is_what_it_says(chain):
     raw = VirtualMachine(machine(chain), with_lines(drawn(machine(chain)), np.random.default_rng(7)))
-    errors = to_gauge(raw, RANGE).errors
+    errors = to_gauge(raw, POSITIONS).errors
     first = np.array([20.0])
     for name, function in errors.functions.items():
         assert abs(function(first)[0]) < 1e-12, name
         if name[1] in "XYZ" and name[1] != name[2]:
-            # A slope of 1e-15 over 360 mm is far below a nanometre.
-            assert abs(fitted_line(function, 20.0, 380.0)[1]) < 1e-15, name
-    again = to_gauge(VirtualMachine(raw.machine, errors), RANGE).errors
-    q = np.linspace(20.0, 380.0, 19)
+            # The polygon over a uniform grid by brute force; its end points weigh half too much, 1/36001 of slopes
+            # of 2e-4, or 2 nm over the range.
+            fine = np.linspace(20.0, 380.0, 36001)
+            assert abs(np.polyfit(fine, np.interp(fine, GRID, function(GRID)), 1)[0]) < 1e-8, name
+    again = to_gauge(VirtualMachine(raw.machine, errors), POSITIONS).errors
     for name, function in errors.functions.items():
-        assert np.allclose(again.functions[name](q), function(q), atol=1e-12), name
+        assert np.allclose(again.functions[name](GRID), function(GRID), atol=1e-12), name
     for name, angle in errors.included_angle_rad.items():
         assert again.included_angle_rad[name] == pytest.approx(angle, abs=1e-14)
 
@@ -124,7 +126,7 @@ def test_the_gauge_is_what_it_says(chain):
 def test_errors_drawn_over_the_measured_range_are_in_the_gauge_already_to_second_order():
     made = machine()
     errors = drawn(made, "tangent")
-    gauged = to_gauge(VirtualMachine(made, errors), {axis: (0.0, 400.0) for axis in AXES}).errors
+    gauged = to_gauge(VirtualMachine(made, errors), dict.fromkeys(AXES, np.linspace(0.0, 400.0, 21))).errors
     q = np.linspace(0.0, 400.0, 21)
     for name in LINEAR_AND_ANGULAR:
         # Products of two errors: 5 mrad with 0.3 mm, and with 0.6 mrad.

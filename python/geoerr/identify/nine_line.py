@@ -9,15 +9,16 @@
 6. Everything is referred to the carriage origin, in THEORY's gauge (`axis`).
 7. Directions of lines 1 to 3 in one session give squareness (`squareness`).
 
+8. What these first-order equations neglect is found with the exact kinematics and taken off (`second_order`).
+
 Every step is linear in the points to first order and carries its operator along; uncertainties are propagated through
-it (`uncertainty`). Second-order terms that are left out are of the size of an angle times a displacement: with 0.2
-mrad and 0.1 mm, 0.02 µm; with a squareness of 5 mrad, 0.5 µm.
+it (`uncertainty`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -28,13 +29,14 @@ from geoerr.errors import GeometryError, ShapeError
 from geoerr.identify.along import FittedPass
 from geoerr.identify.assemble import assemble
 from geoerr.identify.fitting import fit_passes
-from geoerr.identify.frames import session_frames
+from geoerr.identify.frames import SessionFrame, session_frames
 from geoerr.identify.linear import Numbers
 from geoerr.identify.measurements import Measurements, measurements_of
 from geoerr.identify.offsets import offset_doubts
 from geoerr.identify.passes import FoundPasses, find_passes
 from geoerr.identify.places import Places, number_lines
 from geoerr.identify.reasons import Findings
+from geoerr.identify.second_order import corrected_functions, corrected_squareness, exact_points
 from geoerr.identify.stages import Stages, run_stages
 from geoerr.identify.straightness import TangentVerdict
 from geoerr.identify.uncertainty import AxisScatter, Noise, axis_scatter, covariance_from_repeats, scaled
@@ -155,6 +157,7 @@ def identify_nine_line(
     roll: RollMethod = "linear",
     rig_sensitivity: npt.ArrayLike | None = None,
     rig_covariance: npt.ArrayLike | None = None,
+    first_order: bool = False,
 ) -> ErrorFunctions:
     """Identify the 21 errors by Li's nine-line method; `analyze_nine_lines` gives the diagnostics too.
 
@@ -173,6 +176,9 @@ def identify_nine_line(
         Derivative of each row's measured position by the calibration's parameters; NaN where it is unknown.
     rig_covariance : (p, p), optional
         Covariance of these parameters.
+    first_order
+        Leave Li's equations as they are printed, to first order. Otherwise what they neglect is found with the exact
+        kinematics and taken off (`geoerr.identify.second_order`).
 
     Returns
     -------
@@ -193,6 +199,7 @@ def identify_nine_line(
         roll=roll,
         rig_sensitivity=rig_sensitivity,
         rig_covariance=rig_covariance,
+        first_order=first_order,
     ).errors
 
 
@@ -204,6 +211,7 @@ def analyze_nine_lines(
     roll: RollMethod = "linear",
     rig_sensitivity: npt.ArrayLike | None = None,
     rig_covariance: npt.ArrayLike | None = None,
+    first_order: bool = False,
 ) -> NineLineResult:
     """Identify the 21 errors and keep the diagnostics; arguments as for `identify_nine_line`."""
     if straightness not in ("direct", "integrated") or roll not in ("linear", "li"):
@@ -214,13 +222,23 @@ def analyze_nine_lines(
     passes, refused = fit_passes(found.passes, data)
     if not passes:
         raise GeometryError(_nothing_found(found, refused))
-    places = number_lines([one.source for one in passes], machine)
-    frames = session_frames(data, [one.source for one in passes], [one.direction for one in passes], places, machine)
-    stages = run_stages(passes, data, frames, places, machine)
+    places, frames, stages = _arithmetic(passes, data, machine)
     noise, scatter, noise_notes = _noise(data, passes, stages, rig)
     findings = Findings(machine, found, passes, places, frames, stages.functions)
     notes = [*refused, *offset_doubts(passes, data, frames, machine), *stages.notes, *data.notes, *noise_notes]
-    errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
+    if first_order:
+        errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
+    else:
+        first, _ = assemble(findings, data, stages, noise, "direct", "linear", notes)
+        exact = exact_points(data, first, frames)
+        passes_again, _ = fit_passes(found.passes, exact)
+        places_again, frames_again, stages_again = _arithmetic(passes_again, exact, machine)
+        findings_again = Findings(machine, found, passes_again, places_again, frames_again, stages_again.functions)
+        again, _ = assemble(findings_again, exact, stages_again, noise, "direct", "linear", notes)
+        stages = replace(stages, functions=corrected_functions(stages.functions, stages_again.functions))
+        findings = replace(findings, axes=stages.functions)
+        errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
+        errors = replace(errors, squareness=corrected_squareness(first.squareness, again.squareness))
     return NineLineResult(
         errors=errors,
         lines=_found_lines(places, passes),
@@ -229,6 +247,14 @@ def analyze_nine_lines(
         scatter=tuple(scatter.values()),
         left_out=dict(found.left_out),
     )
+
+
+def _arithmetic(
+    passes: Sequence[FittedPass], data: Measurements, machine: Machine
+) -> tuple[Places, dict[str, SessionFrame], Stages]:
+    places = number_lines([one.source for one in passes], machine)
+    frames = session_frames(data, [one.source for one in passes], [one.direction for one in passes], places, machine)
+    return places, frames, run_stages(passes, data, frames, places, machine)
 
 
 def _checked_rig(

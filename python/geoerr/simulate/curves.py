@@ -155,6 +155,31 @@ def fitted_line(function: Callable[[Array], Array], low_mm: float, high_mm: floa
     return np.asarray(mean), np.asarray(per_mm)
 
 
+def table_slope(position_mm: Array, value: Array) -> Array:
+    """Give the least-squares slope, over a uniform range, of the polygon through a table's entries.
+
+    Parameters
+    ----------
+    position_mm
+        (n,) increasing.
+    value
+        (n,) or (n, k).
+
+    Returns
+    -------
+    ndarray
+        Slope per mm, scalar or (k,): ∫ (q − middle) f dq · 12 / L³, each side of the polygon by Simpson's rule, which
+        is exact for the product of two lines.
+    """
+    length_mm = position_mm[-1] - position_mm[0]
+    arm_mm = position_mm - 0.5 * (position_mm[0] + position_mm[-1])
+    step_mm = np.diff(position_mm)
+    ends = np.multiply.outer(arm_mm, np.ones(value.shape[1:])) * value
+    middle = 0.25 * np.multiply.outer(arm_mm[1:] + arm_mm[:-1], np.ones(value.shape[1:])) * (value[1:] + value[:-1])
+    moment = np.tensordot(step_mm / 6.0, ends[:-1] + 4.0 * middle + ends[1:], axes=1)
+    return np.asarray(moment * (12.0 / length_mm**3))
+
+
 def from_zero(function: Function, low_mm: float) -> Function:
     """Give the function minus its value at `low_mm`."""
     start = function(np.array([low_mm]))[0]

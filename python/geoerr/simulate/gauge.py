@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.machine import AXES
-from geoerr.simulate.curves import Function, fitted_line
+from geoerr.simulate.curves import Function, table_slope
 from geoerr.simulate.guideway import MachineErrors
 from geoerr.simulate.machine import VirtualMachine, axis_directions
 from geoerr.simulate.rotations import Array, rotation, rotation_vector
@@ -51,8 +51,7 @@ class _Axis:
     """One axis with its constant rotation taken out: `turn` (n, 3, 3) and `step_mm` (n, 3) as functions of q."""
 
     sign: float
-    first_mm: float
-    last_mm: float
+    position_mm: Array
     turn: Callable[[Array], Array]
     step_mm: Callable[[Array], Array]
 
@@ -61,19 +60,19 @@ class _Axis:
         return lambda q_mm: np.asarray(self.step_mm(q_mm) + (self.turn(q_mm) - np.eye(3)) @ lever_mm)
 
 
-def to_gauge(machine: VirtualMachine, range_mm: dict[str, tuple[float, float]]) -> Gauged:
+def to_gauge(machine: VirtualMachine, positions_mm: dict[str, Array]) -> Gauged:
     """Rewrite a machine's errors in the gauge of the measured range.
 
     Parameters
     ----------
     machine
         The machine with its errors, in any gauge.
-    range_mm
-        Axis to first and last measured position.
+    positions_mm
+        Axis to its measured positions (two or more, increasing): the entries of its tables.
     """
     axes: dict[str, _Axis] = {}
-    tool_tilt = _level(machine, machine.machine.tool_axes, 1.0, range_mm, axes)
-    work_tilt = _level(machine, machine.machine.work_axes, -1.0, range_mm, axes)
+    tool_tilt = _level(machine, machine.machine.tool_axes, 1.0, positions_mm, axes)
+    work_tilt = _level(machine, machine.machine.work_axes, -1.0, positions_mm, axes)
 
     lever_mm = {axis: np.zeros(3) for axis in AXES}
     shift_mm = np.zeros(3)
@@ -82,8 +81,8 @@ def to_gauge(machine: VirtualMachine, range_mm: dict[str, tuple[float, float]]) 
         frame, included_angle_rad = _directions(axes, lever_mm)
         unit = axis_directions(included_angle_rad)
         for axis, motion in axes.items():
-            start_mm = motion.step_mm(np.array([motion.first_mm]))[0]
-            constant_mm[axis] = start_mm - motion.sign * motion.first_mm * (frame.T @ unit[axis])
+            start_mm = motion.step_mm(motion.position_mm[:1])[0]
+            constant_mm[axis] = start_mm - motion.sign * motion.position_mm[0] * (frame.T @ unit[axis])
         lever_mm, shift_mm = _move_constants(machine, constant_mm)
 
     functions: dict[str, Function] = {}
@@ -105,16 +104,15 @@ def _level(
     machine: VirtualMachine,
     side_axes: str,
     sign: float,
-    range_mm: dict[str, tuple[float, float]],
+    positions_mm: dict[str, Array],
     axes: dict[str, _Axis],
 ) -> Array:
     """Put the side's axes without their constant rotations into `axes`; give the product of these rotations."""
     directions = axis_directions(machine.errors.included_angle_rad)
     product = np.eye(3)
     for axis in side_axes:
-        first_mm, last_mm = range_mm[axis]
-        constant = rotation(sign * machine.errors.epsilon_rad(axis, np.array([first_mm])))[0]
-        axes[axis] = _leveled(machine.errors, axis, directions[axis], sign, (first_mm, last_mm), product, constant)
+        constant = rotation(sign * machine.errors.epsilon_rad(axis, positions_mm[axis][:1]))[0]
+        axes[axis] = _leveled(machine.errors, axis, directions[axis], sign, positions_mm[axis], product, constant)
         product = product @ constant
     return product
 
@@ -124,7 +122,7 @@ def _leveled(
     axis: str,
     direction: Array,
     sign: float,
-    range_mm: tuple[float, float],
+    position_mm: Array,
     product: Array,
     constant: Array,
 ) -> _Axis:
@@ -136,13 +134,14 @@ def _leveled(
         own = sign * (q_mm[:, None] * direction + errors.delta_mm(axis, q_mm))
         return np.asarray(own @ product.T)
 
-    return _Axis(sign, *range_mm, turn, step_mm)
+    return _Axis(sign, position_mm, turn, step_mm)
 
 
 def _directions(axes: dict[str, _Axis], lever_mm: dict[str, Array]) -> tuple[Array, dict[str, float]]:
     """Give the frame (rows: X, Y, Z directions) and the included angles that the axes' fitted lines define."""
     slope = {
-        axis: motion.sign * fitted_line(motion.step_with_lever(lever_mm[axis]), motion.first_mm, motion.last_mm)[1]
+        axis: motion.sign
+        * table_slope(motion.position_mm, motion.step_with_lever(lever_mm[axis])(motion.position_mm))
         for axis, motion in axes.items()
     }
     x = slope["x"] / np.linalg.norm(slope["x"])

@@ -20,6 +20,8 @@ from geoerr.simulate.rotations import Array, looking_along, rotation
 from geoerr.vision.patterns import Pattern, marker_pattern
 
 # Random streams of a plan's seed, by what they are for: pictures have one each, so threads cannot matter.
+# Entries of the tables of an axis that no pass moves.
+_N_POSITIONS = 21
 _STREAM_ERRORS, _STREAM_REPEATABILITY, STREAM_BOARD, STREAM_FRAMES, STREAM_CALIBRATION = range(5)
 
 
@@ -106,22 +108,19 @@ class Scene:
         return total
 
     @cached_property
-    def range_mm(self) -> dict[str, tuple[float, float]]:
-        """First and last measured position of each axis; an axis that no pass moves counts with its whole range."""
-        ranges = {}
+    def positions_mm(self) -> dict[str, Array]:
+        """Measured positions of each axis; an axis that no pass moves counts with its whole range."""
+        positions = {}
         for index, axis in enumerate(AXES):
-            positions = measured_positions(self.moments, index)
-            ranges[axis] = (
-                (float(positions[0]), float(positions[-1]))
-                if len(positions) > 1
-                else self.plan.machine.axes[axis].range_mm
-            )
-        return ranges
+            measured = measured_positions(self.moments, index)
+            whole = np.linspace(*self.plan.machine.axes[axis].range_mm, _N_POSITIONS)
+            positions[axis] = measured if len(measured) > 1 else whole
+        return positions
 
     @cached_property
     def gauged(self) -> Gauged:
         """The machine's errors in the gauge of the measured range."""
-        return to_gauge(self.machine, self.range_mm)
+        return to_gauge(self.machine, self.positions_mm)
 
     def rig_at(self, row: int) -> StereoPair:
         """Give the camera pair at one moment; it stands still unless a hidden effect moves it."""

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from geoerr.error_functions import (
     LI_SQUARENESS,
     LINEAR_AND_ANGULAR,
@@ -22,10 +20,9 @@ from geoerr.simulate.moments import measured_positions
 from geoerr.simulate.scene import Scene
 from geoerr.simulate.visibility import NotSeen, look_around
 
-_N_POSITIONS = 21
 _NOTE = (
     "positioning and angles are 0 at the first point of the measured range; straightness has no least-squares slope "
-    "over the range (continuous and uniform) and is 0 at the first point; slopes are in squareness; "
+    "over a uniform grid of the range, tables being polygons, and is 0 at the first point; slopes are in squareness; "
     "given at the commanded positions of the passes that move the axis"
 )
 _NOTE_NOT_MOVED = "no pass moves axis {axis}: its gauge is that of its whole range"
@@ -73,9 +70,8 @@ def truth_of(scene: Scene) -> Truth:
     notes = [_NOTE]
     functions: dict[str, ErrorFunction] = {}
     for index, axis in enumerate(AXES):
-        position_mm = measured_positions(scene.moments, index)
-        if len(position_mm) < 2:
-            position_mm = np.linspace(*scene.range_mm[axis], _N_POSITIONS)
+        position_mm = scene.positions_mm[axis]
+        if len(measured_positions(scene.moments, index)) < 2:
             notes.append(_NOTE_NOT_MOVED.format(axis=axis))
         for name in LINEAR_AND_ANGULAR:
             if name.endswith(axis.upper()):
