@@ -244,7 +244,7 @@ def test_calibration_uncertainty_by_monte_carlo() -> None:
     root = 1e-5 * rng.normal(size=(9, 9))
     stated = identify_nine_line(exact, MACHINE, rig_sensitivity=basis, rig_covariance=root @ root.T)
     values: dict[str, list[Numbers]] = defaultdict(list)
-    n_draws = 150
+    n_draws = 100
     for _ in range(n_draws):
         moved = points + basis @ (root @ rng.normal(size=9))
         frame = exact.frame.with_columns(
