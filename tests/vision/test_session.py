@@ -83,7 +83,7 @@ def test_a_whole_session(folder: Path) -> None:
     assert frames["temp_bed"].to_list() == [21.5, None]
     assert [pair.name for pair in session.require_pairs()] == ["01.png", "02.png"]
     assert session.calibration_pairs[0].right == folder / "calibration" / "right" / "01.png"
-    assert session.scale_bars[0].left == folder / "bar" / "left.png"
+    assert session.scale_bars[0].left == "bar/left.png"
     assert session.scale_bars[0].targets[1].id == 8
     assert session.unpaired == session.set_aside == ()
 

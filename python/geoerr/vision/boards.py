@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from geoerr.errors import DetectionError
 from geoerr.vision.corners import CornerFits, fit_corners
+from geoerr.vision.markers import dictionaries_seen
 from geoerr.vision.patterns import opencv_dictionary
 from geoerr.vision.session import BoardSpec
 
@@ -40,10 +41,13 @@ class BoardSighting:
         (n,) numbers of the inner corners, row by row, ascending.
     corners_px
         (n, 2) distorted pixels.
+    std_px
+        (n,) standard uncertainty of one coordinate, from what the picture leaves unexplained.
     """
 
     ids: npt.NDArray[np.int64]
     corners_px: Array
+    std_px: Array
 
 
 def find_board(picture: GreyImage, board: BoardSpec) -> BoardSighting:
@@ -74,6 +78,21 @@ def find_board(picture: GreyImage, board: BoardSpec) -> BoardSighting:
             f"{LEAST_CORNERS} in more than one row are needed"
         )
     return sighting
+
+
+def hint_for_unseen_board(picture: GreyImage, board: BoardSpec) -> str | None:
+    """Say what a picture without the board does show: markers of another dictionary, a board of another size."""
+    if board.type == "charuco":
+        seen = dictionaries_seen(picture)
+        if board.dictionary in seen or not seen:
+            return None
+        name, ids = next(iter(seen.items()))
+        return f"the pictures show {len(ids)} markers of {name}: name the dictionary that was printed"
+    columns, rows = board.squares
+    for other in ((columns + 1, rows + 1), (columns - 1, rows - 1)):
+        if min(other) > 2 and _chessboard_corners(picture, (other[0] - 1, other[1] - 1)) is not None:
+            return f"a chessboard of {other[0]} × {other[1]} squares is seen: squares counts squares, not corners"
+    return None
 
 
 def same_colours(board: BoardSpec) -> tuple[npt.NDArray[np.int64], ...]:
@@ -127,7 +146,7 @@ def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
     gap_of_side = 0.5 * (1.0 - board.marker_mm / board.square_mm)
     fits = _fit(picture, board, numbers, starts, gap_of_side)
     has_colours = fits.half_contrast_grey * _colours(board, numbers) > 0.0
-    return BoardSighting(numbers[has_colours], fits.corners_px[has_colours])
+    return BoardSighting(numbers[has_colours], fits.corners_px[has_colours], fits.std_px[has_colours])
 
 
 def _find_chessboard(picture: GreyImage, board: BoardSpec) -> BoardSighting:
@@ -147,12 +166,12 @@ def _find_chessboard(picture: GreyImage, board: BoardSpec) -> BoardSighting:
     is_good = (colours < 0.0) if is_inverse else (colours > 0.0)
     if np.mean(~is_good) > _MOST_WRONG_COLOURS:
         raise DetectionError(f"{_NOT_FOUND}: black and white do not alternate as on a chessboard")
-    found = fits.corners_px
+    found, std_px = fits.corners_px, fits.std_px
     if is_inverse:
         turned = next((turn for turn, keeps in _turns(numbers.reshape(rows, columns), board) if not keeps), None)
         if turned is not None:
-            found, is_good = found[turned.ravel()], is_good[turned.ravel()]
-    return BoardSighting(numbers[is_good], found[is_good])
+            found, std_px, is_good = found[turned.ravel()], std_px[turned.ravel()], is_good[turned.ravel()]
+    return BoardSighting(numbers[is_good], found[is_good], std_px[is_good])
 
 
 def _chessboard_corners(picture: GreyImage, inner: tuple[int, int]) -> Array | None:

@@ -75,6 +75,11 @@ class CornerFits:
     covariance_px2: Array
     half_contrast_grey: Array
 
+    @property
+    def std_px(self) -> Array:
+        """(n,) standard uncertainty of one coordinate: the mean over all directions."""
+        return np.asarray(np.sqrt(0.5 * np.trace(self.covariance_px2, axis1=1, axis2=2)))
+
 
 def fit_corners(
     picture: GreyImage, starts_px: Array, side_u_px: Array, side_v_px: Array, gap_of_side: float = math.inf

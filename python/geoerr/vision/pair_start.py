@@ -13,6 +13,7 @@ from geoerr.errors import NotDeterminedError
 from geoerr.vision.board_views import BoardView, SeenCorners, sightings_of, view_rms
 from geoerr.vision.bundle import Estimate, Poses, Sightings, adjust, residuals_of
 from geoerr.vision.camera import Camera
+from geoerr.vision.opencv_threads import one_opencv_thread
 from geoerr.vision.rig import RightFromLeft
 from geoerr.vision.rotation import angle_between_rad, nearest_rotation
 
@@ -36,14 +37,11 @@ def zhang(views: Sequence[BoardView], camera: int, image_size: tuple[int, int]) 
     try:
         # k3 and the tangential terms only send a start astray; the adjustment frees them.
         flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-        _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
-            boards,
-            pixels,
-            image_size,
-            None,
-            None,
-            flags=flags,
-        )
+        # Several threads would add up in the order in which they finish: other last digits each time.
+        with one_opencv_thread():
+            _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+                boards, pixels, image_size, None, None, flags=flags
+            )
     except cv2.error as error:
         raise NotDeterminedError(f"the {side_name(camera)} camera has no start: {error.err}") from error
     k = np.asarray(matrix, dtype=np.float64)

@@ -145,15 +145,15 @@ class ScaleBar:
     Attributes
     ----------
     left, right
-        The pictures.
+        The pictures, relative to the session's folder.
     targets
         The two targets.
     length_mm, std_mm
         What was measured by other means, and its standard uncertainty.
     """
 
-    left: Path
-    right: Path
+    left: str
+    right: str
     targets: tuple[Target, Target]
     length_mm: float
     std_mm: float
@@ -290,7 +290,7 @@ def read_session(directory: str | Path) -> Session:
         set_aside=set_aside,
         calibration_pairs=pairs,
         unpaired=unpaired,
-        scale_bars=tuple(_scale_bar(table, folder, targets) for table in top.tables("scale_bars")),
+        scale_bars=tuple(_scale_bar(table, targets) for table in top.tables("scale_bars")),
     )
 
 
@@ -418,7 +418,7 @@ def _target(table: _Table) -> Target:
     )
 
 
-def _scale_bar(table: _Table, folder: Path, targets: tuple[Target, ...]) -> ScaleBar:
+def _scale_bar(table: _Table, targets: tuple[Target, ...]) -> ScaleBar:
     ends = table.value("targets", 'the two targets as [["DICT_4X4_50", 7], ["DICT_4X4_50", 8]]')
     if not isinstance(ends, list) or len(ends) != 2 or ends[0] == ends[1]:
         raise table.refuse("targets", f"{ends!r} is not two targets", "write [[dictionary, id], [dictionary, id]]")
@@ -429,8 +429,8 @@ def _scale_bar(table: _Table, folder: Path, targets: tuple[Target, ...]) -> Scal
             raise table.refuse("targets", f"{end!r} is not one of this session's targets", "see its [[targets]]")
         found.append(known[tuple(end)])
     return ScaleBar(
-        left=folder / table.text("left"),
-        right=folder / table.text("right"),
+        left=table.text("left"),
+        right=table.text("right"),
         targets=(found[0], found[1]),
         length_mm=table.positive("length_mm"),
         std_mm=table.positive("std_mm"),

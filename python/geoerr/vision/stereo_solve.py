@@ -29,6 +29,10 @@ Array = npt.NDArray[np.float64]
 _MOST_FOLDS = 12
 _LEAST_HELD_OUT_VIEWS = LEAST_VIEWS + 1
 _ROUNDS = 8
+# Of the spread ratio's square, which is noisy with few views.
+_SPREAD_SIGMAS = 4.0
+# From the solution of all views it is not far to that of most.
+_FOLD_ITERATIONS = 20
 # A view with left and right exchanged fits this much better when they are exchanged back.
 _EXCHANGE_GAIN = 3.0
 
@@ -46,6 +50,8 @@ class ViewResult:
     """One pair that takes part: corners used and set aside, and how far off they are (rms distance, px).
 
     `held_out_rms_px` is for a rig fitted without this view, only the board's pose free; None with too few views.
+    `left_scatter` and `right_scatter` are 1 where the corners are off as much as their own uncertainty and what is
+    common to all views explain.
     """
 
     name: str
@@ -55,6 +61,8 @@ class ViewResult:
     left_rms_px: float
     right_rms_px: float
     held_out_rms_px: float | None
+    left_scatter: float
+    right_scatter: float
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,8 @@ class Solved:
         Pairs that did not.
     left_rms_px, right_rms_px, stereo_rms_px
         Each camera solved alone, and the joint solve, over the same corners.
+    lenses_held_rms_px
+        Both cameras, with each lens as the camera alone has it.
     held_out_rms_px
         Over all held-out views; None with too few.
     sigma_px
@@ -92,6 +102,7 @@ class Solved:
     left_rms_px: float
     right_rms_px: float
     stereo_rms_px: float
+    lenses_held_rms_px: float
     held_out_rms_px: float | None
     sigma_px: float
     degrees_of_freedom: int
@@ -150,26 +161,30 @@ def solve_stereo(views: Sequence[BoardView], image_size: tuple[int, int]) -> Sol
     _refuse_too_few(views, joint.views, dropped)
     information = joint.outcome.information / sigma_px**2
     covariance = covariance_of(information)
-    held_out, changes = _leave_out(joint)
-    spread = _spread_ratio(changes, information)
-    is_widened = spread is not None and spread**2 > 1.0 + 4.0 * np.sqrt(
-        2.0 / (len(information) * max(len(changes) - 1, 1))
-    )
+    held_out, folds = _leave_out(joint)
+    spread, spread_limit = _spread_ratio(folds, information, sigma_px)
+    is_widened = spread is not None and spread > spread_limit
     if is_widened and spread is not None:
         covariance = covariance * spread**2
-    rms = [_alone_rms(alone[camera], joint, camera) for camera in (0, 1)]
+    again = [_alone_again(alone[camera], joint, camera) for camera in (0, 1)]
+    held = adjust(
+        joint.sightings,
+        replace(joint.estimate, cameras=tuple(one.estimate.cameras[0] for one in again)),
+        hold_cameras=True,
+    )
     return Solved(
         rig=_rig(joint.estimate, image_size, covariance),
-        views=_view_results(views, joint, held_out),
+        views=_view_results(views, joint, held_out, sigma_px),
         dropped=tuple(Dropped(views[number].name, why) for number, why in sorted(dropped.items())),
-        left_rms_px=rms[0],
-        right_rms_px=rms[1],
+        left_rms_px=total_rms(joint.sightings[:1], again[0].residual_px),
+        right_rms_px=total_rms(joint.sightings[1:], again[1].residual_px),
         stereo_rms_px=total_rms(joint.sightings, joint.outcome.residual_px),
+        lenses_held_rms_px=total_rms(joint.sightings, held.residual_px),
         held_out_rms_px=_held_out_rms(joint, held_out),
         sigma_px=sigma_px,
         degrees_of_freedom=freedom,
         spread_ratio=spread,
-        is_widened=bool(is_widened),
+        is_widened=is_widened,
         is_converged=joint.outcome.is_converged,
     )
 
@@ -295,30 +310,40 @@ def _scatter(fit: _Fit) -> tuple[float, int]:
     return float(np.sqrt(cost / freedom)), freedom
 
 
-def _leave_out(fit: _Fit) -> tuple[dict[int, tuple[float, int]], list[Array]]:
+@dataclass(frozen=True)
+class _Fold:
+    """A solve without some views: the change of θ, and its information for pixels of unit variance."""
+
+    change: Array
+    information: Array
+
+
+def _leave_out(fit: _Fit) -> tuple[dict[int, tuple[float, int]], list[_Fold]]:
     """Fit without some views by turns; test on those with only the board's pose free.
 
     Returns
     -------
     held_out
         Place of a view to its sum of squared distances (px²) and number of corners.
-    changes
-        For each fold, the change of θ.
+    folds
+        What the rig became without them.
     """
     n_views = len(fit.views)
     held_out: dict[int, tuple[float, int]] = {}
-    changes: list[Array] = []
+    folds: list[_Fold] = []
     if n_views < _LEAST_HELD_OUT_VIEWS:
-        return held_out, changes
+        return held_out, folds
     n_folds = min(n_views, _MOST_FOLDS)
     for fold in range(n_folds):
         test = [place for place in range(n_views) if place % n_folds == fold]
         train = [place for place in range(n_views) if place % n_folds != fold]
         poses = fit.estimate.poses
         trained = adjust(
-            tuple(seen.of_views(train) for seen in fit.sightings), replace(fit.estimate, poses=poses.of_views(train))
+            tuple(seen.of_views(train) for seen in fit.sightings),
+            replace(fit.estimate, poses=poses.of_views(train)),
+            iterations=_FOLD_ITERATIONS,
         )
-        changes.append(_change(trained.estimate, fit.estimate))
+        folds.append(_Fold(_change(trained.estimate, fit.estimate), trained.information))
         tested = tuple(seen.of_views(test) for seen in fit.sightings)
         outcome = adjust(
             tested, replace(trained.estimate, poses=poses.of_views(test)), hold_cameras=True, hold_pair=True
@@ -327,7 +352,7 @@ def _leave_out(fit: _Fit) -> tuple[dict[int, tuple[float, int]], list[Array]]:
         for place, value in zip(test, rms, strict=True):
             count = sum(int(np.count_nonzero(seen.weight[seen.view == place])) for seen in fit.sightings)
             held_out[place] = (float(value) ** 2 * count, count)
-    return held_out, changes
+    return held_out, folds
 
 
 def _change(new: Estimate, old: Estimate) -> Array:
@@ -341,14 +366,32 @@ def _change(new: Estimate, old: Estimate) -> Array:
     return np.concatenate([*cameras, small, new.pair.t_mm - old.pair.t_mm])
 
 
-def _spread_ratio(changes: list[Array], information: Array) -> float | None:
-    """Root of the mean, over directions of θ, of the jackknife's variance over the stated one."""
-    if not changes:
-        return None
-    offsets = np.stack(changes) - np.mean(changes, axis=0)
-    n_folds = len(changes)
-    square = np.einsum("fi,ij,fj->", offsets, information, offsets) * (n_folds - 1) / n_folds
-    return float(np.sqrt(square / len(information)))
+def _spread_ratio(folds: list[_Fold], information: Array, sigma_px: float) -> tuple[float | None, float]:
+    """Compare how much the rig changes when views are left out with how much it should.
+
+    With independent corners, `Cov(θ_without − θ) = C_without − C`. So Σ dᵀ C⁻¹ d over the folds has the expectation
+    Σ tr(C⁻¹ C_without − 1), however much each view weighs.
+
+    Returns
+    -------
+    ratio
+        Root of what is seen over what is expected; None without folds.
+    limit
+        What independent corners exceed once in many thousand times.
+    """
+    seen, expected, expected_square = 0.0, 0.0, 0.0
+    for fold in folds:
+        try:
+            more = information @ covariance_of(fold.information) * sigma_px**2 - np.eye(len(information))
+        except NotDeterminedError:
+            continue
+        seen += float(fold.change @ information @ fold.change)
+        expected += float(np.trace(more))
+        expected_square += float(np.trace(more @ more))
+    if not expected > 0.0:
+        return None, np.inf
+    n_effective = expected**2 / expected_square
+    return float(np.sqrt(seen / expected)), float(np.sqrt(1.0 + _SPREAD_SIGMAS * np.sqrt(2.0 / n_effective)))
 
 
 def _held_out_rms(fit: _Fit, held_out: dict[int, tuple[float, int]]) -> float | None:
@@ -358,19 +401,21 @@ def _held_out_rms(fit: _Fit, held_out: dict[int, tuple[float, int]]) -> float | 
     return float(np.sqrt(square / count))
 
 
-def _alone_rms(alone: _Fit, joint: _Fit, camera: int) -> float:
-    """Residual of one camera alone on the corners that the joint solve used."""
-    seen = joint.sightings[camera]
-    start = _of_views(alone, joint.views).estimate
-    return total_rms([seen], adjust((seen,), start).residual_px)
+def _alone_again(alone: _Fit, joint: _Fit, camera: int) -> Adjusted:
+    """Adjust one camera alone on the corners that the joint solve used."""
+    return adjust((joint.sightings[camera],), _of_views(alone, joint.views).estimate)
 
 
 def _view_results(
-    views: Sequence[BoardView], fit: _Fit, held_out: dict[int, tuple[float, int]]
+    views: Sequence[BoardView], fit: _Fit, held_out: dict[int, tuple[float, int]], sigma_px: float
 ) -> tuple[ViewResult, ...]:
     n_views = len(fit.views)
     rms = [
         view_rms([seen], [residual], n_views)
+        for seen, residual in zip(fit.sightings, fit.outcome.residual_px, strict=True)
+    ]
+    scatter = [
+        view_rms([seen], [residual * np.sqrt(seen.weight)[:, None]], n_views) / (np.sqrt(2.0) * sigma_px)
         for seen, residual in zip(fit.sightings, fit.outcome.residual_px, strict=True)
     ]
     used = [np.bincount(seen.view, seen.weight > 0.0, n_views).astype(int) for seen in fit.sightings]
@@ -387,6 +432,8 @@ def _view_results(
                 float(rms[0][place]),
                 float(rms[1][place]),
                 float(np.sqrt(square / count)) if count else None,
+                float(scatter[0][place]),
+                float(scatter[1][place]),
             )
         )
     return tuple(results)
