@@ -61,6 +61,12 @@ class Camera:
         """Rays (x/z, y/z) of distorted pixels, shape (..., 2); NaN where the lens model has no inverse."""
         return undistort((pixel - self.principal_point_px) / self.focal_px, self.distortion)
 
+    def pixel_slope(self, normalised: Array) -> tuple[Array, Array]:
+        """Distorted pixels (..., 2) of rays, and their derivative (..., 2, 2) by undistorted pixels."""
+        distorted, by_ray, _ = distort_jacobian(normalised, self.distortion)
+        slope: Array = by_ray * self.focal_px[:, None] / self.focal_px
+        return distorted * self.focal_px + self.principal_point_px, slope
+
     def undistorted_pixel_from_normalised(self, normalised: Array) -> Array:
         """Pixels that a lens without distortion would give, shape (..., 2)."""
         result: Array = normalised * self.focal_px + self.principal_point_px

@@ -10,7 +10,7 @@ Model
 With (u, v) a pixel, (x, y) the straight ray that it sees, and (s, t) the place on the marker in modules::
 
     (s, t)  = H (x, y, 1)                                       plane seen without distortion: exact
-    picture = B(u, v) + [W(u, v) − B(u, v)] · P(s, t)           B, W: planes, for light that falls unevenly
+    picture = B(u, v) + [W(u, v) − B(u, v)] · P(s, t)           B, W: quadratic, for light that falls unevenly
     P       = 1 + Σ_ij Δ_ij Φ₂((s − i)/σ_s, (t − j)/σ_t; ρ)     blurred pattern, 0 black, 1 white
 
 | symbol | meaning | unit |
@@ -59,7 +59,8 @@ _COARSE_BLUR_PX = 1.5
 _ROWS_AT_A_TIME = 16
 _N_HOMOGRAPHY = 8
 _N_BLUR = 3
-_N_LEVELS = 6
+_N_LIGHT = 6
+_N_LEVELS = 2 * _N_LIGHT
 _SMALLEST_MODULE_PX = 3.0
 _LEAST_CONTRAST_GREY = 5.0
 _LEAST_BLUR_PX2 = 0.04
@@ -110,6 +111,10 @@ class MarkerFitError(ValueError):
     """The photometric fit has no trustworthy answer here; the message says why."""
 
 
+class NotThisMarkerError(MarkerFitError):
+    """The picture here is not that of this marker: something else, or most of it is covered."""
+
+
 def fit_marker(picture: GreyImage, camera: Camera, pattern: npt.NDArray[np.bool_], corners_px: Array) -> MarkerFit:
     """Fit the whole picture of one marker.
 
@@ -154,7 +159,11 @@ def fit_marker(picture: GreyImage, camera: Camera, pattern: npt.NDArray[np.bool_
 
 @dataclass
 class _State:
-    """What is being adjusted: homography (row-wise, last entry 1), blur (uu, uv, vv), levels (6)."""
+    """What is being adjusted.
+
+    `homography` row by row, last entry 1; `blur_px2` uu, uv, vv; `levels` of black, then of white: six
+    coefficients each, of 1, u, v, u², uv, v².
+    """
 
     homography: Array
     blur_px2: Array
@@ -168,8 +177,7 @@ class _Pixels:
     Single precision: its rounding is 1e-5 of a grey level and of a pixel, and it takes half the time.
     """
 
-    u: Single
-    v: Single
+    light: Single
     x: Single
     y: Single
     grey: Single
@@ -272,9 +280,10 @@ class _Scene:
         offsets = np.arange(n_lines)[:, None] - n_lines // 2
         rows, columns = rows[chosen], columns[chosen]
         grey = self.grey[rows, columns]
+        u = (columns + self.left - self.centre_px[0]) / self.half_px
+        v = (rows + self.top - self.centre_px[1]) / self.half_px
         return _Pixels(
-            u=_single((columns + self.left - self.centre_px[0]) / self.half_px),
-            v=_single((rows + self.top - self.centre_px[1]) / self.half_px),
+            light=_single(np.stack([np.ones(len(u)), u, v, u * u, u * v, v * v])),
             x=self.x[rows, columns],
             y=self.y[rows, columns],
             grey=_single(grey),
@@ -330,8 +339,8 @@ class _Scene:
         largest, smallest = _blur_axes(state.blur_px2)
         if not largest < max(0.5 * self.module_px, 2.0):
             raise MarkerFitError(f"the blur came out as {largest:.2f} by {smallest:.2f} px")
-        if not state.levels[3] - state.levels[0] > _LEAST_CONTRAST_GREY:
-            raise MarkerFitError("the marker has no contrast")
+        if not state.levels[_N_LIGHT] - state.levels[0] > _LEAST_CONTRAST_GREY:
+            raise NotThisMarkerError("the marker has no contrast")
 
 
 def _mean_side(corners: Array) -> float:
@@ -426,7 +435,7 @@ def _place(scene: _Scene, state: _State, x: Single, y: Single) -> _Place:
 
 @dataclass(frozen=True)
 class _Evaluation:
-    """Measured minus model (n,), and the model's derivatives (17, n): homography, blur, levels."""
+    """Measured minus model (n,), and the model's derivatives (23, n): homography, blur, levels."""
 
     residual: Single
     columns: Single
@@ -450,9 +459,9 @@ def _evaluate(scene: _Scene, pixels: _Pixels, state: _State, free_blur: bool) ->
     p_s = ((across_s * pdf_a).sum(axis=0) + rho * (slope_a * d_pdf_b).sum(axis=0)) * at.per_s
     p_t = ((along_t * pdf_b).sum(axis=0) + rho * (pdf_a * d_slope_b).sum(axis=0)) * at.per_t
 
-    levels = [float(value) for value in state.levels]
-    black = levels[0] + levels[1] * pixels.u + levels[2] * pixels.v
-    contrast = levels[3] + levels[4] * pixels.u + levels[5] * pixels.v - black
+    levels = _single(state.levels)
+    black = levels[:_N_LIGHT] @ pixels.light
+    contrast = (levels[_N_LIGHT:] - levels[:_N_LIGHT]) @ pixels.light
     model = black + contrast * p
     # A saturated pixel says only that there was at least so much light.
     weight = pixels.kept * ~((pixels.grey >= 255.0) & (model >= 255.0))
@@ -478,10 +487,9 @@ def _evaluate(scene: _Scene, pixels: _Pixels, state: _State, free_blur: bool) ->
         )
         columns[10] = half_ss * at.s_v * at.s_v + half_tt * at.t_v * at.t_v + cross * at.s_v * at.t_v
     light = weight * p
-    for first, share in ((11, weight - light), (14, light)):
-        columns[first] = share
-        np.multiply(share, pixels.u, out=columns[first + 1])
-        np.multiply(share, pixels.v, out=columns[first + 2])
+    first_level = _N_HOMOGRAPHY + _N_BLUR
+    np.multiply(pixels.light, weight - light, out=columns[first_level : first_level + _N_LIGHT])
+    np.multiply(pixels.light, light, out=columns[first_level + _N_LIGHT :])
     return _Evaluation(residual, columns)
 
 
@@ -552,20 +560,20 @@ def _with_levels(scene: _Scene, pixels: _Pixels, state: _State) -> _State:
         levels = _solved(_product(columns, columns), _product(columns, pixels.grey[None])[:, 0])
     except np.linalg.LinAlgError as error:
         raise MarkerFitError("the picture shows no black and white here") from error
-    if not levels[3] - levels[0] > _LEAST_CONTRAST_GREY:
-        raise MarkerFitError("the marker has no contrast")
+    if not levels[_N_LIGHT] - levels[0] > _LEAST_CONTRAST_GREY:
+        raise NotThisMarkerError("the marker has no contrast")
     return _State(state.homography, state.blur_px2, levels)
 
 
 def _set_aside_outliers(pixels: _Pixels, fit: _Fit) -> bool:
     """Take pixels out that show something else than the marker; tell whether there were any."""
     size = np.abs(fit.last.residual)
-    contrast = float(fit.state.levels[3] - fit.state.levels[0])
+    contrast = float(fit.state.levels[_N_LIGHT] - fit.state.levels[0])
     limit = max(_OUTLIER_SIGMAS * 1.4826 * float(np.median(size)), _OUTLIER_CONTRAST * contrast)
     far = size > limit
     share = float(far.mean())
     if share > _MOST_OUTLIERS:
-        raise MarkerFitError(f"{100.0 * share:.0f} % of the pixels do not show this marker")
+        raise NotThisMarkerError(f"{100.0 * share:.0f} % of its pixels do not show this marker")
     pixels.kept[far] = 0.0
     return bool(far.any())
 
@@ -590,7 +598,7 @@ def _result(scene: _Scene, pixels: _Pixels, fit: _Fit) -> MarkerFit:
         by_homography @ covariance[:_N_HOMOGRAPHY, :_N_HOMOGRAPHY] @ by_homography.T,
         "photometric",
         _rms(residual[kept]),
-        float(state.levels[3] - state.levels[0]),
+        float(state.levels[_N_LIGHT] - state.levels[0]),
         _blur_axes(state.blur_px2),
         _rms(residual[kept & steep]) / max(_rms(residual[kept & ~steep]), _ROUNDING_GREY),
     )

@@ -1,0 +1,144 @@
+"""From a session's pictures to observations: one for each target that both cameras of a frame show."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from geoerr.errors import DetectionError
+from geoerr.observations import COVARIANCE, MEASURED, observations_from_columns
+from geoerr.vision.consistency import agreement
+from geoerr.vision.frame import FrameReader, FrameResult, Missed
+from geoerr.vision.measured import Measured
+from geoerr.vision.opencv_threads import one_opencv_thread
+from geoerr.vision.plate import N_RESIDUALS
+from geoerr.vision.plate_rows import Collector, PlateRows
+from geoerr.vision.rig import Rig
+from geoerr.vision.session import IMAGE_COLUMNS, Session
+from geoerr.vision.verdicts import notes, nothing_seen, outliers, refuse_wrong_rig, sizes
+
+Array = npt.NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+
+def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | None = None) -> Measured:
+    """Measure every target in every frame of a session.
+
+    Parameters
+    ----------
+    session
+        With targets and frames.
+    rig
+        The calibrated pair of cameras.
+    threads
+        Pictures worked on at once, 0 for all cores. The result is the same for any number.
+    progress
+        Called with frames done and frames in all.
+
+    Raises
+    ------
+    InputFileError
+        where left and right are swapped, a target's size contradicts the calibration, or no frame shows a target
+        (saying which dictionary's markers the pictures do show).
+
+    Notes
+    -----
+    For each target: corners by photometric fit in both pictures (`marker_fit`), a parallelogram in space through
+    them (`plate`), its centre as the observation. A bad frame never stops the rest: it is listed in `missed`.
+    """
+    frames = session.require_frames()
+    reader = FrameReader(session.directory, rig, session.require_targets())
+    collected = Collector(rig, threads, len(frames) * len(reader.targets))
+    with one_opencv_thread():
+        for done, result in enumerate(_in_order(reader, frames, threads), start=1):
+            collected.add(result)
+            if progress is not None:
+                progress(done, len(frames))
+    collected.locate()
+    return _finished(session, rig, collected, len(frames))
+
+
+def _in_order(reader: FrameReader, frames: pl.DataFrame, threads: int) -> Iterator[FrameResult]:
+    """Read frames side by side, give results in order; never more in hand than twice the threads."""
+    n_workers = threads or os.cpu_count() or 1
+    waiting: deque[Future[FrameResult]] = deque()
+    with ThreadPoolExecutor(n_workers) as pool:
+        try:
+            for row, names in enumerate(zip(frames["left"], frames["right"], strict=True)):
+                waiting.append(pool.submit(reader.read, row, *names))
+                if len(waiting) >= 2 * n_workers:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -> Measured:
+    if not collected.blocks:
+        raise nothing_seen(session, collected, n_frames)
+    rows = collected.rows()
+    refuse_wrong_rig(session, rig, rows)
+    why = outliers(rig, rows)
+    kept = why == ""
+    names = [target.name for target in session.targets]
+    frames = session.require_frames()
+    missed = [
+        *collected.missed,
+        *(
+            Missed(int(row), str(frames["left"][int(row)]), "both", names[target], str(reason))
+            for row, target, reason in zip(rows.row[~kept], rows.target[~kept], why[~kept], strict=True)
+        ),
+    ]
+    if not kept.any():
+        raise DetectionError(f"no target could be placed in space: {missed[0].frame}: {missed[0].why}")
+    pooled = [item for item in collected.pooled if kept[item[0]] and rows.is_photometric[item[0]]]
+    verdict = agreement(
+        np.array([item[1] for item in pooled]).reshape(-1, N_RESIDUALS),
+        np.array([item[2] for item in pooled]).reshape(-1, N_RESIDUALS, len(rig.parameter_names)),
+        rig,
+    )
+    measured_sizes = sizes(session, rig, rows, kept)
+    scale = np.where(rows.is_photometric, max(1.0, verdict.birge_ratio**2), 1.0)
+    table = _table(session, rows, kept, rows.covariance_mm2 * scale[:, None, None])
+    n_local = int((kept & ~rows.is_photometric).sum())
+    return Measured(
+        observations=observations_from_columns(table, str(session.directory)),
+        missed=tuple(sorted(missed, key=lambda item: item.row)),
+        n_frames=n_frames,
+        agreement=verdict,
+        sizes=measured_sizes,
+        n_local_corners=n_local,
+        names_session="session" in frames.columns,
+        notes=tuple(notes(session, rows, kept, verdict, measured_sizes, n_local)),
+    )
+
+
+def _table(session: Session, rows: PlateRows, kept: npt.NDArray[np.bool_], covariance_mm2: Array) -> dict[str, Any]:
+    """Columns of the observations: what was commanded, what was measured, everything else of frames.csv."""
+    frames = session.require_frames()[rows.row[kept].tolist()].drop("left", "right", "file_row")
+    targets = [session.targets[index] for index in rows.target[kept]]
+    offsets = np.array([target.offset_mm for target in targets])
+    covariance = covariance_mm2[kept]
+    columns: dict[str, Any] = {name: frames[name] for name in ("line", "session", "repeat") if name in frames.columns}
+    columns["carrier"] = [target.carrier for target in targets]
+    columns["target"] = [target.name for target in targets]
+    columns |= {name: frames[name] for name in ("x", "y", "z", "dir_x", "dir_y", "dir_z") if name in frames.columns}
+    columns |= {name: offsets[:, axis] for axis, name in enumerate(("tx", "ty", "tz"))}
+    # A tenth of a nanometre, a millionth of a pixel: far below anything real, and files stay readable.
+    columns |= {name: np.round(rows.centre_mm[kept, axis], 7) for axis, name in enumerate(MEASURED)}
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    columns |= {name: _seven_digits(covariance[:, i, j]) for name, (i, j) in zip(COVARIANCE, pairs, strict=True)}
+    columns |= {name: np.round(rows.pixel[kept, k], 6) for k, name in enumerate(IMAGE_COLUMNS)}
+    return columns | {name: frames[name] for name in frames.columns if name not in columns}
+
+
+def _seven_digits(values: Array) -> Array:
+    return np.array([float(f"{value:.6e}") for value in values])

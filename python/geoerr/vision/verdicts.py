@@ -1,0 +1,198 @@
+"""What is said about a measured session: refused as a whole, single plates left out, notes to the user."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from geoerr.errors import InputFileError
+from geoerr.vision.consistency import Agreement, MeasuredSize, measured_size
+from geoerr.vision.images import read_grey
+from geoerr.vision.markers import dictionaries_seen
+from geoerr.vision.plate_rows import Collector, PlateRows
+from geoerr.vision.rig import Rig
+from geoerr.vision.sensitivity import points_from_pixels, project_to_both
+from geoerr.vision.session import Session
+
+Array = npt.NDArray[np.float64]
+
+_OUTLIER_TIMES_MEDIAN = 10.0
+_OUTLIER_LEAST_PX = 0.1
+# Corners that miss each other by this much, in the median, do not come from this rig.
+_NOT_THIS_RIG_PX = 10.0
+_SIZE_REFUSED = 0.05
+_SIZE_NOTED_SIGMAS = 5.0
+_BIRGE_NOTED = 1.2
+_RIG_SHIFT_NOTED_SIGMAS = 3.0
+_MISFIT_NOTED = 1.5
+
+
+def nothing_seen(session: Session, collected: Collector, n_frames: int) -> InputFileError:
+    """Say why no frame has both pictures of any target."""
+    frames = session.require_frames()
+    if collected.n_readable == 0:
+        first = collected.missed[0]
+        return InputFileError(
+            session.directory / "frames.csv",
+            f"none of its {n_frames} frames can be used; the first: {first.why}",
+            row=int(frames["file_row"][first.row]),
+            column=first.camera,
+            remedy="check the pictures and that the rig belongs to these cameras",
+        )
+    wanted = ", ".join(target.name for target in session.targets)
+    if collected.n_found:
+        return InputFileError(
+            session.description_path,
+            f"no target ({wanted}) is in both pictures of any of the {n_frames} frames; the first: "
+            f"{collected.missed[0].camera}: {collected.missed[0].why}",
+            column="targets",
+            remedy="both cameras must see a target whole",
+        )
+    seen = _first_seen(session, frames)
+    if seen:
+        text = "; ".join(f"{name} ids {', '.join(map(str, ids))}" for name, ids in list(seen.items())[:3])
+        return InputFileError(
+            session.description_path,
+            f"none of the targets ({wanted}) is in any of the {n_frames} frames; the pictures show markers of {text}",
+            column="targets",
+            remedy="name the dictionary and id that were printed",
+        )
+    return InputFileError(
+        session.description_path,
+        f"none of the targets ({wanted}) is in any of the {n_frames} frames, nor any other known marker",
+        column="targets",
+        remedy="check focus and light, and that each plate has a white margin of one module",
+    )
+
+
+def _first_seen(session: Session, frames: pl.DataFrame) -> dict[str, list[int]]:
+    """Markers of any dictionary in the first few pictures that show some."""
+    for left, right in list(zip(frames["left"], frames["right"], strict=True))[:3]:
+        for name in (left, right):
+            try:
+                seen = dictionaries_seen(read_grey(session.directory / name))
+            except InputFileError:
+                continue
+            if seen:
+                return seen
+    return {}
+
+
+def refuse_wrong_rig(session: Session, rig: Rig, rows: PlateRows) -> None:
+    """Refuse a session whose corners as a whole do not fit the rig, and say so if they do the other way round."""
+    miss = np.where(rows.why == "", rows.reprojection_px, np.inf)
+    typical = float(np.median(miss))
+    if typical < _NOT_THIS_RIG_PX:
+        return
+    how = "lie behind the cameras" if math.isinf(typical) else f"miss each other by {typical:.0f} px"
+    swapped = _reprojection_when_swapped(rig, rows.centre_seen_px)
+    if float(np.median(swapped)) < 0.1 * min(typical, 10.0 * _NOT_THIS_RIG_PX):
+        raise InputFileError(
+            session.directory / "frames.csv",
+            f"left and right look swapped: points {how}, and fit when the pictures are exchanged",
+            column="left",
+            remedy="exchange the columns left and right, or calibrate with the same naming",
+        )
+    raise InputFileError(
+        session.directory / "frames.csv",
+        f"the pictures do not belong to this rig: points {how}",
+        column="left",
+        remedy="use the rig.json of these cameras in this position, or calibrate again",
+    )
+
+
+def _reprojection_when_swapped(rig: Rig, pixels: Array) -> Array:
+    """(n,) px by which the plates' middles miss each other when left and right are exchanged; inf = behind."""
+    exchanged = pixels[:, [2, 3, 0, 1]]
+    points = points_from_pixels(rig, exchanged)
+    known = np.isfinite(points).all(axis=1)
+    result = np.full(len(pixels), np.inf)
+    difference = project_to_both(rig, points[known]).pixel - exchanged[known]
+    result[known] = np.sqrt((difference**2).sum(axis=1) / 2.0)
+    return result
+
+
+def outliers(rig: Rig, rows: PlateRows) -> npt.NDArray[np.object_]:
+    """Reason for every plate that does not fit like the others, '' for those that do."""
+    why = rows.why.copy()
+    placed = why == ""
+    if not placed.any():
+        return why
+    limit_px = max(_OUTLIER_TIMES_MEDIAN * float(np.median(rows.reprojection_px[placed])), _OUTLIER_LEAST_PX)
+    limit_chi = _OUTLIER_TIMES_MEDIAN * float(np.median(rows.chi[placed]))
+    far = placed & (rows.reprojection_px > limit_px) & (rows.chi > limit_chi)
+    for index in np.flatnonzero(far):
+        why[index] = f"the two pictures miss each other by {rows.reprojection_px[index]:.2f} px (outlier)"
+    doubtful = np.flatnonzero(why != "")
+    swapped = _reprojection_when_swapped(rig, rows.centre_seen_px[doubtful]) < limit_px
+    why[doubtful[swapped]] = "left and right look swapped in this frame"
+    return why
+
+
+def sizes(session: Session, rig: Rig, rows: PlateRows, kept: npt.NDArray[np.bool_]) -> tuple[MeasuredSize, ...]:
+    """Measured side of each target; refuse a size that contradicts the calibration."""
+    sizes = []
+    for index, target in enumerate(session.targets):
+        mine = np.flatnonzero(kept & (rows.target == index))
+        if not len(mine):
+            continue
+        some = mine[:: 1 + len(mine) // 50]
+        size = measured_size(
+            target.name, target.size_mm, rows.sides_mm[mine], rows.centre_mm[some], rows.along[some], rig
+        )
+        if abs(size.relative_error) > _SIZE_REFUSED:
+            raise InputFileError(
+                session.description_path,
+                f"the size of target {target.name} contradicts the calibration: {target.size_mm:g} mm given,"
+                f" {size.measured_mm:.3f} mm measured in {size.n} frames",
+                column=f"targets[{index + 1}].size_mm",
+                remedy="measure the marker's black square; if it is right, square_mm of the board is not",
+            )
+        sizes.append(size)
+    return tuple(sizes)
+
+
+def notes(
+    session: Session,
+    rows: PlateRows,
+    kept: npt.NDArray[np.bool_],
+    verdict: Agreement,
+    sizes: tuple[MeasuredSize, ...],
+    n_local: int,
+) -> Iterator[str]:
+    """Say what the user should know about a session that was measured."""
+    yield from (f"row set aside: {problem}" for problem in session.set_aside)
+    measured = {size.target for size in sizes}
+    yield from (f"target {item.name} was seen in no frame" for item in session.targets if item.name not in measured)
+    for size in sizes:
+        if abs(size.sigmas) > _SIZE_NOTED_SIGMAS:
+            yield (
+                f"target {size.target}: {size.measured_mm:.4f} mm measured, {size.given_mm:g} mm given"
+                f" ({1e6 * size.relative_error:+.0f} ppm, {size.sigmas:+.1f} standard uncertainties):"
+                " the print or the calibration board differs from its stated size"
+            )
+    if verdict.birge_ratio > _BIRGE_NOTED:
+        yield (
+            f"corners scatter {verdict.birge_ratio:.2f} times more than their pictures' noise explains;"
+            " the covariances are enlarged accordingly"
+        )
+    if verdict.rig_shift_sigmas is not None and verdict.rig_shift_sigmas > _RIG_SHIFT_NOTED_SIGMAS:
+        yield (
+            f"the pictures ask for a rig changed by {verdict.rig_shift_sigmas:.1f} of its standard uncertainties:"
+            " a camera may have moved since calibration"
+        )
+    if n_local:
+        yield (
+            f"{n_local} observations rest on a local corner detector (0.3 px),"
+            " because their picture could not be fitted as a whole"
+        )
+    misfit = float(np.median(rows.misfit[kept & rows.is_photometric])) if (kept & rows.is_photometric).any() else 1.0
+    if misfit > _MISFIT_NOTED:
+        yield (
+            f"near edges the pictures differ {misfit:.1f} times more from the fitted markers than noise explains:"
+            " a lens that smears to one side, prints with ragged edges, or compressed pictures"
+        )
