@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from typing import Any
 
@@ -12,8 +13,12 @@ import typer.core
 from geoerr import __version__
 from geoerr.errors import GeoerrError
 
+# Before NumPy is loaded: its matrices here are small, and a pool of threads for each would take the cores from the
+# pictures, and might join sums in another order on another machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # Each module has `register(app: typer.Typer) -> None`; the order is that of `geoerr --help`.
-VERBS = ("identify", "compensate", "verify", "simulate", "target")
+VERBS = ("demo", "calibrate", "measure", "identify", "compensate", "verify", "simulate", "target")
 
 
 class _Verbs(typer.core.TyperGroup):
