@@ -398,7 +398,7 @@ def _notes(solved: Solved, bars: Sequence[ScaleBarResult]) -> Iterator[str]:
         elif abs(bar.sigmas) > _SCALE_BAR_NOTED_SIGMAS:
             yield (
                 f"{name} is seen {bar.difference_um:+.1f} µm ({bar.difference_ppm:+.0f} ppm, {bar.sigmas:+.1f} "
-                "standard uncertainties) from its length: the board's square_mm or the bar's length_mm is not what it says"
+                "standard uncertainties) from its length: the board's square_mm or the bar's length_mm is wrong"
             )
 
 
