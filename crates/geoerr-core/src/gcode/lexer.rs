@@ -147,7 +147,8 @@ impl Line {
                 }
                 b'#' => {
                     // `# text`, alone on a line, is how Klipper's own files comment.
-                    let names_one = body.get(at + 1).is_some_and(|b| b.is_ascii_digit() || b"<#[".contains(b));
+                    let names_one =
+                        body.get(at + 1).is_some_and(|b| b.is_ascii_digit() || b"<#[".contains(b));
                     self.has_parameter = names_one || self.head != Head::Empty;
                     return;
                 }

@@ -146,12 +146,13 @@ fn worst(
     crossings.push(1.0);
     let mut over: Option<Worst> = None;
     let mut largest_mm = limit_mm;
+    // The ends are solved: what remains there is orders below the limit.
     let mut left = 0.0;
-    let mut at_left = deviation(map, from, to, 0.0);
+    let mut at_left = [0.0; 3];
     for &right in crossings.iter() {
         let middle = 0.5 * (left + right);
         let at_middle = deviation(map, from, to, middle);
-        let at_right = deviation(map, from, to, right);
+        let at_right = if right < 1.0 { deviation(map, from, to, right) } else { [0.0; 3] };
         let bend: [f64; 3] = std::array::from_fn(|c| at_middle[c] - 0.5 * (at_left[c] + at_right[c]));
         let sizes = [norm(&at_left), norm(&at_middle), norm(&at_right)];
         let bound_mm = sizes[0].max(sizes[1]).max(sizes[2]) + 0.25 * norm(&bend);

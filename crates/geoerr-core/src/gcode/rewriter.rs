@@ -15,10 +15,10 @@ use super::unsupported::Unsupported;
 use super::writer::{SourceLine, Writer};
 
 /// Lines of a block at most.
-const BLOCK_LINES: usize = 16_384;
+const BLOCK_LINES: usize = 8_192;
 
 /// Moves and knot crossings of a block at most: what bounds the number of pieces, and so the memory, of a block.
-const BLOCK_WORK: usize = 16_384;
+const BLOCK_WORK: usize = 8_192;
 
 /// Moves that one thread takes at a time.
 const MOVES_PER_TASK: usize = 64;
@@ -58,6 +58,8 @@ pub struct Rewriter<M> {
     lines: Lines,
     reader: Reader,
     writer: Writer,
+    /// Kept from block to block, so that its memory is.
+    block: Block,
     /// Where the last corrected move ended.
     last: Option<Node>,
     is_marked: bool,
@@ -86,13 +88,19 @@ enum ItemStep {
     },
 }
 
+/// Some lines, the moves among them, and what becomes of those.
 #[derive(Debug, Default)]
 struct Block {
     items: Vec<Item>,
     moves: Vec<Move>,
+    /// The end of each move, or the distance that the best command leaves.
+    ends: Vec<Result<Node, f64>>,
+    /// The nodes of each move.
+    paths: Vec<Result<Nodes, SplitError>>,
 }
 
 /// The nodes of a move: its end alone, or the ends of its pieces.
+#[derive(Debug)]
 enum Nodes {
     Whole(Node),
     Pieces(Vec<Node>),
@@ -120,6 +128,7 @@ impl<M: PathMap> Rewriter<M> {
             options,
             lines: Lines::default(),
             writer: Writer::default(),
+            block: Block::default(),
             last: None,
             is_marked: false,
             usual_ending: b"\n".to_vec(),
@@ -141,13 +150,16 @@ impl<M: PathMap> Rewriter<M> {
     /// # Errors
     /// Every [`GcodeError`] but [`GcodeError::Option`]: that of the first line that cannot be done.
     pub fn pull(&mut self, out: &mut Vec<u8>) -> Result<bool, GcodeError> {
-        let block = self.read_block();
-        let ends = self.solve_ends(&block);
-        let paths = self.split_moves(&block, &ends);
-        self.write_block(&block, paths, out)?;
+        let mut block = std::mem::take(&mut self.block);
+        self.read_block(&mut block);
+        self.solve_ends(&mut block);
+        self.split_moves(&mut block);
+        let outcome = self.write_block(&mut block, out);
+        self.block = block;
+        outcome?;
         match &self.refusal {
             Some(error) => Err(error.clone()),
-            None => Ok(!block.items.is_empty()),
+            None => Ok(!self.block.items.is_empty()),
         }
     }
 
@@ -163,8 +175,9 @@ impl<M: PathMap> Rewriter<M> {
         warnings
     }
 
-    fn read_block(&mut self) -> Block {
-        let mut block = Block::default();
+    fn read_block(&mut self, block: &mut Block) {
+        block.items.clear();
+        block.moves.clear();
         let mut work = 0;
         let mut before_mm = self.last.map(|node| node.ideal_mm);
         while self.refusal.is_none() && block.items.len() < BLOCK_LINES && work < BLOCK_WORK {
@@ -200,7 +213,6 @@ impl<M: PathMap> Rewriter<M> {
             };
             block.items.push(Item { line, number: self.reader.summary.lines, step });
         }
-        block
     }
 
     fn knots_between(&self, a_mm: &[f64; 3], b_mm: &[f64; 3]) -> usize {
@@ -212,20 +224,19 @@ impl<M: PathMap> Rewriter<M> {
         (0..3).map(crossed).sum()
     }
 
-    /// The end of each move of the block, or the distance that the best command leaves.
-    fn solve_ends(&self, block: &Block) -> Vec<Result<Node, f64>> {
+    fn solve_ends(&self, block: &mut Block) {
         let (map, newton_mm) = (&self.map, self.newton_mm());
         let solve = |a_move: &Move| {
             let command_mm = map.command_for(&a_move.end_mm, newton_mm)?;
             Ok(Node { share: 1.0, ideal_mm: a_move.end_mm, command_mm })
         };
-        block.moves.par_iter().with_min_len(MOVES_PER_TASK).map(solve).collect()
+        block.moves.par_iter().with_min_len(MOVES_PER_TASK).map(solve).collect_into_vec(&mut block.ends);
     }
 
-    /// The nodes of each move of the block.
-    fn split_moves(&self, block: &Block, ends: &[Result<Node, f64>]) -> Vec<Result<Nodes, SplitError>> {
+    fn split_moves(&self, block: &mut Block) {
+        let (moves, ends) = (&block.moves, &block.ends);
         let split_one = |index: usize| {
-            let a_move = &block.moves[index];
+            let a_move = &moves[index];
             let end = ends[index].map_err(SplitError::NotSolved)?;
             let begin = match index.checked_sub(1) {
                 Some(before) => ends[before].ok(),
@@ -237,7 +248,8 @@ impl<M: PathMap> Rewriter<M> {
             let pieces = split(&self.map, &begin, &end, &self.closeness(a_move.is_inch))?;
             Ok(pieces.map_or(Nodes::Whole(end), Nodes::Pieces))
         };
-        (0..block.moves.len()).into_par_iter().with_min_len(MOVES_PER_TASK).map(split_one).collect()
+        let indices = (0..moves.len()).into_par_iter().with_min_len(MOVES_PER_TASK);
+        indices.map(split_one).collect_into_vec(&mut block.paths);
     }
 
     fn newton_mm(&self) -> f64 {
@@ -253,13 +265,8 @@ impl<M: PathMap> Rewriter<M> {
         }
     }
 
-    fn write_block(
-        &mut self,
-        block: &Block,
-        paths: Vec<Result<Nodes, SplitError>>,
-        out: &mut Vec<u8>,
-    ) -> Result<(), GcodeError> {
-        let mut paths = paths.into_iter();
+    fn write_block(&mut self, block: &mut Block, out: &mut Vec<u8>) -> Result<(), GcodeError> {
+        let mut paths = block.paths.drain(..);
         for item in &block.items {
             match &item.step {
                 ItemStep::Pass(effects) => {
