@@ -212,8 +212,7 @@ def _solve_joint(
 ) -> _Fit:
     """Adjust everything; drop what fits each camera but not both: first from the robust start, then at the end."""
     sightings = tuple(sightings_of([views[number] for number in usable], camera) for camera in (0, 1))
-    held = adjust(sightings, start, hold_cameras=True, hold_pair=True)
-    fit = _Fit(list(usable), sightings, held)
+    fit = _fit(list(usable), sightings, start, hold=True)
     is_final = False
     while True:
         rms = view_rms(fit.sightings, fit.outcome.residual_px, len(fit.views))
@@ -245,10 +244,10 @@ def _why_not_both(views: Sequence[BoardView], fit: _Fit, worst: int, rms: Array,
 
 
 def _fit(numbers: list[int], sightings: tuple[Sightings, ...], start: Estimate, *, hold: bool = False) -> _Fit:
-    """Adjust, set single wild corners aside, and so on until the same ones are."""
-    base = [seen.weight for seen in sightings]
-    estimate, current = start, sightings
-    outcome = adjust(current, estimate, hold_cameras=hold, hold_pair=hold)
+    """Adjust, set single wild corners aside (judged anew each time), and so on until the same ones are."""
+    base = [np.ones(len(seen.view)) for seen in sightings]
+    current = sightings
+    outcome = adjust(current, start, hold_cameras=hold, hold_pair=hold)
     for _ in range(_ROUNDS):
         judged = tuple(
             without_wild_corners(seen, residual, weight, len(numbers))
@@ -274,12 +273,9 @@ def _of_views(fit: _Fit, numbers: Sequence[int]) -> _Fit:
 
 
 def _without(fit: _Fit, worst: int, *, hold: bool = False) -> _Fit:
-    """Adjust again without one view, the corners judged anew."""
+    """Leave one view out; adjust again with the corners judged anew, unless everything but the poses is held."""
     rest = _of_views(fit, [number for place, number in enumerate(fit.views) if place != worst])
-    if hold:
-        return rest
-    whole = tuple(replace(seen, weight=np.ones(len(seen.view))) for seen in rest.sightings)
-    return _fit(rest.views, whole, rest.estimate)
+    return rest if hold else _fit(rest.views, rest.sightings, rest.estimate)
 
 
 def _weighted_by_corner(views: Sequence[BoardView], fit: _Fit) -> tuple[_Fit, float, int]:
