@@ -100,5 +100,6 @@ def _summary(calibration: Calibration) -> list[str]:
     return [
         f"{calibration.pairs_used} of {n_all} pairs used",
         f"each camera alone {calibration.left_rms_px:.4f} and {calibration.right_rms_px:.4f} px, "
-        f"both together {calibration.stereo_rms_px:.4f} px, held out {held_out}",
+        f"both together {calibration.stereo_rms_px:.4f} px,",
+        f"views held out {held_out}",
     ]

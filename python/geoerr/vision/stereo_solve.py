@@ -19,7 +19,7 @@ from geoerr.vision.board_views import (
     view_rms,
     without_wild_corners,
 )
-from geoerr.vision.bundle import Adjusted, Estimate, Sightings, adjust, covariance_of, parameters_of_estimate
+from geoerr.vision.bundle import Adjusted, Estimate, Poses, Sightings, adjust, covariance_of, parameters_of_estimate
 from geoerr.vision.camera import parameters_of
 from geoerr.vision.pair_start import exchanged_rms, side_name, start_pair, zhang
 from geoerr.vision.rig import Rig
@@ -33,8 +33,8 @@ _ROUNDS = 8
 _SPREAD_SIGMAS = 4.0
 # From the solution of all views it is not far to that of most.
 _FOLD_ITERATIONS = 20
-# A view with left and right exchanged fits this much better when they are exchanged back.
-_EXCHANGE_GAIN = 3.0
+# A dropped view that is this near to the others when left and right are exchanged has them exchanged.
+_EXCHANGED_FACTOR = 3.0
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,8 @@ def solve_stereo(views: Sequence[BoardView], image_size: tuple[int, int]) -> Sol
     simulator's truth, `cv2.stereoCalibrate` and by Monte-Carlo (tests/vision/test_calibrate.py, test_bundle.py).
     """
     dropped: dict[int, str] = {}
-    alone = [_solve_alone(views, camera, image_size, dropped) for camera in (0, 1)]
+    starts = [zhang(views, camera, image_size) for camera in (0, 1)]
+    alone = [_solve_alone(views, camera, starts[camera], dropped) for camera in (0, 1)]
     usable = [number for number in range(len(views)) if number not in dropped]
     _refuse_too_few(views, usable, dropped)
     renumbered, start = start_pair(
@@ -157,6 +158,7 @@ def solve_stereo(views: Sequence[BoardView], image_size: tuple[int, int]) -> Sol
     for number, view in zip(usable, renumbered, strict=True):
         views[number] = view
     joint = _solve_joint(views, usable, start, alone, dropped)
+    _name_exchanged(views, joint, starts[1].poses, dropped)
     joint, sigma_px, freedom = _weighted_by_corner(views, joint)
     _refuse_too_few(views, joint.views, dropped)
     information = joint.outcome.information / sigma_px**2
@@ -189,10 +191,7 @@ def solve_stereo(views: Sequence[BoardView], image_size: tuple[int, int]) -> Sol
     )
 
 
-def _solve_alone(
-    views: Sequence[BoardView], camera: int, image_size: tuple[int, int], dropped: dict[int, str]
-) -> _Fit:
-    start = zhang(views, camera, image_size)
+def _solve_alone(views: Sequence[BoardView], camera: int, start: Estimate, dropped: dict[int, str]) -> _Fit:
     fit = _fit(list(range(len(views))), (sightings_of(views, camera),), start)
     while len(fit.views) > LEAST_VIEWS:
         rms = view_rms(fit.sightings, fit.outcome.residual_px, len(fit.views))
@@ -218,7 +217,7 @@ def _solve_joint(
         rms = view_rms(fit.sightings, fit.outcome.residual_px, len(fit.views))
         worst = far_view(rms) if len(fit.views) > LEAST_VIEWS else None
         if worst is not None:
-            dropped[fit.views[worst]] = _why_not_both(views, fit, worst, rms, alone)
+            dropped[fit.views[worst]] = _why_not_both(fit, worst, rms, alone)
             fit = _without(fit, worst, hold=not is_final)
         elif is_final:
             return fit
@@ -227,20 +226,25 @@ def _solve_joint(
             is_final = True
 
 
-def _why_not_both(views: Sequence[BoardView], fit: _Fit, worst: int, rms: Array, alone: list[_Fit]) -> str:
+def _why_not_both(fit: _Fit, worst: int, rms: Array, alone: list[_Fit]) -> str:
     number = fit.views[worst]
     each = [
         float(view_rms(one.sightings, one.outcome.residual_px, len(one.views))[one.views.index(number)])
         for one in alone
     ]
-    right_pose = alone[1].estimate.poses.of_views([alone[1].views.index(number)])
-    if exchanged_rms(views[number], fit.estimate, right_pose) < rms[worst] / _EXCHANGE_GAIN:
-        return "left and right pictures are exchanged"
     return (
         f"each picture fits its camera ({each[0]:.3g} and {each[1]:.3g} px), together they do not "
         f"({rms[worst]:.3g} px, the other views {np.median(rms):.3g} px): board or camera moved between them, "
         "or they do not belong together"
     )
+
+
+def _name_exchanged(views: Sequence[BoardView], fit: _Fit, right: Poses, dropped: dict[int, str]) -> None:
+    """Say of dropped views that fit when exchanged that they are."""
+    usual = float(np.median(view_rms(fit.sightings, fit.outcome.residual_px, len(fit.views))))
+    for number in dropped:
+        if exchanged_rms(views[number], fit.estimate, right.of_views([number])) < _EXCHANGED_FACTOR * usual:
+            dropped[number] = "left and right pictures are exchanged"
 
 
 def _fit(numbers: list[int], sightings: tuple[Sightings, ...], start: Estimate, *, hold: bool = False) -> _Fit:
