@@ -47,7 +47,7 @@ class Lens:
 
     def straighten(self, xd, yd):
         x, y = xd.copy(), yd.copy()
-        for _ in range(60):
+        for _ in range(14):
             radial, dx, dy = self._shift(x, y)
             x, y = (xd - dx) / radial, (yd - dy) / radial
         return x, y
@@ -97,7 +97,7 @@ def marker_plate(bits, size_mm, rotation, centre):
     return Plate(edges, edges, bits, rotation, origin)
 
 
-def render(plates, lens, size, *, blur_px=0.8, samples=6, black=40.0, white=200.0, background=None, margin_mm=8.0):
+def render(plates, lens, size, *, blur_px=0.8, samples=4, black=40.0, white=200.0, background=None, margin_mm=8.0):
     """Float picture (height, width), without noise, of plates that do not overlap.
 
     `blur_px` is one number, or a pair (along u, along v). `background` is the grey between the plates (white if
@@ -108,7 +108,7 @@ def render(plates, lens, size, *, blur_px=0.8, samples=6, black=40.0, white=200.
     blur = np.broadcast_to(np.asarray(blur_px, dtype=float), (2,))
     for plate in plates:
         outline = lens.pixel(plate.outline(margin_mm))
-        extra = 6.0 * blur.max() + 3.0
+        extra = 5.0 * blur.max() + 2.0
         low = np.maximum(np.floor(outline.min(axis=0) - extra).astype(int), 0)
         high = np.minimum(np.ceil(outline.max(axis=0) + extra).astype(int), [width - 1, height - 1])
         block = _render_block(plate, lens, low, high, blur, samples, black, white, background, margin_mm)
@@ -117,7 +117,7 @@ def render(plates, lens, size, *, blur_px=0.8, samples=6, black=40.0, white=200.
 
 
 def _render_block(plate, lens, low, high, blur, samples, black, white, background, margin_mm):
-    pad = int(np.ceil(5.0 * blur.max())) + 1
+    pad = int(np.ceil(4.5 * blur.max())) + 1
     n_u, n_v = high - low + 1 + 2 * pad
     sub_u = low[0] - pad + (np.arange(n_u * samples) + 0.5) / samples - 0.5
     sub_v = low[1] - pad + (np.arange(n_v * samples) + 0.5) / samples - 0.5
@@ -146,7 +146,7 @@ def _render_block(plate, lens, low, high, blur, samples, black, white, backgroun
         )
         value[off] = background
     if blur.max() > 0:
-        value = gaussian_filter(value, (blur[1] * samples, blur[0] * samples), truncate=5.0, mode="nearest")
+        value = gaussian_filter(value, (blur[1] * samples, blur[0] * samples), truncate=4.5, mode="nearest")
     value = value.reshape(n_v, samples, n_u, samples).mean(axis=(1, 3))
     return value[pad:-pad, pad:-pad]
 

@@ -29,7 +29,7 @@ Only pixels within half a module of the marker are used: a printed quiet zone of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ QUIET_MODULES = 0.5
 _REACH_SIGMAS = 3.0
 # With more pixels than this, pixels are thinned: the time stays bounded, the corner is known well enough.
 _MAX_EDGE_PIXELS = 20_000
-_MAX_FLAT_PIXELS = 2_000
+_MAX_FLAT_PIXELS = 40_000
 _MAX_COARSE_PIXELS = 2_500
 _ITERATIONS = 25
 # Steps shrink at least tenfold each time near the end: what is left after one of this size is nothing.
@@ -63,12 +63,14 @@ _N_LIGHT = 6
 _N_LEVELS = 2 * _N_LIGHT
 _SMALLEST_MODULE_PX = 3.0
 _LEAST_CONTRAST_GREY = 5.0
+_SATURATED_GREY = 255.0
 _LEAST_BLUR_PX2 = 0.04
 _STEEP = 0.05
 _ROUNDING_GREY = 0.289  # of a whole number: 1/√12
 # A pixel that is this far off shows dirt, a scratch or a reflection, not the marker.
 _OUTLIER_SIGMAS = 6.0
 _OUTLIER_CONTRAST = 0.08
+_OUTLIER_ROUNDS = 4
 _MOST_OUTLIERS = 0.2
 
 
@@ -148,9 +150,12 @@ def fit_marker(picture: GreyImage, camera: Camera, pattern: npt.NDArray[np.bool_
     state = _adjust(scene, coarse, state, free_blur=True, iterations=4, tolerance_px=_COARSE_PX).state
     scene.check(state)
     fine = scene.select(state, _MAX_EDGE_PIXELS)
-    fit = _adjust(scene, fine, state, free_blur=True, iterations=_ITERATIONS, tolerance_px=_CONVERGED_PX)
-    if _set_aside_outliers(fine, fit):
-        fit = _adjust(scene, fine, fit.state, free_blur=True, iterations=_ITERATIONS, tolerance_px=_CONVERGED_PX)
+    for _ in range(_OUTLIER_ROUNDS):
+        fit = _adjust(scene, fine, state, free_blur=True, iterations=_ITERATIONS, tolerance_px=_CONVERGED_PX)
+        cleaned = _without_outliers(scene, fine, fit)
+        if cleaned is fine:
+            break
+        fine, state = cleaned, fit.state
     if not fit.converged:
         raise MarkerFitError("the fit did not converge")
     scene.check(fit.state)
@@ -188,6 +193,27 @@ class _Pixels:
     step_t: Single
     vertex: Single
     kept: Single
+    flat: _Flat
+
+
+@dataclass(frozen=True)
+class _Flat:
+    """Pixels far from every edge: they say how bright black and white are, whatever the corners do.
+
+    Attributes
+    ----------
+    light
+        (12, n) their derivatives by the levels: they are wholly black or wholly white.
+    grey
+        (n,)
+    gram, right
+        (12, 12) and (12,) of their normal equations, which never change.
+    """
+
+    light: Single
+    grey: Single
+    gram: Array
+    right: Array
 
 
 class _Scene:
@@ -210,6 +236,9 @@ class _Scene:
         right, bottom = min(high[0] + 1, width), min(high[1] + 1, height)
         self.grey = picture[self.top : bottom, self.left : right]
         self.shape = self.grey.shape
+        # Most neighbours differ by noise alone, whatever the picture shows.
+        steps = np.abs(np.diff(self.grey.astype(np.int16), axis=1))
+        self.noise_grey = max(1.4826 * float(np.median(steps)) / math.sqrt(2.0), _ROUNDING_GREY)
         rays = camera.normalised_from_pixel(corners)
         if not np.isfinite(rays).all():
             raise MarkerFitError("the lens model has no inverse here")
@@ -273,27 +302,30 @@ class _Scene:
         changes_s = (step_s != 0).any(axis=0) | (vertex != 0).any(axis=(0, 1))
         changes_t = (step_t != 0).any(axis=0) | (vertex != 0).any(axis=(0, 1))
         near = (changes_s | changes_t) if n_lines > 1 else (close_s & changes_s) | (close_t & changes_t)
-        edge, flat = np.flatnonzero(near), np.flatnonzero(~near)
+        edge = np.flatnonzero(near)
         edge = edge[:: 1 + len(edge) // max_pixels]
-        flat = flat[:: 1 + len(flat) // min(_MAX_FLAT_PIXELS, max_pixels // 4)]
-        chosen = np.concatenate([edge, flat])
+        flat = np.flatnonzero(~near & (self.grey[rows, columns] < _SATURATED_GREY))
         offsets = np.arange(n_lines)[:, None] - n_lines // 2
-        rows, columns = rows[chosen], columns[chosen]
-        grey = self.grey[rows, columns]
+        grey = _single(self.grey[rows, columns])
         u = (columns + self.left - self.centre_px[0]) / self.half_px
         v = (rows + self.top - self.centre_px[1]) / self.half_px
+        light = _single(np.stack([np.ones(len(u)), u, v, u * u, u * v, v * v]))
+        flat = flat[:: 1 + len(flat) // _MAX_FLAT_PIXELS]
+        column, row = np.floor(s[flat]).astype(np.int64), np.floor(t[flat]).astype(np.int64)
+        is_white = self.pattern[row + self.pad, column + self.pad] > 0
         return _Pixels(
-            light=_single(np.stack([np.ones(len(u)), u, v, u * u, u * v, v * v])),
-            x=self.x[rows, columns],
-            y=self.y[rows, columns],
-            grey=_single(grey),
-            line_s=_single(nearest_s[chosen] + offsets),
-            line_t=_single(nearest_t[chosen] + offsets),
-            base=base[chosen],
-            step_s=step_s[:, chosen],
-            step_t=step_t[:, chosen],
-            vertex=vertex[:, :, chosen],
-            kept=np.ones(len(grey), dtype=np.float32),
+            light=light[:, edge],
+            x=self.x[rows[edge], columns[edge]],
+            y=self.y[rows[edge], columns[edge]],
+            grey=grey[edge],
+            line_s=_single(nearest_s[edge] + offsets),
+            line_t=_single(nearest_t[edge] + offsets),
+            base=base[edge],
+            step_s=step_s[:, edge],
+            step_t=step_t[:, edge],
+            vertex=vertex[:, :, edge],
+            kept=np.ones(len(edge), dtype=np.float32),
+            flat=_flat(np.concatenate([light[:, flat] * ~is_white, light[:, flat] * is_white]), grey[flat]),
         )
 
     def _tables(
@@ -396,6 +428,10 @@ def _normal_distribution(z: Single) -> tuple[Single, Single]:
     return np.where(z > 0.0, 1.0 - tail, tail), exponential * (1.0 / math.sqrt(2.0 * math.pi))
 
 
+def _flat(light: Single, grey: Single) -> _Flat:
+    return _Flat(light, grey, _product(light, light), _product(light, grey[None])[:, 0])
+
+
 @dataclass(frozen=True)
 class _Place:
     """Where pixels lie on the marker, and how the blur looks from there.
@@ -459,12 +495,11 @@ def _evaluate(scene: _Scene, pixels: _Pixels, state: _State, free_blur: bool) ->
     p_s = ((across_s * pdf_a).sum(axis=0) + rho * (slope_a * d_pdf_b).sum(axis=0)) * at.per_s
     p_t = ((along_t * pdf_b).sum(axis=0) + rho * (pdf_a * d_slope_b).sum(axis=0)) * at.per_t
 
-    levels = _single(state.levels)
-    black = levels[:_N_LIGHT] @ pixels.light
-    contrast = (levels[_N_LIGHT:] - levels[:_N_LIGHT]) @ pixels.light
+    black = _combined(state.levels[:_N_LIGHT], pixels.light)
+    contrast = _combined(state.levels[_N_LIGHT:] - state.levels[:_N_LIGHT], pixels.light)
     model = black + contrast * p
     # A saturated pixel says only that there was at least so much light.
-    weight = pixels.kept * ~((pixels.grey >= 255.0) & (model >= 255.0))
+    weight = pixels.kept * ~((pixels.grey >= _SATURATED_GREY) & (model >= _SATURATED_GREY))
     residual = (pixels.grey - model) * weight
 
     columns = np.zeros((_N_HOMOGRAPHY + _N_BLUR + _N_LEVELS, len(p)), dtype=np.float32)
@@ -504,6 +539,14 @@ def _product(first: Single, second: Single) -> Array:
     return total + first[:, whole:] @ second[:, whole:].T
 
 
+def _combined(factors: Array, rows: Single) -> Single:
+    """`factors @ rows`, not by BLAS, which would start threads for it."""
+    total = np.zeros(rows.shape[1], dtype=np.float32)
+    for factor, row in zip(factors, rows, strict=True):
+        total += float(factor) * row
+    return total
+
+
 @dataclass(frozen=True)
 class _Fit:
     state: _State
@@ -527,8 +570,11 @@ def _adjust(
         evaluation = _evaluate(scene, pixels, state, free_blur)
         columns = evaluation.columns if free_blur else evaluation.columns[free]
         step = np.zeros(len(free))
+        gram, right = _product(columns, columns), _product(columns, evaluation.residual[None])[:, 0]
+        gram[-_N_LEVELS:, -_N_LEVELS:] += pixels.flat.gram
+        right[-_N_LEVELS:] += pixels.flat.right - pixels.flat.gram @ state.levels
         try:
-            step[free] = _solved(_product(columns, columns), _product(columns, evaluation.residual[None])[:, 0])
+            step[free] = _solved(gram, right)
         except np.linalg.LinAlgError as error:
             raise MarkerFitError("the picture does not determine the marker") from error
         state = _stepped(state, step)
@@ -557,7 +603,10 @@ def _with_levels(scene: _Scene, pixels: _Pixels, state: _State) -> _State:
     evaluation = _evaluate(scene, pixels, state, False)
     columns = evaluation.columns[_N_HOMOGRAPHY + _N_BLUR :]
     try:
-        levels = _solved(_product(columns, columns), _product(columns, pixels.grey[None])[:, 0])
+        levels = _solved(
+            _product(columns, columns) + pixels.flat.gram,
+            _product(columns, pixels.grey[None])[:, 0] + pixels.flat.right,
+        )
     except np.linalg.LinAlgError as error:
         raise MarkerFitError("the picture shows no black and white here") from error
     if not levels[_N_LIGHT] - levels[0] > _LEAST_CONTRAST_GREY:
@@ -565,17 +614,23 @@ def _with_levels(scene: _Scene, pixels: _Pixels, state: _State) -> _State:
     return _State(state.homography, state.blur_px2, levels)
 
 
-def _set_aside_outliers(pixels: _Pixels, fit: _Fit) -> bool:
-    """Take pixels out that show something else than the marker; tell whether there were any."""
-    size = np.abs(fit.last.residual)
+def _without_outliers(scene: _Scene, pixels: _Pixels, fit: _Fit) -> _Pixels:
+    """Take pixels out that show something else than the marker; the same object where nothing changes."""
     contrast = float(fit.state.levels[_N_LIGHT] - fit.state.levels[0])
-    limit = max(_OUTLIER_SIGMAS * 1.4826 * float(np.median(size)), _OUTLIER_CONTRAST * contrast)
-    far = size > limit
-    share = float(far.mean())
+    limit = max(_OUTLIER_SIGMAS * scene.noise_grey, _OUTLIER_CONTRAST * contrast)
+    residual = fit.last.residual
+    if not pixels.kept.all():
+        residual = _evaluate(scene, replace(pixels, kept=np.ones_like(pixels.kept)), fit.state, False).residual
+    kept = np.abs(residual) < limit
+    flat = pixels.flat
+    flat_kept = np.abs(flat.grey - _combined(fit.state.levels, flat.light)) < limit
+    share = 1.0 - float(np.concatenate([kept, flat_kept]).mean())
     if share > _MOST_OUTLIERS:
         raise NotThisMarkerError(f"{100.0 * share:.0f} % of its pixels do not show this marker")
-    pixels.kept[far] = 0.0
-    return bool(far.any())
+    if flat_kept.all() and np.array_equal(kept, pixels.kept > 0.0):
+        return pixels
+    light, grey = flat.light[:, flat_kept], flat.grey[flat_kept]
+    return replace(pixels, kept=_single(kept), flat=_flat(light, grey))
 
 
 def _result(scene: _Scene, pixels: _Pixels, fit: _Fit) -> MarkerFit:
@@ -584,23 +639,30 @@ def _result(scene: _Scene, pixels: _Pixels, fit: _Fit) -> MarkerFit:
     n_free, used = len(columns), int(pixels.kept.sum())
     if used < 10 * n_free:
         raise MarkerFitError("too few pixels")
-    inverse = _solved(_product(columns, columns), np.eye(n_free))
+    flat_residual = pixels.flat.grey - _combined(state.levels, pixels.flat.light)
     # Each pixel with its own squared residual (White's covariance): bright pixels are noisier than dark ones.
+    information = _product(columns, columns)
     middle = _product(columns, columns * (residual * residual))
+    information[-_N_LEVELS:, -_N_LEVELS:] += pixels.flat.gram
+    middle[-_N_LEVELS:, -_N_LEVELS:] += _product(
+        pixels.flat.light, pixels.flat.light * (flat_residual * flat_residual)
+    )
+    inverse = _solved(information, np.eye(n_free))
     covariance = inverse @ middle @ inverse * (used / (used - n_free))
     by_homography = _corner_jacobian(state.homography, scene.rays_of_corners(state.homography))
     by_homography *= scene.ray_scale * np.tile(scene.camera.focal_px, 4)[:, None]
     kept = pixels.kept > 0.0
     slope = np.hypot(columns[2], columns[5])
     steep = slope > _STEEP * slope.max()
+    level = np.concatenate([residual[kept & ~steep], flat_residual])
     return MarkerFit(
         scene.corners_px(state.homography),
         by_homography @ covariance[:_N_HOMOGRAPHY, :_N_HOMOGRAPHY] @ by_homography.T,
         "photometric",
-        _rms(residual[kept]),
+        _rms(np.concatenate([residual[kept], flat_residual])),
         float(state.levels[_N_LIGHT] - state.levels[0]),
         _blur_axes(state.blur_px2),
-        _rms(residual[kept & steep]) / max(_rms(residual[kept & ~steep]), _ROUNDING_GREY),
+        _rms(residual[kept & steep]) / max(_rms(level), _ROUNDING_GREY),
     )
 
 
