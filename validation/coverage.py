@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import multiprocessing
 import os
 import tempfile
 from collections import defaultdict
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,7 +39,7 @@ from geoerr.vision.session import read_session
 HERE = Path(__file__).parent
 CARRIAGES = {"follows the tangent": "tangent", "150 mm long": "length"}
 CARRIAGE_LENGTH_MM = 150.0
-SETTING = NineLines(n_points=11, repeats=1, both_directions=True)
+SETTING = NineLines(n_points=21, repeats=1, both_directions=False)
 COVERAGE_95 = 1.959964
 
 KINDS = {
@@ -50,15 +52,15 @@ KINDS = {
 INTEGRATED = "straightness, integrated"
 
 
-def identified(seed: int, carriage: str, threads: int) -> tuple[NineLineResult, ErrorFunctions]:
+def identified(seed: int, carriage: str) -> tuple[NineLineResult, ErrorFunctions]:
     """Go from a seed to the identified errors and the truth, through pictures on disk."""
     setting = replace(SETTING, seed=seed, carriage=carriage, carriage_length_mm=CARRIAGE_LENGTH_MM)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session"
-        truth = simulate_session(nine_line_plan(setting), path, threads=threads)
+        truth = simulate_session(nine_line_plan(setting), path, threads=1)
         session = read_session(path)
-        rig = calibrate(session, threads=threads).rig
-        observations: Observations = measure(session, rig, threads=threads).observations
+        rig = calibrate(session, threads=1).rig
+        observations: Observations = measure(session, rig, threads=1).observations
     result = analyze_nine_lines(
         observations,
         truth.errors.machine,
@@ -107,12 +109,11 @@ class Tally:
         )
 
 
-def study(carriage: str, seeds: range, threads: int) -> list[str]:
+def study(carriage: str, seeds: range, pool: ProcessPoolExecutor) -> list[str]:
     """Run all seeds for one kind of carriage; give the lines of its table."""
     tallies: dict[str, Tally] = defaultdict(Tally)
     verdicts: list[bool] = []
-    for seed in seeds:
-        result, truth = identified(seed, carriage, threads)
+    for seed, (result, truth) in zip(seeds, pool.map(identified, seeds, [carriage] * len(seeds)), strict=True):
         errors = result.errors
         tables = {**errors.functions, **errors.squareness}
         true_tables = {**truth.functions, **truth.squareness}
@@ -139,7 +140,7 @@ def main() -> None:
     """Run the study and write its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="seeds worked on at once")
     parser.add_argument("--output", type=Path, default=HERE / "coverage.md")
     arguments = parser.parse_args()
     seeds = range(1, arguments.seeds + 1)
@@ -147,10 +148,11 @@ def main() -> None:
         "# Coverage of the stated 95 % intervals, from pictures",
         "",
         f"`python validation/coverage.py --seeds {arguments.seeds}`: {arguments.seeds} virtual machines, "
-        f"{SETTING.n_points} points a line in both directions, calibration and pictures of its own for each.",
+        f"{SETTING.n_points} points a line, calibration and pictures of its own for each.",
     ]
-    for title, carriage in CARRIAGES.items():
-        lines += ["", f"## Carriage {title}", "", *study(carriage, seeds, arguments.threads)]
+    with ProcessPoolExecutor(arguments.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for title, carriage in CARRIAGES.items():
+            lines += ["", f"## Carriage {title}", "", *study(carriage, seeds, pool)]
     write_text(arguments.output, "\n".join(lines) + "\n")
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from geoerr.demo.job import PROGRAM, TOLERANCE_MM, DemoResult
-from geoerr.error_functions import ErrorFunctions
+from geoerr.error_functions import LI_NAMES, ErrorFunctions
+from geoerr.machine import AXES
 from geoerr.report import figures
 from geoerr.report.ballbar import circular_test_blocks
 from geoerr.report.error_tables import error_function_table, not_determined, share_within_95, squareness_table
@@ -16,6 +18,8 @@ from geoerr.report.provenance import Provenance
 
 _UM_PER_MM = 1e3
 _COVERAGE_95 = 1.96
+# Places this near to each other are one.
+_HERE_MM = 0.5
 
 
 def sentences(result: DemoResult) -> list[str]:
@@ -71,6 +75,10 @@ def write_demo_report(path: str | Path, result: DemoResult, provenance: Provenan
                     figures.error_curves(errors, truth),
                     "Identified error functions with their 95 % intervals, and the truth",
                 ),
+                Figure(
+                    figures.error_curves(_found_minus_truth(errors, truth), title="Found minus truth"),
+                    "Identified minus true errors with their 95 % intervals: an interval that holds 0 is right",
+                ),
                 error_function_table(errors, truth),
                 squareness_table(errors, truth),
                 *not_determined(errors),
@@ -80,9 +88,9 @@ def write_demo_report(path: str | Path, result: DemoResult, provenance: Provenan
         Section(
             "The nine lines",
             (
-                Figure(figures.nine_lines(errors), "Positioning error along Li's nine lines"),
+                Figure(figures.nine_lines(_line_curves(result)), "Measured ΔL along the nine lines (Li, Fig. 9)"),
                 _lines_table(result),
-                *(Paragraph(verdict.in_words()) for verdict in result.identified.tangent),
+                _tangent_table(result),
             ),
         ),
         Section(
@@ -99,6 +107,52 @@ def write_demo_report(path: str | Path, result: DemoResult, provenance: Provenan
         Section("Cameras and measurement", _camera_blocks(result)),
     ]
     write_report(path, "geoerr: from pictures to a proven correction", sentences(result), sections, provenance)
+
+
+def _found_minus_truth(errors: ErrorFunctions, truth: ErrorFunctions) -> ErrorFunctions:
+    functions = {
+        name: replace(found, value=found.value - truth.functions[name].at(found.position_mm))
+        for name, found in errors.functions.items()
+    }
+    squareness = {
+        name: replace(found, value_rad=found.value_rad - truth.squareness[name].value_rad)
+        for name, found in errors.squareness.items()
+    }
+    return replace(errors, functions=functions, squareness=squareness)
+
+
+def _line_curves(result: DemoResult) -> list[figures.LineCurve]:
+    return [
+        figures.LineCurve(
+            line.number,
+            line.axis,
+            f"{line.number}: {_arm(line.place_mm)}",
+            line.position_mm,
+            line.deviation_mm,
+        )
+        for line in result.identified.lines
+        if line.number is not None
+    ]
+
+
+def _arm(place_mm: tuple[float, float, float]) -> str:
+    arms = [f"{axis} = {length:g} mm" for axis, length in zip(AXES, place_mm, strict=True) if abs(length) > _HERE_MM]
+    return ", ".join(arms) or "through the origin"
+
+
+def _tangent_table(result: DemoResult) -> Table:
+    rows = tuple(
+        (
+            verdict.name,
+            LI_NAMES[verdict.name],
+            f"{verdict.rms_mm * _UM_PER_MM:.2f}",
+            "–" if verdict.p_value is None else f"{verdict.p_value:.2f}",
+            {True: "yes, as far as can be told", False: "no", None: "cannot be told"}[verdict.follows],
+        )
+        for verdict in result.identified.tangent
+    )
+    header = ("error", "Li", "direct − integrated, µm rms", "p", "carriage follows its guideway's tangent")
+    return Table("Straightness seen directly and integrated from the angles (Li, Eq. 19)", header, rows)
 
 
 def _lines_table(result: DemoResult) -> Table:
@@ -132,7 +186,8 @@ def _program_blocks(result: DemoResult) -> tuple[Block, ...]:
     return (
         Paragraph(
             f"{PROGRAM} was corrected with the identified errors to a tolerance of {TOLERANCE_MM * _UM_PER_MM:g} µm, "
-            "and both programs were carried out by the true machine. What is left is what was not measured."
+            "and both programs were carried out by the true machine. What is left is the tolerance and the "
+            "measurement's own uncertainty."
         ),
         Table("The program's path on the true machine", ("", "before", "after"), rows),
         Table(

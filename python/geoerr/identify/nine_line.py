@@ -40,7 +40,7 @@ from geoerr.identify.second_order import corrected_functions, corrected_squarene
 from geoerr.identify.stages import Stages, run_stages
 from geoerr.identify.straightness import TangentVerdict
 from geoerr.identify.uncertainty import AxisScatter, Noise, axis_scatter, covariance_from_repeats, scaled
-from geoerr.machine import Machine
+from geoerr.machine import AXES, Machine
 from geoerr.observations import Observations
 
 StraightnessMethod = Literal["direct", "integrated"]
@@ -67,6 +67,8 @@ class FoundLine:
         Labels that occur.
     rms_mm
         Root mean square distance of its points from its passes' fitted lines.
+    position_mm, deviation_mm : (k,)
+        Commanded positions, and ΔL there (Li Fig. 9), the mean of its passes; 0 at the first position.
     """
 
     number: int | None
@@ -78,6 +80,8 @@ class FoundLine:
     carriers: tuple[str, ...]
     targets: tuple[str, ...]
     rms_mm: float
+    position_mm: Numbers
+    deviation_mm: Numbers
 
 
 @dataclass(frozen=True)
@@ -241,7 +245,7 @@ def analyze_nine_lines(
         errors = replace(errors, squareness=corrected_squareness(first.squareness, again.squareness))
     return NineLineResult(
         errors=errors,
-        lines=_found_lines(places, passes),
+        lines=_found_lines(places, passes, data),
         missing_lines=tuple(sorted(number for numbers in places.missing.values() for number in numbers)),
         tangent=tangent,
         scatter=tuple(scatter.values()),
@@ -316,12 +320,13 @@ def _noise(
     return Noise(rows, *rig), scatter, notes
 
 
-def _found_lines(places: Places, passes: Sequence[FittedPass]) -> tuple[FoundLine, ...]:
+def _found_lines(places: Places, passes: Sequence[FittedPass], data: Measurements) -> tuple[FoundLine, ...]:
     lines = []
     for line in sorted(places.lines, key=lambda one: (one.axis, one.number or 10)):
         members = [passes[number] for number in line.passes]
         n_points = sum(len(one.source.rows) for one in members)
         square = sum(len(one.source.rows) * one.rms_mm**2 for one in members)
+        position_mm, deviation_mm = _travel(members, data)
         lines.append(
             FoundLine(
                 number=line.number,
@@ -333,6 +338,21 @@ def _found_lines(places: Places, passes: Sequence[FittedPass]) -> tuple[FoundLin
                 carriers=tuple(dict.fromkeys(one.source.carrier for one in members)),
                 targets=tuple(dict.fromkeys(one.source.target for one in members)),
                 rms_mm=float(np.sqrt(square / n_points)),
+                position_mm=position_mm,
+                deviation_mm=deviation_mm,
             )
         )
     return tuple(lines)
+
+
+def _travel(members: Sequence[FittedPass], data: Measurements) -> tuple[Numbers, Numbers]:
+    """Give ΔL of a line's passes at each commanded position, each pass counted from its smallest position."""
+    positions, deviations = [], []
+    for one in members:
+        q_mm = data.commanded_mm[one.source.rows, AXES.index(one.source.axis)]
+        deviation_mm = one.along_mm - q_mm
+        positions.append(q_mm)
+        deviations.append(deviation_mm - deviation_mm[np.argmin(q_mm)])
+    position_mm, entry = np.unique(np.concatenate(positions), return_inverse=True)
+    mean = np.bincount(entry, np.concatenate(deviations)) / np.bincount(entry)
+    return position_mm, mean - mean[0]

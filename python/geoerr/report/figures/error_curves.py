@@ -22,7 +22,9 @@ from geoerr.report.figures import style
 _HEIGHT_PX = 1240
 
 
-def error_curves(errors: ErrorFunctions, truth: ErrorFunctions | None = None) -> go.Figure:
+def error_curves(
+    errors: ErrorFunctions, truth: ErrorFunctions | None = None, title: str = "The 21 geometric errors"
+) -> go.Figure:
     """Draw the 21 errors: a column for each axis, a row for each direction, squareness below.
 
     Parameters
@@ -31,6 +33,8 @@ def error_curves(errors: ErrorFunctions, truth: ErrorFunctions | None = None) ->
         What was found; bands are ±1.96 standard uncertainties where it has them.
     truth
         What a simulation put in; dashed.
+    title
+        Heading of the figure.
 
     Returns
     -------
@@ -65,7 +69,7 @@ def error_curves(errors: ErrorFunctions, truth: ErrorFunctions | None = None) ->
     _draw_squareness(figure, errors, truth, shown)
     return style.finish(
         figure,
-        "The 21 geometric errors",
+        title,
         "actual minus nominal, tool seen from the work, at the carriage origin; ISO 230-1 name and Li's symbol; "
         "squareness last",
         _HEIGHT_PX,
