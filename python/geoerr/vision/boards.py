@@ -26,6 +26,7 @@ LEAST_CORNERS = 6
 
 # Chessboards are first looked for in a picture of about this width: quicker, and large squares are found better.
 _SEARCH_WIDTH_PX = 1280
+_HINT_WIDTH_PX = 800
 # Of the corners of one board: more with the wrong colours than this, and it is not this board.
 _MOST_WRONG_COLOURS = 0.2
 _NOT_FOUND = "the board was not found"
@@ -83,7 +84,10 @@ def find_board(picture: GreyImage, board: BoardSpec) -> BoardSighting:
 def hint_for_unseen_board(picture: GreyImage, board: BoardSpec) -> str | None:
     """Say what a picture without the board does show: markers of another dictionary, a board of another size."""
     if board.type == "charuco":
-        seen = dictionaries_seen(picture)
+        # Every known dictionary is tried: a smaller picture is enough to tell which.
+        scale = min(1.0, _HINT_WIDTH_PX / max(picture.shape))
+        small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        seen = dictionaries_seen(np.asarray(small, dtype=np.uint8))
         if board.dictionary in seen or not seen:
             return None
         name, ids = next(iter(seen.items()))
