@@ -30,6 +30,7 @@ ALLOWED: dict[str, set[str]] = {
     "simulate": TABLES | {"vision.patterns", "vision.images"},
     "report": MODEL | {"vision", "identify", "compensate", "verify", "simulate"},
     "demo": MODEL | {"vision", "identify", "compensate", "verify", "simulate", "report"},
+    "__main__": {"cli"},
     "cli": MODEL | {"vision", "identify", "compensate", "verify", "simulate", "report", "demo"},
 }
 
