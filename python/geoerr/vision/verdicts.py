@@ -22,8 +22,11 @@ Array = npt.NDArray[np.float64]
 
 _OUTLIER_TIMES_MEDIAN = 10.0
 _OUTLIER_LEAST_PX = 0.1
-# Corners that miss each other by this much, in the median, do not come from this rig.
+# Corners are known to hundredths of a pixel: where they miss each other by this much, in the median, something is
+# wrong; by the second, they do not come from this rig at all.
+_DOUBTFUL_RIG_PX = 0.5
 _NOT_THIS_RIG_PX = 10.0
+_SWAPPED_SHARE = 0.1
 _SIZE_REFUSED = 0.05
 _SIZE_NOTED_SIGMAS = 5.0
 _BIRGE_NOTED = 1.2
@@ -84,25 +87,25 @@ def _first_seen(session: Session, frames: pl.DataFrame) -> dict[str, list[int]]:
 
 def refuse_wrong_rig(session: Session, rig: Rig, rows: PlateRows) -> None:
     """Refuse a session whose corners as a whole do not fit the rig, and say so if they do the other way round."""
-    miss = np.where(rows.why == "", rows.reprojection_px, np.inf)
-    typical = float(np.median(miss))
-    if typical < _NOT_THIS_RIG_PX:
+    typical = float(np.median(np.where(rows.why == "", rows.reprojection_px, np.inf)))
+    if typical < _DOUBTFUL_RIG_PX:
         return
-    how = "lie behind the cameras" if math.isinf(typical) else f"miss each other by {typical:.0f} px"
-    swapped = _reprojection_when_swapped(rig, rows.centre_seen_px)
-    if float(np.median(swapped)) < 0.1 * min(typical, 10.0 * _NOT_THIS_RIG_PX):
+    how = "lie behind the cameras" if math.isinf(typical) else f"miss each other by {typical:.1f} px"
+    swapped = float(np.median(_reprojection_when_swapped(rig, rows.centre_seen_px)))
+    if swapped < _SWAPPED_SHARE * min(typical, _NOT_THIS_RIG_PX):
         raise InputFileError(
             session.directory / "frames.csv",
             f"left and right look swapped: points {how}, and fit when the pictures are exchanged",
             column="left",
             remedy="exchange the columns left and right, or calibrate with the same naming",
         )
-    raise InputFileError(
-        session.directory / "frames.csv",
-        f"the pictures do not belong to this rig: points {how}",
-        column="left",
-        remedy="use the rig.json of these cameras in this position, or calibrate again",
-    )
+    if typical > _NOT_THIS_RIG_PX:
+        raise InputFileError(
+            session.directory / "frames.csv",
+            f"the pictures do not belong to this rig: points {how}",
+            column="left",
+            remedy="use the rig.json of these cameras in this position, or calibrate again",
+        )
 
 
 def _reprojection_when_swapped(rig: Rig, pixels: Array) -> Array:

@@ -1,0 +1,62 @@
+"""Pooled checks: right covariances pass, wrong ones and a moved camera show."""
+
+import numpy as np
+import pytest
+from stereo_scenes import rig, rig_covariance
+
+from geoerr.vision.consistency import agreement, measured_size
+
+
+def drawn(rng, scale=1.0, shift=1.0, n=300):
+    """Residuals with noise of `scale` and a rig that is off by `shift` times its uncertainty."""
+    covariance = rig_covariance()
+    by_rig = rng.normal(size=(n, 7, 24)) / np.sqrt(np.diag(covariance)) * 3.0
+    error = shift * rng.normal(size=24) * np.sqrt(np.diag(covariance))
+    return scale * rng.normal(size=(n, 7)) - by_rig @ error, by_rig
+
+
+def test_right_covariances_pass():
+    residual, by_rig = drawn(np.random.default_rng(0))
+    found = agreement(residual, by_rig, rig(rig_covariance()))
+    # 2100 residuals: standard deviation of the ratio 0.015; 24 shifts: 0.14.
+    assert found.birge_ratio == pytest.approx(1.0, abs=0.05)
+    assert found.rig_shift_sigmas == pytest.approx(1.0, abs=0.5)
+    assert found.n_residuals == 2100
+
+
+def test_noise_that_is_larger_than_stated_shows():
+    residual, by_rig = drawn(np.random.default_rng(1), scale=2.5)
+    assert agreement(residual, by_rig, rig(rig_covariance())).birge_ratio == pytest.approx(2.5, rel=0.05)
+
+
+def test_a_moved_camera_shows_as_such_and_not_as_noise():
+    residual, by_rig = drawn(np.random.default_rng(2), shift=8.0)
+    found = agreement(residual, by_rig, rig(rig_covariance()))
+    assert found.birge_ratio == pytest.approx(1.0, abs=0.05)
+    assert found.rig_shift_sigmas > 5.0
+
+
+def test_without_a_covariance_all_counts_as_noise():
+    residual, by_rig = drawn(np.random.default_rng(3), scale=2.0, shift=0.0)
+    found = agreement(residual, by_rig, rig())
+    assert found.birge_ratio == pytest.approx(2.0, rel=0.05)
+    assert found.rig_shift_sigmas is None
+
+
+def test_nothing_to_pool():
+    assert agreement(np.empty((0, 7)), np.empty((0, 7, 24)), rig()).birge_ratio == 1.0
+
+
+def test_size_with_the_share_of_calibration():
+    rng = np.random.default_rng(4)
+    sides = 56.02 + 0.002 * rng.normal(size=(200, 2))
+    centres = np.array([[0.0, 0.0, 700.0], [50.0, 20.0, 690.0]])
+    along = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    alone = measured_size("7", 56.0, sides, centres, along, rig())
+    with_rig = measured_size("7", 56.0, sides, centres, along, rig(rig_covariance()))
+    assert alone.measured_mm == pytest.approx(56.02, abs=5e-4)
+    assert alone.relative_error == pytest.approx(0.02 / 56.0, rel=0.05)
+    # Scatter alone: 0.002/√400, times √(π/2) for the median.
+    assert alone.std_mm == pytest.approx(0.002 / 20 * 1.2533, rel=0.25)
+    assert with_rig.std_mm > 3.0 * alone.std_mm
+    assert abs(with_rig.sigmas) < abs(alone.sigmas)

@@ -1,0 +1,96 @@
+"""Markers found and told apart, at half and at full resolution."""
+
+import numpy as np
+import pytest
+from rendering import Lens, as_picture, marker_plate, render, turned
+
+from geoerr.vision import markers
+from geoerr.vision.camera import Camera
+from geoerr.vision.marker_fit import MarkerFitError
+from geoerr.vision.markers import dictionaries_seen, find_markers, refine_marker
+from geoerr.vision.patterns import marker_bits
+
+LENS = Lens(2319.0, 2321.0, 800.0, 600.0, -0.1, 0.1)
+SIZE = (1600, 1200)
+
+
+def plate(identity, u, v, side_px, dictionary="DICT_4X4_50", roll=10.0):
+    depth = LENS.fx * 50.0 / side_px
+    ray = np.array([(u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, 1.0])
+    return marker_plate(marker_bits(dictionary, identity), 50.0, turned(10.0, -10.0, roll), depth * ray)
+
+
+def picture(*plates, seed=0):
+    values = render(plates, LENS, SIZE, samples=2, background=120.0, margin_mm=9.0)
+    return as_picture(values, np.random.default_rng(seed), 2.0)
+
+
+def corners_of(shown):
+    edge = shown.edges_u[-1]
+    return LENS.pixel(shown.points([[0, 0], [edge, 0], [edge, edge], [0, edge]]))
+
+
+def test_found_with_corners_in_the_marker_s_own_order():
+    shown = [plate(3, 400, 300, 120), plate(4, 1100, 800, 90, roll=200.0), plate(5, 1100, 250, 45, roll=-75.0)]
+    found = find_markers(picture(*shown), [("DICT_4X4_50", n) for n in (3, 4, 5, 6)])
+    assert set(found.corners_px) == {("DICT_4X4_50", n) for n in (3, 4, 5)}
+    assert not found.repeated
+    for identity, own in zip((3, 4, 5), shown, strict=True):
+        # Within a fifth of a module, which the fit needs.
+        assert np.abs(found.corners_px["DICT_4X4_50", identity] - corners_of(own)).max() < 3.0
+
+
+def test_half_resolution_puts_corners_where_full_resolution_does(monkeypatch):
+    shown = plate(3, 700, 500, 150)
+    image = picture(shown)
+    half = find_markers(image, [("DICT_4X4_50", 3)]).corners_px["DICT_4X4_50", 3]
+    monkeypatch.setattr(markers, "_HALVE_ABOVE_PX", 10_000)
+    full = find_markers(image, [("DICT_4X4_50", 3)]).corners_px["DICT_4X4_50", 3]
+    for found in (half, full):
+        assert np.abs((found - corners_of(shown)).mean(axis=0)).max() < 1.0
+
+
+def test_a_marker_too_small_for_half_resolution_is_found(monkeypatch):
+    image = picture(plate(3, 400, 300, 120), plate(5, 1100, 250, 22))
+    assert ("DICT_4X4_50", 5) in find_markers(image, [("DICT_4X4_50", 3), ("DICT_4X4_50", 5)]).corners_px
+
+
+def test_an_id_that_is_there_twice_is_told():
+    image = picture(plate(3, 400, 300, 120), plate(3, 1100, 800, 100), plate(4, 1100, 250, 100))
+    found = find_markers(image, [("DICT_4X4_50", 3), ("DICT_4X4_50", 4)])
+    assert found.repeated == {("DICT_4X4_50", 3)}
+    assert set(found.corners_px) == {("DICT_4X4_50", 4)}
+
+
+def test_two_dictionaries_at_once():
+    image = picture(plate(3, 400, 300, 120), plate(8, 1100, 800, 120, "DICT_6X6_250"))
+    wanted = [("DICT_4X4_50", 3), ("DICT_6X6_250", 8)]
+    assert set(find_markers(image, wanted).corners_px) == set(wanted)
+
+
+def test_other_dictionaries_are_named():
+    image = picture(plate(8, 400, 300, 120, "DICT_6X6_250"), plate(9, 1100, 800, 120, "DICT_6X6_250"))
+    seen = dictionaries_seen(image)
+    assert next(iter(seen)).startswith("DICT_6X6")
+    assert next(iter(seen.values())) == [8, 9]
+
+
+def test_fit_and_fallback(monkeypatch):
+    shown = plate(3, 700, 500, 150)
+    image, lens = picture(shown), Camera(LENS.matrix, LENS.distortion)
+    start = find_markers(image, [("DICT_4X4_50", 3)]).corners_px["DICT_4X4_50", 3]
+    fit = refine_marker(image, lens, ("DICT_4X4_50", 3), start)
+    straight = LENS.undistorted_pixel(shown.points([[0, 0], [50, 0], [50, 50], [0, 50]]))
+    assert fit.method == "photometric"
+    assert np.abs(fit.corners_px - straight).max() < 0.03
+
+    def fails(*_):
+        raise MarkerFitError("the fit did not converge")
+
+    monkeypatch.setattr(markers, "fit_marker", fails)
+    stand_in = refine_marker(image, lens, ("DICT_4X4_50", 3), start)
+    assert stand_in.method == "corner"
+    assert stand_in.why == "the fit did not converge"
+    assert np.abs(stand_in.corners_px - straight).max() < 1.0
+    # Never silently: its stated uncertainty is tens of times larger.
+    assert np.sqrt(np.diag(stand_in.covariance_px2)).min() == pytest.approx(0.3)

@@ -1,0 +1,331 @@
+"""Sessions to observations: right, complete, honest about what is missing, the same for any number of threads."""
+
+import shutil
+import threading
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from rendering import as_picture, render
+from stereo_scenes import (
+    LEFT,
+    RIGHT,
+    SIZE,
+    TARGETS,
+    make_session,
+    photograph,
+    plates_at,
+    rig,
+    rig_covariance,
+    right_of,
+)
+
+from geoerr.errors import InputFileError
+from geoerr.observations import read_observations
+from geoerr.vision import measure as measure_module
+from geoerr.vision.frame import FrameResult
+from geoerr.vision.images import read_grey, write_png
+from geoerr.vision.measure import measure
+from geoerr.vision.measured import write_measured
+from geoerr.vision.rig import Rig, RightFromLeft
+from geoerr.vision.session import read_session
+
+NAMES = [f"{target['dictionary']}:{target['id']}" for target in TARGETS]
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory) -> tuple[Path, np.ndarray]:
+    folder = tmp_path_factory.mktemp("photographs") / "session"
+    return folder, make_session(folder)
+
+
+@pytest.fixture
+def session(photographs, tmp_path) -> Path:
+    """A copy to spoil."""
+    shutil.copytree(photographs[0], tmp_path / "session")
+    return tmp_path / "session"
+
+
+def run(folder, pair=None, **options):
+    return measure(read_session(folder), pair or rig(rig_covariance()), **options)
+
+
+def test_places_are_right_within_their_covariances(photographs):
+    folder, truth = photographs
+    measured = run(folder)
+    found = measured.observations
+    assert measured.missed == ()
+    assert len(found) == truth.shape[0] * truth.shape[1]
+    assert found.texts("target") == NAMES * truth.shape[0]
+    error = found.measured_mm - truth.reshape(-1, 3)
+    # Plates of 80 px at noise 1.5: about 0.006 px a corner, 0.003 px the centre: 2 µm across, 10 µm deep.
+    assert np.abs(error[:, :2]).max() < 0.01
+    assert np.abs(error[:, 2]).max() < 0.04
+    normalised = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance_mm2), error)
+    assert 0.3 < normalised.mean() / 3 < 2.0
+    assert measured.agreement.birge_ratio == pytest.approx(1.0, abs=0.3)
+    for size, target in zip(measured.sizes, TARGETS, strict=True):
+        assert size.measured_mm == pytest.approx(target["size_mm"], abs=0.01)
+        assert size.n == truth.shape[0]
+    assert measured.notes == ()
+    assert measured.n_local_corners == 0
+
+
+def test_pixels_lead_back_to_the_point(photographs):
+    measured = run(photographs[0])
+    shown = measured.observations.numbers("u_left", "v_left", "u_right", "v_right")
+    points = measured.observations.measured_mm
+    assert np.abs(LEFT.pixel(points) - shown[:, :2]).max() < 2e-6
+    assert np.abs(RIGHT.pixel(right_of(points)) - shown[:, 2:]).max() < 2e-6
+
+
+def test_what_frames_csv_and_session_toml_say_is_carried_through(photographs, tmp_path):
+    measured = run(photographs[0])
+    frame = measured.observations.frame
+    assert frame["line"].unique().to_list() == ["X"]
+    assert frame["carrier"].to_list()[:2] == ["tool", "work"]
+    assert frame.select("tx", "ty", "tz").row(1) == (70.0, 0.0, 10.0)
+    assert frame["load"].to_list()[:6] == [0.0, 0.0, None, None, 1.0, 1.0]
+    assert frame["x"].to_list()[:4] == [0.0, 0.0, 12.0, 12.0]
+    path = tmp_path / "observations.csv"
+    write_measured(path, measured)
+    again = read_observations(path)
+    assert np.array_equal(again.measured_mm, measured.observations.measured_mm)
+    assert np.array_equal(again.covariance_mm2, measured.observations.covariance_mm2)
+    # Sessions are not named in frames.csv, so two such tables are two sessions.
+    columns = pl.read_csv(path).columns
+    assert "session" not in columns
+    assert not {"left", "right", "file_row"} & set(columns)
+    both = read_observations(path, path)
+    assert sorted(set(both.texts("session"))) == ["0", "1"]
+
+
+@pytest.mark.parametrize("threads", [2, 8])
+def test_same_bytes_for_any_number_of_threads(photographs, tmp_path, threads):
+    one, many = tmp_path / "one.csv", tmp_path / "many.csv"
+    write_measured(one, run(photographs[0], threads=1))
+    write_measured(many, run(photographs[0], threads=threads))
+    assert one.read_bytes() == many.read_bytes()
+
+
+def test_progress_counts_frames(photographs):
+    seen = []
+    run(photographs[0], progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(n, 5) for n in range(1, 6)]
+
+
+def spoil_missing(path):
+    path.unlink()
+
+
+def spoil_truncated(path):
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def spoil_text(path):
+    path.write_text("this is not a picture")
+
+
+def spoil_empty(path):
+    path.write_bytes(b"")
+
+
+def spoil_size(path):
+    write_png(path, read_grey(path)[:400, :600].copy())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (spoil_missing, "no such picture"),
+        (spoil_truncated, "truncated"),
+        (spoil_text, "not a picture"),
+        (spoil_empty, "empty"),
+        (spoil_size, "600 × 400 px, the rig's pictures are 640 × 480 px"),
+    ],
+)
+@pytest.mark.parametrize("camera", ["left", "right"])
+def test_a_bad_picture_is_listed_and_the_rest_goes_on(session, spoil, why, camera):
+    spoil(session / camera / "2.png")
+    measured = run(session)
+    assert len(measured.observations) == 8
+    (missed,) = measured.missed
+    assert (missed.frame, missed.camera, missed.target) == ("left/2.png", camera, None)
+    assert f"{camera}/2.png" in missed.why
+    assert why in missed.why
+
+
+def test_a_target_that_one_camera_does_not_see_is_listed(session):
+    picture = read_grey(session / "right" / "1.png").copy()
+    _, centres = plates_at(1)
+    middle = RIGHT.pixel(right_of(centres)).mean(axis=0)
+    picture[:, int(middle[0]) :] = 110
+    write_png(session / "right" / "1.png", picture)
+    measured = run(session)
+    assert [(item.frame, item.camera) for item in measured.missed] == [("left/1.png", "right")]
+    assert measured.missed[0].target == NAMES[1]
+    assert measured.missed[0].why == "not found in the picture"
+    assert len(measured.observations) == 9
+
+
+def test_a_target_seen_twice_is_dropped_with_the_reason(session):
+    twice = ({**TARGETS[0]}, {**TARGETS[1], "id": TARGETS[0]["id"], "size_mm": 45.0})
+    plates, _ = plates_at(2, twice)
+    for side, picture in zip(("left", "right"), photograph(plates, np.random.default_rng(0)), strict=True):
+        write_png(session / side / "2.png", picture)
+    missed = run(session).missed
+    assert {item.frame for item in missed} == {"left/2.png"}
+    reasons = {item.target: item.why for item in missed}
+    assert "seen more than once" in reasons[NAMES[0]]
+    assert reasons[NAMES[1]] == "not found in the picture"
+
+
+def swap(session, text):
+    path = session / "frames.csv"
+    path.write_text(text(path.read_text()))
+
+
+def test_swapped_cameras_are_recognised(session):
+    swap(session, lambda text: text.replace("left,right", "right,left", 1))
+    with pytest.raises(InputFileError, match="left and right look swapped") as caught:
+        run(session)
+    assert caught.value.path.endswith("frames.csv")
+    assert "exchange" in caught.value.remedy
+
+
+def test_one_swapped_frame_is_listed(session):
+    swap(session, lambda text: text.replace("left/3.png,right/3.png", "right/3.png,left/3.png"))
+    measured = run(session)
+    assert len(measured.observations) == 8
+    assert {(item.frame, item.why) for item in measured.missed} == {
+        ("right/3.png", "left and right look swapped in this frame")
+    }
+
+
+def test_pictures_of_two_moments_are_an_outlier(session):
+    swap(session, lambda text: text.replace("left/3.png,right/3.png", "left/3.png,right/0.png"))
+    measured = run(session)
+    assert len(measured.observations) == 8
+    assert all("miss each other by" in item.why and item.frame == "left/3.png" for item in measured.missed)
+
+
+def test_another_rig_is_refused(session):
+    pair = rig()
+    moved = RightFromLeft(pair.right_from_left.R, pair.right_from_left.t_mm + np.array([0.0, 60.0, 0.0]))
+    other = Rig(pair.K_left, pair.dist_left, pair.K_right, pair.dist_right, moved, pair.image_size)
+    with pytest.raises(InputFileError, match="do not belong to this rig: points miss each other by"):
+        run(session, other)
+
+
+def test_a_camera_moved_a_little_is_noted(session):
+    pair = rig(rig_covariance())
+    change = np.zeros(24)
+    change[18] = 30 * 3e-5
+    measured = run(session, pair.changed_by(change))
+    assert measured.agreement.rig_shift_sigmas > 3.0
+    assert any("moved since calibration" in text for text in measured.notes)
+
+
+def test_the_wrong_dictionary_is_named(session):
+    path = session / "session.toml"
+    path.write_text(path.read_text().replace("DICT_4X4_50", "DICT_5X5_100"))
+    with pytest.raises(InputFileError, match="the pictures show markers of DICT_4X4_50 ids 7, 9") as caught:
+        run(session)
+    assert caught.value.column == "targets"
+    assert caught.value.path.endswith("session.toml")
+
+
+def test_no_marker_at_all(session):
+    for side in ("left", "right"):
+        for path in (session / side).iterdir():
+            write_png(path, as_picture(np.full((480, 640), 110.0), np.random.default_rng(0), 2.0))
+    with pytest.raises(InputFileError, match="nor any other known marker"):
+        run(session)
+
+
+def test_no_picture_can_be_read(session):
+    shutil.rmtree(session / "right")
+    with pytest.raises(InputFileError, match=r"none of its 5 frames can be used; the first: right/0\.png") as caught:
+        run(session)
+    assert caught.value.row == 2
+
+
+def test_a_size_that_contradicts_the_calibration_is_refused(session):
+    path = session / "session.toml"
+    path.write_text(path.read_text().replace("size_mm = 45.0", "size_mm = 50.0"))
+    with pytest.raises(InputFileError, match=r"size of target DICT_4X4_50:9 .* 50 mm given, 45\.0\d\d mm|44\.9"):
+        run(session)
+
+
+def test_a_size_slightly_off_is_noted(session):
+    path = session / "session.toml"
+    path.write_text(path.read_text().replace("size_mm = 45.0", "size_mm = 45.4"))
+    notes = run(session).notes
+    assert len(notes) == 1
+    assert "DICT_4X4_50:9" in notes[0]
+    assert "45.4 mm given" in notes[0]
+
+
+def test_a_target_that_is_nowhere_is_noted(session):
+    path = session / "session.toml"
+    third = (
+        '[[targets]]\nid = 11\ndictionary = "DICT_4X4_50"\nsize_mm = 45.0\ncarrier = "base"\noffset_mm = [0, 0, 0]\n'
+    )
+    path.write_text(path.read_text() + third)
+    measured = run(session)
+    assert "target DICT_4X4_50:11 was seen in no frame" in measured.notes
+    assert len(measured.missed) == 5
+    assert {item.camera for item in measured.missed} == {"both"}
+
+
+def test_rows_with_text_for_a_number_are_set_aside(session):
+    swap(session, lambda text: text.replace("X,24.0,", "X,far,"))
+    measured = run(session)
+    assert len(measured.observations) == 8
+    assert any("frames.csv:4: x" in text for text in measured.notes)
+
+
+def test_corners_that_cannot_be_fitted_are_marked_as_uncertain(session, monkeypatch):
+    """Pictures too small for the fit's module: a plate 15 px wide."""
+    from geoerr.vision import markers
+    from geoerr.vision.marker_fit import MarkerFitError, fit_marker
+
+    def picky(picture, camera, pattern, corners):
+        if len(pattern) == 6 and np.linalg.norm(corners[0] - corners[1]) < 70:
+            raise MarkerFitError("the fit did not converge")
+        return fit_marker(picture, camera, pattern, corners)
+
+    monkeypatch.setattr(markers, "fit_marker", picky)
+    measured = run(session)
+    assert measured.n_local_corners == 5
+    assert any("5 observations rest on a local corner detector" in text for text in measured.notes)
+    spread = np.sqrt(np.trace(measured.observations.covariance_mm2, axis1=1, axis2=2)).reshape(5, 2)
+    assert (spread[:, 1] > 10 * spread[:, 0]).all()
+
+
+def test_few_frames_are_in_hand_at_once():
+    """Memory does not grow with the number of frames: no more than two a thread are read ahead."""
+    lock, alive, most = threading.Lock(), 0, 0
+
+    class Reader:
+        def read(self, row, left, right):
+            nonlocal alive, most
+            with lock:
+                alive += 1
+                most = max(most, alive)
+            return FrameResult((), (), True, row)
+
+    frames = pl.DataFrame({"left": ["a"] * 500, "right": ["b"] * 500})
+    order = []
+    for result in measure_module._in_order(Reader(), frames, 3):
+        order.append(result.n_found)
+        with lock:
+            alive -= 1
+    assert order == list(range(500))
+    assert most <= 2 * 3 + 1
+
+
+def test_the_tests_pictures_are_of_the_right_size():
+    plates, _ = plates_at(0)
+    assert render(plates, LEFT, SIZE, samples=1).shape == (480, 640)
