@@ -83,16 +83,33 @@ def digest(path: str | Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _read_utf8(path: str | Path) -> str:
+@contextlib.contextmanager
+def refusing_unreadable(path: str | Path, kind: str = "file") -> Iterator[None]:
+    """Turn what the system says of a file that cannot be opened into a refusal that names it.
+
+    Parameters
+    ----------
+    path
+        The file that the block opens.
+    kind
+        What it should be: `file`, `picture`, `table` ...
+    """
     try:
-        return Path(path).read_text(encoding="utf-8")
+        yield
     except FileNotFoundError as error:
-        raise InputFileError(path, "no such file", remedy="check the name and the folder") from error
+        raise InputFileError(path, f"no such {kind}", remedy="check the name and the folder") from error
     except IsADirectoryError as error:
-        raise InputFileError(path, "is a folder, a file is needed") from error
+        raise InputFileError(path, f"is a folder, a {kind} is needed") from error
+    except PermissionError as error:
+        raise InputFileError(path, "cannot be read: permission denied") from error
+
+
+def _read_utf8(path: str | Path) -> str:
+    with refusing_unreadable(path):
+        content = Path(path).read_bytes()
+    try:
+        return content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputFileError(
             path, f"not a text file: byte {error.start} is not UTF-8", remedy="save it as UTF-8 text"
         ) from error
-    except PermissionError as error:
-        raise InputFileError(path, "cannot be read: permission denied") from error

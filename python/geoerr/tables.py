@@ -16,7 +16,7 @@ from pathlib import Path
 import polars as pl
 
 from geoerr.errors import InputFileError
-from geoerr.files import whole_or_absent
+from geoerr.files import refusing_unreadable, whole_or_absent
 
 # Line 1 of a CSV file is its header.
 FIRST_DATA_ROW = 2
@@ -80,15 +80,11 @@ def read_raw(path: str | Path) -> pl.DataFrame:
     try:
         if str(path) == "-":
             return _read_csv(sys.stdin.buffer.read(), path)
-        if Path(path).suffix.lower() == ".parquet":
-            return pl.read_parquet(path)
-        return _read_csv(Path(path).read_bytes(), path)
-    except FileNotFoundError as error:
-        raise InputFileError(path, "no such file", remedy="check the name and the folder") from error
-    except IsADirectoryError as error:
-        raise InputFileError(path, "is a folder, a table is needed") from error
-    except PermissionError as error:
-        raise InputFileError(path, "cannot be read: permission denied") from error
+        with refusing_unreadable(path):
+            if Path(path).suffix.lower() == ".parquet":
+                return pl.read_parquet(path)
+            content = Path(path).read_bytes()
+        return _read_csv(content, path)
     except pl.exceptions.PolarsError as error:
         raise InputFileError(path, f"not a readable table: {error}") from error
 

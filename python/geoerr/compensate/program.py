@@ -15,7 +15,7 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.errors import GcodeError, InputFileError
-from geoerr.files import whole_or_absent
+from geoerr.files import refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
 
@@ -273,14 +273,8 @@ def _chunks(stream: IO[bytes], on_progress: Callable[[int], None] | None) -> Ite
 def _opened(source: str | Path, stack: contextlib.ExitStack) -> IO[bytes]:
     if str(source) == "-":
         return sys.stdin.buffer
-    try:
+    with refusing_unreadable(source):
         return stack.enter_context(Path(source).open("rb"))
-    except FileNotFoundError as error:
-        raise InputFileError(source, "no such file", remedy="check the name and the folder") from error
-    except IsADirectoryError as error:
-        raise InputFileError(source, "is a folder, a file is needed") from error
-    except PermissionError as error:
-        raise InputFileError(source, "cannot be read: permission denied") from error
 
 
 def _refuse_same_file(source: str | Path, target: str | Path) -> None:

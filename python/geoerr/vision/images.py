@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.errors import InputFileError, ShapeError
-from geoerr.files import whole_or_absent
+from geoerr.files import refusing_unreadable, whole_or_absent
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
@@ -44,7 +44,8 @@ def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
     InputFileError
         for a missing, truncated, damaged or unreadable picture, or a file that is none.
     """
-    content = _read_bytes(path)
+    with refusing_unreadable(path, "picture"):
+        content = Path(path).read_bytes()
     if not content:
         raise InputFileError(path, "the file is empty", remedy=_COPY_HINT)
     if content.startswith(_PNG):
@@ -97,20 +98,10 @@ _PNG_SETTINGS = [
     1,
     cv2.IMWRITE_PNG_STRATEGY,
     cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
-    cv2.IMWRITE_PNG_FILTER,
-    cv2.IMWRITE_PNG_FILTER_AVG,
 ]
-
-
-def _read_bytes(path: str | Path) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except FileNotFoundError as error:
-        raise InputFileError(path, "no such picture", remedy="check the name and the folder") from error
-    except IsADirectoryError as error:
-        raise InputFileError(path, "is a folder, a picture is needed") from error
-    except PermissionError as error:
-        raise InputFileError(path, "cannot be read: permission denied") from error
+if hasattr(cv2, "IMWRITE_PNG_FILTER"):
+    # Older OpenCV cannot choose the filter; its files are a little larger.
+    _PNG_SETTINGS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_AVG]
 
 
 def _truncated(path: str | Path) -> InputFileError:
