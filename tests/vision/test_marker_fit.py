@@ -45,8 +45,8 @@ CASES = [
     (95.0, (-35.0, 25.0, -70.0), 0.8, "DICT_6X6_250", 100),
     (130.0, (0.0, 0.0, 0.0), 0.6, "DICT_4X4_50", 23),
     (130.0, (40.0, 30.0, 130.0), 1.2, "DICT_5X5_100", 41),
-    (180.0, (-20.0, 45.0, 45.0), 2.0, "DICT_4X4_50", 7),
-    (240.0, (25.0, -20.0, 37.0), 0.9, "DICT_6X6_250", 3),
+    (150.0, (-20.0, 45.0, 45.0), 2.0, "DICT_4X4_50", 7),
+    (220.0, (25.0, -20.0, 37.0), 0.9, "DICT_6X6_250", 3),
 ]
 
 
@@ -55,7 +55,7 @@ def test_no_bias_at_any_phase(side_px, tilt, blur_px, dictionary, identity):
     """Noise only enough to smear the rounding of grey levels; its own share of the mean error is below 0.001 px."""
     rng = np.random.default_rng(int(side_px))
     errors, sigma = [], []
-    for phase in ((0.0, 0.0), (0.25, 0.5), (0.5, 0.13), (0.77, 0.81)):
+    for phase in ((0.0, 0.0), (0.3, 0.5), (0.65, 0.8)):
         plate, bits, corners = scene(side_px, tilt, phase, dictionary, identity)
         values = photographed(plate, blur_px)
         fit = fitted(as_picture(values, rng, 0.5), bits, corners)
@@ -65,18 +65,18 @@ def test_no_bias_at_any_phase(side_px, tilt, blur_px, dictionary, identity):
     assert np.abs(errors).max() < 0.005 + 4.0 * np.mean(sigma)
 
 
-@pytest.mark.parametrize("case", CASES[1::2])
+@pytest.mark.parametrize("case", CASES[1:4:2])
 def test_scatter_is_what_the_covariance_says(case):
     side_px, tilt, blur_px, dictionary, identity = case
     rng = np.random.default_rng(5)
     plate, bits, corners = scene(side_px, tilt, (0.3, 0.6), dictionary, identity)
     values = photographed(plate, blur_px)
-    n, squares = 40, []
+    n, squares = 30, []
     for _ in range(n):
         fit = fitted(as_picture(values, rng, 3.0), bits, corners)
         error = error_px(fit, corners).ravel()
         squares.append(error @ np.linalg.solve(fit.covariance_px2, error) / 8)
-    # χ² of 8 numbers: standard deviation ½ each, 0.08 of the mean of 40; the covariance itself is known to a few %.
+    # χ² of 8 numbers: standard deviation ½ each, 0.09 of the mean of 30; the covariance itself is known to a few %.
     assert 0.7 < np.mean(squares) < 1.35
 
 

@@ -1,14 +1,16 @@
 """Markers found and told apart, at half and at full resolution."""
 
+import cv2
 import numpy as np
 import pytest
 from rendering import Lens, as_picture, marker_plate, render, turned
 
 from geoerr.vision import markers
 from geoerr.vision.camera import Camera
+from geoerr.vision.images import read_grey
 from geoerr.vision.marker_fit import MarkerFitError
 from geoerr.vision.markers import dictionaries_seen, find_markers, refine_marker
-from geoerr.vision.patterns import marker_bits
+from geoerr.vision.patterns import charuco_layout, marker_bits
 
 LENS = Lens(2319.0, 2321.0, 800.0, 600.0, -0.1, 0.1)
 SIZE = (1600, 1200)
@@ -94,3 +96,30 @@ def test_fit_and_fallback(monkeypatch):
     assert np.abs(stand_in.corners_px - straight).max() < 1.0
     # Never silently: its stated uncertainty is tens of times larger.
     assert np.sqrt(np.diag(stand_in.covariance_px2)).min() == pytest.approx(0.3)
+
+
+@pytest.mark.real_data
+def test_a_photographed_board_is_flatter_with_fitted_corners(real_data):
+    """Ten markers of a printed board, 25 px wide, JPEG: nearer to one plane than a local detector's corners."""
+    picture = read_grey(real_data / "markers" / "choriginal.jpg")
+    stored = cv2.FileStorage(str(real_data / "markers" / "tutorial_camera_params.yml"), cv2.FILE_STORAGE_READ)
+    lens = Camera(stored.getNode("camera_matrix").mat(), stored.getNode("distortion_coefficients").mat().ravel()[:5])
+    board = charuco_layout((5, 7), 1.0, 0.5, "DICT_6X6_250")
+    found = find_markers(picture, [("DICT_6X6_250", int(n)) for n in board.marker_ids]).corners_px
+    assert len(found) == 17
+    on_board, fitted, local = [], [], []
+    for identity, corners_mm in zip(board.marker_ids, board.marker_corners_mm, strict=True):
+        key = ("DICT_6X6_250", int(identity))
+        fit = refine_marker(picture, lens, key, found[key])
+        if fit.method == "photometric":
+            on_board.append(corners_mm)
+            fitted.append(fit.corners_px)
+            rays = lens.normalised_from_pixel(markers._local_corners(picture, found[key], 8))
+            local.append(lens.undistorted_pixel_from_normalised(rays))
+    assert len(fitted) >= 8
+    errors = []
+    for corners in (np.concatenate(fitted), np.concatenate(local)):
+        plane = cv2.findHomography(np.concatenate(on_board), corners)[0]
+        expected = cv2.perspectiveTransform(np.concatenate(on_board)[None], plane)[0]
+        errors.append(np.sqrt(np.mean((expected - corners) ** 2)))
+    assert errors[0] < 0.7 * errors[1]

@@ -71,7 +71,9 @@ _ROUNDING_GREY = 0.289  # of a whole number: 1/√12
 _OUTLIER_SIGMAS = 6.0
 _OUTLIER_CONTRAST = 0.08
 _OUTLIER_ROUNDS = 4
-_MOST_OUTLIERS = 0.2
+# More pixels than this that are wrong by so much of the contrast: it is something else.
+_WRONG_CONTRAST = 0.3
+_MOST_WRONG = 0.1
 
 
 @dataclass(frozen=True)
@@ -617,16 +619,18 @@ def _with_levels(scene: _Scene, pixels: _Pixels, state: _State) -> _State:
 def _without_outliers(scene: _Scene, pixels: _Pixels, fit: _Fit) -> _Pixels:
     """Take pixels out that show something else than the marker; the same object where nothing changes."""
     contrast = float(fit.state.levels[_N_LIGHT] - fit.state.levels[0])
-    limit = max(_OUTLIER_SIGMAS * scene.noise_grey, _OUTLIER_CONTRAST * contrast)
     residual = fit.last.residual
     if not pixels.kept.all():
         residual = _evaluate(scene, replace(pixels, kept=np.ones_like(pixels.kept)), fit.state, False).residual
-    kept = np.abs(residual) < limit
     flat = pixels.flat
-    flat_kept = np.abs(flat.grey - _combined(fit.state.levels, flat.light)) < limit
-    share = 1.0 - float(np.concatenate([kept, flat_kept]).mean())
-    if share > _MOST_OUTLIERS:
-        raise NotThisMarkerError(f"{100.0 * share:.0f} % of its pixels do not show this marker")
+    flat_residual = flat.grey - _combined(fit.state.levels, flat.light)
+    wrong = float((np.abs(np.concatenate([residual, flat_residual])) > _WRONG_CONTRAST * contrast).mean())
+    if wrong > _MOST_WRONG:
+        raise NotThisMarkerError(f"{100.0 * wrong:.0f} % of its pixels do not show this marker")
+    # A camera that sharpens its pictures is off near every edge, alike on both sides: that is not dirt.
+    usual = 1.4826 * float(np.median(np.abs(residual)))
+    limit = max(_OUTLIER_SIGMAS * max(scene.noise_grey, usual), _OUTLIER_CONTRAST * contrast)
+    kept, flat_kept = np.abs(residual) < limit, np.abs(flat_residual) < limit
     if flat_kept.all() and np.array_equal(kept, pixels.kept > 0.0):
         return pixels
     light, grey = flat.light[:, flat_kept], flat.grey[flat_kept]
