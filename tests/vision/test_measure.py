@@ -244,6 +244,13 @@ def test_no_marker_at_all(session):
         run(session)
 
 
+def test_one_camera_that_sees_nothing(session):
+    for path in (session / "right").iterdir():
+        write_png(path, as_picture(np.full((480, 640), 110.0), np.random.default_rng(0), 2.0))
+    with pytest.raises(InputFileError, match=r"in both pictures of any of the 5 frames; the first: right: not found"):
+        run(session)
+
+
 def test_no_picture_can_be_read(session):
     shutil.rmtree(session / "right")
     with pytest.raises(InputFileError, match=r"none of its 5 frames can be used; the first: right/0\.png") as caught:

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
-from geoerr.errors import DetectionError
 from geoerr.observations import COVARIANCE, MEASURED, observations_from_columns
 from geoerr.vision.consistency import agreement
 from geoerr.vision.frame import FrameReader, FrameResult, Missed
@@ -97,8 +96,6 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
             for row, target, reason in zip(rows.row[~kept], rows.target[~kept], why[~kept], strict=True)
         ),
     ]
-    if not kept.any():
-        raise DetectionError(f"no target could be placed in space: {missed[0].frame}: {missed[0].why}")
     pooled = [item for item in collected.pooled if kept[item[0]] and rows.is_photometric[item[0]]]
     verdict = agreement(
         np.array([item[1] for item in pooled]).reshape(-1, N_RESIDUALS),

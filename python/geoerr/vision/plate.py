@@ -8,7 +8,7 @@ angle come out as measured.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ N_RESIDUALS = 7
 """Sixteen pixel numbers less nine of the parallelogram."""
 
 _STEPS = 3
+_FLOOR_PX = 1e-4
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,6 @@ def locate_plates(rig: Rig, seen: SeenPlates, threads: int = 0) -> Plates:
     statuses = corners.status.reshape(n_plates, 4)
     known = (statuses == 0).all(axis=1)
     measured, covariance = _distorted(rig, seen)
-    why = ["" if ok else _reason(int(row.max())) for ok, row in zip(known, statuses, strict=True)]
     known &= np.isfinite(measured).all(axis=1)
     result = Plates(
         centre_mm=np.full((n_plates, 3), np.nan),
@@ -116,18 +116,21 @@ def locate_plates(rig: Rig, seen: SeenPlates, threads: int = 0) -> Plates:
         whitened_residual=np.full((n_plates, N_RESIDUALS), np.nan),
         whitened_by_rig=np.full((n_plates, N_RESIDUALS, n_parameters), np.nan),
         reprojection_px=np.full(n_plates, np.nan),
-        why=tuple(why),
+        why=(),
     )
     if known.any():
         _fit(rig, points[known], measured[known], covariance[known], result, known)
-    return result
+    placed = np.isfinite(result.reprojection_px)
+    why = ("" if ok else _reason(int(row.max())) for ok, row in zip(placed, statuses, strict=True))
+    return replace(result, why=tuple(why))
 
 
 def _fit(
     rig: Rig, points: Array, measured: Array, covariance: Array, result: Plates, known: npt.NDArray[np.bool_]
 ) -> None:
     """Fill the rows `known` of the result."""
-    whitener = np.linalg.inv(np.linalg.cholesky(covariance))
+    # A ten-thousandth of a pixel beside the stated uncertainty keeps every covariance invertible.
+    whitener = np.linalg.inv(np.linalg.cholesky(covariance + _FLOOR_PX**2 * np.eye(16)))
     plate = np.stack([points.mean(axis=1), *(np.einsum("k,nkc->nc", s, points) / 4.0 for s in _SIGNS.T)], axis=1)
     for _ in range(_STEPS):
         residual, columns, _ = _linearised(rig, plate, measured)
