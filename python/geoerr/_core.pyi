@@ -50,9 +50,7 @@ def triangulate(
     sigma_px: float,
     reweightings: int,
     threads: int,
-) -> tuple[
-    npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]
-]: ...
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
 def fit_lines(
     points_mm: npt.NDArray[np.float64],
     starts: npt.NDArray[np.int64],

@@ -9,17 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
-JsonFlag = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")
-]
+JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no notes on standard error.")]
 Threads = Annotated[
     int, typer.Option("--threads", min=0, help="Threads to use; 0 = all cores. Never changes a result.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
-MachineFile = Annotated[
-    Path, typer.Option("--machine", help="machine.toml: chain and ranges of the machine.")
-]
+MachineFile = Annotated[Path, typer.Option("--machine", help="machine.toml: chain and ranges of the machine.")]
 
 
 def print_json(document: Any) -> None:
