@@ -39,7 +39,7 @@ from geoerr.vision.session import read_session
 HERE = Path(__file__).parent
 CARRIAGES = {"follows the tangent": "tangent", "150 mm long": "length"}
 CARRIAGE_LENGTH_MM = 150.0
-SETTING = NineLines(n_points=21, repeats=1, both_directions=False)
+SETTING = NineLines(n_points=15, repeats=1, both_directions=False, board_views=20)
 COVERAGE_95 = 1.959964
 
 KINDS = {
