@@ -17,6 +17,7 @@ from geoerr.verify.program_words import Kind, Statement, read_statement
 
 Triple = tuple[float, float, float]
 Place = tuple[float | None, float | None, float | None]
+Motion = Literal["straight", "ends at its words", "ends somewhere", "none"]
 
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 # The form that nearly all lines of a sliced program have; read without taking the line apart in general.
@@ -26,7 +27,10 @@ _PLAIN_MOVE = re.compile(
 )
 _LETTERS = (b"X", b"Y", b"Z")
 _OTHER_AXES = frozenset((b"A", b"B", b"C", b"U", b"V", b"W"))
-_ARC_WORDS = frozenset((b"I", b"J", b"K", b"R"))
+# Letters that a straight move may have, and those that belong to other codes on its line.
+_MOVE_LETTERS = frozenset((*_LETTERS, b"E", b"F", b"S", b"T")) | _OTHER_AXES
+_PARAMETERS = frozenset((b"D", b"H", b"L", b"P", b"Q"))
+_TAKES_PARAMETERS = frozenset((40.0, 41.0, 41.1, 42.0, 42.1, 43.0, 64.0))
 _UNKNOWN: Place = (None, None, None)
 _INCH_MM = 25.4
 
@@ -100,7 +104,7 @@ class _Extruder:
 class _Modes:
     unit_mm: float = 1.0
     is_relative: bool = False
-    motion: Literal["straight", "ends at its words", "ends somewhere"] | None = None
+    motion: Motion | None = None
     transforms: set[float] = field(default_factory=set)
     is_inverse_time: bool = False
     tool_length: float | None = None
@@ -180,12 +184,9 @@ class ProgramReader:
             case Kind.TAPE:
                 self._n_tape_marks += 1
             case Kind.BRANCH:
-                self._forget()
-                self._is_lost = True
+                self._lose()
             case Kind.ANYWHERE:
                 self._forget()
-            case Kind.PLACEHOLDER:
-                self._forget_named(statement)
             case Kind.M_CODE:
                 self._m_code(statement.m_codes[0])
             case Kind.WORDS:
@@ -205,32 +206,56 @@ class ProgramReader:
         for code in statement.m_codes:
             self._m_code(code)
         owners = [code for code in statement.codes if not self._take_mode(code, words)]
+        if _motions_disagree(statement.codes) or not statement.is_readable:
+            # Which of two motion codes holds, controllers do not agree on; nor what stands behind an odd byte.
+            self._forget()
         if owners:
-            self._owned(owners[0], words)
-            return None
+            self._owned(owners, statement, words)
+        elif statement.is_readable:
+            return self._moves(statement, words)
+        return None
+
+    def _moves(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
         if any(letter in words for letter in _LETTERS):
             return self._motion(statement, words)
-        if self._modes.motion == "straight" and not _OTHER_AXES & words.keys():
+        if not (words.keys() & (_OTHER_AXES | {b"E"})):
+            return None
+        is_template = statement.has_placeholder and not _OTHER_AXES & words.keys()
+        is_clear = (_has_numbers(words) or is_template) and statement.is_single
+        if not is_clear or self._modes.motion is None:
+            self._forget()
+        elif _has_numbers(words):
             self._extruder.move(words.get(b"E"))
         return None
 
     def _motion(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
         modes = self._modes
         in_machine = 53.0 in statement.codes
-        has_numbers = all(words[letter] is not None for letter in _LETTERS if letter in words)
-        is_odd = modes.motion == "straight" and bool(_ARC_WORDS & words.keys())
-        is_clear = statement.is_clear and has_numbers and not is_odd and not modes.transforms
+        has_numbers = _has_numbers(words)
+        known = _MOVE_LETTERS | (_PARAMETERS if _TAKES_PARAMETERS & set(statement.codes) else frozenset())
+        is_odd = modes.motion == "straight" and not words.keys() <= known
+        is_template = statement.has_placeholder and not has_numbers and not _OTHER_AXES & words.keys()
+        if is_template and modes.motion == "straight" and not is_odd and not modes.transforms:
+            self._forget_named(words)
+            return None
+        is_clear = statement.is_single and has_numbers and not is_odd and not modes.transforms
         if modes.motion in (None, "ends somewhere") or not is_clear or (in_machine and modes.is_relative):
             self._forget()
             return None
         extrusion = self._extruder.move(words.get(b"E"))
         x, y, z = (words.get(letter) for letter in _LETTERS)
         end = self._end(x, y, z, (0.0, 0.0, 0.0) if in_machine else self._origin())
-        if modes.motion == "straight" and not _OTHER_AXES & words.keys() and not modes.is_inverse_time:
+        is_correctable = not _OTHER_AXES & words.keys() and not statement.has_checksum
+        if modes.motion == "straight" and is_correctable and self._is_placed(statement) and not modes.is_inverse_time:
             return self._arrive(end, extrusion)
         self.n_moves += 1
         self._place, self._is_on_path = end, False
         return None
+
+    def _is_placed(self, statement: Statement) -> bool:
+        """Tell whether the coordinate system that a line selects, if it does, has a place that is known."""
+        place = self._systems.get(self._modes.system, _UNKNOWN)
+        return _is_known(place) or not any(54.0 <= code < 60.0 for code in statement.codes)
 
     def _arrive(self, end: Place, extrusion: int) -> Move | None:
         """Move on a straight line; give the move where its end is known."""
@@ -307,19 +332,12 @@ class ProgramReader:
         return True
 
     def _take_motion(self, code: float) -> bool:
-        modes = self._modes
-        if code in (0.0, 1.0):
-            modes.motion = "straight"
-        elif 2.0 <= code < 4.0 or 5.0 <= code < 5.4 or code == 6.0 or 33.0 <= code < 34.0:
-            modes.motion = "ends at its words"
-        elif 38.0 <= code < 39.0 or (70.0 <= code < 90.0 and code != 80.0):
-            modes.motion = "ends somewhere"
+        motion = _motion_of(code)
+        if motion is not None:
+            self._modes.motion = None if motion == "none" else motion
+        if motion == "ends somewhere":
             self._forget()
-        elif code == 80.0:
-            modes.motion = None
-        else:
-            return False
-        return True
+        return motion is not None
 
     def _tool_length(self, code: float, number: float | None) -> None:
         modes = self._modes
@@ -332,21 +350,30 @@ class ProgramReader:
         if code == 43.0:
             modes.tool_length = length
 
-    def _owned(self, code: float, words: dict[bytes, float | None]) -> None:
-        if code == 92.0:
-            self._shift_zero(words)
-        elif code == 10.0:
-            self._settings(words)
-        elif code == 28.0:
+    def _owned(self, owners: list[float], statement: Statement, words: dict[bytes, float | None]) -> None:
+        code = owners[0]
+        if len(owners) > 1 or code == 52.0 or 92.0 < code < 93.0:
+            self._lose_zero()
+        elif code in (10.0, 92.0):
+            sets_zero = code == 92.0 or words.get(b"L") == 2.0
+            if not statement.is_readable or (sets_zero and not statement.is_single):
+                self._lose_zero()
+            elif code == 92.0:
+                self._shift_zero(words)
+            else:
+                self._settings(words)
+        elif code == 28.0 and statement.is_readable:
             self._home([letter in words for letter in _LETTERS])
-        elif code == 52.0 or 92.0 < code < 93.0:
+        elif code == 28.0:
             self._lose_zero()
         elif code not in _OWN_WORDS:
+            self._forget()
+        if 93.0 in statement.codes or not self._is_placed(statement):
             self._forget()
         self._find_zero()
 
     def _shift_zero(self, words: dict[bytes, float | None]) -> None:
-        if not words:
+        if not words or not _has_numbers(words):
             self._lose_zero()
             return
         if words.get(b"E") is not None:
@@ -364,7 +391,13 @@ class ProgramReader:
     def _settings(self, words: dict[bytes, float | None]) -> None:
         kind, system = words.get(b"L"), words.get(b"P")
         has_axes = any(letter in words for letter in _LETTERS)
-        is_plain = not self._modes.is_relative and b"R" not in words and system is not None and 0.0 <= system <= 9.0
+        is_plain = (
+            _has_numbers(words)
+            and not self._modes.is_relative
+            and b"R" not in words
+            and system is not None
+            and 0.0 <= system <= 9.0
+        )
         if kind == 2.0 and is_plain and system is not None:
             number = int(system) or self._modes.system
             place = list(self._systems.get(number, _UNKNOWN))
@@ -393,9 +426,11 @@ class ProgramReader:
             self._extruder.set_own(code == 83.0)
         elif code in (6.0, 48.0):
             self._forget()
+        elif code in (98.0, 99.0):
+            self._lose()
 
-    def _forget_named(self, statement: Statement) -> None:
-        words = statement.words or {}
+    def _forget_named(self, words: dict[bytes, float | None]) -> None:
+        """Forget the axes that a line with a placeholder names: a firmware may read part of it, or refuse it."""
         place = [None if letter in words else here for letter, here in zip(_LETTERS, self._place, strict=True)]
         self._place = (place[0], place[1], place[2])
         self._is_on_path = False
@@ -404,9 +439,38 @@ class ProgramReader:
         self._place = _UNKNOWN
         self._is_on_path = False
 
+    def _lose(self) -> None:
+        """Lose track for good: which line comes next is not known."""
+        self._forget()
+        self._is_lost = True
+
     def _lose_zero(self) -> None:
         self._forget()
         self._shift = self._zero = _UNKNOWN
+
+
+def _motion_of(code: float) -> Motion | None:
+    """Tell what a motion code asks for; None for other codes."""
+    if code in (0.0, 1.0):
+        return "straight"
+    if 2.0 <= code < 4.0 or 5.0 <= code < 5.4 or code == 6.0 or 33.0 <= code < 34.0:
+        return "ends at its words"
+    if code == 80.0:
+        return "none"
+    return "ends somewhere" if 38.0 <= code < 39.0 or 70.0 <= code < 90.0 else None
+
+
+def _motions_disagree(codes: tuple[float, ...]) -> bool:
+    """Tell whether two motion codes stand on one line; G80 before another one only ends what held before."""
+    motions = [motion for motion in map(_motion_of, codes) if motion is not None]
+    while motions and motions[0] == "none":
+        del motions[0]
+    return len(set(motions)) > 1
+
+
+def _has_numbers(words: dict[bytes, float | None]) -> bool:
+    """Tell whether every word that moves something has its number."""
+    return None not in (words[letter] for letter in (*_LETTERS, b"E") if letter in words)
 
 
 def _is_known(place: Place) -> TypeGuard[Triple]:

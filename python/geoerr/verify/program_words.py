@@ -6,14 +6,18 @@ Nothing here is shared with the code that corrects programs: what proves a corre
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 _BEGIN = re.compile(rb"\s*(/?)\s*(?:[Nn]\s*\d+(?:\.\d*)?)?\s*")
-_COMMENT = re.compile(rb"\([^)]*\)|;.*|\*\d+\s*$")
+_COMMENT = re.compile(rb"\([^)]*\)|;.*")
+_CHECKSUM = re.compile(rb"\*\d*\s*$")
 # `# text`, as Klipper's own files comment; `#1=2` sets a parameter.
 _TEXT = re.compile(rb"#(?![\d<#\[])")
-_WORD = re.compile(rb"([A-Za-z])[ \t]*([-+]?(?:\d+\.?\d*|\.\d+))?")
+# What a controller computes: `[1+[2*#3]]`, `#5`, `#<depth>`. Its number is not known here.
+_COMPUTED = rb"[-+]?(?:\[(?:[^\[\]]|\[[^\[\]]*\])*\]|#+(?:\d+|<[^>]*>))"
+_WORD = re.compile(rb"([A-Za-z])[ \t]*(?:([-+]?(?:\d+\.?\d*|\.\d+))|%b)?" % _COMPUTED)
+_WORDS = re.compile(rb"(?:[ \t]*%b)*[ \t]*" % _WORD.pattern)
 _NAME = re.compile(rb"[A-Za-z_]{2}\w*|[A-Za-z]\d[\d.]*_\w*")
 _PLACEHOLDER = re.compile(rb"\{[a-z][a-z0-9_]*\}")
 
@@ -41,7 +45,6 @@ class Kind(Enum):
     STILL = "leaves the machine and its modes alone"
     WORDS = "letters with numbers"
     M_CODE = "belongs to the M code it begins with"
-    PLACEHOLDER = "holds a placeholder that the slicer did not fill in"
     ANYWHERE = "may move the machine anywhere"
     BRANCH = "decides which line comes next"
     TAPE = "begin or end of the tape"
@@ -61,15 +64,24 @@ class Statement:
         Numbers of its M words, in order.
     words
         The other letters (upper case) with their numbers; None where there is no number.
-    is_clear
-        Whether every byte was read and no letter but G and M stands twice.
+    is_readable
+        Whether every byte was read.
+    has_placeholder
+        Whether a number is a placeholder, `{machine_depth}`, that the slicer did not fill in.
+    has_checksum
+        Whether it ends with a checksum, which a correction would make wrong.
+    is_single
+        Whether no letter that matters for a move stands twice.
     """
 
     kind: Kind
     codes: tuple[float, ...] = ()
     m_codes: tuple[float, ...] = ()
     words: dict[bytes, float | None] | None = None
-    is_clear: bool = True
+    is_readable: bool = True
+    is_single: bool = True
+    has_placeholder: bool = False
+    has_checksum: bool = False
 
 
 _STILL = Statement(Kind.STILL)
@@ -109,17 +121,21 @@ def _worded(rest: bytes, is_skipped: bool) -> Statement:
             return _BRANCH
         if code in _TEXT_CODES:
             return _STILL
-    text = rest
+    text, has_checksum = rest, False
     if b";" in rest or b"(" in rest or b"*" in rest:
-        text = _COMMENT.sub(b" ", rest)
-    pairs = _WORD.findall(text)
-    if b"{" in text:
-        without = _PLACEHOLDER.sub(b"", text)
-        if without != text and b"{" not in without:
-            return Statement(Kind.PLACEHOLDER, words={letter.upper(): None for letter, _ in _WORD.findall(without)})
-    statement = _sorted(pairs, is_clear=not _WORD.sub(b"", text).strip())
+        commentless = _COMMENT.sub(b" ", rest)
+        text = _CHECKSUM.sub(b"", commentless)
+        has_checksum = text != commentless
+    filled = _PLACEHOLDER.sub(b"", text)
+    readable = _WORDS.match(filled)
+    # Behind what cannot be read, nothing is believed.
+    end = 0 if readable is None else readable.end()
+    pairs = _WORD.findall(filled[:end])
+    statement = _sorted(pairs, is_readable=end == len(filled))
+    if filled != text or has_checksum:
+        statement = replace(statement, has_placeholder=filled != text, has_checksum=has_checksum)
     if not pairs:
-        return _STILL if statement.is_clear else _ANYWHERE
+        return _STILL if statement.is_readable else _ANYWHERE
     has_axes = bool({b"X", b"Y", b"Z"} & (statement.words or {}).keys())
     if statement.kind is Kind.WORDS and is_skipped and (statement.codes or has_axes):
         # Whether it runs is decided at the machine; a mode that may not hold spoils everything behind it.
@@ -127,10 +143,11 @@ def _worded(rest: bytes, is_skipped: bool) -> Statement:
     return statement
 
 
-def _sorted(pairs: list[tuple[bytes, bytes]], *, is_clear: bool) -> Statement:
+def _sorted(pairs: list[tuple[bytes, bytes]], *, is_readable: bool) -> Statement:
     codes: list[float] = []
     m_codes: list[float] = []
     words: dict[bytes, float | None] = {}
+    is_single = True
     for letter, digits in pairs:
         upper = letter.upper()
         number = float(digits) if digits else None
@@ -139,10 +156,10 @@ def _sorted(pairs: list[tuple[bytes, bytes]], *, is_clear: bool) -> Statement:
         elif upper == b"M" and number is not None:
             m_codes.append(number)
         else:
-            is_clear = is_clear and upper not in words
+            is_single = is_single and not (upper in words and upper in b"XYZEHLP")
             words[upper] = number
     begins_with_m = bool(pairs) and pairs[0][0] in b"mM" and bool(m_codes)
     kind = Kind.WORDS
     if begins_with_m and not codes and m_codes[0] not in _MACHINING_CODES:
         kind = Kind.M_CODE
-    return Statement(kind, tuple(codes), tuple(m_codes), words, is_clear)
+    return Statement(kind, tuple(codes), tuple(m_codes), words, is_readable, is_single)

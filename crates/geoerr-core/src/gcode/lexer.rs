@@ -143,7 +143,12 @@ impl Line {
                 },
                 b'*' => {
                     self.has_checksum = true;
-                    at += 1 + body[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+                    let behind = at + 1 + body[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+                    // A checksum ends its line.
+                    if !matches!(body.get(blanks(body, behind)), None | Some(b';' | b'(')) {
+                        return self.give_up(at);
+                    }
+                    at = behind;
                 }
                 b'#' => {
                     // `# text`, alone on a line, is how Klipper's own files comment.
@@ -370,6 +375,7 @@ mod tests {
         assert_eq!(lexed("G1 X5 (open").unreadable, Some(6));
         assert_eq!(lexed("G1 X[#1").unreadable, Some(4));
         assert_eq!(lexed("G1 X1 0").unreadable, Some(6));
+        assert_eq!(lexed("G1 X1*12 Y1").unreadable, Some(5));
     }
 
     proptest! {

@@ -307,11 +307,12 @@ impl Reader {
             effects.forget = either(effects.forget, forget);
             return Ok(Step::Pass(effects));
         }
-        if moves || (self.asked.has_motion_code && words.has_arc_words) {
+        let is_whole_circle =
+            self.asked.has_motion_code && words.has_arc_words && matches!(self.modes.motion, Some(Err(_)));
+        if moves || is_whole_circle {
             self.check_motion(line, words);
-        } else if let Some(at) = line.unreadable
-            && has_code
-        {
+        } else if let Some(at) = line.unreadable {
+            // A move may stand behind what cannot be read.
             self.asked.refuse(Unsupported::Unreadable { column: at + 1 });
         }
         match self.asked.problem {
@@ -342,6 +343,12 @@ impl Reader {
                     asked.refuse(Unsupported::TwoMotionCodes);
                 }
                 modes.motion = motion;
+                // Cycles and probes are refused on sight: they may move by words of earlier lines.
+                if let Code::OtherMotion(what) = code
+                    && what.after() > After::AtItsEnd
+                {
+                    asked.refuse(what);
+                }
             }
             Code::Unit { is_inch } => modes.is_inch = is_inch,
             Code::Distance { is_relative } => {
@@ -417,7 +424,7 @@ impl Reader {
             | Code::SetShift
             | Code::OtherShift => {
                 if asked.owner.replace((code, code10)).is_some() {
-                    asked.refuse(Unsupported::TwoMotionCodes);
+                    asked.refuse(Unsupported::TwoOwners);
                 }
             }
         }
@@ -482,12 +489,12 @@ impl Reader {
             Code::OtherShift => return Err(Unsupported::ZeroShift { code10 }),
             _ => {}
         }
-        if let Some(at) = line.unreadable {
-            return Err(Unsupported::Unreadable { column: at + 1 });
-        }
+        let is_unreadable = line.unreadable.map(|at| Unsupported::Unreadable { column: at + 1 });
         match code {
+            Code::Home => is_unreadable.map_or(Ok(()), Err).and_then(|()| self.home(words, &mut effects))?,
+            // A zero whose numbers cannot be read is lost.
+            _ if is_unreadable.is_some() => return Err(Unsupported::ZeroShift { code10 }),
             Code::Settings => self.settings(words, body)?,
-            Code::Home => self.home(words, &mut effects)?,
             _ => self.set_shift(line, words, &mut effects)?,
         }
         Ok(effects)
@@ -505,7 +512,7 @@ impl Reader {
                 if words.has_rotation || self.modes.is_relative {
                     return refuse;
                 }
-                let offset_mm = words.axes_mm(unit_mm(self.modes.is_inch))?;
+                let Ok(offset_mm) = words.axes_mm(unit_mm(self.modes.is_inch)) else { return refuse };
                 let system = match words.p.map(|word| word.code10()) {
                     Some(Some(0)) => self.modes.system,
                     Some(Some(p @ (10 | 20 | 30 | 40 | 50 | 60))) => p as usize / 10 - 1,
@@ -547,10 +554,11 @@ impl Reader {
 
     /// `G92`.
     fn set_shift(&mut self, line: &Line, words: &Words, effects: &mut Effects) -> Result<(), Unsupported> {
-        if line.words.iter().all(|word| word.letter == b'G') {
+        if line.words.iter().all(|word| matches!(word.letter, b'G' | b'M')) {
             return Err(Unsupported::BareShift);
         }
-        let words_mm = words.axes_mm(unit_mm(self.modes.is_inch))?;
+        let unit_mm = unit_mm(self.modes.is_inch);
+        let words_mm = words.axes_mm(unit_mm).map_err(|_| Unsupported::ZeroShift { code10: 920 })?;
         if let Some(number) = words.extruder.and_then(|word| word.number()) {
             self.extrusion.set_position(number);
         }
@@ -676,7 +684,15 @@ impl Reader {
         self.warn(WarningKind::Passed(what), body);
         self.summary.untouched_unsupported += 1;
         let mut effects = Effects { forget: self.asked.forget, ..Effects::default() };
-        match what.after() {
+        let after = match self.asked.owner {
+            // Whether such a line also does what its other code says is not known.
+            Some((Code::Settings | Code::Home | Code::SetShift | Code::OtherShift, _)) => {
+                what.after().max(After::ZeroLost)
+            }
+            Some(_) => what.after().max(After::Somewhere),
+            None => what.after(),
+        };
+        match after {
             After::AtItsEnd => {
                 let words_mm = words.axes_mm(unit_mm(self.modes.is_inch));
                 if words_mm.is_ok() {

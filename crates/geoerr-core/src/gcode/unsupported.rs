@@ -122,9 +122,12 @@ pub enum Unsupported {
     /// Axis words before any `G0` or `G1`.
     #[error("axis words, but no G0 or G1 has said how to move")]
     NoMotionCode,
-    /// Two codes that both want the line's words.
-    #[error("two codes on one line want its axis words")]
+    /// Two different motion codes.
+    #[error("two motion codes on one line")]
     TwoMotionCodes,
+    /// Two codes that both want the line's words, such as `G92 X0 G28`.
+    #[error("two codes on one line want its words")]
+    TwoOwners,
     /// `/` before a move or a mode.
     #[error("whether a line that begins with / runs is decided at the machine")]
     BlockSkip,
@@ -193,7 +196,7 @@ impl Unsupported {
                 "take it out, or use --on-unsupported pass if it does not move the axes"
             }
             Self::NoMotionCode => "write G0 or G1 on the line",
-            Self::TwoMotionCodes => "write the codes on lines of their own",
+            Self::TwoMotionCodes | Self::TwoOwners => "write the codes on lines of their own",
             Self::BlockSkip => "take the / away, or the line",
             Self::Checksum => {
                 "strip line numbers and checksums; the host adds them when it sends the program"
@@ -231,6 +234,7 @@ impl Unsupported {
             | Self::OtherToolLength { .. }
             | Self::ZeroShift { .. }
             | Self::BareShift
+            | Self::TwoOwners
             | Self::HomingAfterShift => After::ZeroLost,
             Self::FlowControl => After::EverythingLost,
         }

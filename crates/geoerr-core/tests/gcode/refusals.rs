@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 42] = [
+    let cases: [(&str, Unsupported); 45] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -44,6 +44,9 @@ fn every_unsupported_line_has_its_reason() {
         ("G10 P0 X5", Unsupported::ZeroShift { code10: 100 }),
         ("G10 L2 P1 R45", Unsupported::ZeroShift { code10: 100 }),
         ("G91\nG10 L2 P1 X1", Unsupported::ZeroShift { code10: 100 }),
+        ("G92 X", Unsupported::ZeroShift { code10: 920 }),
+        ("G92 Z[#1]", Unsupported::ZeroShift { code10: 920 }),
+        ("G10 L2 P1 X{x}", Unsupported::ZeroShift { code10: 100 }),
         ("G92", Unsupported::BareShift),
         ("G56", Unsupported::UnknownSystem { code10: 560 }),
         ("G59.1", Unsupported::UnknownSystem { code10: 591 }),
@@ -66,7 +69,8 @@ fn every_unsupported_line_has_its_reason() {
         run(scaled(), passing(), &format!("{here}{program}\nG1 X100.1\n")).unwrap();
     }
     assert_eq!(reason("X5 Y5 Z5\n"), Unsupported::NoMotionCode);
-    assert_eq!(reason("G92 X0 G28 Y0\n"), Unsupported::TwoMotionCodes);
+    assert_eq!(reason("G92 X0 G28 Y0\n"), Unsupported::TwoOwners);
+    assert_eq!(reason("G1 G2 X5\n"), Unsupported::TwoMotionCodes);
     assert_eq!(reason("N1 G1 X5 Y5 Z5*33\n"), Unsupported::Checksum);
 }
 

@@ -132,6 +132,16 @@ fn passed_lines_leave_known_what_their_words_say() {
 }
 
 #[test]
+fn a_zero_that_cannot_be_read_is_lost() {
+    let program = "G1 X100.1 Y0 Z0\nG92 X[#1]\nG1 X100.1 Y0 Z0\nG53 G1 X100.1 Y0 Z0\nG1 X100.1\n";
+    let outcome = run(scaled(), passing(), program).unwrap();
+    let lines = outcome.lines();
+    assert_eq!(lines[2], "G1 X100.1 Y0 Z0");
+    assert_eq!(lines[3], "G53 G1 X100.0000 Y0 Z0", "the machine's own zero is not lost");
+    assert_eq!(lines[4], "G1 X100.1");
+}
+
+#[test]
 fn after_a_branch_nothing_is_corrected() {
     let program = "G1 X100.1 Y0 Z0\no100 while [#1 LT 3]\nG1 X200.2 Y0 Z0\no100 endwhile\n";
     let outcome = run(scaled(), passing(), program).unwrap();

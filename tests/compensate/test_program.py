@@ -1,0 +1,214 @@
+"""Programs corrected from Python: files, options, refusals, memory."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gcode_machines import leaning, nominal, printer
+
+from geoerr.compensate.program import (
+    CompensationOptions,
+    CompensationResult,
+    compensate_bytes,
+    compensate_program,
+)
+from geoerr.errors import GcodeError, GeoerrError, InputFileError
+
+SQUARE = b"G28\nG1 X10 Y10 Z10 F3000\nG1 X200 E1.5\nG1 Y200 E3\nG1 X10 E4.5\nG1 Y10 E6 ; closed\nM84\n"
+
+
+def lines(program: bytes) -> list[bytes]:
+    return [line for line in program.splitlines() if b"corrected by geoerr" not in line]
+
+
+def test_a_leaning_axis_is_corrected_by_hand_arithmetic():
+    # Y leans towards +X by 5 mrad: at Y 200 the tool is 1 mm too far in +X (to S²/2, 2.5 µm in Y).
+    written, result = compensate_bytes(leaning(), SQUARE)
+    assert lines(written)[1:6] == [
+        b"G1 X9.9500 Y10.0001 Z10 F3000",
+        b"G1 X199.9500 E1.5",
+        b"G1 Y200.0025 X199.0000 E3",
+        b"G1 X9.0000 E4.5",
+        b"G1 Y10.0001 X9.9500 E6 ; closed",
+    ]
+    assert result.moves_in == result.moves_out == 5
+    assert result.largest_correction_um == pytest.approx(1000.0, rel=1e-4)
+    assert result.largest_correction_line == 4
+    assert (result.extrusion_in_mm, result.extrusion_out_mm) == (6.0, 6.0)
+
+
+def test_the_ideal_position_is_reached_whatever_the_tool_offset():
+    model = printer()
+    written, _ = compensate_bytes(model, b"G1 X100 Y150 Z50\n", CompensationOptions(digits=7))
+    command = [float(word[1:]) for word in lines(written)[0].split(b" ")[1:]]
+    wanted = model.nominal_mm([[100.0, 150.0, 50.0]])
+    assert np.abs(model.tool_from_work([command]) - wanted).max() < 1e-6
+
+
+def test_without_errors_the_file_comes_back(tmp_path):
+    program = SQUARE + b"\xff\xfe garbage \xe9\r\nG91\nG1 X.00001\nG20\n  g1y.1 (a)\rN3 G90*20"
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_bytes(program)
+    result = compensate_program(nominal(), source, target)
+    assert target.read_bytes() == program
+    assert result.largest_correction_um == 0.0
+    assert result.largest_correction_line == 0
+
+
+def test_errors_that_the_firmware_corrects_are_left_to_it():
+    program = b"SET_SKEW XY=1,2,3\n" + SQUARE
+    options = CompensationOptions(firmware_corrects=("squareness",))
+    written, result = compensate_bytes(leaning(), program, options)
+    assert written == program
+    assert not result.warnings or {warning.kind for warning in result.warnings} == {"position-unknown"}
+    _, told = compensate_bytes(leaning(), program)
+    assert [(w.kind, w.line, w.count) for w in told.warnings] == [("firmware-corrects", 1, 1)]
+    assert "--firmware-corrects" in str(told.warnings[0])
+    with pytest.raises(GeoerrError, match="neither one of the 21"):
+        compensate_bytes(leaning(), program, CompensationOptions(firmware_corrects=("mesh",)))
+
+
+@pytest.mark.parametrize("threads", [2, 8])
+def test_any_number_of_threads_gives_the_same_bytes(threads):
+    rng = np.random.default_rng(5)
+    points = rng.uniform(20.0, 380.0, (3000, 3))
+    program = b"M83\n" + b"".join(b"G1 X%.3f Y%.3f Z%.3f E.123\n" % tuple(point) for point in points)
+    assert compensate_bytes(printer(), program, threads=threads) == compensate_bytes(printer(), program, threads=1)
+
+
+def refused(program: bytes, options: CompensationOptions | None = None) -> GcodeError:
+    with pytest.raises(GcodeError) as caught:
+        compensate_bytes(printer(), program, options)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("program", "line", "problem", "remedy"),
+    [
+        (b"G28\nG2 X10 Y0 I5\n", 2, "`G2 X10 Y0 I5`: an arc (G2) is not corrected yet", "--on-unsupported pass"),
+        (b"GCDE\x01\x00\x00\x00", 1, "binary G-code", "plain text"),
+        (b"G28\nG1 X1\x00\n", 2, "a NUL byte", "plain text"),
+        (b"G28\n" + b"G1 " * 400_000, 2, "a line of more than 1048576 bytes", "one block a line"),
+        (b"G1 X401 Y0 Z0\n", 1, "X 401 mm is outside the machine's range, -10 to 400 mm", "--work-offset"),
+        (b"\nG1 X400 Y400 Z0.2\n", 2, "the correction asks for", "away from the end of the axis"),
+        (b"G91\nG53 G0 X5 Y5 Z5\n", 2, "machine coordinates", "G90"),
+        (b"N1 G1 X5 Y5 Z5*33\n", 1, "checksum", "strip line numbers"),
+        (b"G55\n", 1, "coordinate system G55", "G10 L2"),
+        (b"O100 sub\n", 1, "subprograms", "straight sequence"),
+    ],
+)
+def test_what_is_refused_names_line_text_and_remedy(program, line, problem, remedy):
+    error = refused(program)
+    assert error.line == line
+    assert problem in error.problem
+    assert remedy in str(error.remedy)
+    assert str(error).startswith(f"program:{line}: ")
+
+
+def test_positions_that_were_not_measured_are_refused_or_held():
+    model = printer(low_mm=(0.0, 0.0, 0.0), high_mm=390.0)
+    model.machine.axes["x"] = type(model.machine.axes["x"])((-50.0, 450.0))
+    program = b"G1 X-20 Y10 Z10\n"
+    with pytest.raises(GcodeError, match="outside the measured range, 0 to 390 mm"):
+        compensate_bytes(model, program)
+    _, result = compensate_bytes(model, program, CompensationOptions(outside_measured="hold"))
+    assert [warning.kind for warning in result.warnings] == ["outside-measured"]
+
+
+def test_a_refused_program_leaves_an_earlier_output(tmp_path):
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    target.write_text("earlier")
+    source.write_bytes(SQUARE * 20 + b"G2 X1\n")
+    with pytest.raises(GcodeError, match=r"in\.gcode:141: "):
+        compensate_program(printer(), source, target)
+    assert target.read_text() == "earlier"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.gcode", "out.gcode"]
+
+
+def test_an_input_is_never_replaced(tmp_path):
+    source = tmp_path / "in.gcode"
+    source.write_bytes(SQUARE)
+    (tmp_path / "link.gcode").symlink_to(source)
+    (tmp_path / "folder").mkdir()
+    for target, problem in [
+        (source, "is the program that is read"),
+        (tmp_path / "link.gcode", "is the program that is read"),
+        (tmp_path / "folder", "is a folder"),
+        (tmp_path / "nowhere" / "out.gcode", "does not exist"),
+    ]:
+        with pytest.raises(InputFileError, match=problem):
+            compensate_program(printer(), source, target)
+    for missing, problem in [(tmp_path / "no.gcode", "no such file"), (tmp_path / "folder", "is a folder")]:
+        with pytest.raises(InputFileError, match=problem):
+            compensate_program(printer(), missing, tmp_path / "out.gcode")
+    assert source.read_bytes() == SQUARE
+
+
+def test_corrected_programs_are_not_corrected_again():
+    once, _ = compensate_bytes(printer(), SQUARE, model_name="0123456789ab")
+    assert b"; corrected by geoerr: model 0123456789ab, tolerance 0.005 mm, do not correct again\n" in once
+    assert once.count(b"geoerr") == 1
+    assert "corrected this program already" in refused(once).problem
+
+
+def test_the_result_as_a_document():
+    _, result = compensate_bytes(printer(), SQUARE)
+    document = result.to_document()
+    assert isinstance(result, CompensationResult)
+    assert {"moves_in", "moves_out", "lines", "largest_correction_um", "warnings", "extrusion_in_mm"} <= set(document)
+    assert document["lines"] == 7
+
+
+def test_options_that_make_no_sense_are_refused():
+    for options in (CompensationOptions(tolerance_mm=0.0), CompensationOptions(work_offset_mm=(np.nan, 0.0, 0.0))):
+        with pytest.raises(GeoerrError, match=r"is needed|are needed"):
+            compensate_bytes(printer(), SQUARE, options)
+    error = refused(SQUARE, CompensationOptions(digits=2))
+    assert "too coarse" in error.problem
+    assert "--digits" in str(error.remedy)
+
+
+def test_progress_counts_bytes(tmp_path):
+    source = tmp_path / "in.gcode"
+    source.write_bytes(b"; comment\n" * 300_000)
+    seen: list[int] = []
+    compensate_program(nominal(), source, tmp_path / "out.gcode", on_progress=seen.append)
+    assert seen == [1 << 20, 2 << 20, 3_000_000]
+
+
+MEMORY = """
+import resource, sys
+from geoerr.cli.main import run
+sys.argv = ["geoerr", "compensate", *sys.argv[1:]]
+try:
+    run()
+except SystemExit as ended:
+    assert not ended.code
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss counts kilobytes on Linux")
+@pytest.mark.parametrize("kind", ["ordinary", "every move split into a hundred"])
+def test_memory_does_not_grow_with_the_program(tmp_path, kind):
+    import subprocess
+
+    from geoerr.error_functions import write_errors
+
+    model = printer()
+    assert model.errors is not None
+    write_errors(tmp_path / "errors.json", model.errors)
+    source = tmp_path / "in.gcode"
+    if kind == "ordinary":
+        layer = b"".join(b"G1 X%d.5 Y%d.25 E.02\n" % (20 + i % 350, 30 + (7 * i) % 340) for i in range(1000))
+        source.write_bytes(b"M83\nG1 X20 Y20 Z5\n" + layer * 500)
+    else:
+        source.write_bytes(b"G1 X20 Y20 Z5\n" + b"G0X385Y380Z370\nG0X5Y5Z2\n" * 10_000)
+    command = [sys.executable, "-c", MEMORY, tmp_path / "errors.json", source, "-o", tmp_path / "out.gcode", "-q"]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stderr.split()[-1]) < 100 * 1024
+    assert Path(tmp_path / "out.gcode").stat().st_size > source.stat().st_size

@@ -1,0 +1,76 @@
+"""The reader that corrects and the reader that checks share no code: they must agree on any program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import hypothesis.strategies as st
+from gcode_machines import mill, nominal
+from hypothesis import HealthCheck, given, settings
+
+from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_bytes
+from geoerr.errors import GcodeError
+from geoerr.model import Model
+from geoerr.verify.path import compare_paths
+
+MILL = mill()
+NOMINAL = nominal()
+PASS = CompensationOptions(on_unsupported="pass")
+
+numbers = st.floats(-300.0, 300.0).map(lambda value: f"{value:.3f}")
+odd_numbers = st.sampled_from(["", "5", "[1+2]", "{depth}", "#1", "-.", ".5", "1E2"])
+words = st.tuples(st.sampled_from("XYZXYZXYZEFIJRABPLSTH"), numbers | odd_numbers).map("".join)
+MODES = "G0 G1 G1 G17 G20 G21 G40 G53 G54 G64 G80 G90 G91 G94 M8"
+modes = st.sampled_from(MODES.split())
+SPECIAL = """
+    G2 G3 G4 G10 G28 G29 G41 G43 G49 G55 G61 G81 G92 G93 M6 M82 M83 M84 T1 / ; (a) *12 PARK L2 P1 N5 SET_SKEW M117
+    G92.1 G68 G69 G38.2 G33 G5
+"""
+special = st.lists(st.sampled_from(SPECIAL.split()), max_size=1)
+parts = st.tuples(st.lists(modes, max_size=2), special, st.lists(words, max_size=4, unique_by=lambda word: word[0]))
+line = parts.flatmap(lambda part: st.permutations([*part[0], *part[1], *part[2]])).map(" ".join)
+line |= st.sampled_from(["%", "M98 P1", "O1 sub", "while true"])
+move = st.tuples(st.sampled_from(["G1", "g0", "G01"]), numbers, numbers, numbers).map(
+    lambda parts: f"{parts[0]} X{parts[1]} Y{parts[2]} Z{parts[3]} E1.5"
+)
+programs = st.lists(line | move, max_size=12).map("\n".join)
+
+
+def attempt(
+    model: Model, program: bytes, options: CompensationOptions
+) -> tuple[bytes, CompensationResult] | GcodeError:
+    try:
+        return compensate_bytes(model, program, options)
+    except GcodeError as error:
+        return error
+
+
+def check(model: Model, program: str, folder: Path, options: CompensationOptions) -> None:
+    outcome = attempt(model, program.encode(), options)
+    if isinstance(outcome, GcodeError):
+        assert 1 <= outcome.line <= program.count("\n") + 1
+        return
+    written, result = outcome
+    (folder / "in.gcode").write_text(program)
+    (folder / "out.gcode").write_bytes(written)
+    path = compare_paths(model, folder / "in.gcode", folder / "out.gcode", threads=1)
+    if "not-split" not in {warning.kind for warning in result.warnings}:
+        assert path.max_error_um_after <= 5.0
+    assert path.moves_with_other_extrusion == 0
+    assert result.extrusion_in_mm == result.extrusion_out_mm
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(programs)
+def test_programs_of_any_words(tmp_path, program):
+    check(MILL, program, tmp_path, PASS)
+    check(MILL, program, tmp_path, CompensationOptions())
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.binary(max_size=200))
+def test_any_bytes(data):
+    for options in (PASS, CompensationOptions()):
+        outcome = attempt(NOMINAL, data, options)
+        if not isinstance(outcome, GcodeError):
+            assert outcome[0] == data
