@@ -60,7 +60,9 @@ def check(model: Model, program: str, folder: Path, options: CompensationOptions
     assert result.extrusion_in_mm == result.extrusion_out_mm
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=300, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(programs)
 def test_programs_of_any_words(tmp_path, program):
     check(MILL, program, tmp_path, PASS)

@@ -253,9 +253,9 @@ class ProgramReader:
         return None
 
     def _is_placed(self, statement: Statement) -> bool:
-        """Tell whether the coordinate system that a line selects, if it does, has a place that is known."""
-        place = self._systems.get(self._modes.system, _UNKNOWN)
-        return _is_known(place) or not any(54.0 <= code < 60.0 for code in statement.codes)
+        """Tell whether the coordinate systems that a line selects, if it does, have places that are known."""
+        selected = (_system_of(code) for code in statement.codes if 54.0 <= code < 60.0)
+        return all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
 
     def _arrive(self, end: Place, extrusion: int) -> Move | None:
         """Move on a straight line; give the move where its end is known."""
@@ -301,8 +301,7 @@ class ProgramReader:
             modes.is_relative = code == 91.0
             self._extruder.set_axes(modes.is_relative)
         elif 54.0 <= code < 60.0:
-            # 7 and up: G59.1 to G59.3, which are not followed.
-            modes.system = int(code) - 53 if code == int(code) else 7
+            modes.system = _system_of(code)
             self._find_zero()
         elif code in (93.0, 94.0, 95.0):
             modes.is_inverse_time = code == 93.0
@@ -458,6 +457,11 @@ def _motion_of(code: float) -> Motion | None:
     if code == 80.0:
         return "none"
     return "ends somewhere" if 38.0 <= code < 39.0 or 70.0 <= code < 90.0 else None
+
+
+def _system_of(code: float) -> int:
+    """Give the number of a coordinate system: 1 is G54; 7 stands for G59.1 to G59.3, which are not followed."""
+    return int(code) - 53 if code == int(code) else 7
 
 
 def _motions_disagree(codes: tuple[float, ...]) -> bool:

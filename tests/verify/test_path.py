@@ -1,0 +1,234 @@
+"""The path of a program before and after: figures by hand, pieces, refusals, the verb."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+from verify_machines import model, wavy
+
+from geoerr.cli.main import app
+from geoerr.compensate.program import CompensationOptions, compensate_program
+from geoerr.error_functions import write_errors
+from geoerr.errors import GcodeError, InputFileError
+from geoerr.machine import write_machine
+from geoerr.verify.path import compare_paths
+
+PROGRAM = """G28
+G1 X20 Y20 Z5 F3000
+;LAYER:1
+G1 X300.5 E10 ; wall
+G1 Y280.25 E20
+M106 S128
+G0 X20 Y20
+G91
+G1 Z.2
+G90
+G92 E0
+G1 X200 Y150 E3.5
+M84
+"""
+
+
+def written(folder, text, name="in.gcode"):
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_before_is_the_error_of_the_model(tmp_path):
+    # A scale error of 1 mm/m and nothing else: 0.3 mm at X 300, and its rms along X from 0 is 0.3 / √3.
+    machine = model({"EXX": lambda q: 1e-3 * q})
+    program = written(tmp_path, "G1 X0 Y0 Z0\nG1 X300\n")
+    result = compare_paths(machine, program, program)
+    assert result.max_error_um_before == pytest.approx(300.0, abs=1e-6)
+    # Samples each 0.5 mm, trapezoid: the mean square is right to h²/(2 L²).
+    assert result.rms_um_before == pytest.approx(300.0 / np.sqrt(3.0), rel=2e-6)
+    assert result.path_mm == pytest.approx(300.0)
+    assert (result.max_error_um_after, result.rms_um_after) == (result.max_error_um_before, result.rms_um_before)
+    assert (result.moves_in, result.moves_compared, result.moves_not_compared) == (2, 1, 1)
+
+
+def test_a_corrected_program_follows_its_path(tmp_path):
+    machine = wavy()
+    program, output = written(tmp_path, PROGRAM), tmp_path / "out.gcode"
+    compensation = compensate_program(machine, program, output)
+    result = compare_paths(machine, program, output)
+    assert result.max_error_um_before > 500.0
+    assert result.max_error_um_after < 5.0
+    assert result.rms_um_after < result.max_error_um_after
+    assert (result.moves_in, result.moves_out) == (compensation.moves_in, compensation.moves_out)
+    assert result.moves_out > result.moves_in
+    assert result.extrusion_in_mm == result.extrusion_out_mm == 23.5
+    assert result.moves_with_other_extrusion == 0
+    # Nothing but the first move, from an unknown place, is left out.
+    assert result.moves_not_compared == 1
+
+
+def test_figures_do_not_depend_on_threads_and_little_on_the_step(tmp_path):
+    machine = wavy()
+    program, output = written(tmp_path, PROGRAM), tmp_path / "out.gcode"
+    compensate_program(machine, program, output)
+    one = compare_paths(machine, program, output, threads=1)
+    assert compare_paths(machine, program, output, threads=8) == one
+    fine = compare_paths(machine, program, output, sample_step_mm=0.05)
+    assert fine.max_error_um_after == pytest.approx(one.max_error_um_after, abs=0.05)
+    assert fine.max_error_um_after < 5.0
+
+
+def test_a_correction_for_another_machine_is_found_out(tmp_path):
+    program, output = written(tmp_path, PROGRAM), tmp_path / "out.gcode"
+    compensate_program(wavy(), program, output)
+    result = compare_paths(wavy(scale=-1.0), program, output)
+    assert result.max_error_um_after > 1.5 * result.max_error_um_before
+
+
+def test_one_wrong_word_is_found_out(tmp_path):
+    machine = wavy()
+    program, output = written(tmp_path, PROGRAM), tmp_path / "out.gcode"
+    compensate_program(machine, program, output)
+    lines = output.read_text().splitlines()
+    number = next(n for n, line in enumerate(lines) if line.endswith("; wall"))
+    words = lines[number].split(" ")
+    lines[number] = lines[number].replace(words[2], f"Y{float(words[2][1:]) + 1.0:.4f}")
+    result = compare_paths(machine, program, written(tmp_path, "\n".join(lines) + "\n", "wrong.gcode"))
+    assert result.max_error_um_after == pytest.approx(1000.0, abs=10.0)
+    assert abs(result.max_error_line_after - (number + 1)) <= 1
+
+
+def test_another_extrusion_is_found_out(tmp_path):
+    machine = wavy()
+    program, output = written(tmp_path, PROGRAM), tmp_path / "out.gcode"
+    compensate_program(machine, program, output)
+    wrong = written(tmp_path, output.read_text().replace("E3.5", "E3.50001"), "wrong.gcode")
+    result = compare_paths(machine, program, wrong)
+    assert result.moves_with_other_extrusion == 1
+    assert result.extrusion_out_mm == pytest.approx(23.50001, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (("M106 S128", "M106 S127"), "`M106 S127` stands where"),
+        (("M84\n", ""), "has not as many lines|stands where"),
+        ((";LAYER:1\n", ""), "stands where .* has `;LAYER:1`"),
+        (("G92 E0\n", "G92 E0\nG4 P1\n"), "`G4 P1` stands where|moves are missing"),
+    ],
+)
+def test_a_program_that_is_not_the_other_one_is_refused(tmp_path, change, problem):
+    machine = wavy()
+    program, output = written(tmp_path, PROGRAM), tmp_path / "out.gcode"
+    compensate_program(machine, program, output)
+    other = written(tmp_path, output.read_text().replace(*change), "other.gcode")
+    with pytest.raises(GcodeError, match=problem):
+        compare_paths(machine, program, other)
+
+
+def test_missing_moves_and_files_are_refused(tmp_path):
+    machine = wavy()
+    program = written(tmp_path, "G1 X20 Y20 Z5\nG1 X30\nG1 X40\nM84\n")
+    with pytest.raises(GcodeError, match=r"1 moves are missing before this line"):
+        compare_paths(machine, program, written(tmp_path, "G1 X20 Y20 Z5\nG1 X40\nM84\n", "short.gcode"))
+    with pytest.raises(InputFileError, match="cannot be read"):
+        compare_paths(machine, program, tmp_path / "nowhere.gcode")
+
+
+def test_work_offset_home_and_inches(tmp_path):
+    machine = wavy()
+    text = "G28\nG20\nG0 Z1\nG0 X.5 Y.5\nG1 X8.25 Y6.125 F40\nG92 X0\nG1 X1\nG53 G0 Z12\n"
+    program, output = written(tmp_path, text), tmp_path / "out.gcode"
+    places = {"work_offset_mm": (12.5, 7.25, 3.0), "home_mm": (0.0, 0.0, 350.0)}
+    compensate_program(machine, program, output, CompensationOptions(**places))
+    result = compare_paths(machine, program, output, **places)
+    assert result.moves_in == 5
+    assert result.moves_compared == 4
+    assert result.max_error_um_before > 500.0
+    assert result.max_error_um_after < 5.0
+    # With another offset it is another place, and the correction is wrong there.
+    assert compare_paths(machine, program, output, home_mm=(0.0, 0.0, 350.0)).max_error_um_after > 20.0
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def files(tmp_path):
+    machine = wavy()
+    write_errors(tmp_path / "errors.json", machine.errors)
+    write_machine(tmp_path / "machine.toml", machine.machine)
+    written(tmp_path, PROGRAM)
+    return tmp_path
+
+
+def test_the_verbs(files):
+    errors, program, output = files / "errors.json", files / "in.gcode", files / "out.gcode"
+    done = run("compensate", errors, program, "-o", output, "--json")
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    assert document["moves_out"] > document["moves_in"] == 6
+    assert document["provenance"]["inputs"].keys() == {str(errors), str(program)}
+    assert "warning: line 1" not in done.stdout
+
+    path = json.loads(run("verify", "path", errors, program, output, "--json").stdout)
+    for key in (
+        *("max_error_um_before", "max_error_um_after", "rms_um_before", "rms_um_after"),
+        *("moves_in", "moves_out", "extrusion_in_mm", "extrusion_out_mm"),
+    ):
+        assert key in path
+    assert path["max_error_um_after"] < 5.0
+
+    shown = run("verify", "path", errors, program, output, "--tolerance", "0.005")
+    assert shown.exit_code == 0
+    assert "moves compared" in shown.stdout
+    far = run("verify", "path", errors, program, program, "--tolerance", "0.005")
+    assert far.exit_code == 1
+
+    again = run("compensate", errors, output, "-o", files / "twice.gcode")
+    assert again.exit_code == 1
+    assert isinstance(again.exception, GcodeError)
+    assert not (files / "twice.gcode").exists()
+
+    nominal = run("compensate", files / "machine.toml", program, "-o", files / "same.gcode")
+    assert nominal.exit_code == 0
+    assert (files / "same.gcode").read_bytes() == program.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "exit_code"),
+    [
+        (["--work-offset", "1,2"], 2),
+        (["--work-offset", "1,2,x"], 2),
+        (["--home", "nan,0,0"], 2),
+        (["--at", "temp"], 2),
+        (["--at", "temp=warm"], 2),
+        (["--at", "temp=90"], 1),
+        (["--at", "temp=reference"], 1),
+        (["--firmware", "other"], 2),
+        (["--on-unsupported", "ignore"], 2),
+        (["--digits", "0"], 2),
+        (["--tolerance", "0"], 1),
+        (["--firmware-corrects", "mesh"], 1),
+        (["--work-offset", "-30,0,0"], 1),
+        (["--firmware", "klipper", "--firmware-corrects", "squareness,EXX", "--work-offset", "1,-2,0.5"], 0),
+    ],
+)
+def test_options_of_compensate(files, arguments, exit_code):
+    done = run("compensate", files / "errors.json", files / "in.gcode", "-o", files / "out.gcode", *arguments)
+    assert done.exit_code == exit_code, (done.output, done.exception)
+    assert (files / "out.gcode").exists() == (exit_code == 0)
+
+
+def test_standard_output_and_input(files):
+    errors, program, output = files / "errors.json", files / "in.gcode", files / "out.gcode"
+    run("compensate", errors, program, "-o", output)
+    piped = CliRunner().invoke(
+        app, ["compensate", str(errors), "-", "-o", "-", "--threads", "2"], input=program.read_bytes()
+    )
+    assert piped.exit_code == 0
+    assert piped.stdout_bytes == output.read_bytes()
+    assert run("compensate", errors, program, "-o", "-", "--json").exit_code == 2
+    assert run("compensate", errors, program, "-o", errors).exit_code == 1
+    assert run("compensate", errors, program, "-o", program).exit_code == 1
