@@ -110,6 +110,8 @@ def compensate(
         )
     for warning in result.warnings:
         note(f"warning: {warning}", quiet)
+    if result.moves_in and not result.moves_corrected:
+        note("warning: no move was corrected: the position is nowhere known", quiet)
     if as_json:
         provenance = provenance_of_command([model, program])
         print_json({**result.to_document(), "provenance": provenance.to_document()})

@@ -88,6 +88,16 @@ pub enum SplitError {
 /// axis crosses a knot, and there all but quadratic (a rotation that changes evenly times a lever that does): its ends
 /// `d_0, d_1` and its middle `d_m` bound it by `max(|d_0|, |d_m|, |d_1|) + |d_m − (d_0 + d_1)/2| / 4`.
 /// A piece over the limit is split where the deviation is largest.
+///
+/// # Errors
+/// [`SplitError::NotSolved`] where a node has no command; [`SplitError::NotHeld`] where the shortest pieces deviate.
+///
+/// # Source
+/// Li et al. 2023, Eqs. 24 to 27, for each node; the splitting and its bound are geoerr's own.
+///
+/// # Verified by
+/// `tests/gcode/round_trip.rs` (paths of drawn programs on four chains, 51 samples a piece, within tolerances of 1 to
+/// 20 µm) and, by a second reader, on the programs of real slicers (`tests/compensate/test_real_programs.py`).
 pub fn split(
     map: &impl PathMap,
     start: &Node,

@@ -112,6 +112,9 @@ fn outside_the_measured_range_is_refused_or_held() {
     let outcome = run(scaled(), held, program).unwrap();
     let warning = outcome.warnings.iter().find(|warning| warning.kind.name() == "outside-measured").unwrap();
     assert_eq!((warning.line, warning.count), (4, 2));
+    let measured = Options { measured_mm: [(0.0, 300.0); 3], holds_outside_measured: true, ..options() };
+    let both = run(scaled(), measured, "G1 X310 Y421 Z0\n").unwrap_err();
+    assert!(matches!(both, GcodeError::OutsideRange { axis: 'Y', .. }), "{both:?}");
 }
 
 #[test]

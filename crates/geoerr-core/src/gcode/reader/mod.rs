@@ -1,0 +1,379 @@
+//! A program line by line: which lines are moves that can be corrected, and what the others do.
+
+mod modes;
+mod moves;
+mod owned;
+
+use super::codes::{Code, Macro};
+use super::error::GcodeError;
+use super::extrusion::{Extrusion, Share};
+use super::frame::{ALL, Effects, Frame, Known, Mask, Motion, Place, Shift, either};
+use super::lexer::{Head, Line, Span};
+use super::options::{OnUnsupported, Options, unit_mm};
+use super::report::{Summary, WarningKind, Warnings, excerpt};
+use super::unsupported::{After, Unsupported};
+use super::words::{MoveText, Words};
+
+/// A position on the edge of a range may be above it by rounding.
+const EDGE_MM: f64 = 1e-9;
+
+/// What to do with a line.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Write it as it is.
+    Pass(Effects),
+    /// Correct it.
+    Correct(Move),
+}
+
+/// A straight move whose end is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Move {
+    /// Its words.
+    pub motion: Motion,
+    /// Where the program wants the machine, machine coordinates.
+    pub end_mm: [f64; 3],
+    /// Whether it does not begin where a corrected move ended.
+    pub is_first: bool,
+    /// Words are inches.
+    pub is_inch: bool,
+    /// Who gets the extrusion when it is split.
+    pub share: Share,
+    /// What it extrudes, `10^-18` mm.
+    pub extrusion: i128,
+    /// Where its words stand.
+    pub text: MoveText,
+}
+
+/// What holds from one line to the next.
+#[derive(Debug)]
+struct Modes {
+    is_inch: bool,
+    is_relative: bool,
+    /// None before any motion code and after `G80`; the reason where the code is not corrected.
+    motion: Option<Result<(), Unsupported>>,
+    is_inverse_time: bool,
+    /// Code of `G41` or `G42` while it holds.
+    compensation: Option<u32>,
+    /// Code of what changes the meaning of axis words.
+    transformed: Option<u32>,
+    /// Number of the tool length (`H`; None = without number) once `G43` has been met.
+    tool_length: Option<Option<u64>>,
+    tool: Option<u64>,
+    has_saved_place: bool,
+    /// Axes that `G92` has shifted.
+    shifted: Mask,
+    /// `G54` to `G59`, and one for those that are not followed.
+    systems_mm: [Known; 7],
+    system: usize,
+}
+
+/// Reads a program; knows where the machine is meant to be.
+#[derive(Debug)]
+pub struct Reader {
+    options: Options,
+    model_is_nominal: bool,
+    line: Line,
+    modes: Modes,
+    /// Of the line that is being read.
+    asked: Asked,
+    extrusion: Extrusion,
+    frame: Frame,
+    /// Whether the machine stands where a corrected move ended.
+    is_corrected: bool,
+    n_percent: u32,
+    is_lost: bool,
+    /// Whether a comment with `;` was met.
+    pub has_semicolon: bool,
+    /// Whether a comment in parentheses was met.
+    pub has_parenthesis: bool,
+    /// What the user should know.
+    pub warnings: Warnings,
+    /// Counts.
+    pub summary: Summary,
+}
+
+/// What the codes of one line ask for, collected in one pass.
+#[derive(Debug, Default)]
+struct Asked {
+    owner: Option<(Code, u32)>,
+    in_machine_coordinates: bool,
+    /// A motion code stands on the line.
+    has_motion_code: bool,
+    /// A code that takes parameters stands on the line.
+    takes_parameters: bool,
+    forget: Mask,
+    problem: Option<Unsupported>,
+}
+
+impl Asked {
+    /// Notes a problem; the one that leaves least known counts.
+    fn refuse(&mut self, what: Unsupported) {
+        if self.problem.is_none_or(|before| before.after() < what.after()) {
+            self.problem = Some(what);
+        }
+    }
+}
+
+impl Reader {
+    /// A reader at the begin of a program.
+    pub fn new(options: Options, model_is_nominal: bool) -> Self {
+        let mut systems_mm = [[None; 3]; 7];
+        systems_mm[0] = options.work_offset_mm.map(Some);
+        Self {
+            extrusion: Extrusion::new(options.firmware),
+            modes: Modes {
+                is_inch: false,
+                is_relative: false,
+                motion: None,
+                is_inverse_time: false,
+                compensation: None,
+                transformed: None,
+                tool_length: None,
+                tool: None,
+                has_saved_place: false,
+                shifted: [false; 3],
+                systems_mm,
+                system: 0,
+            },
+            options,
+            model_is_nominal,
+            line: Line::default(),
+            asked: Asked::default(),
+            frame: Frame::default(),
+            is_corrected: false,
+            n_percent: 0,
+            is_lost: false,
+            has_semicolon: false,
+            has_parenthesis: false,
+            warnings: Warnings::default(),
+            summary: Summary::default(),
+        }
+    }
+
+    /// Reads the next line, without its end.
+    ///
+    /// # Errors
+    /// [`GcodeError::Unsupported`] where the options say so, [`GcodeError::OutsideRange`],
+    /// [`GcodeError::OutsideMeasured`].
+    pub fn read(&mut self, body: &[u8]) -> Result<Step, GcodeError> {
+        self.summary.lines += 1;
+        if self.is_lost || self.n_percent >= 2 {
+            self.summary.lines_not_followed += 1;
+            return Ok(Step::Pass(Effects::default()));
+        }
+        let mut line = std::mem::take(&mut self.line);
+        line.lex(body);
+        self.has_semicolon |= line.has_semicolon;
+        self.has_parenthesis |= line.has_parenthesis;
+        let words = Words::of(&line);
+        self.asked = Asked::default();
+        let step = match self.classify(&line, &words, body) {
+            Ok(step) => Ok(step),
+            Err(what) => self.unsupported(what, &words, body),
+        };
+        self.line = line;
+        let step = step?;
+        match &step {
+            Step::Pass(effects) => {
+                self.frame.apply(effects);
+                if effects.place != Place::Keep || effects.forget != [false; 3] {
+                    self.is_corrected = false;
+                }
+            }
+            Step::Correct(a_move) => {
+                self.frame.position_mm = a_move.end_mm.map(Some);
+                self.is_corrected = true;
+            }
+        }
+        self.check_range(&step, body)?;
+        Ok(step)
+    }
+
+    /// The machine's range, for every axis whose place is known.
+    fn check_range(&mut self, step: &Step, body: &[u8]) -> Result<(), GcodeError> {
+        let moves = match step {
+            Step::Pass(effects) => matches!(effects.place, Place::Move(_)),
+            Step::Correct(_) => true,
+        };
+        if !moves {
+            return Ok(());
+        }
+        let line = self.summary.lines;
+        let known = AXIS_LETTERS.into_iter().zip(self.frame.position_mm);
+        let outside = |ranges_mm: &[(f64, f64); 3]| {
+            let mut places = known.clone().zip(ranges_mm);
+            places.find_map(|((axis, position_mm), &(low_mm, high_mm))| {
+                let position_mm = position_mm?;
+                let is_inside = (low_mm - EDGE_MM..=high_mm + EDGE_MM).contains(&position_mm);
+                (!is_inside).then_some((axis, position_mm, low_mm, high_mm))
+            })
+        };
+        if let Some((axis, position_mm, low_mm, high_mm)) = outside(&self.options.range_mm) {
+            let text = excerpt(body);
+            return Err(GcodeError::OutsideRange { line, text, axis, position_mm, low_mm, high_mm });
+        }
+        if matches!(step, Step::Pass(_)) {
+            return Ok(());
+        }
+        if let Some((axis, position_mm, low_mm, high_mm)) = outside(&self.options.measured_mm) {
+            if !self.options.holds_outside_measured {
+                let text = excerpt(body);
+                return Err(GcodeError::OutsideMeasured { line, text, axis, position_mm, low_mm, high_mm });
+            }
+            self.warnings.add(WarningKind::OutsideMeasured, line, body);
+        }
+        Ok(())
+    }
+
+    fn warn(&mut self, kind: WarningKind, body: &[u8]) {
+        self.warnings.add(kind, self.summary.lines, body);
+    }
+
+    fn may_move(&mut self, body: &[u8]) -> Effects {
+        self.warn(WarningKind::MayMove, body);
+        Effects { forget: ALL, ..Effects::default() }
+    }
+
+    fn firmware_corrects(&mut self, body: &[u8]) {
+        if !self.options.firmware_corrections_named {
+            self.warn(WarningKind::FirmwareCorrects, body);
+        }
+    }
+
+    fn classify(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
+        match line.head {
+            Head::Percent => self.n_percent += 1,
+            Head::Subprogram => return Err(Unsupported::FlowControl),
+            Head::Macro(name) => return self.macro_line(name, body),
+            Head::Words => return self.words_line(line, words, body),
+            Head::Empty if line.has_parameter => return Err(Unsupported::Expression),
+            Head::Empty => {}
+        }
+        Ok(Step::Pass(Effects::default()))
+    }
+
+    fn macro_line(&mut self, name: Span, body: &[u8]) -> Result<Step, Unsupported> {
+        let mut effects = Effects::default();
+        match Macro::of(name.of(body)) {
+            Macro::Harmless => {}
+            Macro::FlowControl => return Err(Unsupported::FlowControl),
+            Macro::FirmwareCorrection => self.firmware_corrects(body),
+            Macro::MovesZero => self.warn(WarningKind::ZeroMoves, body),
+            Macro::MeasuresBed => {
+                self.firmware_corrects(body);
+                effects.forget = ALL;
+            }
+            Macro::Unknown => effects = self.may_move(body),
+        }
+        Ok(Step::Pass(effects))
+    }
+
+    fn words_line(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
+        let has_code = line.words.iter().any(|word| word.letter == b'G');
+        let Some(first) = line.words.first() else {
+            return Ok(Step::Pass(self.may_move(body)));
+        };
+        if first.letter == b'M' && !has_code && !first.code10().is_some_and(is_machining_code) {
+            return self.owned_by_m(first.code10(), body);
+        }
+        if line.has_parameter {
+            return Err(Unsupported::Expression);
+        }
+        if line.is_block_skip && (has_code || words.has_axes()) {
+            // A skipped G91 would change everything behind it.
+            let only_moves = line.words.iter().all(|word| {
+                word.letter != b'G' || word.code10().map(Code::of).is_some_and(|code| code == Code::Straight)
+            });
+            return Err(if only_moves { Unsupported::BlockSkip } else { Unsupported::FlowControl });
+        }
+        for word in &line.words {
+            match word.letter {
+                b'G' => match word.code10() {
+                    Some(code10) => self.code(code10, words, body),
+                    None => self.asked.refuse(Unsupported::UnknownCode { code10: u32::MAX }),
+                },
+                b'M' => self.m_word(word.code10()),
+                b'T' => self.tool(word.number().map(|number| number.to_f64() as u64), body),
+                _ => {}
+            }
+        }
+        let moves = words.has_axes() || words.extra_axis.is_some() || words.extruder.is_some();
+        if let Some((code, code10)) = self.asked.owner {
+            if let Some(what) = self.asked.problem {
+                return Err(what);
+            }
+            let forget = self.asked.forget;
+            let mut effects = self.owned_by_g(code, code10, line, words, body)?;
+            effects.forget = either(effects.forget, forget);
+            return Ok(Step::Pass(effects));
+        }
+        let is_whole_circle =
+            self.asked.has_motion_code && words.has_arc_words && matches!(self.modes.motion, Some(Err(_)));
+        if moves || is_whole_circle {
+            self.check_motion(line, words);
+        } else if let Some(at) = line.unreadable {
+            // A move may stand behind what cannot be read.
+            self.asked.refuse(Unsupported::Unreadable { column: at + 1 });
+        }
+        match self.asked.problem {
+            Some(what) => Err(what),
+            None if moves => Ok(self.motion(line, words, body)),
+            None => Ok(Step::Pass(Effects { forget: self.asked.forget, ..Effects::default() })),
+        }
+    }
+
+    /// Refuses an unsupported line, or says what is known after it has passed through.
+    fn unsupported(&mut self, what: Unsupported, words: &Words, body: &[u8]) -> Result<Step, GcodeError> {
+        if self.options.on_unsupported == OnUnsupported::Refuse {
+            return Err(GcodeError::Unsupported { line: self.summary.lines, text: excerpt(body), what });
+        }
+        self.warn(WarningKind::Passed(what), body);
+        self.summary.untouched_unsupported += 1;
+        let mut effects = Effects { forget: self.asked.forget, ..Effects::default() };
+        let after = match self.asked.owner {
+            // Whether such a line also does what its other code says is not known.
+            Some((Code::Settings | Code::Home | Code::SetShift | Code::OtherShift, _)) => {
+                what.after().max(After::ZeroLost)
+            }
+            Some(_) => what.after().max(After::Somewhere),
+            None => what.after(),
+        };
+        match after {
+            After::AtItsEnd => {
+                let words_mm = words.axes_mm(unit_mm(self.modes.is_inch));
+                if words_mm.is_ok() {
+                    self.extrude(words);
+                }
+                match words_mm {
+                    Ok(words_mm) if words.has_axes() => {
+                        self.summary.moves_in += 1;
+                        self.summary.moves_out += 1;
+                        effects.place = Place::Move(self.motion_of(words_mm));
+                    }
+                    Ok(_) => {}
+                    Err(_) => effects.forget = ALL,
+                }
+            }
+            After::Somewhere => effects.forget = ALL,
+            After::ZeroLost => {
+                effects.shift = Shift::Lose(ALL);
+                effects.forget = ALL;
+                self.modes.shifted = ALL;
+            }
+            After::EverythingLost => {
+                self.is_lost = true;
+                effects.forget = ALL;
+            }
+        }
+        Ok(Step::Pass(effects))
+    }
+}
+
+/// X, Y, Z.
+pub const AXIS_LETTERS: [char; 3] = ['X', 'Y', 'Z'];
+
+/// M codes (times ten) of machining programs, which may share their line with a move.
+fn is_machining_code(code10: u32) -> bool {
+    matches!(code10, 20 | 30 | 40 | 50 | 60 | 70 | 80 | 90)
+}

@@ -1,0 +1,137 @@
+//! Codes that say how the following words and lines are to be read.
+
+use super::Reader;
+use crate::gcode::codes::Code;
+use crate::gcode::frame::{ALL, all_known};
+use crate::gcode::report::WarningKind;
+use crate::gcode::unsupported::{After, Unsupported};
+use crate::gcode::words::Words;
+
+impl Reader {
+    /// Takes over what a G code says for this line and the following ones.
+    pub(super) fn code(&mut self, code10: u32, words: &Words, body: &[u8]) {
+        let (modes, asked) = (&mut self.modes, &mut self.asked);
+        let code = match Code::of(code10) {
+            // Fanuc's G50 with axis words sets the zero.
+            Code::TransformOff if words.has_axes() && code10 == 500 => Code::Unknown,
+            code => code,
+        };
+        match code {
+            Code::Straight | Code::OtherMotion(_) | Code::NoMotion => {
+                let motion = match code {
+                    Code::OtherMotion(what) => Some(Err(what)),
+                    Code::NoMotion => None,
+                    _ => Some(Ok(())),
+                };
+                if std::mem::replace(&mut asked.has_motion_code, code != Code::NoMotion)
+                    && modes.motion != motion
+                {
+                    asked.refuse(Unsupported::TwoMotionCodes);
+                }
+                modes.motion = motion;
+                // Cycles and probes are refused on sight: they may move by words of earlier lines.
+                if let Code::OtherMotion(what) = code
+                    && what.after() > After::AtItsEnd
+                {
+                    asked.refuse(what);
+                }
+            }
+            Code::Unit { is_inch } => modes.is_inch = is_inch,
+            Code::Distance { is_relative } => {
+                modes.is_relative = is_relative;
+                self.extrusion.set_axes_relative(is_relative);
+            }
+            Code::MachineCoordinates => asked.in_machine_coordinates = true,
+            Code::System(system) => {
+                modes.system = system;
+                if all_known(&modes.systems_mm[system]).is_none() {
+                    asked.refuse(Unsupported::UnknownSystem { code10 });
+                }
+            }
+            Code::FurtherSystem => {
+                modes.system = 6;
+                asked.refuse(Unsupported::UnknownSystem { code10 });
+            }
+            Code::CompensationOff => {
+                modes.compensation = None;
+                asked.takes_parameters = true;
+            }
+            Code::CompensationOn => {
+                modes.compensation = Some(code10);
+                asked.takes_parameters = true;
+                asked.refuse(Unsupported::CutterCompensation { code10 });
+            }
+            Code::ToolLength => {
+                asked.takes_parameters = true;
+                let number = words.h.and_then(|word| word.number()).map(|number| number.to_f64() as u64);
+                let old = modes.tool_length.replace(number);
+                if old.is_some_and(|old| old != number) {
+                    asked.refuse(Unsupported::OtherToolLength { code10 });
+                } else if old.is_none() {
+                    // What Z word the machine's place has from now on is not known.
+                    asked.forget[2] = true;
+                    self.warn(WarningKind::ToolLength, body);
+                }
+            }
+            Code::ToolLengthOff => {
+                if modes.tool_length.is_some() {
+                    asked.refuse(Unsupported::OtherToolLength { code10 });
+                }
+            }
+            Code::ToolPoint => asked.refuse(Unsupported::ToolPoint { code10 }),
+            Code::InverseTime => {
+                modes.is_inverse_time = true;
+                asked.refuse(Unsupported::InverseTime);
+            }
+            Code::FeedRate => modes.is_inverse_time = false,
+            Code::TransformOn => {
+                modes.transformed = Some(code10);
+                asked.refuse(Unsupported::Transformed { code10 });
+            }
+            Code::TransformOff => modes.transformed = None,
+            Code::SavePlace => modes.has_saved_place = true,
+            Code::ExactOrRestore => {
+                if modes.has_saved_place {
+                    asked.forget = ALL;
+                    self.warn(WarningKind::MayMove, body);
+                }
+            }
+            Code::Unknown if words.has_axes() => asked.refuse(Unsupported::UnknownCode { code10 }),
+            Code::Unknown => {
+                asked.forget = ALL;
+                self.warn(WarningKind::MayMove, body);
+            }
+            Code::Harmless => asked.takes_parameters |= code10 == 640,
+            Code::Dwell
+            | Code::Settings
+            | Code::Home
+            | Code::MovesItself
+            | Code::StorePlace
+            | Code::SetShift
+            | Code::OtherShift => {
+                if asked.owner.replace((code, code10)).is_some() {
+                    asked.refuse(Unsupported::TwoOwners);
+                }
+            }
+        }
+    }
+
+    /// An M word among others.
+    pub(super) fn m_word(&mut self, code10: Option<u32>) {
+        match code10 {
+            Some(60) => self.asked.forget = ALL,
+            Some(820) => self.extrusion.set_extruder_relative(false),
+            Some(830) => self.extrusion.set_extruder_relative(true),
+            Some(980 | 990) => self.asked.refuse(Unsupported::FlowControl),
+            _ => {}
+        }
+    }
+
+    pub(super) fn tool(&mut self, number: Option<u64>, body: &[u8]) {
+        let old = self.modes.tool;
+        self.modes.tool = number.or(old);
+        if old.is_some() && old != self.modes.tool {
+            self.warn(WarningKind::OtherTool, body);
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Lines that move axes or the extruder.
+
+use super::{Move, Reader, Step};
+use crate::gcode::extrusion::Share;
+use crate::gcode::frame::{Effects, Known, Motion, Place, all_known, either};
+use crate::gcode::lexer::Line;
+use crate::gcode::options::unit_mm;
+use crate::gcode::report::WarningKind;
+use crate::gcode::unsupported::Unsupported;
+use crate::gcode::words::{MoveText, Words};
+
+impl Reader {
+    /// Notes every reason for which a line with motion words is no straight move.
+    pub(super) fn check_motion(&mut self, line: &Line, words: &Words) {
+        let (modes, asked) = (&self.modes, &mut self.asked);
+        match modes.motion {
+            Some(Ok(())) => {}
+            Some(Err(what)) => asked.refuse(what),
+            None => asked.refuse(Unsupported::NoMotionCode),
+        }
+        if let Some(at) = line.unreadable {
+            asked.refuse(Unsupported::Unreadable { column: at + 1 });
+        }
+        if let Some(letter) = words.extra_axis {
+            asked.refuse(Unsupported::ExtraAxis { letter });
+        }
+        if !words.has_placeholder()
+            && let Err(what) = words.axes_mm(1.0)
+        {
+            asked.refuse(what);
+        }
+        if !words.has_axes() {
+            return;
+        }
+        if let Some(code10) = modes.transformed {
+            asked.refuse(Unsupported::Transformed { code10 });
+        }
+        if let Some(code10) = modes.compensation {
+            asked.refuse(Unsupported::CutterCompensation { code10 });
+        }
+        if modes.is_inverse_time {
+            asked.refuse(Unsupported::InverseTime);
+        }
+        if asked.in_machine_coordinates && modes.is_relative {
+            asked.refuse(Unsupported::MachineIncrement);
+        }
+        let parameter = words.parameter.filter(|_| !asked.takes_parameters);
+        if let Some(letter) = words.odd.or(parameter)
+            && modes.motion == Some(Ok(()))
+        {
+            asked.refuse(Unsupported::OddWord { letter });
+        }
+        if line.has_checksum && !self.model_is_nominal {
+            asked.refuse(Unsupported::Checksum);
+        }
+    }
+
+    /// A straight move of the axes or the extruder that [`check_motion`](Self::check_motion) has found nothing against.
+    pub(super) fn motion(&mut self, line: &Line, words: &Words, body: &[u8]) -> Step {
+        let mut effects = Effects { forget: self.asked.forget, ..Effects::default() };
+        let words_mm = match words.axes_mm(unit_mm(self.modes.is_inch)) {
+            Ok(words_mm) => words_mm,
+            Err(_) => {
+                // A placeholder: the firmware may refuse the line, or read what it can of it.
+                self.warn(WarningKind::Placeholder, body);
+                effects.forget = either(effects.forget, words.axes.map(|word| word.is_some()));
+                return Step::Pass(effects);
+            }
+        };
+        let (share, extrusion) = self.extrude(words);
+        if !words.has_axes() {
+            return Step::Pass(effects);
+        }
+        let motion = self.motion_of(words_mm);
+        self.summary.moves_in += 1;
+        let mut before = self.frame;
+        before.apply(&effects);
+        let Some(end_mm) = all_known(&before.end_of(&motion)) else {
+            self.summary.moves_out += 1;
+            self.summary.untouched_position_unknown += 1;
+            self.warn(WarningKind::PositionUnknown, body);
+            effects.place = Place::Move(motion);
+            return Step::Pass(effects);
+        };
+        // Counted again when the move is written.
+        self.summary.extrusion_out -= extrusion;
+        Step::Correct(Move {
+            motion,
+            end_mm,
+            is_first: !self.is_corrected || effects.forget != [false; 3],
+            is_inch: self.modes.is_inch,
+            share,
+            extrusion,
+            text: MoveText::of(line, words, body),
+        })
+    }
+
+    pub(super) fn motion_of(&self, words_mm: Known) -> Motion {
+        Motion {
+            words_mm,
+            is_absolute: !self.modes.is_relative,
+            in_machine_coordinates: self.asked.in_machine_coordinates,
+            system_mm: self.system_mm(),
+        }
+    }
+
+    /// Moves the extruder by the line's `E`.
+    pub(super) fn extrude(&mut self, words: &Words) -> (Share, i128) {
+        let Some(number) = words.extruder.and_then(|word| word.number()) else { return (Share::None, 0) };
+        let (share, extrusion) = self.extrusion.advance(number);
+        self.summary.extrusion_in += extrusion;
+        self.summary.extrusion_out += extrusion;
+        (share, extrusion)
+    }
+
+    pub(super) fn system_mm(&self) -> Known {
+        self.modes.systems_mm[self.modes.system]
+    }
+}

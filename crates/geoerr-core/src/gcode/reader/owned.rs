@@ -1,0 +1,133 @@
+//! Lines whose words belong to a code that is no move: zeros, homing, messages.
+
+use super::Reader;
+use crate::gcode::codes::Code;
+use crate::gcode::frame::{ALL, Effects, Place, Shift, either};
+use crate::gcode::lexer::Line;
+use crate::gcode::options::unit_mm;
+use crate::gcode::reader::Step;
+use crate::gcode::report::WarningKind;
+use crate::gcode::unsupported::Unsupported;
+use crate::gcode::words::Words;
+
+impl Reader {
+    /// A line that belongs to the M code that it begins with.
+    pub(super) fn owned_by_m(&mut self, code10: Option<u32>, body: &[u8]) -> Result<Step, Unsupported> {
+        let mut effects = Effects::default();
+        match code10.map(|code10| code10 / 10) {
+            Some(82) => self.extrusion.set_extruder_relative(false),
+            Some(83) => self.extrusion.set_extruder_relative(true),
+            Some(98 | 99 | 808) => return Err(Unsupported::FlowControl),
+            Some(206 | 290 | 428) => self.warn(WarningKind::ZeroMoves, body),
+            Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
+            // Marlin's repeatability test of the probe.
+            Some(48) => effects.forget = ALL,
+            _ => {}
+        }
+        Ok(Step::Pass(effects))
+    }
+
+    /// A line whose axis words belong to a G code that is no move.
+    pub(super) fn owned_by_g(
+        &mut self,
+        code: Code,
+        code10: u32,
+        line: &Line,
+        words: &Words,
+        body: &[u8],
+    ) -> Result<Effects, Unsupported> {
+        let mut effects = Effects::default();
+        match code {
+            Code::MovesItself => {
+                if (290..300).contains(&code10) {
+                    self.firmware_corrects(body);
+                } else {
+                    self.warn(WarningKind::MayMove, body);
+                }
+                effects.forget = ALL;
+                return Ok(effects);
+            }
+            Code::Dwell | Code::StorePlace => return Ok(effects),
+            Code::OtherShift => return Err(Unsupported::ZeroShift { code10 }),
+            _ => {}
+        }
+        let is_unreadable = line.unreadable.map(|at| Unsupported::Unreadable { column: at + 1 });
+        match code {
+            Code::Home => is_unreadable.map_or(Ok(()), Err).and_then(|()| self.home(words, &mut effects))?,
+            // A zero whose numbers cannot be read is lost.
+            _ if is_unreadable.is_some() => return Err(Unsupported::ZeroShift { code10 }),
+            Code::Settings => self.settings(words, body)?,
+            _ => self.set_shift(line, words, &mut effects)?,
+        }
+        Ok(effects)
+    }
+
+    /// `G10`.
+    fn settings(&mut self, words: &Words, body: &[u8]) -> Result<(), Unsupported> {
+        let refuse = Err(Unsupported::ZeroShift { code10: 100 });
+        let kind = words.l.map(|word| word.code10());
+        match kind {
+            // RepRapFirmware's tool offsets; without axis words a retraction or a temperature.
+            None if words.has_axes() => refuse,
+            None => Ok(()),
+            Some(Some(20)) => {
+                if words.has_rotation || self.modes.is_relative {
+                    return refuse;
+                }
+                let Ok(offset_mm) = words.axes_mm(unit_mm(self.modes.is_inch)) else { return refuse };
+                let system = match words.p.map(|word| word.code10()) {
+                    Some(Some(0)) => self.modes.system,
+                    Some(Some(p @ (10 | 20 | 30 | 40 | 50 | 60))) => p as usize / 10 - 1,
+                    // G59.1 to G59.3, whose selection is refused.
+                    Some(Some(70 | 80 | 90)) => return Ok(()),
+                    _ => return refuse,
+                };
+                let offsets = self.modes.systems_mm[system].iter_mut().zip(offset_mm);
+                for (offset, new) in offsets {
+                    *offset = new.or(*offset);
+                }
+                Ok(())
+            }
+            Some(Some(10 | 100 | 110)) => {
+                self.warn(WarningKind::ToolLength, body);
+                Ok(())
+            }
+            Some(_) if words.has_axes() => refuse,
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// `G28`.
+    fn home(&mut self, words: &Words, effects: &mut Effects) -> Result<(), Unsupported> {
+        let mask = if words.has_axes() { words.axes.map(|word| word.is_some()) } else { ALL };
+        if (0..3).any(|axis| mask[axis] && self.modes.shifted[axis]) {
+            if self.options.firmware.is_none() {
+                return Err(Unsupported::HomingAfterShift);
+            }
+            effects.shift = Shift::Clear(mask);
+            self.modes.shifted = std::array::from_fn(|axis| self.modes.shifted[axis] && !mask[axis]);
+        }
+        match self.options.home_mm {
+            Some(home_mm) => effects.place = Place::Home(mask, home_mm),
+            None => effects.forget = mask,
+        }
+        Ok(())
+    }
+
+    /// `G92`.
+    fn set_shift(&mut self, line: &Line, words: &Words, effects: &mut Effects) -> Result<(), Unsupported> {
+        if line.words.iter().all(|word| matches!(word.letter, b'G' | b'M')) {
+            return Err(Unsupported::BareShift);
+        }
+        let unit_mm = unit_mm(self.modes.is_inch);
+        let words_mm = words.axes_mm(unit_mm).map_err(|_| Unsupported::ZeroShift { code10: 920 })?;
+        if let Some(number) = words.extruder.and_then(|word| word.number()) {
+            self.extrusion.set_position(number);
+        }
+        if words.has_axes() {
+            self.modes.shifted = either(self.modes.shifted, words_mm.map(|word| word.is_some()));
+            effects.shift = Shift::Set { words_mm, system_mm: self.system_mm() };
+        }
+        Ok(())
+    }
+}
