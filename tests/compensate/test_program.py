@@ -173,6 +173,16 @@ def test_options_that_make_no_sense_are_refused():
     assert "--digits" in str(error.remedy)
 
 
+@pytest.mark.parametrize("line", ["G2 X10 Y10 I5", "G81 X1 Y1 Z-1 R1", "G1 X5 A10", "#100 = 5", "G41 D1", "G92.1"])
+def test_without_errors_nothing_is_refused_and_every_byte_comes_back(line):
+    program = f"G1 X1 Y2 Z3\n{line}\nG1 X4 Y5 Z6\n".encode()
+    written, result = compensate_bytes(nominal(), program)
+    assert written == program
+    assert result.warnings
+    with pytest.raises(GcodeError):
+        compensate_bytes(printer(), program)
+
+
 def test_progress_counts_bytes(tmp_path):
     source = tmp_path / "in.gcode"
     source.write_bytes(b"; comment\n" * 300_000)

@@ -222,7 +222,8 @@ def _rewriter(model: Model, options: CompensationOptions, model_name: str) -> _c
         digits=options.digits,
         home_mm=options.home_mm,
         firmware=options.firmware,
-        passes_unsupported=options.on_unsupported == "pass",
+        # Where nothing is corrected nothing can be corrected wrongly: the file comes back, with warnings.
+        passes_unsupported=options.on_unsupported == "pass" or corrected.is_nominal,
         holds_outside_measured=options.outside_measured == "hold",
         firmware_corrections_named=bool(options.firmware_corrects),
         range_mm=[model.machine.axes[axis].range_mm for axis in AXES],
