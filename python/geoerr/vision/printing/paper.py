@@ -150,19 +150,24 @@ def lay_out(artworks: tuple[Artwork, ...], source: str, paper: Paper | None = No
 
 def needed_page_mm(artwork: Artwork) -> tuple[float, float]:
     """Give width and height (whole mm) of the smallest page, of the artwork's own least width, that holds it."""
-    width_mm = math.ceil(
+    width_mm = _whole_mm(
         max(
             2.0 * _MARGIN_MM + RULER_BAND_MM + _GAP_MM + 2.0 * CROP_MM[1] + _box_size_mm(artwork)[0],
             2.0 * _MARGIN_MM + RULER_BAND_MM + RULER_MM + _RULER_END_MM,
         )
     )
-    height_mm = math.ceil(
+    height_mm = _whole_mm(
         max(
             _ruler_floor_mm(artwork, width_mm) + _GAP_MM + 2.0 * CROP_MM[1] + _box_size_mm(artwork)[1] + _MARGIN_MM,
             _ruler_floor_mm(artwork, width_mm) + RULER_MM + _RULER_END_MM + _MARGIN_MM,
         )
     )
-    return float(width_mm), float(height_mm)
+    return width_mm, height_mm
+
+
+def _whole_mm(size_mm: float) -> float:
+    """Round up; a sum of tenths that is whole but for its rounding is whole."""
+    return float(math.ceil(round(size_mm, 9)))
 
 
 def _named(name: str) -> Paper:
