@@ -36,6 +36,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.vision.camera import Camera, distort_jacobian
+from geoerr.vision.normal import normal_distribution
 
 Array = npt.NDArray[np.float64]
 # Always float32 here; NumPy's own types cannot say that a Python number leaves it so.
@@ -421,15 +422,6 @@ def _single(values: npt.NDArray[Any]) -> Single:
     return values.astype(np.float32)
 
 
-def _normal_distribution(z: Single) -> tuple[Single, Single]:
-    """Φ(z) and φ(z) from one exponential (Abramowitz & Stegun 7.1.26, |error| < 1e-7)."""
-    exponential: Single = np.exp(-0.5 * z * z)
-    k = 1.0 / (1.0 + 0.3275911 / math.sqrt(2.0) * np.abs(z))
-    poly = k * (0.254829592 + k * (-0.284496736 + k * (1.421413741 + k * (-1.453152027 + k * 1.061405429))))
-    tail = 0.5 * poly * exponential
-    return np.where(z > 0.0, 1.0 - tail, tail), exponential * (1.0 / math.sqrt(2.0 * math.pi))
-
-
 def _flat(light: Single, grey: Single) -> _Flat:
     return _Flat(light, grey, _product(light, light), _product(light, grey[None])[:, 0])
 
@@ -482,8 +474,8 @@ class _Evaluation:
 def _evaluate(scene: _Scene, pixels: _Pixels, state: _State, free_blur: bool) -> _Evaluation:
     at = _place(scene, state, pixels.x, pixels.y)
     a, b = (at.s - pixels.line_s) * at.per_s, (at.t - pixels.line_t) * at.per_t
-    cdf_a, pdf_a = _normal_distribution(a)
-    cdf_b, pdf_b = _normal_distribution(b)
+    cdf_a, pdf_a = normal_distribution(a)
+    cdf_b, pdf_b = normal_distribution(b)
     slope_a, slope_b = -a * pdf_a, -b * pdf_b
     d = pixels.vertex
     d_pdf_b = (d * pdf_b).sum(axis=1)
