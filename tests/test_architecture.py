@@ -19,6 +19,7 @@ ALLOWED: dict[str, set[str]] = {
     "files": {"errors"},
     "tables": BASE,
     "machine": BASE,
+    "terms": BASE | {"machine"},
     "observations": BASE,
     "error_functions": BASE | {"machine"},
     "geometry": CORE | {"errors"},
