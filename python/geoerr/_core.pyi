@@ -6,6 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 __version__: str
+CHANNELS: tuple[str, ...]
+BASE_COLUMNS: tuple[str, ...]
+RIG_COLUMNS: tuple[str, ...]
+CARRIERS: tuple[str, ...]
 
 @final
 class MachineModel:
@@ -40,6 +44,37 @@ class MachineModel:
         self, target_mm: npt.NDArray[np.float64], tolerance_mm: float, threads: int
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
 
+def channel_columns(
+    chain: str,
+    carriers: npt.NDArray[np.uint8],
+    q_mm: npt.NDArray[np.float64],
+    offset_mm: npt.NDArray[np.float64],
+    tool_offset_mm: tuple[float, float, float],
+    threads: int,
+) -> npt.NDArray[np.float64]: ...
+def chain_positions(
+    chain: str,
+    what: str,
+    carriers: npt.NDArray[np.uint8],
+    q_mm: npt.NDArray[np.float64],
+    offset_mm: npt.NDArray[np.float64],
+    tool_offset_mm: tuple[float, float, float],
+    channels: npt.NDArray[np.float64],
+    threads: int,
+) -> npt.NDArray[np.float64]: ...
+def rig_columns(
+    camera_from_base: npt.NDArray[np.float64],
+    t_mm: tuple[float, float, float],
+    base_mm: npt.NDArray[np.float64],
+    threads: int,
+) -> npt.NDArray[np.float64]: ...
+def measured_from_base(
+    camera_from_base: npt.NDArray[np.float64],
+    t_mm: tuple[float, float, float],
+    rig: npt.NDArray[np.float64],
+    base_mm: npt.NDArray[np.float64],
+    threads: int,
+) -> npt.NDArray[np.float64]: ...
 def triangulate(
     projection_left: npt.NDArray[np.float64],
     projection_right: npt.NDArray[np.float64],

@@ -43,13 +43,17 @@ impl From<KinematicsError> for CoreError {
         use KinematicsError as E;
         let message = error.to_string();
         Self(match error {
-            E::TableLengths { .. } | E::EmptyTable | E::OffsetCount { .. } => ShapeError::new_err(message),
+            E::TableLengths { .. } | E::EmptyTable | E::OffsetCount { .. } | E::RowCount { .. } => {
+                ShapeError::new_err(message)
+            }
             E::Chain { .. }
             | E::NonFiniteEntry { .. }
             | E::PositionsNotIncreasing { .. }
             | E::SlopeOverflow { .. }
             | E::Squareness { .. }
-            | E::UnknownErrorFunction { .. } => GeometryError::new_err(message),
+            | E::UnknownErrorFunction { .. }
+            | E::UnknownChannel { .. }
+            | E::UnknownCarrier { .. } => GeometryError::new_err(message),
         })
     }
 }

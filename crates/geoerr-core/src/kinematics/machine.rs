@@ -5,6 +5,7 @@ use super::directions;
 use super::error_tables::ErrorTables;
 use super::rotation::Rotation;
 use super::vec3::{Vec3, add, cross, scale};
+use super::walk::{Carriage, Placed};
 
 /// A machine of three linear axes with its 21 errors.
 ///
@@ -151,37 +152,21 @@ impl MachineModel {
 
     /// Actual minus nominal position of a point at `offset_mm` from the tool point, seen from the work, mm.
     pub fn error(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
-        let (mut nominal, mut error) = self.tool_side(q_mm, offset_mm);
-        for &axis in self.chain.work_axes() {
-            // T⁻¹ p = R(ε) (p + q â' + δ)
-            let motion = self.axes[axis.index()].motion(q_mm[axis.index()]);
-            nominal[axis.index()] += q_mm[axis.index()];
-            error = add(&error, &motion.translation);
-            error = add(&error, &motion.rotation.displacement(&add(&nominal, &error)));
-        }
-        error
+        let tool = self.tool_side(q_mm, offset_mm);
+        self.chain.base_to_work(q_mm, tool, |axis| self.carriage(q_mm, axis)).displacement
     }
 
     /// Position of a point at `offset_mm` from the tool point, on the tool, in the base frame: what a camera
     /// on the floor sees of it. Only the tool side's axes move it.
     pub fn tool_from_base(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
-        let (nominal, error) = self.tool_side(q_mm, offset_mm);
-        add(&nominal, &error)
+        self.tool_side(q_mm, offset_mm).position()
     }
 
     /// Position of a point on the work, at `offset_mm` from the base origin when x = y = z = 0, in the base
     /// frame: what a camera on the floor sees of it. Only the work side's axes move it.
     pub fn work_from_base(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {
-        let mut nominal = *offset_mm;
-        let mut error = [0.0; 3];
-        for &axis in self.chain.work_axes().iter().rev() {
-            // T w = R(−ε) w − q â' − δ
-            let motion = self.axes[axis.index()].motion(q_mm[axis.index()]);
-            let turned = motion.rotation.inverse().displacement(&add(&nominal, &error));
-            nominal[axis.index()] -= q_mm[axis.index()];
-            error = std::array::from_fn(|c| error[c] + turned[c] - motion.translation[c]);
-        }
-        add(&nominal, &error)
+        let point = Placed { nominal: *offset_mm, displacement: [0.0; 3] };
+        self.chain.work_to_base(q_mm, point, |axis| self.carriage(q_mm, axis)).position()
     }
 
     /// `d tool_from_work / d q`, row by component, column by axis; at a knot the derivative to its right.
@@ -234,18 +219,16 @@ impl MachineModel {
         add(&self.tool_offset_mm, offset_mm)
     }
 
-    /// Nominal position and error of a point on the tool, in the base frame.
     #[inline]
-    fn tool_side(&self, q_mm: &Vec3, offset_mm: &Vec3) -> (Vec3, Vec3) {
-        let mut nominal = self.lever(offset_mm);
-        let mut error = [0.0; 3];
-        for &axis in self.chain.tool_axes().iter().rev() {
-            // T p = R(ε) p + q â' + δ
-            let motion = self.axes[axis.index()].motion(q_mm[axis.index()]);
-            let turned = motion.rotation.displacement(&add(&nominal, &error));
-            nominal[axis.index()] += q_mm[axis.index()];
-            error = std::array::from_fn(|c| error[c] + turned[c] + motion.translation[c]);
-        }
-        (nominal, error)
+    fn carriage(&self, q_mm: &Vec3, axis: Axis) -> Carriage {
+        let Motion { translation, rotation, .. } = self.axes[axis.index()].motion(q_mm[axis.index()]);
+        Carriage { translation, rotation }
+    }
+
+    /// A point on the tool, in the base frame.
+    #[inline]
+    fn tool_side(&self, q_mm: &Vec3, offset_mm: &Vec3) -> Placed {
+        let point = Placed { nominal: self.lever(offset_mm), displacement: [0.0; 3] };
+        self.chain.tool_to_base(q_mm, point, |axis| self.carriage(q_mm, axis))
     }
 }

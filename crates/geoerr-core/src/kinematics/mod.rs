@@ -14,17 +14,26 @@
 
 mod batch;
 mod chain;
+mod channel;
+mod columns;
 mod directions;
+mod displacements;
 mod error_tables;
 mod machine;
+mod rig;
 mod rotation;
 mod table;
 mod vec3;
+mod walk;
 
-pub use batch::{BLOCK_ROWS, View, jacobians, positions};
+pub use batch::{BLOCK_ROWS, Points, View, jacobians, measured_from_base, positions, rig_columns};
 pub use chain::{Axis, Chain};
+pub use channel::{AxisPair, Carrier, Channel, RigError};
+pub use columns::ChannelColumns;
+pub use displacements::Displacements;
 pub use error_tables::{Component, ErrorTables, Squareness};
 pub use machine::MachineModel;
+pub use rig::{Pose, RigColumns, RigNumbers, rig_columns_at, rig_displacement};
 pub use table::Table;
 
 /// What cannot be turned into a machine model.
@@ -87,11 +96,36 @@ pub enum KinematicsError {
         /// The name.
         name: String,
     },
+    /// A name that is none of the channels.
+    #[error(
+        "{name:?} is not a channel: a joint error such as ECX, S_xy S_xz S_yz, tool-x, work-x, target-x, \
+         rig-scale, motion-x or one of their kin"
+    )]
+    UnknownChannel {
+        /// The name.
+        name: String,
+    },
+    /// A number that stands for no carrier.
+    #[error("{code} is not a carrier: 0 is the tool, 1 the work, 2 the base, 3 the tool seen from the work")]
+    UnknownCarrier {
+        /// The number.
+        code: u8,
+    },
     /// Target offsets that do not pair with positions.
     #[error("{n_offsets} offsets for {n_positions} positions: give one, or one for each")]
     OffsetCount {
         /// Number of offsets.
         n_offsets: usize,
+        /// Number of positions.
+        n_positions: usize,
+    },
+    /// Rows that do not pair with positions.
+    #[error("{n_found} {what} for {n_positions} positions: give one for each")]
+    RowCount {
+        /// What does not pair.
+        what: &'static str,
+        /// How many of it there are.
+        n_found: usize,
         /// Number of positions.
         n_positions: usize,
     },

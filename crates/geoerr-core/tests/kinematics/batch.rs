@@ -1,8 +1,12 @@
 //! Many rows at once: each as alone, the same bytes from any number of threads, wrong lengths refused.
 
-use geoerr_core::kinematics::{BLOCK_ROWS, KinematicsError, MachineModel, View, jacobians, positions};
+use geoerr_core::kinematics::{
+    BLOCK_ROWS, Carrier, Chain, Displacements, KinematicsError, MachineModel, Points, View, jacobians,
+    measured_from_base, positions, rig_columns,
+};
 use geoerr_core::newton::{Commands, Status, command_for, commands_for};
 
+use crate::displacements::{drawn_channels, drawn_pose};
 use crate::machines::{Draws, drawn_machine};
 
 fn rows(n: usize) -> Vec<[f64; 3]> {
@@ -88,4 +92,53 @@ fn offsets_must_pair() {
     let refused = Err(KinematicsError::OffsetCount { n_offsets: 0, n_positions: 3 });
     assert_eq!(jacobians(&machine, &rows(3), &[]), refused);
     assert_eq!(positions(&machine, View::ToolFromWork, &[], &[]), Ok(vec![]));
+}
+
+#[test]
+fn points_of_a_chain_each_as_alone_on_any_number_of_threads() {
+    let chain = Chain::parse("wXbYZt").unwrap();
+    let n = 2 * BLOCK_ROWS + 17;
+    let mut draws = Draws(32);
+    let (q, offsets) = (rows(n), rows(2 * n).split_off(n));
+    let carriers: Vec<Carrier> = (0..n).map(|row| Carrier::ALL[row % 4]).collect();
+    let channels: Vec<_> = (0..n).map(|_| drawn_channels(&mut draws, 0.1)).collect();
+    let rig: Vec<_> = (0..n).map(|_| std::array::from_fn(|_| 1e-3 * draws.symmetric())).collect();
+    let pose = drawn_pose(&mut draws);
+    let tool_offset_mm = [1.0, 2.0, 3.0];
+    let points =
+        Points { chain: &chain, tool_offset_mm, carriers: &carriers, q_mm: &q, offsets_mm: &offsets };
+    let run = |threads| {
+        on_threads(threads, || {
+            (
+                points.position(&channels).unwrap(),
+                points.displacement(&channels).unwrap(),
+                points.nominal().unwrap(),
+                points.channel_columns().unwrap(),
+                rig_columns(&pose, &q),
+                measured_from_base(&pose, &rig, &q).unwrap(),
+            )
+        })
+    };
+    let one = run(1);
+    for row in [0, 1, 2, 3, 2047, 2048, n - 1] {
+        let (carrier, q, offset) = (carriers[row], &q[row], &offsets[row]);
+        let d = Displacements::from_channels(&channels[row]);
+        assert_eq!(one.0[row], chain.position(carrier, q, offset, &tool_offset_mm, &d));
+        assert_eq!(one.1[row], chain.displacement(carrier, q, offset, &tool_offset_mm, &d));
+        assert_eq!(one.2[row], chain.nominal(carrier, q, offset, &tool_offset_mm));
+        assert_eq!(one.3[row], chain.channel_columns(carrier, q, offset, &tool_offset_mm));
+        assert_eq!(one.4[row], pose.rig_columns(q));
+        assert_eq!(one.5[row], pose.measured_from_base(&rig[row], q));
+    }
+    for threads in [2, 8] {
+        assert!(run(threads) == one, "{threads} threads");
+    }
+
+    let refused = |what| KinematicsError::RowCount { what, n_found: 5, n_positions: n };
+    let short = Points { carriers: &carriers[..5], ..points };
+    assert_eq!(short.nominal(), Err(refused("carriers")));
+    let short = Points { offsets_mm: &offsets[..5], ..points };
+    assert_eq!(short.channel_columns(), Err(refused("offsets")));
+    assert_eq!(points.position(&channels[..5]), Err(refused("channels")));
+    assert_eq!(measured_from_base(&pose, &rig[..5], &q), Err(refused("rig numbers")));
 }

@@ -4,6 +4,8 @@
 
 mod abbe;
 mod batch;
+mod columns;
+mod displacements;
 mod first_order;
 mod jacobian;
 mod machines;
