@@ -38,13 +38,25 @@ CHANNELS = JOINT_CHANNELS + SQUARENESS_CHANNELS + BODY_CHANNELS + RIG_CHANNELS
 
 # What an expression may use without the data holding a column of that name.
 HISTORY_NAMES = ("d", "s", "t_rev", "v", "a", "mean_v")
+# The place on the work that a row is about, in the work's own frame: (tx, ty) on `work`, else the place that the
+# target stands over, (x + tx, y + ty).
+PLACE_NAMES = ("bed_x", "bed_y")
+# Running number of the row's session, 0 for the first.
+SESSION_NAME = "session"
 RAW_VARIABLES = frozenset(
-    {*AXES, *(f"t{axis}" for axis in AXES), "t", *(f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES)}
+    {
+        *AXES,
+        *(f"t{axis}" for axis in AXES),
+        "t",
+        *(f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES),
+        *PLACE_NAMES,
+        SESSION_NAME,
+    }
 )
 FUNCTIONS = frozenset(
     {
         *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
-        *("exp", "log", "sqrt", "abs", "sign", "step", "min", "max", "lag", "windup"),
+        *("exp", "log", "sqrt", "abs", "sign", "step", "min", "max", "where", "lag", "windup"),
     }
 )
 CONSTANTS = frozenset({"pi"})
@@ -90,20 +102,48 @@ def is_effect_id(text: str) -> bool:
 
 
 def names_in(expression: str) -> tuple[str, ...]:
-    """Give the names that an expression mentions, functions and constants aside, each once, in order."""
-    found = (match[1] for match in _TOKEN.finditer(expression) if match[1])
-    return tuple(dict.fromkeys(name for name in found if name not in FUNCTIONS | CONSTANTS))
+    """Give the names that an expression mentions, functions and constants aside, each once, in order.
+
+    `windup` mentions the direction `d` and the travel `s` that it is a recursion over.
+    """
+    found: dict[str, None] = {}
+    for match in _TOKEN.finditer(expression):
+        name = match[1]
+        if name == "windup":
+            found |= {"d": None, "s": None}
+        elif name is not None and name not in FUNCTIONS | CONSTANTS:
+            found[name] = None
+    return tuple(found)
+
+
+def mentions(expression: str, function: str) -> bool:
+    """Tell whether an expression calls a function."""
+    return any(match[1] == function for match in _TOKEN.finditer(expression))
 
 
 @dataclass(frozen=True)
 class Plausible:
-    """A value that physics would give a parameter: `value` in the parameter's unit, `what` in words (`steel`)."""
+    """A value that physics would give a parameter.
+
+    Attributes
+    ----------
+    value
+        In the parameter's unit.
+    what
+        In words (`steel`).
+    within
+        How far from it still counts, as a part of it: makers and alloys differ, a screw's lead does not.
+    """
 
     value: float
     what: str
+    within: float = 0.05
 
     def __post_init__(self) -> None:
         _require(_is_finite(self.value), f"plausible value {self.value!r} is not a finite number")
+        _require(
+            _is_finite(self.within) and self.within >= 0.0, f"tolerance {self.within!r} is not a number from 0 up"
+        )
         _require(_is_text(self.what) and self.what != "", f"{self.what!r} does not say what the value is of")
 
 
@@ -184,7 +224,9 @@ class Parameter:
             "std": None if math.isnan(self.std) else self.std,
         }
         if self.plausible:
-            document["plausible"] = [{"value": item.value, "what": item.what} for item in self.plausible]
+            document["plausible"] = [
+                {"value": item.value, "what": item.what, "within": item.within} for item in self.plausible
+            ]
         if self.low is not None:
             document |= {"low": self.low, "high": self.high, "spacing": self.spacing}
         return document
@@ -202,8 +244,8 @@ class Parameter:
 
 
 def _plausible(entries: _Entries) -> Plausible:
-    value, what = entries.number("value"), entries.text("what")
-    return _checked(entries.path, entries.key, lambda: Plausible(value, what))
+    value, what, within = entries.number("value"), entries.text("what"), entries.number("within", Plausible.within)
+    return _checked(entries.path, entries.key, lambda: Plausible(value, what, within))
 
 
 @dataclass(frozen=True)
@@ -355,15 +397,18 @@ class Part:
         if self.basis is not None:
             return (self.basis.axis,)
         definitions = dict(self.definitions)
-        pending, seen = list(names_in(self.expression or "")), dict[str, None]()
+        pending, seen, has_lag = [self.expression or ""], dict[str, None](), False
         while pending:
-            name = pending.pop(0)
-            if name in seen:
-                continue
-            seen[name] = None
-            if name in definitions:
-                pending += names_in(definitions[name])
-        return tuple(name for name in seen if name not in definitions)
+            text = pending.pop(0)
+            has_lag = has_lag or mentions(text, "lag")
+            for name in names_in(text):
+                if name not in seen and name in definitions:
+                    pending.append(definitions[name])
+                seen[name] = None
+        names = [name for name in seen if name not in definitions]
+        # Inside lag() a speed is the mean speed since the previous row.
+        means = [f"mean_{name}" for name in names if has_lag and name.startswith("v_") and name in RAW_VARIABLES]
+        return tuple(dict.fromkeys(names + means))
 
     def to_document(self) -> dict[str, Any]:
         """Give plain values."""
