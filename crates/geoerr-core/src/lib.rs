@@ -5,6 +5,7 @@
 
 pub mod gcode;
 pub mod kinematics;
+pub mod least_squares;
 pub mod line;
 pub mod newton;
 pub mod straightness;

@@ -1,0 +1,23 @@
+//! Least squares: tall linear systems, what they determine, and how well.
+//!
+//! Rows come block by block ([`Design`]) and leave a [`Triangle`]; [`solve`] turns it into a [`Solution`] with rank, null
+//! space and covariance. The only place that knows faer. Work is cut into fixed blocks and merged in a fixed tree, so the
+//! bytes do not depend on the number of threads.
+
+mod blocks;
+mod dense;
+mod error;
+mod matrix;
+mod null_space;
+mod rank;
+mod restriction;
+mod solution;
+mod triangle;
+
+pub use blocks::{Blocks, Design, FnDesign, StoredDesign, design_fn};
+pub use error::LeastSquaresError;
+pub use matrix::Matrix;
+pub use rank::RankDecision;
+pub use restriction::Restriction;
+pub use solution::{Functional, Options, Solution, solve};
+pub use triangle::Triangle;
