@@ -3,6 +3,7 @@
 //! Lengths are millimetres and angles radians throughout; names carry the unit.
 //! Errors are actual minus nominal, of the tool as seen from the work.
 
+pub mod bases;
 pub mod gcode;
 pub mod kinematics;
 pub mod least_squares;
