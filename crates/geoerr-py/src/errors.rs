@@ -1,5 +1,6 @@
 //! Maps every error of the core to one exception of `geoerr.errors`, exhaustively and in one place.
 
+use geoerr_core::bases::BasisError;
 use geoerr_core::gcode;
 use geoerr_core::kinematics::KinematicsError;
 use geoerr_core::line::LineError;
@@ -54,6 +55,25 @@ impl From<KinematicsError> for CoreError {
             | E::UnknownErrorFunction { .. }
             | E::UnknownChannel { .. }
             | E::UnknownCarrier { .. } => GeometryError::new_err(message),
+        })
+    }
+}
+
+impl From<BasisError> for CoreError {
+    fn from(error: BasisError) -> Self {
+        use BasisError as E;
+        let message = error.to_string();
+        Self(match error {
+            E::Count { .. } | E::EvenNodes { .. } | E::TooFew { .. } | E::TooManyFunctions { .. } => {
+                ShapeError::new_err(message)
+            }
+            E::KnotRepeated { .. }
+            | E::NestedTangentIntegral
+            | E::NotFinite { .. }
+            | E::NotRising { .. }
+            | E::Period { .. }
+            | E::Position { .. }
+            | E::TooHigh { .. } => GeometryError::new_err(message),
         })
     }
 }

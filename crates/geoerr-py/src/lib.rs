@@ -4,6 +4,7 @@
 //! runs the core, and maps the core's errors to the family in `geoerr.errors`.
 
 mod arrays;
+mod bases;
 mod channels;
 mod core_door;
 mod errors;
@@ -18,6 +19,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    bases::register(module)?;
     channels::register(module)?;
     gcode::register(module)?;
     kinematics::register(module)?;

@@ -2,7 +2,6 @@
 
 /// Why a basis, a curve or a grid of elements is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum BasisError {
     /// A degree or order beyond what is held to rounding.
     #[error("{what} {found}: at most {most}")]
