@@ -256,7 +256,8 @@ class BasisSpec:
     ----------
     kind
         `bspline` (breakpoints `knots_mm`, `degree`), `polynomial` (`low_mm`, `high_mm`, `degree`),
-        `fourier` (`low_mm`, `period_mm`, `order`), or 1-D elements `linear`, `quadratic` (their nodes in `knots_mm`).
+        `fourier` (`low_mm`, `high_mm`, `period_mm`, `order`), or 1-D elements `linear`, `quadratic` (their nodes in
+        `knots_mm`).
     axis
         `x`, `y`, `z`: the position that it is a function of.
     knots_mm
@@ -347,7 +348,7 @@ class BasisSpec:
 _BASIS_FIELDS: Mapping[str, tuple[str, ...]] = {
     "bspline": ("knots_mm", "degree"),
     "polynomial": ("low_mm", "high_mm", "degree"),
-    "fourier": ("low_mm", "period_mm", "order"),
+    "fourier": ("low_mm", "high_mm", "period_mm", "order"),
     "linear": ("knots_mm",),
     "quadratic": ("knots_mm",),
 }
