@@ -12,14 +12,19 @@ PACKAGE = Path(geoerr.__file__).parent
 # Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
 BASE = {"errors", "files", "tables"}
 CORE = {"_core", "geometry"}
-TABLES = BASE | {"machine", "observations", "error_functions"}
+TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"model"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "files": {"errors"},
     "tables": BASE,
-    "machine": BASE,
+    "denavit_hartenberg": {"errors"},
+    "dobariya": {"denavit_hartenberg", "errors"},
+    "machine": BASE | {"denavit_hartenberg"},
+    "equations": {"errors", "machine"},
     "terms": BASE | {"machine"},
+    "bases": CORE | {"errors", "terms"},
+    "effects": TABLES | CORE | {"terms"},
     "observations": BASE,
     "error_functions": BASE | {"machine"},
     "geometry": CORE | {"errors"},

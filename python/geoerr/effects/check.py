@@ -1,0 +1,188 @@
+"""Checks of an effect as a whole: its names, its axes and every formula on every axis that it is for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from geoerr.effects.covariates import is_temperature_entry, temperature_entry
+from geoerr.effects.definitions import AXIS_NAMES, PAIR_NAMES, pair_of
+from geoerr.effects.description import PAIRS, FormSpec, PartSpec
+from geoerr.effects.effect import Effect
+from geoerr.effects.formula import check_formula
+from geoerr.errors import InputFileError, ShapeError
+from geoerr.machine import AXES, Axis, Machine
+from geoerr.terms import names_in
+
+# Formulas are expanded once for reading; ranges and sides do not matter for whether they can be read.
+_ANY_MACHINE = Machine("any", "wYbXZt", {axis: Axis((-50.0, 350.0)) for axis in AXES})
+_JOINT_CHANNELS = ("along", "across", "across-angle", "angular", "joint")
+_BODIES = ("tool", "work", "target")
+_SMOOTH_CHANNELS = ("along", "across", "angular")
+_FORMULA_HINT = "names, functions and signs that may stand in a formula: README.md of geoerr.effects"
+
+
+def check_effect(effect: Effect, path: str | Path) -> None:
+    """Refuse an effect that could not become a term on one of its axes.
+
+    Raises
+    ------
+    InputFileError
+        names the file, the effect, the key and the remedy; in a formula the place is marked.
+    """
+    check = _Check(effect, path)
+    if effect.is_smooth:
+        check.smooth()
+    if effect.is_smooth or effect.detector is not None:
+        return
+    for form in effect.forms:
+        check.covariates(form)
+        for part in form.parts:
+            check.joint_axes(part)
+            check.body_axes(part)
+            check.short_names(part)
+            check.temperature(form, part)
+    check.parameters()
+    for form in effect.forms:
+        check.directions(form)
+        for axis in effect.axes or (None,):
+            check.expansion(form, axis)
+
+
+@dataclass(frozen=True)
+class _Check:
+    """The checks of one effect of one file; each method refuses one kind of mistake."""
+
+    effect: Effect
+    path: str | Path
+
+    def refuse(self, key: str, problem: str, remedy: str | None = None) -> InputFileError:
+        return InputFileError(self.path, problem, column=f"effect {self.effect.id!r}: {key}", remedy=remedy)
+
+    def smooth(self) -> None:
+        if self.effect.channel not in _SMOOTH_CHANNELS:
+            remedy = f"choose one of {', '.join(_SMOOTH_CHANNELS)}"
+            raise self.refuse("channel", f"smooth functions are not for channel {self.effect.channel!r}", remedy)
+        if not self.effect.axes or not set(self.effect.axes) <= set(AXES):
+            raise self.refuse("axes", "smooth functions are of one axis", 'write axes = ["x", "y", "z"]')
+
+    def joint_axes(self, part: PartSpec) -> None:
+        """Check that a part on a joint has a moving axis, and a direction that fits it."""
+        axes = self.effect.axes
+        if part.channel not in _JOINT_CHANNELS:
+            return
+        if part.axis in PAIRS:
+            raise self.refuse("axis", f"a part on {part.channel} is of one axis, not {part.axis!r}")
+        if not axes and part.axis not in AXES:
+            raise self.refuse("axes", f"a part on {part.channel} needs a moving axis", 'write axes = ["x"]')
+        bodies = [axis for axis in axes if axis.startswith("work-")]
+        if bodies:
+            raise self.refuse("axes", f"{bodies[0]!r} is a direction of the work, not a moving axis")
+        if part.direction == "each" and not (axes and all("*" in axis for axis in axes)):
+            raise self.refuse("axes", 'direction "each" is for products of axes', 'write axes = ["x*y"]')
+        if part.axis == "second" and not all(pair_of(axis)[1] for axis in axes or (None,)):
+            raise self.refuse("axis", "a second axis needs pairs", 'write axes = ["xy"]')
+        needs_other = part.channel == "across" or (part.direction or "").startswith("angle-of-")
+        own = {"first": 0, "second": 1}
+        moving = {pair_of(axis)[own[part.axis]] for axis in axes} if part.axis in own else {part.axis}
+        if needs_other and part.direction is not None and part.direction[-1] in moving:
+            raise self.refuse("direction", f"{part.direction!r} is not across axis {part.direction[-1]}")
+
+    def body_axes(self, part: PartSpec) -> None:
+        """Check that a part elsewhere than on a joint has the direction or pair that it needs."""
+        axes = self.effect.axes
+        if part.channel in _JOINT_CHANNELS:
+            return
+        if part.axis == "second":
+            raise self.refuse("axis", f"a part on {part.channel} has no second axis", "name the axis")
+        if part.channel == "squareness" and part.axis not in PAIRS and not (axes and set(axes) <= set(PAIRS)):
+            raise self.refuse("axes", "squareness is of two axes", 'write axes = ["xy", "xz", "yz"]')
+        if part.channel in _BODIES and part.direction is None:
+            allowed = {f"work-{axis}" for axis in AXES} | (set() if part.channel == "work" else set(AXES))
+            if not axes or not set(axes) <= allowed:
+                remedy = 'write axes = ["x", "y", "z"], or direction = "z"'
+                raise self.refuse("axes", f"a displacement of the {part.channel} needs a direction", remedy)
+
+    def covariates(self, form: FormSpec) -> None:
+        if sum(map(is_temperature_entry, form.covariates)) > 1:
+            remedy = "use T for one, and the other's own name in the formula without listing it"
+            raise self.refuse("covariates", "names two temperatures, and T can be one of them only", remedy)
+
+    def temperature(self, form: FormSpec, part: PartSpec) -> None:
+        if "T" in names_in(part.expression) and temperature_entry(form) is None:
+            problem = "T stands in the formula, but covariates names no temperature"
+            raise self.refuse("expression", problem, 'write covariates = ["temp"]')
+
+    def short_names(self, part: PartSpec) -> None:
+        """Check that `q`, `d`, ... and `q_a`, `q_b`, ... belong to an axis that is there."""
+        axes = self.effect.axes
+        names = names_in(part.expression)
+        own = [name for name in names if name in AXIS_NAMES]
+        if own and (part.axis in PAIRS or (not axes and part.axis not in AXES)):
+            example = "x, y or z" if own[0] in ("q", "L") else f"{own[0]}_x"
+            remedy = f"write {example}, or name the axis (axes, or axis of the part)"
+            raise self.refuse("expression", f"{own[0]} belongs to an axis, and there is none here", remedy)
+        for name in names:
+            which = 0 if name.endswith("_a") else 1
+            if name in PAIR_NAMES and not (axes and all(pair_of(axis)[which] for axis in axes)):
+                raise self.refuse("expression", f"{name} belongs to a pair of axes", 'write axes = ["xy"]')
+        if "q_cross" in names and not (axes and set(axes) <= {"x", "y"}):
+            raise self.refuse("expression", "q_cross is the other of x and y", 'write axes = ["x", "y"]')
+
+    def parameters(self) -> None:
+        """Check that every part has a coefficient and that every parameter is used."""
+        effect = self.effect
+        if not effect.coefficients:
+            remedy = 'write [effect.coefficients.k] with unit = "..."'
+            raise self.refuse("coefficients", "an effect needs a linear coefficient", remedy)
+        linear = {spec.name for spec in effect.coefficients}
+        both = linear & {spec.name for spec in effect.inner}
+        if both:
+            raise self.refuse("inner", f"{min(both)} is a coefficient too", "keep one of them")
+        used: set[str] = set()
+        for part in (part for form in effect.forms for part in form.parts):
+            names = set(names_in(part.expression))
+            used |= names
+            if not names & linear:
+                remedy = f"multiply it by one of {', '.join(sorted(linear))}"
+                raise self.refuse("expression", f"{part.expression!r} has no coefficient", remedy)
+        for group, specs in (("coefficients", effect.coefficients), ("inner", effect.inner)):
+            for spec in specs:
+                if spec.name not in used:
+                    remedy = "use it, or take it out; check the spelling"
+                    raise self.refuse(f"{group}.{spec.name}", "stands in no formula", remedy)
+
+    def directions(self, form: FormSpec) -> None:
+        """Check that no coefficient is one number for each direction in one part and one number in another."""
+        linear = {spec.name for spec in self.effect.coefficients}
+        kinds: dict[str, set[bool]] = {}
+        for part in form.parts:
+            for name in linear.intersection(names_in(part.expression)):
+                kinds.setdefault(name, set()).add(_has_directions(part))
+        split = sorted(name for name, found in kinds.items() if len(found) > 1)
+        if split:
+            problem = f"{split[0]} is one number for each direction in one part, and one number in another"
+            raise self.refuse("expression", problem, "give the parts different coefficients, or write direction")
+
+    def expansion(self, form: FormSpec, axis: str | None) -> None:
+        """Expand the effect for one axis and have the core read each formula."""
+        entry = temperature_entry(form)
+        choice = None if entry is None else entry.split("|")[0]
+        covariate = "temp_a-temp_b" if choice == "temp-temp" else choice
+        try:
+            term = self.effect.term(axis, covariate, _ANY_MACHINE, form=form.name)
+        except ShapeError as error:
+            raise self.refuse("expression", str(error)) from error
+        coefficients = [parameter.name for parameter in term.coefficients]
+        inner = [parameter.name for parameter in term.inner]
+        for part in term.parts:
+            variables = [name for name in part.names if name not in coefficients + inner]
+            problem = check_formula(part.expression or "", variables, coefficients, inner, part.definitions)
+            if problem is not None:
+                raise self.refuse("expression", problem, _FORMULA_HINT)
+
+
+def _has_directions(part: PartSpec) -> bool:
+    if part.direction == "each":
+        return True
+    return part.direction is None and part.channel in ("across", "across-angle", "angular")

@@ -1,0 +1,40 @@
+"""The one door to the core's parser: a formula is refused with its place marked before anything uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from geoerr import _core
+
+
+def check_formula(
+    text: str,
+    variables: Sequence[str],
+    coefficients: Sequence[str],
+    inner: Sequence[str],
+    definitions: Sequence[tuple[str, str]],
+) -> str | None:
+    """Parse a formula and throw the result away.
+
+    Parameters
+    ----------
+    text
+        The formula.
+    variables, coefficients, inner
+        Names that may stand in it.
+    definitions
+        Name and text pairs that are inlined.
+
+    Returns
+    -------
+    str or None
+        What is wrong with it, the place marked; None where nothing is.
+    """
+    parser = getattr(_core, "Expression", None)
+    if parser is None:
+        return None
+    try:
+        parser(text, list(variables), list(coefficients), list(inner), dict(definitions))
+    except ValueError as error:
+        return str(error)
+    return None
