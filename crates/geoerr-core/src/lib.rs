@@ -4,6 +4,7 @@
 //! Errors are actual minus nominal, of the tool as seen from the work.
 
 pub mod bases;
+pub mod expression;
 pub mod gcode;
 pub mod kinematics;
 pub mod least_squares;
@@ -11,3 +12,4 @@ pub mod line;
 pub mod newton;
 pub mod straightness;
 pub mod triangulate;
+pub mod volumetric;

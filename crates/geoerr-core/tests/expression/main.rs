@@ -1,0 +1,4 @@
+//! Formulas: values, derivatives, sequences, refusals, and texts from untrusted places.
+
+mod common;
+mod values;
