@@ -1,0 +1,89 @@
+//! The problem as a tall system for least squares: whitened design and residuals, block by block.
+
+use std::ops::Range;
+
+use super::problem::{Block, NUMBERS_OF_A_ROW};
+use super::{Problem, State, VolumetricError};
+use crate::least_squares::{Blocks, Design, Matrix};
+
+/// A block has at least so many rows for each of its columns: merging triangles then costs a fifth of making them.
+const BLOCK_WIDTHS: usize = 4;
+
+/// A block has at least so many rows: fewer do not pay for handing them to a thread.
+const LEAST_BLOCK: usize = 768;
+
+/// Whitened design of a problem at a state, with the whitened residuals as its right-hand side.
+///
+/// Rows of the system are three numbers for each sighting.
+#[derive(Debug)]
+pub struct WhitenedDesign<'a> {
+    block: Block<'a>,
+    whitened: Vec<[f64; 3]>,
+    row_scale: &'a [f64],
+}
+
+impl<'a> WhitenedDesign<'a> {
+    /// The system at `state`; each sighting counts with its `row_scale` (0 leaves it out).
+    ///
+    /// # Errors
+    /// [`VolumetricError::Length`], [`VolumetricError::Expression`].
+    pub fn new(
+        problem: &'a Problem,
+        state: &'a State,
+        residuals_mm: &[[f64; 3]],
+        row_scale: &'a [f64],
+    ) -> Result<Self, VolumetricError> {
+        let needed = problem.n_rows();
+        for (what, found) in [("row_scale", row_scale.len()), ("residuals_mm", residuals_mm.len())] {
+            if found != needed {
+                return Err(VolumetricError::Length { what, found, needed });
+            }
+        }
+        let mut whitened = problem.whitened(residuals_mm);
+        for (row, scale) in whitened.iter_mut().zip(row_scale) {
+            *row = row.map(|value| value * scale);
+        }
+        Ok(Self { block: problem.blocks(state)?, whitened, row_scale })
+    }
+
+    /// Cuts of the system after so many sightings each.
+    ///
+    /// # Errors
+    /// [`VolumetricError::LeastSquares`] where the starts do not rise.
+    pub fn blocks_at(&self, first_sightings: &[usize]) -> Result<Blocks, VolumetricError> {
+        let starts: Vec<usize> = first_sightings.iter().map(|row| row * NUMBERS_OF_A_ROW).collect();
+        Ok(Blocks::starting_at(&starts, self.n_rows())?)
+    }
+}
+
+impl Design for WhitenedDesign<'_> {
+    type Error = VolumetricError;
+
+    fn n_rows(&self) -> usize {
+        NUMBERS_OF_A_ROW * self.whitened.len()
+    }
+
+    fn n_columns(&self) -> usize {
+        self.block.n_columns()
+    }
+
+    fn fill(&self, rows: Range<usize>, block: &mut Matrix) -> Result<(), VolumetricError> {
+        let sightings = rows.start / NUMBERS_OF_A_ROW..rows.end / NUMBERS_OF_A_ROW;
+        let height = rows.len();
+        let (columns, rhs) = block.as_mut_slice().split_at_mut(height * self.n_columns());
+        self.block.fill(sightings.clone(), self.row_scale, columns);
+        for (out, value) in rhs.iter_mut().zip(self.whitened[sightings].iter().flatten()) {
+            *out = *value;
+        }
+        Ok(())
+    }
+
+    /// Whole sightings in every block, and each block large against its width.
+    fn blocks(&self) -> Blocks {
+        let n_rows = self.n_rows();
+        let height =
+            (BLOCK_WIDTHS * (self.n_columns() + 1)).max(LEAST_BLOCK).next_multiple_of(NUMBERS_OF_A_ROW);
+        let starts: Vec<usize> = (0..n_rows).step_by(height).collect();
+        Blocks::starting_at(&starts, n_rows).unwrap_or_else(|_| Blocks::uniform(n_rows, self.n_columns() + 1))
+    }
+}
