@@ -1,5 +1,6 @@
 """What the Rust core offers to the package; `geoerr.*` is the public face."""
 
+from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
@@ -123,6 +124,71 @@ class Hexahedra:
     ) -> Hexahedra: ...
     def __len__(self) -> int: ...
     def evaluate(self, q_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+
+@final
+class Expression:
+    """A parsed formula; `columns` is (k, n): one row for each of `variables`, C-contiguous float64.
+
+    `starts` are the first rows of sequences (empty: one sequence), `t` the times in s (None: the number of the row).
+    """
+
+    def __new__(
+        cls,
+        text: str,
+        variables: Sequence[str],
+        coefficients: Sequence[str],
+        inner: Sequence[str],
+        definitions: dict[str, str],
+    ) -> Expression: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def variables_used(self) -> list[str]: ...
+    @property
+    def coefficients_used(self) -> list[str]: ...
+    @property
+    def needs_order(self) -> bool: ...
+    def evaluate(
+        self,
+        columns: npt.NDArray[np.float64],
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t: npt.NDArray[np.float64] | None,
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+    def coefficient_columns(
+        self,
+        columns: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t: npt.NDArray[np.float64] | None,
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+    def inner_derivatives(
+        self,
+        columns: npt.NDArray[np.float64],
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t: npt.NDArray[np.float64] | None,
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+    def position_derivatives(
+        self,
+        columns: npt.NDArray[np.float64],
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t: npt.NDArray[np.float64] | None,
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+    def evaluate_at(
+        self,
+        point: npt.NDArray[np.float64],
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+    ) -> tuple[float, npt.NDArray[np.float64]]: ...
 
 def triangulate(
     projection_left: npt.NDArray[np.float64],

@@ -84,6 +84,30 @@ def _rebuild_input_file_error(
     return InputFileError(path, problem, row=row, column=column, remedy=remedy)
 
 
+class ExpressionError(GeoerrError, ValueError):
+    """A formula that is refused: the message shows the place.
+
+    Parameters
+    ----------
+    message
+        What is wrong, the line of the formula, and carets under the place.
+    text
+        The formula, or the text of the definition that holds the problem.
+    start, end
+        The place: `text[start:end]`, empty where something is missing.
+    """
+
+    def __init__(self, message: str, text: str, start: int, end: int) -> None:
+        self.text = text
+        self.start = start
+        self.end = end
+        super().__init__(message)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle by parts, so that the error survives the way back from a worker process."""
+        return (ExpressionError, (str(self), self.text, self.start, self.end))
+
+
 class GcodeError(GeoerrError, ValueError):
     """A program that cannot be compensated safely: says line, text and remedy."""
 

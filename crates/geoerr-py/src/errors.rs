@@ -1,6 +1,7 @@
 //! Maps every error of the core to one exception of `geoerr.errors`, exhaustively and in one place.
 
 use geoerr_core::bases::BasisError;
+use geoerr_core::expression::{ExpressionError as FormulaError, RowsError};
 use geoerr_core::gcode;
 use geoerr_core::kinematics::KinematicsError;
 use geoerr_core::line::LineError;
@@ -12,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 use pyo3::{PyErr, PyTypeInfo, import_exception};
 
+import_exception!(geoerr.errors, ExpressionError);
 import_exception!(geoerr.errors, GcodeError);
 import_exception!(geoerr.errors, GeoerrError);
 import_exception!(geoerr.errors, GeometryError);
@@ -75,6 +77,22 @@ impl From<BasisError> for CoreError {
             | E::Position { .. }
             | E::TooHigh { .. } => GeometryError::new_err(message),
         })
+    }
+}
+
+/// The place is given in characters, as Python counts them.
+impl From<FormulaError> for CoreError {
+    fn from(error: FormulaError) -> Self {
+        let message = error.to_string();
+        let characters = |byte: usize| error.text.get(..byte).map_or(0, |before| before.chars().count());
+        let (start, end) = (characters(error.span.start), characters(error.span.end));
+        Self(ExpressionError::new_err((message, error.text.clone(), start, end)))
+    }
+}
+
+impl From<RowsError> for CoreError {
+    fn from(error: RowsError) -> Self {
+        Self(ShapeError::new_err(error.to_string()))
     }
 }
 

@@ -8,6 +8,7 @@ mod bases;
 mod channels;
 mod core_door;
 mod errors;
+mod expression;
 mod gcode;
 mod kinematics;
 mod line;
@@ -21,6 +22,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     bases::register(module)?;
     channels::register(module)?;
+    expression::register(module)?;
     gcode::register(module)?;
     kinematics::register(module)?;
     line::register(module)?;

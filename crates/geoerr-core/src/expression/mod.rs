@@ -56,6 +56,7 @@ mod syntax;
 mod tape;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 pub use error::{ExpressionError, Problem, RowsError};
 pub use rows::Rows;
@@ -106,7 +107,7 @@ impl<N: Into<String>, T: Into<String>> FromIterator<(N, T)> for Definitions {
     }
 }
 
-/// A formula, ready to be evaluated. Immutable: any number of threads may use it.
+/// A formula, ready to be evaluated. Immutable: any number of threads may use it; a clone shares it.
 ///
 /// # Examples
 /// ```
@@ -132,6 +133,11 @@ impl<N: Into<String>, T: Into<String>> FromIterator<(N, T)> for Definitions {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Expression {
+    shared: Arc<Compiled>,
+}
+
+#[derive(Debug)]
+struct Compiled {
     text: String,
     symbols: Symbols,
     variables_used: Vec<usize>,
@@ -193,7 +199,7 @@ impl Expression {
         let columns: Vec<Term> = (parts.iter())
             .filter_map(|&(index, node)| index.map(|slot| Term { slot, coefficient: None, node }))
             .collect();
-        Ok(Self {
+        let compiled = Compiled {
             text: text.to_owned(),
             symbols: symbols.clone(),
             variables_used,
@@ -203,42 +209,43 @@ impl Expression {
             by_inner: Tape::compile(&graph, symbols.inner.len(), &by_inner),
             by_position: Tape::compile(&graph, 3, &by_position),
             point: PointTape::compile(&single, &single_parts, &gradient),
-        })
+        };
+        Ok(Self { shared: Arc::new(compiled) })
     }
 
     /// The formula as it was written.
     pub fn text(&self) -> &str {
-        &self.text
+        &self.shared.text
     }
 
     /// The names that it was parsed with.
     pub fn symbols(&self) -> &Symbols {
-        &self.symbols
+        &self.shared.symbols
     }
 
     /// Names of the coefficients, used or not: the order of the columns.
     pub fn coefficients(&self) -> &[String] {
-        &self.symbols.coefficients
+        &self.shared.symbols.coefficients
     }
 
     /// Names of the inner parameters, used or not.
     pub fn inner(&self) -> &[String] {
-        &self.symbols.inner
+        &self.shared.symbols.inner
     }
 
     /// Names of the variables that the formula needs, in the order of the symbols; inside `lag()` the mean speeds.
     pub fn variables_used(&self) -> impl Iterator<Item = &str> {
-        self.variables_used.iter().map(|&index| self.symbols.variables[index].as_str())
+        self.shared.variables_used.iter().map(|&index| self.shared.symbols.variables[index].as_str())
     }
 
     /// Indices of the coefficients that the formula uses, rising; the columns of the others are 0.
     pub fn coefficients_used(&self) -> &[usize] {
-        &self.coefficients_used
+        &self.shared.coefficients_used
     }
 
     /// Whether a row's value depends on the rows before it (`lag`, `windup`).
     pub fn needs_order(&self) -> bool {
-        self.value.has_memory()
+        self.shared.value.has_memory()
     }
 
     /// `∂f/∂θ_j` for the rows of a range, column after column: `out` has `n_coefficients · range.len()` numbers.
@@ -254,7 +261,7 @@ impl Expression {
         inner: &[f64],
         out: &mut [f64],
     ) -> Result<(), RowsError> {
-        self.run(&self.columns, rows, range, None, inner, out)
+        self.run(&self.shared.columns, rows, range, None, inner, out)
     }
 
     /// The value for the rows of a range.
@@ -269,7 +276,7 @@ impl Expression {
         inner: &[f64],
         out: &mut [f64],
     ) -> Result<(), RowsError> {
-        self.run(&self.value, rows, range, Some(coefficients), inner, out)
+        self.run(&self.shared.value, rows, range, Some(coefficients), inner, out)
     }
 
     /// `∂f/∂φ_m` for the rows of a range, column after column: `out` has `n_inner · range.len()` numbers.
@@ -284,7 +291,7 @@ impl Expression {
         inner: &[f64],
         out: &mut [f64],
     ) -> Result<(), RowsError> {
-        self.run(&self.by_inner, rows, range, Some(coefficients), inner, out)
+        self.run(&self.shared.by_inner, rows, range, Some(coefficients), inner, out)
     }
 
     /// `∂f/∂x, ∂f/∂y, ∂f/∂z` by the row's own position, column after column: `out` has `3 · range.len()` numbers.
@@ -299,7 +306,7 @@ impl Expression {
         inner: &[f64],
         out: &mut [f64],
     ) -> Result<(), RowsError> {
-        self.run(&self.by_position, rows, range, Some(coefficients), inner, out)
+        self.run(&self.shared.by_position, rows, range, Some(coefficients), inner, out)
     }
 
     /// Value and gradient by x, y, z at one point (one number for each variable of the symbols), history settled:
@@ -313,22 +320,22 @@ impl Expression {
         coefficients: &[f64],
         inner: &[f64],
     ) -> Result<(f64, [f64; 3]), RowsError> {
-        let needed = self.symbols.variables.len();
+        let needed = self.shared.symbols.variables.len();
         if point.len() != needed {
             return Err(RowsError::VariableCount { needed, found: point.len() });
         }
         self.check_parameters(Some(coefficients), inner)?;
-        Ok(self.point.evaluate(point, coefficients, inner))
+        Ok(self.shared.point.evaluate(point, coefficients, inner))
     }
 
     fn check_parameters(&self, coefficients: Option<&[f64]>, inner: &[f64]) -> Result<(), RowsError> {
-        let needed = self.symbols.coefficients.len();
+        let needed = self.shared.symbols.coefficients.len();
         if let Some(coefficients) = coefficients
             && coefficients.len() != needed
         {
             return Err(RowsError::CoefficientCount { needed, found: coefficients.len() });
         }
-        let needed = self.symbols.inner.len();
+        let needed = self.shared.symbols.inner.len();
         if inner.len() != needed {
             return Err(RowsError::InnerCount { needed, found: inner.len() });
         }
@@ -344,7 +351,7 @@ impl Expression {
         inner: &[f64],
         out: &mut [f64],
     ) -> Result<(), RowsError> {
-        rows.check(&self.symbols.variables, &self.variables_used, &range)?;
+        rows.check(&self.shared.symbols.variables, &self.shared.variables_used, &range)?;
         self.check_parameters(coefficients, inner)?;
         let needed = tape.n_slots * range.len();
         if out.len() != needed {
