@@ -1,5 +1,18 @@
 """Bases of the error functions: built from their description, and chosen by evidence."""
 
 from geoerr.bases.build import basis_of
+from geoerr.bases.candidates import candidate_bases, in_words
+from geoerr.bases.choice import Choice, Score, choose_basis, choose_coarser_basis
+from geoerr.bases.hexahedra import HexahedronFit, fit_hexahedra
 
-__all__ = ["basis_of"]
+__all__ = [
+    "Choice",
+    "HexahedronFit",
+    "Score",
+    "basis_of",
+    "candidate_bases",
+    "choose_basis",
+    "choose_coarser_basis",
+    "fit_hexahedra",
+    "in_words",
+]

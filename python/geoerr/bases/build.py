@@ -14,8 +14,8 @@ def basis_of(spec: BasisSpec) -> _core.Basis:
     """Build the functions that a specification describes.
 
     Polynomials are Legendre polynomials of `(2q − low − high)/(high − low)`, Fourier functions
-    `1, cos ωq, sin ωq, cos 2ωq, ...` with `ω = 2π/period`; coefficients of elements are values at the nodes. Outside its
-    range a function keeps its end value.
+    `1, cos ωq, sin ωq, cos 2ωq, ...` with `ω = 2π/period`; coefficients of elements are values at the nodes. Outside
+    its range a function keeps its end value.
 
     Raises
     ------
