@@ -66,6 +66,9 @@ def read_json(path: str | Path) -> Any:
         raise InputFileError(
             path, f"not valid JSON: {error.msg} (character {error.colno})", row=error.lineno
         ) from error
+    except (ValueError, RecursionError) as error:
+        # A number of thousands of digits, or lists within lists without end.
+        raise InputFileError(path, f"not usable JSON: {error}") from error
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -75,6 +78,9 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputFileError(path, f"not valid TOML: {error}") from error
+    except (ValueError, RecursionError) as error:
+        # A number of thousands of digits, or tables within tables without end.
+        raise InputFileError(path, f"not usable TOML: {error}") from error
 
 
 def digest(path: str | Path) -> str:

@@ -43,6 +43,7 @@ def check_effect(effect: Effect, path: str | Path) -> None:
             check.short_names(part)
             check.temperature(form, part)
     check.parameters()
+    check.ranges()
     for form in effect.forms:
         check.directions(form)
         for axis in effect.axes or (None,):
@@ -151,6 +152,15 @@ class _Check:
                 if spec.name not in used:
                     remedy = "use it, or take it out; check the spelling"
                     raise self.refuse(f"{group}.{spec.name}", "stands in no formula", remedy)
+
+    def ranges(self) -> None:
+        """Check that a range `axis` has an axis to be the range of."""
+        for spec in self.effect.inner:
+            if spec.range == "axis" and not self.effect.axes:
+                remedy = "write x, y or z, or [low, high]"
+                raise self.refuse(
+                    f"inner.{spec.name}", "the range of the axis is asked for, and there is none", remedy
+                )
 
     def directions(self, form: FormSpec) -> None:
         """Check that no coefficient is one number for each direction in one part and one number in another."""

@@ -48,6 +48,27 @@ def temperature_choices(form: FormSpec, columns: Sequence[str]) -> tuple[str | N
     return tuple(found)
 
 
+def only_temperature(entry: str) -> str | None:
+    """Give the one column, or difference, that an entry allows; None where the reference has to say which."""
+    return None if entry in ("temp", "temp-temp") or "|" in entry else entry
+
+
+def temperature_problem(entry: str, covariate: str | None) -> str | None:
+    """Say why `T` cannot be what a reference asks for; None where it can."""
+    choices = entry.split("|")
+    if covariate in choices and covariate not in ("temp", "temp-temp"):
+        return None
+    if covariate is None:
+        return f"needs {_temperature_words(entry).replace('columns', 'columns as a difference')}"
+    columns = covariate.split("-")
+    others = [column for column in columns if not is_temperature(column)]
+    if others:
+        return f"cannot follow {others[0]!r}: temperature columns are named temp or temp_..."
+    if "temp" in choices or ("temp-temp" in choices and len(columns) == 2):
+        return None
+    return f"cannot follow {covariate!r}: it needs {_temperature_words(entry)}"
+
+
 def columns_wanting(form: FormSpec, parameters: Collection[str], columns: Sequence[str]) -> str | None:
     """Say in one sentence what the data lack for a form; None where they lack nothing.
 
@@ -83,7 +104,8 @@ def columns_wanting(form: FormSpec, parameters: Collection[str], columns: Sequen
 
 def split_lags(expression: str) -> tuple[str, str]:
     """Split a formula into what stands outside `lag(...)` and what stands inside."""
-    outside, inside = [], []
+    outside: list[str] = []
+    inside: list[str] = []
     depth, opened = 0, None
     for index, character in enumerate(expression):
         if character == "(":

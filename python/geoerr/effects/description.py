@@ -147,7 +147,7 @@ class Description:
     origin
         `built-in` or `user`.
     channel
-        As the entry says: of the first part, or of the smooth functions.
+        As the entry says: of the first part, or of the smooth functions; empty where a detector needs none.
     axes
         Axes or directions that it may be a candidate for; empty = none.
     forms

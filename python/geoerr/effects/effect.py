@@ -6,12 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoerr.effects.channels import Place, places
-from geoerr.effects.covariates import columns_wanting, temperature_choices, temperature_entry
+from geoerr.effects.covariates import (
+    columns_wanting,
+    only_temperature,
+    temperature_choices,
+    temperature_entry,
+    temperature_problem,
+)
 from geoerr.effects.definitions import pair_of, renamed, temperature_text, used_definitions
 from geoerr.effects.description import Description, FormSpec, ParameterSpec, PartSpec
 from geoerr.errors import InputFileError
 from geoerr.machine import AXES, Machine
-from geoerr.terms import BasisSpec, EffectReference, Parameter, Part, Term, names_in
+from geoerr.terms import SESSION_NAME, BasisSpec, EffectReference, Parameter, Part, Term, names_in
 
 # Time over which a jump is searched where the data's own span is not given: a day.
 DEFAULT_TIME_RANGE_S = (0.0, 86_400.0)
@@ -125,14 +131,17 @@ class Effect(Description):
             problem = "needs an axis" if axis is None else f"is not an effect of axis {axis!r}"
             raise InputFileError(str(reference), problem, remedy=remedy)
         chosen = self.form(form, covariate)
-        has_temperature = temperature_entry(chosen) is not None
-        if has_temperature and covariate is None:
-            remedy = f"write {self.id}{'' if axis is None else ':' + axis}@COLUMN, for example @temp_bed"
-            raise InputFileError(str(reference), "needs a temperature column", remedy=remedy)
-        if not has_temperature and covariate is not None:
-            if covariate not in chosen.covariates:
+        entry = temperature_entry(chosen)
+        if entry is None:
+            if covariate is not None and covariate not in chosen.covariates:
                 raise InputFileError(str(reference), f"does not follow {covariate!r}", remedy="leave the column out")
-            covariate = None
+            # The column is part of the name only where it says which form is meant.
+            return EffectReference(self.id, axis, None if covariate in self.forms[0].covariates else covariate)
+        covariate = covariate or only_temperature(entry)
+        problem = temperature_problem(entry, covariate)
+        if problem is not None:
+            example = EffectReference(self.id, axis, "temp_bottom-temp_top" if entry == "temp-temp" else "temp_bed")
+            raise InputFileError(str(reference), problem, remedy=f"write {example}, with your own column")
         return EffectReference(self.id, axis, covariate)
 
     def term(
@@ -267,7 +276,7 @@ class Effect(Description):
             for suffix in self._suffixes(place, n_sessions):
                 text = renamed(spec.expression, {name: _suffixed(name, suffix) for name in names})
                 if self.each_session:
-                    text = f"({text})*(session == {suffix.rpartition('_')[2]})"
+                    text = f"({text})*({SESSION_NAME} == {suffix.rpartition('_')[2]})"
                 found.append((place, Part(place.channel, text, definitions, factor=place.factor)))
         return found
 
@@ -279,8 +288,8 @@ class Effect(Description):
 
 def _default_basis(axis: str, machine: Machine) -> BasisSpec:
     low, high = machine.axes[axis].range_mm
-    knots = tuple(low + (high - low) * number / DEFAULT_SPANS for number in range(DEFAULT_SPANS)) + (high,)
-    return BasisSpec("bspline", axis, knots_mm=knots, degree=_CUBIC)
+    inside = (low + (high - low) * number / DEFAULT_SPANS for number in range(1, DEFAULT_SPANS))
+    return BasisSpec("bspline", axis, knots_mm=(low, *inside, high), degree=_CUBIC)
 
 
 def _suffixed(name: str, suffix: str) -> str:

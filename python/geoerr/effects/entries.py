@@ -1,4 +1,4 @@
-"""Entries of an effects file, taken out one by one: each refusal names the file, the effect, the key and what is right."""
+"""Entries of an effects file, taken out one by one: each refusal names file, effect, key and what is right."""
 
 from __future__ import annotations
 

@@ -118,6 +118,8 @@ def _channel(entries: Entries) -> str:
     parts = [*entries.tables("part"), *(part for form in entries.tables("form") for part in form.tables("part"))]
     if "channel" not in entries.content and parts:
         return parts[0].text("channel", choices=PART_CHANNELS)
+    if "channel" not in entries.content and "detector" in entries.content:
+        return ""
     return entries.text("channel", choices=PART_CHANNELS)
 
 
