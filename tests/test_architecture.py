@@ -28,7 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "observations": BASE,
     "error_functions": BASE | {"machine"},
     "geometry": CORE | {"errors"},
-    "model": TABLES | CORE,
+    "model": TABLES | CORE | {"terms", "bases", "effects"},
     "vision": TABLES | CORE,
     "identify": MODEL,
     "compensate": MODEL,

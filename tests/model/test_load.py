@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -37,14 +36,6 @@ def test_errors_are_told_by_suffix_or_content(tmp_path: Path, name: str) -> None
 def test_toml_without_its_suffix(tmp_path: Path) -> None:
     write_machine(tmp_path / "mine", machine())
     assert load_model(tmp_path / "mine").is_nominal
-
-
-@pytest.mark.parametrize("document", [{"schema": "geoerr-model/1", "machine": {}}, {"machine": {}, "channels": []}])
-def test_model_json_is_refused_by_name(tmp_path: Path, document: dict[str, object]) -> None:
-    path = tmp_path / "printer.json"
-    path.write_text(json.dumps(document))
-    with pytest.raises(InputFileError, match=r"printer\.json: is a model\.json.*\n.*errors\.json.*machine\.toml"):
-        load_model(path)
 
 
 @pytest.mark.parametrize(

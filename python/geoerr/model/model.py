@@ -1,4 +1,4 @@
-"""The model: where a machine with its errors really puts the tool, and what to command instead.
+"""The model object: composition, prediction with uncertainty, and the inverse.
 
 The kinematics are exact (full rotations, unit directions) and run in the core; here arrays are checked and names
 and signs are translated. Signs and frames: errors are actual minus nominal of the tool as seen from the work.
@@ -7,68 +7,46 @@ and signs are translated. Signs and frames: errors are actual minus nominal of t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
-from geoerr.error_functions import (
-    ALL_NAMES,
-    LI_SQUARENESS,
-    LINEAR_AND_ANGULAR,
-    SQUARENESS,
-    ErrorFunctions,
-    errors_from_document,
-    is_angular,
-)
-from geoerr.errors import GeoerrError, InputFileError, NotConvergedError, ShapeError
-from geoerr.files import read_json
-from geoerr.machine import AXES, Machine, read_machine
+from geoerr.bases import basis_of
+from geoerr.effects import catalogue
+from geoerr.error_functions import ErrorFunctions
+from geoerr.errors import GeoerrError, NotConvergedError, NotDeterminedError, ShapeError
+from geoerr.machine import AXES, Machine
+from geoerr.model.arrays import Numbers, contiguous, offsets, points
+from geoerr.model.commands import STATUS, Commands
+from geoerr.model.compile import Compiled, compile_terms, start_values
+from geoerr.model.conditions import OF_POSITION, Conditions, variables_of
+from geoerr.model.gauge import N_ENTRIES, MeanScale, mean_scales, tables_of_terms
+from geoerr.model.leave_out import names_left_out, terms_without
+from geoerr.model.record import FitRecord
+from geoerr.model.report import report_of
+from geoerr.model.tables import squareness_of_li_rad, terms_of_errors
+from geoerr.observations import CARRIERS
+from geoerr.terms import JOINT_CHANNELS, SQUARENESS_CHANNELS, EffectReference, Parameter, Term
 
-Numbers = npt.NDArray[np.float64]
+Carrier = Literal["tool", "work", "base", "relative"]
 
-ROLL = ("EAX", "EBY", "ECZ")
-POSITIONING = ("EXX", "EYY", "EZZ")
-GROUPS: dict[str, tuple[str, ...]] = {
-    "positioning": POSITIONING,
-    "straightness": tuple(n for n in LINEAR_AND_ANGULAR if not is_angular(n) and n not in POSITIONING),
-    "angular": tuple(n for n in LINEAR_AND_ANGULAR if is_angular(n)),
-    "pitch-yaw": tuple(n for n in LINEAR_AND_ANGULAR if is_angular(n) and n not in ROLL),
-    "roll": ROLL,
-    "squareness": SQUARENESS,
-}
-
-_STATUS = ("converged", "not converged", "not finite")
+# Products of parameters and columns cancel to about this part of their sizes where a direction has no effect: the
+# null space is known to the square root of the rounding, times the condition that still counts as determined.
+_NO_EFFECT = 1e-6
 
 
 @dataclass(frozen=True)
-class Commands:
-    """Commands for a batch of wanted positions; row i belongs to position i.
+class Correlation:
+    """Correlation of two parameters, named as `Model.parameter` takes them."""
 
-    Attributes
-    ----------
-    command_mm : (n, 3)
-        Axis positions to command; NaN where none was found.
-    remaining_mm : (n,)
-        Distance from the wanted position by the model: of the best command found where the iteration did not
-        converge, NaN where the position is not finite.
-    status : (n,) uint8
-        0 converged, 1 not converged, 2 not finite.
-    """
-
-    command_mm: Numbers
-    remaining_mm: Numbers
-    status: npt.NDArray[np.uint8]
-
-    @property
-    def is_converged(self) -> npt.NDArray[np.bool_]:
-        """Tell for each row whether its command is within the tolerance, (n,)."""
-        return np.asarray(self.status == 0)
+    first: str
+    second: str
+    value: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,80 +54,150 @@ class Model:
     """A machine and its errors.
 
     Positions go in as (n, 3) in mm, and offsets as (3,) for all rows, (n, 3), or None for the point itself.
-    Results do not depend on `threads` (0 = all cores).
+    Results do not depend on `threads` (0 = all cores). Where terms follow conditions (temperatures, direction of
+    approach, ...), `at` maps their names to one number for all rows or (n,) numbers; a temperature may also be
+    `"reference"`, the machine's reference temperature. Each row stands alone: histories are in their steady state.
 
     Attributes
     ----------
     machine
         The machine: its chain and tool offset.
     errors
-        Its errors; None for the nominal machine. An error that is not determined counts as 0.
+        Its errors as tables, or None. An error that is not determined counts as 0.
+    terms
+        Its errors as terms: bases and formulas on channels; they add to the tables. A fitted model has terms only.
+    record
+        What the fit of the terms knows: covariance, what is not determined, data, history.
 
     Raises
     ------
     GeometryError
         where a table is not increasing or not finite, or no three axes have the squarenesses.
+    ShapeError
+        where two terms have one id, or the record is not about these terms.
+    ExpressionError
+        where a formula cannot be read, naming the term and marking the place.
     """
 
     machine: Machine
     errors: ErrorFunctions | None = None
+    terms: tuple[Term, ...] = ()
+    record: FitRecord | None = None
 
     def __post_init__(self) -> None:
         """Compile the model, so that bad errors are refused here and not at the first question."""
-        _ = self._core
+        object.__setattr__(self, "terms", tuple(self.terms))
+        _ = (self._all, self._seen) if self.terms else self._core
+        if self.record is not None:
+            if self.errors is not None:
+                raise ShapeError("a record is about terms: a fitted model has no tables besides")
+            count = self._all.n_coefficients + self._all.n_inner
+            if self.record.n_parameters != count:
+                raise ShapeError(f"the record is about {self.record.n_parameters} parameters, the terms have {count}")
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle by parts: the compiled machine stays behind and is made again."""
-        return (Model, (self.machine, self.errors))
+        return (Model, (self.machine, self.errors, self.terms, self.record))
 
     @cached_property
     def _core(self) -> _core.MachineModel:
-        """The compiled machine, as the core and the G-code binding take it."""
+        """The compiled machine, as the inverse and the G-code binding take it."""
+        if self.terms:
+            raise GeoerrError(
+                "commands, derivatives and corrected programs are computed from tables, and this model has terms\n"
+                "hint: Model(machine, model.error_functions()) is this model's tables"
+            )
         functions = {} if self.errors is None else self.errors.functions
         tables = [
-            (name, _contiguous(function.position_mm), _contiguous(function.value))
+            (name, contiguous(function.position_mm), contiguous(function.value))
             for name, function in functions.items()
         ]
         return _core.MachineModel(
             self.machine.chain, self.machine.tool_offset_mm, squareness_of_li_rad(self.errors), tables
         )
 
+    @cached_property
+    def _all(self) -> Compiled:
+        """All terms, as the record counts their parameters."""
+        return compile_terms(self.machine, self.terms)
+
+    @cached_property
+    def _seen(self) -> Compiled:
+        """What moves the machine: tables and terms, without the rig's."""
+        return compile_terms(self.machine, self.all_machine_terms)
+
+    @property
+    def machine_terms(self) -> tuple[Term, ...]:
+        """Terms that move the machine: predicted and compensated."""
+        return tuple(term for term in self.terms if not term.is_rig)
+
+    @property
+    def rig_terms(self) -> tuple[Term, ...]:
+        """Terms of the measuring rig: they explain measurements, and the machine does not have them."""
+        return tuple(term for term in self.terms if term.is_rig)
+
+    @cached_property
+    def all_machine_terms(self) -> tuple[Term, ...]:
+        """The tables as terms (polygons), then `machine_terms`."""
+        return terms_of_errors(self.errors) + self.machine_terms
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Names that `at` has to give for a prediction."""
+        return tuple(name for name in self._seen.variables if name not in OF_POSITION)
+
     @property
     def is_nominal(self) -> bool:
-        """Tell whether the machine has no errors: every table and every squareness is absent or 0."""
-        return self._core.is_nominal
+        """Tell whether the machine has no errors: every table, squareness and coefficient is absent or 0."""
+        if not self.terms:
+            return self._core.is_nominal
+        has_only_terms_in_coefficients = all(
+            part.basis is not None or any(p.name in part.names for p in term.coefficients)
+            for term in self.machine_terms
+            for part in term.parts
+        )
+        coefficients, _ = start_values(self.all_machine_terms)
+        return has_only_terms_in_coefficients and not coefficients.any()
 
     @property
     def measured_range_mm(self) -> dict[str, tuple[float, float] | None]:
         """Give for each axis the range that all its error functions cover, None where there are none.
 
         A table with one entry is a constant and bounds nothing. Tables that do not overlap leave no range: the
-        first number is then above the second, and nothing is inside.
+        first number is then above the second, and nothing is inside. An axis without error functions has the range
+        of the data that the model was fitted to.
         """
         ranges: dict[str, tuple[float, float] | None] = dict.fromkeys(AXES)
-        for name, function in ({} if self.errors is None else self.errors.functions).items():
-            if len(function.position_mm) < 2:
+        for part in (part for term in self.all_machine_terms for part in term.parts):
+            if part.basis is None or part.channel not in JOINT_CHANNELS:
                 continue
-            axis = name[2].lower()
-            low, high = ranges[axis] or (-np.inf, np.inf)
-            ranges[axis] = (
-                max(low, float(function.position_mm[0])),
-                min(high, float(function.position_mm[-1])),
-            )
-        return ranges
+            first, last = basis_of(part.basis).range
+            low, high = ranges[part.basis.axis] or (-np.inf, np.inf)
+            ranges[part.basis.axis] = (max(low, first), min(high, last))
+        measured: Mapping[str, tuple[float, float]] = {} if self.record is None else self.record.range_mm
+        return {axis: measured.get(axis) if span is None else span for axis, span in ranges.items()}
 
     def knots_mm(self, axis: str) -> Numbers:
         """Give the positions (k,) of `x`, `y` or `z` where some error function has a kink, increasing."""
-        return self._core.knots_mm(AXES.index(axis))
+        if not self.terms:
+            return self._core.knots_mm(AXES.index(axis))
+        bases = [part.basis for term in self.all_machine_terms for part in term.parts if part.basis is not None]
+        kinks = [basis_of(basis).kinks() for basis in bases if basis.axis == axis]
+        return np.unique(np.concatenate([np.empty(0), *kinks]))
 
     def nominal_mm(self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None = None) -> Numbers:
         """Give where `tool_from_work` would be without errors, (n, 3): q + (tool offset + offset)."""
-        rows = _points(q_mm, "q_mm")
-        lever = np.asarray(self.machine.tool_offset_mm) + _offsets(offset_mm, len(rows))
+        rows = points(q_mm, "q_mm")
+        lever = np.asarray(self.machine.tool_offset_mm) + offsets(offset_mm, len(rows))
         return np.asarray(rows + lever)
 
     def tool_from_work(
-        self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None = None, *, threads: int = 0
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        at: Conditions | None = None,
+        threads: int = 0,
     ) -> Numbers:
         """Give the position of a point on the tool seen from the work, by the exact chain.
 
@@ -159,6 +207,8 @@ class Model:
             Commanded axis positions.
         offset_mm : (3,) or (n, 3)
             From the machine's tool point to the point, base axes; None for the tool point itself.
+        at
+            Conditions by name, where terms follow some.
 
         Returns
         -------
@@ -169,44 +219,98 @@ class Model:
         ------
         ShapeError
             where an array is not of this shape.
+        GeoerrError
+            naming conditions that are needed and not given, and parameters that have no value yet.
 
         Notes
         -----
         Li et al. 2023, Eqs. 6 to 8, with full rotations. Verified for all 24 chains against their first-order sums,
         against matrix products and against a second implementation with 40 digits.
         """
-        rows = _points(q_mm, "q_mm")
-        return self._core.tool_from_work(rows, _offsets(offset_mm, len(rows)), threads)
+        rows = points(q_mm, "q_mm")
+        if not self.terms:
+            return self._core.tool_from_work(rows, offsets(offset_mm, len(rows)), threads)
+        error_mm = self.displacement_mm(rows, offset_mm, at=at, threads=threads)
+        return self.nominal_mm(rows, offset_mm) + error_mm
 
-    def error_mm(self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None = None, *, threads: int = 0) -> Numbers:
+    def error_mm(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        at: Conditions | None = None,
+        threads: int = 0,
+    ) -> Numbers:
         """Give actual minus nominal position of the same point, (n, 3), with all its digits."""
-        rows = _points(q_mm, "q_mm")
-        return self._core.error_mm(rows, _offsets(offset_mm, len(rows)), threads)
+        rows = points(q_mm, "q_mm")
+        if not self.terms:
+            return self._core.error_mm(rows, offsets(offset_mm, len(rows)), threads)
+        return self.displacement_mm(rows, offset_mm, at=at, threads=threads)
 
     def tool_from_base(
-        self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None = None, *, threads: int = 0
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        at: Conditions | None = None,
+        threads: int = 0,
     ) -> Numbers:
         """Give the position of a point on the tool in the base frame, (n, 3): what a camera on the floor sees.
 
         `offset_mm` as for `tool_from_work`. Only the axes on the tool side move the point.
         """
-        rows = _points(q_mm, "q_mm")
-        return self._core.tool_from_base(rows, _offsets(offset_mm, len(rows)), threads)
+        rows = points(q_mm, "q_mm")
+        if not self.terms:
+            return self._core.tool_from_base(rows, offsets(offset_mm, len(rows)), threads)
+        moved = rows * [float(axis in self.machine.tool_axes) for axis in AXES]
+        nominal = moved + (np.asarray(self.machine.tool_offset_mm) + offsets(offset_mm, len(rows)))
+        return np.asarray(nominal + self.displacement_mm(rows, offset_mm, carrier="tool", at=at, threads=threads))
 
     def work_from_base(
-        self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None = None, *, threads: int = 0
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        at: Conditions | None = None,
+        threads: int = 0,
     ) -> Numbers:
         """Give the position of a point on the work in the base frame, (n, 3): what a camera on the floor sees.
 
         `offset_mm` counts from the base origin, at x = y = z = 0. Only the axes on the work side move the point.
         """
-        rows = _points(q_mm, "q_mm")
-        return self._core.work_from_base(rows, _offsets(offset_mm, len(rows)), threads)
+        rows = points(q_mm, "q_mm")
+        if not self.terms:
+            return self._core.work_from_base(rows, offsets(offset_mm, len(rows)), threads)
+        moved = rows * [float(axis in self.machine.work_axes) for axis in AXES]
+        nominal = offsets(offset_mm, len(rows)) - moved
+        return np.asarray(nominal + self.displacement_mm(rows, offset_mm, carrier="work", at=at, threads=threads))
+
+    def displacement_mm(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        carrier: Carrier = "relative",
+        at: Conditions | None = None,
+        threads: int = 0,
+    ) -> Numbers:
+        """Give actual minus nominal position of a target, (n, 3), by the exact chain and without the rig.
+
+        Parameters
+        ----------
+        q_mm, offset_mm, at
+            As for `tool_from_work`; on `work` the offset counts from the base origin.
+        carrier
+            What the target is fixed to: `tool`, `work` or `base`, seen from the floor, or `relative`, the tool seen
+            from the work.
+        """
+        rows = self._rows(q_mm, offset_mm, carrier, at)
+        return self._seen.core.displacements(*rows, *self._values, threads)
 
     def jacobian(self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None = None, *, threads: int = 0) -> Numbers:
         """Give d tool_from_work / d q, (n, 3, 3): row by component, column by axis; right-hand at a kink."""
-        rows = _points(q_mm, "q_mm")
-        return self._core.jacobian(rows, _offsets(offset_mm, len(rows)), threads)
+        rows = points(q_mm, "q_mm")
+        return self._core.jacobian(rows, offsets(offset_mm, len(rows)), threads)
 
     def commands_for(self, p_mm: npt.ArrayLike, tolerance_mm: float = 1e-6, threads: int = 0) -> Numbers:
         """Give the commands that put the tool point where it should be: the inverse of `tool_from_work`.
@@ -241,7 +345,7 @@ class Model:
         failed = np.flatnonzero(~commands.is_converged)
         if failed.size:
             row = failed[0]
-            what = _STATUS[commands.status[row]]
+            what = STATUS[commands.status[row]]
             left = "" if what == "not finite" else f", {commands.remaining_mm[row]:.3g} mm remain"
             others = f" (and {failed.size - 1} more)" if failed.size > 1 else ""
             raise NotConvergedError(
@@ -252,118 +356,324 @@ class Model:
 
     def try_commands_for(self, p_mm: npt.ArrayLike, tolerance_mm: float = 1e-6, threads: int = 0) -> Commands:
         """Do the same, row by row: a row without a command is NaN, has its status, and disturbs no other."""
-        targets = _points(p_mm, "p_mm") - np.asarray(self.machine.tool_offset_mm)
+        targets = points(p_mm, "p_mm") - np.asarray(self.machine.tool_offset_mm)
         return Commands(*self._core.commands_for(targets, tolerance_mm, threads))
 
-    def without(self, names: Iterable[str]) -> Model:
+    def prediction_covariance_mm2(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        carrier: Carrier = "relative",
+        at: Conditions | None = None,
+        threads: int = 0,
+    ) -> Numbers:
+        """Give the covariance of the predicted displacement, (n, 3, 3): J C Jᵀ, J first order at each row.
+
+        What the data do not determine is not in it: see `is_determined_at`.
+
+        Raises
+        ------
+        NotDeterminedError
+            where the model has no record of a fit, and so no covariance.
+        """
+        covariance = self._record_of_machine.covariance
+        columns = self._columns(q_mm, offset_mm, carrier, at, threads)
+        return np.asarray(np.einsum("nij,jk,nlk->nil", columns, covariance, columns, optimize=True))
+
+    def is_determined_at(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        carrier: Carrier = "relative",
+        at: Conditions | None = None,
+        threads: int = 0,
+    ) -> npt.NDArray[np.bool_]:
+        """Tell for each row whether the data determine its displacement, (n,).
+
+        It is determined where no direction of the null space moves the point: the row's columns are orthogonal to it.
+
+        Raises
+        ------
+        NotDeterminedError
+            where the model has no record of a fit.
+        """
+        null_space = self._record_of_machine.null_space
+        columns = self._columns(q_mm, offset_mm, carrier, at, threads)
+        moved = np.abs(columns @ null_space)
+        sizes = np.abs(columns) @ np.abs(null_space)
+        return np.asarray((moved <= _NO_EFFECT * sizes).all(axis=(1, 2)))
+
+    def contributions(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        carrier: Carrier = "relative",
+        at: Conditions | None = None,
+        threads: int = 0,
+    ) -> dict[str, Numbers]:
+        """Give what each term of the machine adds to the displacement, by id, (n, 3) in mm each.
+
+        First order: the channel's Jacobian times the channel's value. Their sum is the first-order prediction; what
+        `displacement_mm` has beyond it are products of errors (squareness of 5 mrad times an angle of 1 mrad over
+        400 mm is 2 µm).
+        """
+        carriers, rows, offset, variables, starts, t_s = self._rows(q_mm, offset_mm, carrier, at)
+        columns = _core.channel_columns(
+            self.machine.chain, carriers, rows, offset, self.machine.tool_offset_mm, threads
+        )[:, :_N_MACHINE_CHANNELS]
+        contributions = {}
+        for term in self.all_machine_terms:
+            compiled = compile_terms(self.machine, (term,))
+            places = [self._seen.variables.index(name) for name in compiled.variables]
+            own = np.ascontiguousarray(variables[places])
+            values = compiled.core.channel_values(
+                carriers, rows, offset, own, starts, t_s, *start_values((term,)), threads
+            )
+            contributions[term.id] = np.einsum("nc,ncb->nb", values[:, :_N_MACHINE_CHANNELS], columns)
+        return contributions
+
+    def error_functions(self, positions: int | Mapping[str, npt.ArrayLike] | None = None) -> ErrorFunctions:
+        """Give the errors as tables in errors.json's gauge, with uncertainties where the model has a record.
+
+        Parameters
+        ----------
+        positions
+            Number of entries, uniform over the measured range; or for each axis its positions. None: the tables that
+            the model was made of, or 41 entries.
+
+        Returns
+        -------
+        ErrorFunctions
+            Of every term that is a function of its own axis only (the 18 functions) or constant (squareness). Terms
+            that follow conditions or another axis are not in tables, and named in its notes.
+        """
+        if not self.terms and self.errors is not None and positions is None:
+            return self.errors
+        self._refuse_unknown()
+        record = None if self.record is None else self._record_of_machine
+        return tables_of_terms(
+            self.machine,
+            self.all_machine_terms,
+            record,
+            self.measured_range_mm,
+            N_ENTRIES if positions is None else positions,
+        )
+
+    def mean_scales(self) -> dict[str, MeanScale]:
+        """Give for each axis the slope of its positioning's least-squares line over the measured range."""
+        self._refuse_unknown()
+        record = None if self.record is None else self._record_of_machine
+        return mean_scales(self.machine, self.all_machine_terms, record, self.measured_range_mm)
+
+    def __add__(self, other: Term | EffectReference | str) -> Model:
+        """Give the model with one more term, or effect of the catalogue by its reference.
+
+        `model + "thermal-expansion:x@temp_bed"` is a model whose new parameters have no values yet.
+        A record is kept where the term says how uncertain it is (it counts as independent of the fit), and dropped
+        where it does not: a term that is yet to be fitted.
+        """
+        if isinstance(other, str | EffectReference):
+            effect, reference = catalogue().resolve(other)
+            other = effect.term(reference.axis, reference.covariate, self.machine)
+        if not isinstance(other, Term):
+            return NotImplemented
+        record = self.record
+        if record is not None:
+            record = _with_independent(record, self._all.n_coefficients, other)
+        return Model(self.machine, self.errors, (*self.terms, other), record)
+
+    def without(self, names: str | Iterable[str]) -> Model:
         """Give the model with some errors taken out (set to 0), for asking what they matter.
 
         Parameters
         ----------
         names
-            ISO names (`ECX`, `EC0Y`) and groups: `positioning`, `straightness`, `angular`, `pitch-yaw`, `roll`,
-            `squareness`.
+            One or more: ids of terms (`thermal-expansion:x@temp_bed`), ids of effects (all their terms), ISO names
+            (`ECX`, `EC0Y`) and groups: `positioning`, `straightness`, `angular`, `pitch-yaw`, `roll`, `squareness`.
+            ISO names and groups mean the 21 classic errors, not effects that act in the same place.
 
         Raises
         ------
         GeoerrError
-            for a name that is neither.
+            for a name that is none of these.
         """
-        out: set[str] = set()
-        for name in names:
-            if name not in GROUPS and name not in ALL_NAMES:
-                raise GeoerrError(
-                    f"{name!r} is neither one of the 21 errors nor a group of them\n"
-                    f"hint: groups are {', '.join(GROUPS)}; errors are named like ECX or EC0Y"
-                )
-            out.update(GROUPS.get(name, (name,)))
-        if self.errors is None:
+        wanted = (names,) if isinstance(names, str) else tuple(names)
+        out, left_out_terms = names_left_out(wanted, self.terms)
+        errors = self.errors
+        if errors is not None:
+            errors = dataclasses.replace(
+                errors,
+                functions={name: f for name, f in errors.functions.items() if name not in out},
+                squareness={name: s for name, s in errors.squareness.items() if name not in out},
+            )
+        if errors is None and not self.terms:
             return self
-        kept = dataclasses.replace(
-            self.errors,
-            functions={name: f for name, f in self.errors.functions.items() if name not in out},
-            squareness={name: s for name, s in self.errors.squareness.items() if name not in out},
+        kept, terms = terms_without(self.terms, out, left_out_terms)
+        record = None if self.record is None else self.record.selected(self._places(kept))
+        return Model(self.machine, errors, terms, record)
+
+    def parameter(self, name: str) -> Parameter:
+        """Give one parameter: value, uncertainty, unit, plausible values.
+
+        Parameters
+        ----------
+        name
+            Term and parameter, `thermal-expansion:x@temp_bed.alpha`.
+
+        Raises
+        ------
+        GeoerrError
+            where there is no such term or parameter, naming those that there are.
+        """
+        term_id, dot, own = name.rpartition(".")
+        by_id = {term.id: term for term in self.all_machine_terms + self.rig_terms}
+        term = by_id.get(term_id if dot else own)
+        if term is None:
+            raise GeoerrError(f"the model has no term {term_id or own!r}\nhint: its terms are {', '.join(by_id)}")
+        parameters = {parameter.name: parameter for parameter in term.coefficients + term.inner}
+        if not dot or own not in parameters:
+            known = ", ".join(f"{term.id}.{known}" for known in parameters)
+            raise GeoerrError(f"{name!r} names no parameter of {term.id}\nhint: write one of {known}")
+        return parameters[own]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of all parameters of the terms in the record's order: coefficients, then inner parameters."""
+        return tuple(f"{term.id}.{p.name}" for term in self.terms for p in term.coefficients) + tuple(
+            f"{term.id}.{p.name}" for term in self.terms for p in term.inner
         )
-        return Model(self.machine, kept)
 
+    def correlations(self, minimum: float = 0.8) -> tuple[Correlation, ...]:
+        """Give pairs of parameters of different terms, or of one formula, that are correlated, strongest first.
 
-def squareness_of_li_rad(errors: ErrorFunctions | None) -> tuple[float, float, float]:
-    """Give (S_xy, S_xz, S_yz), included angles minus 90°, from the ISO signs of `errors`; absent ones are 0."""
-    li = dict.fromkeys(("S_xy", "S_xz", "S_yz"), 0.0)
-    for name, squareness in ({} if errors is None else errors.squareness).items():
-        symbol, sign = LI_SQUARENESS[name]
-        li[symbol] = sign * squareness.value_rad
-    return li["S_xy"], li["S_xz"], li["S_yz"]
+        Coefficients of one basis are neighbours on one curve: their correlation says nothing, and is left out.
 
+        Parameters
+        ----------
+        minimum
+            Smallest size of a correlation to give.
 
-def load_model(path: str | Path) -> Model:
-    """Read what a command takes as MODEL: errors.json, or machine.toml for the nominal machine.
-
-    The suffix tells which; where it is neither `.json` nor `.toml`, the first character does (JSON begins with `{`).
-
-    Raises
-    ------
-    InputFileError
-        for a file that is neither, or not as it should be.
-    """
-    if not _is_json(Path(path)):
-        return Model(read_machine(path))
-    document = read_json(path)
-    if _is_fitted_model(document):
-        raise InputFileError(
-            path,
-            "is a model.json, which this version cannot read",
-            remedy="this version reads errors.json (from `geoerr identify`) and machine.toml",
+        Raises
+        ------
+        NotDeterminedError
+            where the model has no record of a fit.
+        """
+        record = self._checked_record()
+        has_basis = [any(part.basis is not None for part in term.parts) for term in self.terms]
+        owners = [place for place, term in enumerate(self.terms) for _ in term.coefficients]
+        owners += [place for place, term in enumerate(self.terms) for _ in term.inner]
+        owner, on_basis = np.array(owners, dtype=np.int64), np.array(has_basis, dtype=bool)
+        std = record.std
+        product = np.multiply.outer(std, std)
+        value = np.divide(record.covariance, product, out=np.zeros_like(product), where=product > 0.0)
+        of_one_curve = (owner[:, None] == owner[None, :]) & on_basis[owner][:, None]
+        first, second = np.nonzero(np.triu(np.abs(value) >= minimum, 1) & ~of_one_curve)
+        order = np.argsort(-np.abs(value[first, second]), kind="stable")
+        names = self.parameter_names
+        return tuple(
+            Correlation(names[i], names[j], float(value[i, j]))
+            for i, j in zip(first[order].tolist(), second[order].tolist(), strict=True)
         )
-    errors = errors_from_document(document, path)
-    return Model(errors.machine, errors)
+
+    def report(self) -> str:
+        """Give the model in words and numbers, at most 100 columns wide: what is known, and what is not."""
+        return report_of(self)
+
+    def _rows(
+        self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None, carrier: Carrier, at: Conditions | None
+    ) -> tuple[npt.NDArray[np.uint8], Numbers, Numbers, Numbers, npt.NDArray[np.int64], None]:
+        """Give rows as the core takes them; each is a sequence of its own."""
+        rows = points(q_mm, "q_mm")
+        if carrier not in CARRIERS:
+            raise GeoerrError(f"{carrier!r} carries no target\nhint: carriers are {', '.join(CARRIERS)}")
+        offset = contiguous(np.broadcast_to(offsets(offset_mm, len(rows)), rows.shape))
+        variables = variables_of(self._seen.variables, self.machine, rows, offset, at, carrier=carrier)
+        carriers = np.full(len(rows), CARRIERS.index(carrier), dtype=np.uint8)
+        return carriers, rows, offset, variables, np.arange(len(rows), dtype=np.int64), None
+
+    def _columns(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None,
+        carrier: Carrier,
+        at: Conditions | None,
+        threads: int,
+    ) -> Numbers:
+        """Give d displacement / d parameters of the machine's terms, (n, 3, m)."""
+        return self._seen.core.columns(*self._rows(q_mm, offset_mm, carrier, at), *self._values, threads)
+
+    @property
+    def _values(self) -> tuple[Numbers, Numbers]:
+        """Coefficients and inner parameters of what moves the machine."""
+        self._refuse_unknown()
+        return start_values(self.all_machine_terms)
+
+    @property
+    def has_values(self) -> bool:
+        """Tell whether every parameter of the machine's terms has a value: whether the model can predict."""
+        return not self._unknown()
+
+    def _unknown(self) -> list[str]:
+        return [
+            f"{term.id}.{parameter.name}"
+            for term in self.machine_terms
+            for parameter in term.coefficients + term.inner
+            if np.isnan(parameter.value)
+        ]
+
+    def _refuse_unknown(self) -> None:
+        unknown = self._unknown()
+        if unknown:
+            more = f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
+            raise GeoerrError(
+                f"{', '.join(unknown[:3])}{more}: no value yet\n"
+                "hint: fit the model to measurements, or leave the term out"
+            )
+
+    def _checked_record(self) -> FitRecord:
+        if self.record is None:
+            raise NotDeterminedError(
+                "the model has no covariance of its parameters: it was not fitted here\n"
+                "hint: fit it to measurements with `geoerr fit`"
+            )
+        return self.record
+
+    @cached_property
+    def _record_of_machine(self) -> FitRecord:
+        """The record of the machine's terms, in their order."""
+        places = [place for place, term in enumerate(self.terms) if not term.is_rig]
+        return self._checked_record().selected(self._places({place: None for place in places}))
+
+    def _places(self, kept: Mapping[int, object]) -> list[int]:
+        """Give the places, in the record's order, of the parameters of some terms (by number)."""
+        coefficients = [place for number in kept for place in _range(self._all.coefficient_slices[number])]
+        first = self._all.n_coefficients
+        return coefficients + [first + place for number in kept for place in _range(self._all.inner_slices[number])]
 
 
-def _is_json(path: Path) -> bool:
-    suffix = path.suffix.lower()
-    if suffix in (".json", ".toml"):
-        return suffix == ".json"
-    try:
-        with path.open("rb") as stream:
-            return stream.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
-    except OSError:
-        # The reader says what is wrong with the file.
-        return False
+_N_MACHINE_CHANNELS = len(JOINT_CHANNELS) + len(SQUARENESS_CHANNELS) + 9
 
 
-def _is_fitted_model(document: Any) -> bool:
-    """Tell a model.json by what only it has: channels with their expressions."""
-    if not isinstance(document, dict):
-        return False
-    schema = document.get("schema")
-    return "channels" in document or (isinstance(schema, str) and schema.startswith("geoerr-model"))
+def _range(places: slice) -> range:
+    return range(places.start, places.stop)
 
 
-def _contiguous(values: npt.ArrayLike) -> Numbers:
-    return np.ascontiguousarray(values, dtype=np.float64)
-
-
-def _points(values: npt.ArrayLike, name: str) -> Numbers:
-    points = _as_numbers(values, name)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ShapeError(f"{name} must be (n, 3), not {points.shape}")
-    return points
-
-
-def _offsets(values: npt.ArrayLike | None, n_rows: int) -> Numbers:
-    """One row for all, or one a row."""
-    if values is None:
-        return np.zeros((1, 3))
-    offsets = _as_numbers(values, "offset_mm")
-    if offsets.shape == (3,):
-        return offsets.reshape(1, 3)
-    if offsets.shape != (n_rows, 3):
-        raise ShapeError(f"offset_mm must be (3,) or ({n_rows}, 3), not {offsets.shape}")
-    return offsets
-
-
-def _as_numbers(values: npt.ArrayLike, name: str) -> Numbers:
-    try:
-        return _contiguous(values)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} is not an array of numbers: {error}") from error
+def _with_independent(record: FitRecord, n_coefficients: int, term: Term) -> FitRecord | None:
+    """Give the record with a term's parameters behind their kind; None where their uncertainty is not stated."""
+    coefficients = [parameter.std for parameter in term.coefficients]
+    inner = [0.0 if parameter.is_fixed else parameter.std for parameter in term.inner]
+    if np.isnan([*coefficients, *inner]).any():
+        return None
+    old = record.n_parameters
+    places = np.concatenate([np.arange(n_coefficients), np.arange(n_coefficients, old) + len(coefficients)])
+    size = old + len(coefficients) + len(inner)
+    covariance = np.diag(np.zeros(size))
+    covariance[np.ix_(places, places)] = record.covariance
+    new = [*range(n_coefficients, n_coefficients + len(coefficients)), *range(size - len(inner), size)]
+    covariance[new, new] = np.square([*coefficients, *inner])
+    null_space = np.zeros((size, record.null_space.shape[1]))
+    null_space[places] = record.null_space
+    return dataclasses.replace(record, covariance=covariance, null_space=null_space)

@@ -1,0 +1,114 @@
+"""Conditions of a prediction: covariates and history variables that terms need, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.errors import GeoerrError, ShapeError
+from geoerr.machine import AXES, Machine
+from geoerr.model.arrays import Numbers, as_numbers
+from geoerr.terms import PLACE_NAMES
+
+REFERENCE: Literal["reference"] = "reference"
+
+# Name to one number for all rows, (n,) numbers, or `reference`: for a temperature the machine's own reference.
+Conditions: TypeAlias = Mapping[str, npt.ArrayLike | str]
+
+# What a row's own position and offset give.
+OF_POSITION = (*AXES, *(f"t{axis}" for axis in AXES), *PLACE_NAMES)
+_MEANING = {
+    "d": "the direction of approach, 1 or -1",
+    "s": "the travel since the last reversal, mm",
+    "t_rev": "the time since the last reversal, s",
+    "v": "the signed speed, mm/s",
+    "a": "the signed acceleration, mm/s²",
+    "mean_v": "the mean speed since the previous row, mm/s",
+}
+
+
+def is_temperature(name: str) -> bool:
+    """Tell whether a column is a temperature, by its name: `temp` or `temp_...`."""
+    return name == "temp" or name.startswith("temp_")
+
+
+def variables_of(
+    names: Sequence[str],
+    machine: Machine,
+    q_mm: Numbers,
+    offset_mm: Numbers,
+    at: Conditions | None,
+    *,
+    carrier: str = "relative",
+) -> Numbers:
+    """Give the core's variables (k, n), k as in `names`.
+
+    Parameters
+    ----------
+    names
+        Raw variables and covariates, as compiled.
+    q_mm : (n, 3)
+        Axis positions: `x y z`.
+    offset_mm : (n, 3)
+        Target offsets: `tx ty tz`.
+    carrier
+        What the target is fixed to: `bed_x bed_y` is the place on the work that it is, or stands over.
+    at
+        The rest. Within `lag()` the mean speed is the speed itself, if it is not given: a steady state.
+
+    Raises
+    ------
+    GeoerrError
+        naming every condition that is needed and not given.
+    ShapeError
+        for a condition that is neither a number nor one number a row.
+    """
+    given = {} if at is None else dict(at)
+    for axis in AXES:
+        if f"v_{axis}" in given:
+            given.setdefault(f"mean_v_{axis}", given[f"v_{axis}"])
+    missing = [name for name in names if name not in OF_POSITION and name not in given]
+    if missing:
+        raise GeoerrError(_refusal(missing, machine))
+    n_rows = len(q_mm)
+    place_mm = offset_mm if carrier == "work" else q_mm + offset_mm
+    positions = dict(zip(OF_POSITION, (*q_mm.T, *offset_mm.T, *place_mm.T[:2]), strict=True))
+    rows = [positions[name] if name in positions else _row(name, given[name], machine, n_rows) for name in names]
+    return np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(len(names), n_rows))
+
+
+def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -> Numbers:
+    if isinstance(value, str):
+        if value != REFERENCE or not is_temperature(name):
+            raise GeoerrError(
+                f"the condition {name} is {value!r}, a number is needed\n"
+                f"hint: only temperatures have a {REFERENCE!r}: that of the machine, so that T = 0"
+            )
+        return np.full(n_rows, machine.reference_temperature_degc)
+    numbers = as_numbers(value, f"the condition {name}")
+    if numbers.shape not in ((), (1,), (n_rows,)):
+        raise ShapeError(f"the condition {name} must be one number or ({n_rows},), not {numbers.shape}")
+    return np.broadcast_to(numbers, (n_rows,))
+
+
+def _refusal(missing: Sequence[str], machine: Machine) -> str:
+    wanted = "; ".join(f"{name} ({_meaning(name, machine)})" for name in missing)
+    example = ", ".join(f"{name}={REFERENCE if is_temperature(name) else '...'}" for name in missing)
+    return (
+        f"the model needs conditions that are not given: {wanted}\n"
+        f"hint: state them, as {example}; {REFERENCE!r} is the machine's reference temperature, at which T = 0"
+    )
+
+
+def _meaning(name: str, machine: Machine) -> str:
+    if is_temperature(name):
+        return f"a temperature in °C, reference {machine.reference_temperature_degc:g} °C"
+    head, _, axis = name.rpartition("_")
+    if axis in AXES and head in _MEANING:
+        return f"{_MEANING[head]}, of {axis}"
+    if name == "session":
+        return "the number of the session, from 0"
+    return "the time, s" if name == "t" else "in the unit of the measured column"

@@ -1,0 +1,227 @@
+"""A model in words and numbers, in the spirit of lmfit's fit reports: what is known, how well, and what is not."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geoerr.effects.plausible import plausible_words
+from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, SQUARENESS, is_angular
+from geoerr.machine import AXES
+from geoerr.model.groups import POSITIONING
+from geoerr.terms import Parameter, Term
+
+if TYPE_CHECKING:
+    from geoerr.model.model import Model
+
+WIDTH = 100
+_UM_PER_MM = 1e3
+_MICRO = 1e6
+_MOST_CORRELATIONS = 12
+_LEAST_CORRELATION = 0.8
+_INDENT = "    "
+# Figures that other units than micrometres would make unreadable.
+_SHOWN_UNITS = {"um": "µm", "urad": "µrad", "mm": "mm", "s": "s", "degc": "°C", "p": ""}
+
+
+def report_of(model: Model) -> str:
+    """Give the report's text; see `Model.report`."""
+    lines = ["[[Model]]", *_model(model)]
+    if model.record is not None:
+        lines += ["[[Data]]", *_data(model), "[[Fit]]", *_fit(model)]
+    lines += ["[[Parameters]]", *_parameters(model)]
+    if model.record is not None:
+        lines += ["[[Correlations]]", *_correlations(model), "[[Not determined]]", *_not_determined(model)]
+        lines += ["[[History]]", *_history(model)]
+    return "\n".join(lines) + "\n"
+
+
+def _model(model: Model) -> Iterator[str]:
+    machine = model.machine
+    yield from _wrapped(f"{machine.name}, {machine.chain}")
+    if any(machine.tool_offset_mm):
+        yield _INDENT + "tool offset " + ", ".join(f"{value:g}" for value in machine.tool_offset_mm) + " mm"
+    if model.errors is not None:
+        functions, squareness = len(model.errors.functions), len(model.errors.squareness)
+        yield f"{_INDENT}tables: {functions} error functions and {squareness} squarenesses ({model.errors.method})"
+    classic = sum(term.kind == "classic" for term in model.terms)
+    effects = [term for term in model.terms if term.kind != "classic"]
+    if model.terms:
+        count = sum(len(term.coefficients) + len(term.inner) for term in model.terms)
+        yield f"{_INDENT}terms: {classic} classic, {len(effects)} others, {count} parameters"
+    for term in effects:
+        yield from _wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""))
+    conditions = model.conditions
+    if conditions:
+        yield from _wrapped(f"predictions need {', '.join(conditions)}")
+    if model.is_nominal:
+        yield _INDENT + "no errors: the nominal machine"
+
+
+def _data(model: Model) -> Iterator[str]:
+    record = model.record
+    assert record is not None
+    digest = f", sha-256 {record.data_digest[:16]}" if record.data_digest else ""
+    yield f"{_INDENT}{record.n_rows} rows, {record.n_outliers} outliers{digest}"
+    spans = [f"{axis} {_span(record.range_mm[axis])} mm" for axis in AXES if axis in record.range_mm]
+    if spans:
+        yield from _wrapped("measured range: " + ", ".join(spans))
+    for name, span in record.covariate_spans.items():
+        yield from _wrapped(f"{name}: {_span(span)}")
+
+
+def _fit(model: Model) -> Iterator[str]:
+    record = model.record
+    assert record is not None
+    for name, value in {**record.figures, **{f"noise, {key}": value for key, value in record.noise.items()}}.items():
+        yield from _wrapped(_figure(name, value))
+    if not record.figures and not record.noise:
+        yield _INDENT + "no figures"
+
+
+def _parameters(model: Model) -> Iterator[str]:
+    if model.has_values:
+        yield from _curves(model)
+    for term in model.terms:
+        if term.kind != "classic":
+            yield from _wrapped(term.id)
+            for parameter in term.coefficients + term.inner:
+                yield from _wrapped(_parameter(term, parameter), 2)
+        elif not model.has_values:
+            yield from _wrapped(f"{term.id}: {len(term.coefficients)} coefficients")
+    if model.errors is None and not model.terms:
+        yield _INDENT + "none"
+
+
+def _curves(model: Model) -> Iterator[str]:
+    tables, scales = model.error_functions(), model.mean_scales()
+    for name in LINEAR_AND_ANGULAR:
+        function = tables.functions.get(name)
+        if function is None:
+            continue
+        factor, unit = (_MICRO, "µrad") if is_angular(name) else (_UM_PER_MM, "µm")
+        size = float(np.ptp(function.value)) * factor
+        std = None if function.std is None else float(np.median(function.std)) * factor
+        text = f"{name}  {LI_NAMES[name]:<6} peak to peak {_with_std(size, std)} {unit}"
+        scale = scales.get(name[2].lower()) if name in POSITIONING else None
+        if scale is not None:
+            text += f", mean scale {_signed(scale.value * _MICRO)}"
+            text += " ×10⁻⁶" if scale.std is None else f" ± {_rounded(scale.std * _MICRO)} ×10⁻⁶"
+        yield from _wrapped(text)
+    for name in SQUARENESS:
+        squareness = tables.squareness.get(name)
+        if squareness is not None:
+            std = None if squareness.std_rad is None else squareness.std_rad * _MICRO
+            yield from _wrapped(f"{name} {LI_NAMES[name]:<6} {_with_std(squareness.value_rad * _MICRO, std)} µrad")
+
+
+def _parameter(term: Term, parameter: Parameter) -> str:
+    factor, unit = 1.0, parameter.unit
+    if parameter.unit == "mm" and parameter in term.coefficients:
+        factor, unit = _UM_PER_MM, "µm"
+    elif parameter.unit == "rad":
+        factor, unit = _MICRO, "µrad"
+    if math.isnan(parameter.value):
+        return f"{parameter.name}: not fitted yet, {parameter.unit}".rstrip(" ,")
+    text = f"{parameter.name} = {_value_with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
+    if parameter.is_fixed:
+        text += ", held"
+    words = plausible_words(parameter)
+    return text if words is None else f"{text}, {words}"
+
+
+def _correlations(model: Model) -> Iterator[str]:
+    found = model.correlations(_LEAST_CORRELATION)
+    for item in found[:_MOST_CORRELATIONS]:
+        yield from _wrapped(f"{item.first}, {item.second}: {item.value:+.3f}")
+    if len(found) > _MOST_CORRELATIONS:
+        yield f"{_INDENT}and {len(found) - _MOST_CORRELATIONS} more above {_LEAST_CORRELATION:g}"
+    if not found:
+        yield f"{_INDENT}none above {_LEAST_CORRELATION:g}"
+
+
+def _not_determined(model: Model) -> Iterator[str]:
+    record = model.record
+    assert record is not None
+    for item in record.not_determined:
+        yield from _wrapped(f"{item.name}: {item.why}")
+    directions = record.null_space.shape[1]
+    if directions:
+        noun = "direction" if directions == 1 else "directions"
+        yield f"{_INDENT}{directions} {noun} of the parameters that the data leave free; values there mean nothing"
+    elif not record.not_determined:
+        yield _INDENT + "nothing: the data determine every parameter"
+
+
+def _history(model: Model) -> Iterator[str]:
+    record = model.record
+    assert record is not None
+    for number, entry in enumerate(record.history, start=1):
+        yield from _wrapped(f"{number}. {entry.action} {entry.reference}: {entry.title}")
+        for name in dict.fromkeys((*entry.figures_before, *entry.figures_after)):
+            before, after = (_of(figures, name) for figures in (entry.figures_before, entry.figures_after))
+            title, unit = _title(name)
+            yield from _wrapped(f"{title} {before} to {after} {unit}".rstrip(), 2)
+    if not record.history:
+        yield _INDENT + "fitted once"
+
+
+def _of(figures: Mapping[str, float], name: str) -> str:
+    value = figures.get(name, math.nan)
+    return "not computable" if math.isnan(value) else f"{value:.4g}"
+
+
+def _figure(name: str, value: float) -> str:
+    title, unit = _title(name)
+    return f"{title}: " + ("not computable" if math.isnan(value) else f"{value:.4g} {unit}".rstrip())
+
+
+def _title(name: str) -> tuple[str, str]:
+    """Split a figure's name into words and unit: `held_out_rmse_um` is `held out rmse`, `µm`."""
+    head, _, last = name.rpartition("_")
+    if head and last in _SHOWN_UNITS and last != "p":
+        return head.replace("_", " "), _SHOWN_UNITS[last]
+    return name.replace("_", " "), ""
+
+
+def _span(span: tuple[float, float]) -> str:
+    return f"{span[0]:g} to {span[1]:g}"
+
+
+def _with_std(value: float, std: float | None) -> str:
+    return f"{_rounded(value)}" if std is None else f"{_rounded(value)} ± {_rounded(std)}"
+
+
+def _rounded(value: float) -> str:
+    """Write to a hundredth below 10, a tenth below 1000: what lengths in micrometres are read to."""
+    size = abs(value)
+    return f"{value:.2f}" if size < 10.0 else f"{value:.1f}" if size < 1000.0 else f"{value:.0f}"
+
+
+def _signed(value: float) -> str:
+    return ("−" if value < 0.0 else "+") + _rounded(abs(value))
+
+
+def _value_with_std(value: float, std: float) -> str:
+    """Write a value to the second figure of its uncertainty."""
+    if not std > 0.0:
+        return f"{value:.6g}"
+    digits = 1 - math.floor(math.log10(std))
+    figures = digits + (math.floor(math.log10(abs(value))) if value else 0)
+    return (
+        f"{value:.{min(max(figures, 1), 12)}e} ± {std:.1e}"
+        if not 1e-3 <= abs(value) < 1e5
+        else (f"{value:.{min(max(digits, 0), 12)}f} ± {std:.{min(max(digits, 0), 12)}f}")
+    )
+
+
+def _wrapped(text: str, level: int = 1) -> Iterator[str]:
+    indent = _INDENT * level
+    printable = "".join(letter if letter.isprintable() else "?" for letter in text)
+    yield from textwrap.wrap(
+        printable, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False
+    )
