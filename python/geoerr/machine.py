@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-from geoerr.errors import InputFileError
+from geoerr.denavit_hartenberg import DhRow, rows_from_document, structure_of
+from geoerr.errors import GeometryError, InputFileError
 from geoerr.files import read_toml, write_text
 
 AXES = ("x", "y", "z")
@@ -32,6 +34,9 @@ class Axis:
 class Machine:
     """A three-axis machine.
 
+    A machine that nobody listed is one line: `Machine.from_chain("wYbZXt", travel_mm=(400, 300, 250))`, or
+    `Machine.from_dh(rows, travel_mm=...)` from Denavit–Hartenberg rows.
+
     Attributes
     ----------
     name
@@ -44,6 +49,8 @@ class Machine:
         Temperature at which lengths are true (ISO 1: 20 °C).
     tool_offset_mm
         Carriage origin to tool point, base axes.
+    dh
+        The D-H rows that the machine was given as, work to tool; `chain` and `tool_offset_mm` follow from them.
     extra
         Keys of the file that geoerr does not know; kept when the file is written again.
     """
@@ -54,6 +61,66 @@ class Machine:
     reference_temperature_degc: float = 20.0
     tool_offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     extra: dict[str, Any] = field(default_factory=dict)
+    dh: tuple[DhRow, ...] = ()
+
+    @classmethod
+    def from_chain(
+        cls,
+        chain: str,
+        travel_mm: Sequence[float],
+        *,
+        low_mm: Sequence[float] = (0.0, 0.0, 0.0),
+        tool_offset_mm: Sequence[float] = (0.0, 0.0, 0.0),
+        name: str = "machine",
+    ) -> Machine:
+        """Make a machine from its structural code.
+
+        Parameters
+        ----------
+        chain
+            Work to tool, `b` the base: `wbXYZt` is a gantry mill, `wXYbZt` a knee mill; any of the 24 orders.
+        travel_mm, low_mm
+            Length of travel and lowest coordinate of x, y, z.
+        tool_offset_mm
+            Carriage origin to tool point.
+        name
+            Free text.
+
+        Raises
+        ------
+        GeometryError
+            for what is no structural code, or a travel that is not positive.
+        """
+        return cls(
+            name=name,
+            chain=checked_chain(chain),
+            axes=_axes_of_travel(travel_mm, low_mm),
+            tool_offset_mm=_three(tool_offset_mm, "tool_offset_mm"),
+        )
+
+    @classmethod
+    def from_dh(
+        cls,
+        rows: Sequence[DhRow],
+        travel_mm: Sequence[float],
+        *,
+        low_mm: Sequence[float] = (0.0, 0.0, 0.0),
+        name: str = "machine",
+    ) -> Machine:
+        """Make a machine from Denavit–Hartenberg rows, work to tool (`geoerr.denavit_hartenberg`).
+
+        `travel_mm`, `low_mm`, `name` as in `from_chain`.
+
+        Raises
+        ------
+        InputFileError
+            for rows that are not a machine of three axes: the row is named.
+        GeometryError
+            for a travel that is not positive.
+        """
+        structure = structure_of(rows)
+        axes = _axes_of_travel(travel_mm, low_mm)
+        return cls(name, structure.chain, axes, tool_offset_mm=structure.tool_offset_mm, dh=tuple(rows))
 
     @property
     def work_axes(self) -> str:
@@ -77,16 +144,14 @@ class Machine:
             axes[name] = {"range": list(axis.range_mm)}
             if axis.material is not None:
                 axes[name]["material"] = axis.material
-        return {
-            "machine": {
-                "name": self.name,
-                "chain": self.chain,
-                "reference_temperature": self.reference_temperature_degc,
-                "tool_offset": list(self.tool_offset_mm),
-            },
-            "axes": axes,
-            **self.extra,
-        }
+        head: dict[str, Any] = {"name": self.name}
+        if not self.dh:
+            head["chain"] = self.chain
+        head["reference_temperature"] = self.reference_temperature_degc
+        if not self.dh:
+            head["tool_offset"] = list(self.tool_offset_mm)
+        rows = {"dh": [row.to_document() for row in self.dh]} if self.dh else {}
+        return {"machine": head, "axes": axes, **rows, **self.extra}
 
 
 def read_machine(path: str | Path) -> Machine:
@@ -112,7 +177,7 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
     head = document.get("machine")
     if not isinstance(head, dict):
         raise InputFileError(path, "the table [machine] is missing", column="machine")
-    chain = _checked_chain(head, path)
+    rows = rows_from_document(document["dh"], path) if "dh" in document else ()
     axes_document = document.get("axes")
     if not isinstance(axes_document, dict):
         raise InputFileError(
@@ -124,15 +189,7 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
         raise InputFileError(
             path, f"unknown axis {unknown[0]!r}", column=f"axes.{unknown[0]}", remedy="axes are x, y and z"
         )
-    offset = head.get("tool_offset", [0.0, 0.0, 0.0])
-    numbers = _finite_numbers(offset, 3)
-    if numbers is None:
-        raise InputFileError(
-            path,
-            f"{offset!r} is not three numbers",
-            column="machine.tool_offset",
-            remedy="write millimetres as [0.0, 0.0, 0.0]",
-        )
+    chain, tool_offset_mm = _checked_structure(head, rows, path)
     temperature = head.get("reference_temperature", 20.0)
     if _finite_numbers([temperature], 1) is None:
         raise InputFileError(
@@ -146,8 +203,9 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
         chain=chain,
         axes=axes,
         reference_temperature_degc=float(temperature),
-        tool_offset_mm=(numbers[0], numbers[1], numbers[2]),
-        extra={key: value for key, value in document.items() if key not in ("machine", "axes")},
+        tool_offset_mm=tool_offset_mm,
+        extra={key: value for key, value in document.items() if key not in ("machine", "axes", "dh")},
+        dh=rows,
     )
 
 
@@ -155,14 +213,79 @@ _RANGE_HINT = "write e.g. [axes.x] range = [0.0, 400.0], in millimetres"
 _CHAIN_HINT = "work to tool with b for the base and each of X, Y, Z once, for example wZbXYt"
 
 
-def _checked_chain(head: dict[str, Any], path: str | Path) -> str:
-    chain = head.get("chain")
-    if not isinstance(chain, str):
-        raise InputFileError(path, "the structural code is missing", column="machine.chain", remedy=_CHAIN_HINT)
-    well_formed = chain.startswith("w") and chain.endswith("t") and sorted(chain[1:-1]) == sorted("XYZb")
-    if not well_formed:
-        raise InputFileError(path, f"{chain!r} is not a structural code", column="machine.chain", remedy=_CHAIN_HINT)
+def _is_chain(chain: str) -> bool:
+    return chain.startswith("w") and chain.endswith("t") and sorted(chain[1:-1]) == sorted("XYZb")
+
+
+def checked_chain(chain: str) -> str:
+    """Give a structural code back as it is.
+
+    Raises
+    ------
+    GeometryError
+        for a text that is none.
+    """
+    if not isinstance(chain, str) or not _is_chain(chain):
+        raise GeometryError(f"{chain!r} is not a structural code: {_CHAIN_HINT}")
     return chain
+
+
+def _checked_structure(
+    head: dict[str, Any], rows: tuple[DhRow, ...], path: str | Path
+) -> tuple[str, tuple[float, float, float]]:
+    """Structural code and tool offset: as written, or as the D-H rows have them."""
+    chain, offset = head.get("chain"), head.get("tool_offset", [0.0, 0.0, 0.0])
+    numbers = _finite_numbers(offset, 3)
+    if numbers is None:
+        raise InputFileError(
+            path,
+            f"{offset!r} is not three numbers",
+            column="machine.tool_offset",
+            remedy="write millimetres as [0.0, 0.0, 0.0]",
+        )
+    if not rows:
+        if chain is None:
+            raise InputFileError(
+                path,
+                "the structural code is missing",
+                column="machine.chain",
+                remedy=_CHAIN_HINT + "; or give [[dh]] rows",
+            )
+        if not isinstance(chain, str) or not _is_chain(chain):
+            raise InputFileError(
+                path, f"{chain!r} is not a structural code", column="machine.chain", remedy=_CHAIN_HINT
+            )
+        return chain, (numbers[0], numbers[1], numbers[2])
+    structure = structure_of(rows, path)
+    if chain not in (None, structure.chain):
+        raise InputFileError(
+            path,
+            f"{chain!r}, but the rows of [[dh]] are {structure.chain}",
+            column="machine.chain",
+            remedy="leave chain out, or say base = true in the row that ends at the base",
+        )
+    if any(numbers):
+        raise InputFileError(
+            path,
+            "a tool offset beside [[dh]] rows, which end at the tool point",
+            column="machine.tool_offset",
+            remedy="leave tool_offset out and add it to the last rows",
+        )
+    return structure.chain, structure.tool_offset_mm
+
+
+def _axes_of_travel(travel_mm: Sequence[float], low_mm: Sequence[float]) -> dict[str, Axis]:
+    travel, low = _three(travel_mm, "travel_mm"), _three(low_mm, "low_mm")
+    if min(travel) <= 0.0:
+        raise GeometryError(f"travel_mm is {travel}: each axis needs a positive length of travel")
+    return {name: Axis((at, at + length)) for name, at, length in zip(AXES, low, travel, strict=True)}
+
+
+def _three(numbers: Sequence[float], name: str) -> tuple[float, float, float]:
+    checked = [float(number) for number in numbers]
+    if len(checked) != 3 or not all(math.isfinite(number) for number in checked):
+        raise GeometryError(f"{name} is {tuple(numbers)}: it must be three numbers, for x, y and z")
+    return checked[0], checked[1], checked[2]
 
 
 def _checked_axis(table: Any, name: str, path: str | Path) -> Axis:
