@@ -82,6 +82,12 @@ impl Blocks {
         self.len() == 0
     }
 
+    /// Rows of all blocks.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.cuts.last().copied().unwrap_or(0)
+    }
+
     /// Rows of one block.
     #[must_use]
     pub fn rows(&self, block: usize) -> Range<usize> {

@@ -49,6 +49,31 @@ pub fn transposed_product(left: &Matrix, right: &Matrix) -> Matrix {
     result
 }
 
+/// `b − A x` of a block `[A | b]`.
+pub fn residuals(block: &Matrix, x: &Matrix) -> Matrix {
+    let n = x.n_rows();
+    let mut result = block.with_columns(n..block.n_columns());
+    let a = view(block).subcols(0, n);
+    matmul::matmul(view_mut(&mut result), Accum::Add, a, view(x), -1.0, Par::Seq);
+    result
+}
+
+/// `Aᵀ · right` for the first `n` columns A of a block.
+pub fn leading_transposed_product(block: &Matrix, n: usize, right: &Matrix) -> Matrix {
+    let mut result = Matrix::zeros(n, right.n_columns());
+    let a = view(block).subcols(0, n).transpose();
+    matmul::matmul(view_mut(&mut result), Accum::Replace, a, view(right), 1.0, Par::Seq);
+    result
+}
+
+/// `A · right` for the first `right.n_rows()` columns A of a block.
+pub fn leading_product(block: &Matrix, right: &Matrix) -> Matrix {
+    let mut result = Matrix::zeros(block.n_rows(), right.n_columns());
+    let a = view(block).subcols(0, right.n_rows());
+    matmul::matmul(view_mut(&mut result), Accum::Replace, a, view(right), 1.0, Par::Seq);
+    result
+}
+
 /// `matrixᵀ · matrix`, both triangles.
 pub fn gram(matrix: &Matrix) -> Matrix {
     let n = matrix.n_columns();

@@ -7,6 +7,8 @@
 mod blocks;
 mod dense;
 mod error;
+mod gram;
+mod leave_out;
 mod matrix;
 mod null_space;
 mod rank;
@@ -16,6 +18,8 @@ mod triangle;
 
 pub use blocks::{Blocks, Design, FnDesign, StoredDesign, design_fn};
 pub use error::LeastSquaresError;
+pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
+pub use leave_out::{LeftOut, leave_blocks_out};
 pub use matrix::Matrix;
 pub use rank::RankDecision;
 pub use restriction::Restriction;

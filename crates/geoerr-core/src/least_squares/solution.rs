@@ -67,6 +67,8 @@ pub struct Solution {
     pub null_space: Matrix,
     pub(super) scale: Vec<f64>,
     pub(super) root: Matrix,
+    /// What `root` may be wrong by, relatively: ε times the condition, or its square.
+    pub(super) root_error: f64,
     null_scaled: Matrix,
     noise: f64,
 }
@@ -264,6 +266,7 @@ impl Reduced {
             is_determined: (0..n).map(|row| mixes(row) <= noise).collect(),
             null_space: readable(&null_scaled, &self.scale, noise),
             root: in_units(parts.root),
+            root_error: condition * f64::EPSILON,
             null_scaled,
             noise,
             scale: self.scale,

@@ -1,4 +1,9 @@
 //! Least squares against nalgebra, against what is known in closed form, and against itself.
 
 mod common;
+mod identities;
+mod leave_out;
+mod nist;
+mod normal_equations;
+mod solution;
 mod triangle;

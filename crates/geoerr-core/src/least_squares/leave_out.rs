@@ -1,0 +1,165 @@
+//! What the rest of the rows says about a block of them.
+//!
+//! ```math
+//! e_b = (I - H_{bb})^{-1} r_b,\qquad H_{bb} = A_b\,(A^\mathsf{T}A)^{+} A_b^\mathsf{T} = W W^\mathsf{T},\quad W = A_b F
+//! ```
+//!
+//! | symbol | code | meaning | shape |
+//! |---|---|---|---|
+//! | `$r_b$` | `residual` | residuals of the block, all rows fitted | m_b |
+//! | `$e_b$` | `held_out` | residuals of the block against the fit to all other rows | m_b |
+//! | `$F$` | `root` | root of the unscaled covariance | (n, rank) |
+//! | `$H_{bb}$` | - | the block's part of the hat matrix, eigenvalues in 0..1 | (m_b, m_b) |
+//!
+//! An eigenvalue of 1 is a direction in the block's observations that the rest says nothing about.
+//!
+//! # Source
+//! Cook & Weisberg 1982, *Residuals and Influence in Regression*, A.2 and 3.4 (deletion of sets of rows).
+//!
+//! # Verified
+//! `tests/least_squares/leave_out.rs`: refits without the block.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::blocks::{Blocks, Design, filled};
+use super::dense;
+use super::error::LeastSquaresError;
+use super::matrix::Matrix;
+use super::solution::Solution;
+
+/// An eigenvalue of H above 1 minus this, or minus what rounding of F may change: the rest does not determine the block.
+const NOT_DETERMINED: f64 = 1e-8;
+
+/// Eigenvalues of H are wrong by the relative error of F times about the root of its dimensions.
+const ERRORS_OF_ROOT: f64 = 100.0;
+
+/// Rows that are made and multiplied at once.
+const ROWS_AT_ONCE: usize = 512;
+
+/// Every block against the fit to the other blocks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LeftOut {
+    /// Residual of every row, all rows fitted.
+    pub residual: Vec<f64>,
+    /// Residual of every row against the fit without its block; NaN where the other blocks do not determine it.
+    pub held_out: Vec<f64>,
+    /// Leverage of every row: the diagonal of the hat matrix.
+    pub leverage: Vec<f64>,
+    /// Largest eigenvalue of every block's part of the hat matrix.
+    pub largest_eigenvalue: Vec<f64>,
+    /// Whether the other blocks determine what the block would measure.
+    pub is_determined: Vec<bool>,
+}
+
+impl LeftOut {
+    fn append(&mut self, mut other: Self) {
+        self.residual.append(&mut other.residual);
+        self.held_out.append(&mut other.held_out);
+        self.leverage.append(&mut other.leverage);
+        self.largest_eigenvalue.append(&mut other.largest_eigenvalue);
+        self.is_determined.append(&mut other.is_determined);
+    }
+}
+
+/// Leaves every block of rows out in turn, exactly and without a second fit.
+///
+/// `blocks` are the blocks to leave out and need not be those of the design; one right-hand side.
+///
+/// # Errors
+/// The design's own, and [`LeastSquaresError`] for entries that are not finite, for a solution of another system, and for a
+/// right-hand side that there is not.
+pub fn leave_blocks_out<D: Design + ?Sized>(
+    design: &D,
+    solution: &Solution,
+    blocks: &Blocks,
+    rhs: usize,
+) -> Result<LeftOut, D::Error> {
+    let x = solution.unknowns(rhs)?;
+    if design.n_columns() != x.len() {
+        let (expected, found) = (x.len(), design.n_columns());
+        return Err(LeastSquaresError::ColumnsDiffer { expected, found }.into());
+    }
+    if design.n_rows() != blocks.n_rows() {
+        let (expected, found) = (design.n_rows(), blocks.n_rows());
+        return Err(LeastSquaresError::RowsDiffer { expected, found }.into());
+    }
+    if rhs >= design.n_rhs() {
+        return Err(LeastSquaresError::NoSuchRightHandSide { index: rhs, n_rhs: design.n_rhs() }.into());
+    }
+    let limit = 1.0 - NOT_DETERMINED.max(ERRORS_OF_ROOT * solution.root_error);
+    let groups = grouped(blocks);
+    let of_group = |group: &Range<usize>| -> Result<LeftOut, D::Error> {
+        let rows = blocks.rows(group.start).start..blocks.rows(group.end - 1).end;
+        let block = filled(design, rows.clone())?;
+        let w = dense::leading_product(&block, &solution.root);
+        let fitted = dense::leading_product(&block, &Matrix::from_column(x.to_vec()));
+        let b = block.column(x.len() + rhs);
+        let residual: Vec<f64> = b.iter().zip(fitted.as_slice()).map(|(b, fitted)| b - fitted).collect();
+        let mut result = LeftOut::default();
+        for block in group.clone() {
+            let at = blocks.rows(block).start - rows.start..blocks.rows(block).end - rows.start;
+            result.append(of_block(&w, &residual[at.clone()], at, limit)?);
+        }
+        Ok(result)
+    };
+    let parts: Vec<Result<LeftOut, D::Error>> = groups.par_iter().map(of_group).collect();
+    let mut result = LeftOut::default();
+    for part in parts {
+        result.append(part?);
+    }
+    Ok(result)
+}
+
+/// Neighbouring blocks whose rows are made at once.
+fn grouped(blocks: &Blocks) -> Vec<Range<usize>> {
+    let mut groups: Vec<Range<usize>> = Vec::new();
+    for block in 0..blocks.len() {
+        match groups.last_mut() {
+            Some(group) if blocks.rows(block).end - blocks.rows(group.start).start <= ROWS_AT_ONCE => {
+                group.end = block + 1;
+            }
+            _ => groups.push(block..block + 1),
+        }
+    }
+    groups
+}
+
+fn of_block(
+    w: &Matrix,
+    residual: &[f64],
+    rows: Range<usize>,
+    limit: f64,
+) -> Result<LeftOut, LeastSquaresError> {
+    let (height, rank) = (rows.len(), w.n_columns());
+    let own = Matrix::from_fn(rank, height, |j, row| w[(rows.start + row, j)]);
+    let leverage: Vec<f64> = (0..height).map(|row| own.column(row).iter().map(|w| w * w).sum()).collect();
+    let right = Matrix::from_column(residual.to_vec());
+    // (I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ: the smaller of the two is decomposed.
+    let (largest, correction) = if height <= rank {
+        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&own))?;
+        let along = dense::transposed_product(&vectors, &right);
+        let amplified = Matrix::from_fn(height, 1, |j, _| along[(j, 0)] * values[j] / (1.0 - values[j]));
+        (values.last().copied(), dense::product(&vectors, &amplified))
+    } else {
+        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&own.transposed()))?;
+        let along = dense::transposed_product(&vectors, &dense::product(&own, &right));
+        let amplified = Matrix::from_fn(rank, 1, |j, _| along[(j, 0)] / (1.0 - values[j]));
+        (values.last().copied(), dense::transposed_product(&own, &dense::product(&vectors, &amplified)))
+    };
+    let largest = largest.unwrap_or(0.0);
+    let is_determined = largest < limit;
+    let held_out = if is_determined {
+        residual.iter().zip(correction.as_slice()).map(|(r, correction)| r + correction).collect()
+    } else {
+        vec![f64::NAN; height]
+    };
+    Ok(LeftOut {
+        residual: residual.to_vec(),
+        held_out,
+        leverage,
+        largest_eigenvalue: vec![largest],
+        is_determined: vec![is_determined],
+    })
+}

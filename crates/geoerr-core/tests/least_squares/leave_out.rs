@@ -1,0 +1,107 @@
+//! Blocks left out, against refits that never saw them.
+
+use geoerr_core::least_squares::{
+    Blocks, LeastSquaresError, Matrix, Options, Restriction, StoredDesign, leave_blocks_out, solve,
+};
+use rayon::ThreadPoolBuilder;
+
+use crate::common::{Draw, solved, triangle_of};
+
+fn without(matrix: &Matrix, rows: std::ops::Range<usize>) -> Matrix {
+    let kept = |i: usize| if i < rows.start { i } else { i + rows.len() };
+    Matrix::from_fn(matrix.n_rows() - rows.len(), matrix.n_columns(), |i, j| matrix[(kept(i), j)])
+}
+
+fn residual(a: &Matrix, b: &Matrix, x: &Matrix, row: usize) -> f64 {
+    b[(row, 0)] - (0..a.n_columns()).map(|j| a[(row, j)] * x[(j, 0)]).sum::<f64>()
+}
+
+#[test]
+fn as_a_refit_without_the_block() {
+    let mut draw = Draw::new(1);
+    // Blocks lower and higher than the rank, an empty one, and more rows than are made at once.
+    let (a, b) = (draw.matrix(1_300, 12), draw.matrix(1_300, 1));
+    let starts = [0, 1, 4, 7, 7, 40, 60, 700];
+    let blocks = Blocks::starting_at(&starts, 1_300).unwrap();
+    let design = StoredDesign::new(&a, &b).unwrap();
+    let left = leave_blocks_out(&design, &solved(&a, &b), &blocks, 0).unwrap();
+    assert!(left.is_determined.iter().all(|&is_determined| is_determined));
+    assert_eq!((left.is_determined.len(), left.held_out.len()), (8, 1_300));
+    for block in 0..blocks.len() {
+        let rows = blocks.rows(block);
+        let refit = solved(&without(&a, rows.clone()), &without(&b, rows.clone())).x;
+        for row in rows {
+            assert!((left.held_out[row] - residual(&a, &b, &refit, row)).abs() < 1e-12, "{row}");
+        }
+    }
+    assert!((left.leverage.iter().sum::<f64>() - 12.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_block_that_alone_sees_an_unknown_is_said_to() {
+    let mut draw = Draw::new(2);
+    let mut a = draw.matrix(90, 6);
+    for i in 0..90 {
+        // Only rows 30..33 see unknown 4; unknown 5 repeats unknown 0.
+        a[(i, 4)] = if (30..33).contains(&i) { a[(i, 4)] } else { 0.0 };
+        a[(i, 5)] = -2.0 * a[(i, 0)];
+    }
+    let b = draw.matrix(90, 1);
+    let starts: Vec<usize> = (0..30).map(|block| 3 * block).collect();
+    let blocks = Blocks::starting_at(&starts, 90).unwrap();
+    let design = StoredDesign::new(&a, &b).unwrap();
+    let left = leave_blocks_out(&design, &solved(&a, &b), &blocks, 0).unwrap();
+    for block in 0..30 {
+        assert_eq!(left.is_determined[block], block != 10);
+        assert_eq!(left.held_out[3 * block].is_nan(), block == 10);
+    }
+    assert!((left.largest_eigenvalue[10] - 1.0).abs() < 1e-12);
+    let refit = solved(&without(&a, 0..3), &without(&b, 0..3)).x;
+    assert!((left.held_out[1] - residual(&a, &b, &refit, 1)).abs() < 1e-12);
+}
+
+#[test]
+fn restrictions_are_kept() {
+    let mut draw = Draw::new(3);
+    let (a, b) = (draw.matrix(60, 5), draw.matrix(60, 1));
+    let restriction = Restriction::Constraints(draw.matrix(2, 5));
+    let options = Options { restriction, ..Options::default() };
+    let solution = solve(&triangle_of(&a, &b), &options).unwrap();
+    let blocks = Blocks::starting_at(&[0, 20], 60).unwrap();
+    let left = leave_blocks_out(&StoredDesign::new(&a, &b).unwrap(), &solution, &blocks, 0).unwrap();
+    let refit = solve(&triangle_of(&without(&a, 0..20), &without(&b, 0..20)), &options).unwrap();
+    for row in 0..20 {
+        assert!((left.held_out[row] - residual(&a, &b, &refit.x, row)).abs() < 1e-13);
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let mut draw = Draw::new(4);
+    let (a, b) = (draw.matrix(3_000, 20), draw.matrix(3_000, 1));
+    let solution = solved(&a, &b);
+    let starts: Vec<usize> = (0..1_000).map(|block| 3 * block).collect();
+    let blocks = Blocks::starting_at(&starts, 3_000).unwrap();
+    let design = StoredDesign::new(&a, &b).unwrap();
+    let results = [1, 2, 7].map(|n| {
+        let pool = ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| leave_blocks_out(&design, &solution, &blocks, 0).unwrap())
+    });
+    assert!(results.iter().all(|result| *result == results[0]));
+}
+
+#[test]
+fn refusals() {
+    let mut draw = Draw::new(5);
+    let (a, b) = (draw.matrix(30, 4), draw.matrix(30, 1));
+    let (design, solution) = (StoredDesign::new(&a, &b).unwrap(), solved(&a, &b));
+    let blocks = Blocks::starting_at(&[0], 29).unwrap();
+    let refused = leave_blocks_out(&design, &solution, &blocks, 0);
+    assert_eq!(refused, Err(LeastSquaresError::RowsDiffer { expected: 30, found: 29 }));
+    let blocks = Blocks::starting_at(&[0], 30).unwrap();
+    let refused = leave_blocks_out(&design, &solution, &blocks, 1);
+    assert_eq!(refused, Err(LeastSquaresError::NoSuchRightHandSide { index: 1, n_rhs: 1 }));
+    assert_eq!(Blocks::starting_at(&[1], 30), Err(LeastSquaresError::Cuts { index: 0 }));
+    assert_eq!(Blocks::starting_at(&[0, 5, 4], 30), Err(LeastSquaresError::Cuts { index: 1 }));
+    assert_eq!(Blocks::starting_at(&[0, 31], 30), Err(LeastSquaresError::Cuts { index: 1 }));
+}
