@@ -245,3 +245,153 @@ class GcodeRewriter:
     def pull(self, threads: int) -> bytes | None: ...
     def summary(self) -> dict[str, Any]: ...
     def warnings(self) -> list[tuple[str, int, str, int, str]]: ...
+
+_Shape = Basis | Expression
+_Part = tuple[str, float, int, _Shape, list[int], list[int]]
+_Frames = tuple[
+    npt.NDArray[np.uint8],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+]
+
+@final
+class VolumetricModel:
+    """A machine whose errors are a sum of terms; arrays are C-contiguous, carriers 0 to 3, variables (k, n)."""
+
+    def __new__(
+        cls, chain: str, tool_offset_mm: tuple[float, float, float], terms: list[tuple[int, int, list[_Part]]]
+    ) -> VolumetricModel: ...
+    @property
+    def n_coefficients(self) -> int: ...
+    @property
+    def n_inner(self) -> int: ...
+    def displacements(
+        self,
+        carriers: npt.NDArray[np.uint8],
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        variables: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t_s: npt.NDArray[np.float64] | None,
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+    def channel_values(
+        self,
+        carriers: npt.NDArray[np.uint8],
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        variables: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t_s: npt.NDArray[np.float64] | None,
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+    def columns(
+        self,
+        carriers: npt.NDArray[np.uint8],
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        variables: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t_s: npt.NDArray[np.float64] | None,
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+
+@final
+class FitState:
+    """All unknowns of a problem."""
+
+    @property
+    def coefficients(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def inner(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def shared(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def rotations(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def translations_mm(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def excess_mm(self) -> npt.NDArray[np.float64]: ...
+
+@final
+class FitSolution:
+    """A solution, and what of it the data determine."""
+
+    @property
+    def rank(self) -> int: ...
+    @property
+    def rank_gap(self) -> float: ...
+    @property
+    def condition(self) -> float: ...
+    @property
+    def is_determined(self) -> list[bool]: ...
+    @property
+    def null_space(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def covariance_root(self) -> npt.NDArray[np.float64]: ...
+    def step(self, gradient: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+
+@final
+class FitTriangle:
+    """What a whitened design leaves behind."""
+
+    def solve(self, constraints: npt.NDArray[np.float64], threads: int) -> FitSolution: ...
+
+@final
+class FitProblem:
+    """A model and what was measured of it; columns: coefficients, free inner parameters, frames, shared unknowns."""
+
+    def __new__(
+        cls,
+        model: VolumetricModel,
+        carriers: npt.NDArray[np.uint8],
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        variables: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t_s: npt.NDArray[np.float64] | None,
+        measured_mm: npt.NDArray[np.float64],
+        whitening: npt.NDArray[np.float64],
+        session: npt.NDArray[np.int64],
+        frames: _Frames,
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        free_inner: list[int],
+        shared: npt.NDArray[np.float64] | None,
+    ) -> FitProblem: ...
+    @property
+    def n_columns(self) -> int: ...
+    @property
+    def first_shared_column(self) -> int: ...
+    @property
+    def start(self) -> FitState: ...
+    def residuals(self, state: FitState, threads: int) -> npt.NDArray[np.float64]: ...
+    def whitened(self, residuals_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+    def in_base_axes(self, state: FitState, vectors_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+    def corrected(self, state: FitState, correction: npt.NDArray[np.float64]) -> FitState: ...
+    def triangle(
+        self,
+        state: FitState,
+        residuals_mm: npt.NDArray[np.float64],
+        row_scale: npt.NDArray[np.float64],
+        prior: npt.NDArray[np.float64] | None,
+        threads: int,
+    ) -> FitTriangle: ...
+    def gradient(
+        self,
+        state: FitState,
+        residuals_mm: npt.NDArray[np.float64],
+        row_scale: npt.NDArray[np.float64],
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+    def design(
+        self, state: FitState, row_scale: npt.NDArray[np.float64], first: int, last: int, threads: int
+    ) -> npt.NDArray[np.float64]: ...

@@ -4,10 +4,12 @@ use geoerr_core::bases::BasisError;
 use geoerr_core::expression::{ExpressionError as FormulaError, RowsError};
 use geoerr_core::gcode;
 use geoerr_core::kinematics::KinematicsError;
+use geoerr_core::least_squares::LeastSquaresError;
 use geoerr_core::line::LineError;
 use geoerr_core::newton::NewtonError;
 use geoerr_core::straightness::StraightnessError;
 use geoerr_core::triangulate::TriangulateError;
+use geoerr_core::volumetric::VolumetricError;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
@@ -139,6 +141,32 @@ impl From<StraightnessError> for CoreError {
             E::TooFewPositions { .. } | E::NotWholeFunctions { .. } => ShapeError::new_err(message),
             E::PositionNotFinite { .. } | E::PositionsNotRising { .. } => GeometryError::new_err(message),
         })
+    }
+}
+
+impl From<LeastSquaresError> for CoreError {
+    fn from(error: LeastSquaresError) -> Self {
+        use LeastSquaresError as E;
+        let message = error.to_string();
+        Self(match error {
+            E::RowsDiffer { .. } | E::ColumnsDiffer { .. } | E::NoColumns => ShapeError::new_err(message),
+            _ => GeometryError::new_err(message),
+        })
+    }
+}
+
+impl From<VolumetricError> for CoreError {
+    fn from(error: VolumetricError) -> Self {
+        use VolumetricError as E;
+        let message = error.to_string();
+        match error {
+            E::PartCoefficients { .. } | E::Length { .. } | E::Session { .. } => {
+                Self(ShapeError::new_err(message))
+            }
+            E::Expression(error) => error.into(),
+            E::Kinematics(error) => error.into(),
+            E::LeastSquares(error) => error.into(),
+        }
     }
 }
 

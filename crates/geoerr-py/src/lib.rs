@@ -14,6 +14,7 @@ mod kinematics;
 mod line;
 mod straightness;
 mod triangulate;
+mod volumetric;
 
 use pyo3::prelude::*;
 
@@ -28,5 +29,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     line::register(module)?;
     straightness::register(module)?;
     triangulate::register(module)?;
+    volumetric::register(module)?;
     Ok(())
 }

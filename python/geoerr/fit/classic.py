@@ -1,0 +1,169 @@
+"""The classic errors as terms: 18 smooth functions of one axis position each, and three squarenesses.
+
+Gauge (THEORY.md): positioning and angles are 0 at the first point of the measured range; straightness has no
+least-squares slope over the range and is 0 at the first point; the slope is squareness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from geoerr.bases import basis_of
+from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, is_angular
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES, Machine
+from geoerr.terms import SQUARENESS_CHANNELS, BasisSpec, Parameter, Part, Term
+
+Components = Literal["21", "12", "none"]
+
+# Straightness that follows from an angle where a carriage keeps to its guideway's tangent, on the tool side (Li
+# Eq. 19, with the signs of exact kinematics): angle -> (straightness, sign). On the work side every sign turns.
+TANGENT = {
+    "ECX": ("EYX", 1.0),
+    "EBX": ("EZX", -1.0),
+    "ECY": ("EXY", -1.0),
+    "EAY": ("EZY", 1.0),
+    "EBZ": ("EXZ", 1.0),
+    "EAZ": ("EYZ", -1.0),
+}
+
+
+def names_of(components: Components) -> tuple[str, ...]:
+    """Give the error functions of a model: Li's 18, Dobariya's 9 translations, or none."""
+    if components == "none":
+        return ()
+    return tuple(name for name in LINEAR_AND_ANGULAR if components == "21" or not is_angular(name))
+
+
+def is_straightness(name: str) -> bool:
+    """Tell whether an error function is a translation across its axis."""
+    return not is_angular(name) and name[1] != name[2]
+
+
+def title_of(name: str) -> str:
+    """Say in words what one of the 18 is."""
+    axis = name[2]
+    if not is_angular(name):
+        return f"positioning of {axis}" if name[1] == axis else f"straightness of {axis} along {name[1].lower()}"
+    about = "XYZ"["ABC".index(name[1])]
+    return f"roll of {axis}" if about == axis else f"rotation of {axis} about {about.lower()}"
+
+
+def classic_terms(
+    machine: Machine,
+    components: Components,
+    bases: Mapping[str, BasisSpec],
+    *,
+    follows_tangent: bool = False,
+) -> tuple[Term, ...]:
+    """Make the terms of the classic errors.
+
+    Parameters
+    ----------
+    components
+        Which errors.
+    bases
+        A basis for each error function that is to be fitted; one that is not named is left out.
+    follows_tangent
+        Whether straightness is the integral of the angle (Li Eq. 19) instead of functions of its own.
+    """
+    implied = {straight for straight, _ in TANGENT.values()} if follows_tangent else set()
+    terms = [
+        _function(machine, name, bases[name], follows_tangent)
+        for name in names_of(components)
+        if name in bases and name not in implied
+    ]
+    if components != "none":
+        terms += [_squareness(channel) for channel in SQUARENESS_CHANNELS]
+    return tuple(terms)
+
+
+def _function(machine: Machine, name: str, basis: BasisSpec, follows_tangent: bool) -> Term:
+    parts = [Part(name, basis=basis)]
+    if follows_tangent and name in TANGENT:
+        straight, sign = TANGENT[name]
+        side = 1.0 if machine.side(basis.axis) == "tool" else -1.0
+        integral = BasisSpec(**{**_fields(basis), "is_tangent_integral": True})
+        parts.append(Part(straight, basis=integral, factor=side * sign))
+    unit = "rad" if is_angular(name) else "mm"
+    coefficients = tuple(Parameter(f"c{number}", unit) for number in range(basis.n_functions))
+    title = f"{title_of(name)} ({LI_NAMES[name]})"
+    return Term(name, title, "classic", None, basis.axis, None, tuple(parts), coefficients)
+
+
+def _fields(basis: BasisSpec) -> dict[str, object]:
+    return {name: getattr(basis, name) for name in BasisSpec.__dataclass_fields__}
+
+
+def _squareness(channel: str) -> Term:
+    pair = channel[-2:]
+    return Term(
+        channel,
+        f"squareness of {pair[0].upper()} and {pair[1].upper()}, included angle less 90°",
+        "classic",
+        None,
+        pair,
+        None,
+        (Part(channel, expression="S"),),
+        (Parameter("S", "rad"),),
+    )
+
+
+def gauge_rows(terms: Sequence[Term]) -> Numbers:
+    """Give the gauge as rows C (k, n_coefficients) with C θ = 0, over the coefficients of all terms."""
+    total = sum(len(term.coefficients) for term in terms)
+    rows: list[Numbers] = []
+    first = 0
+    for term in terms:
+        count = len(term.coefficients)
+        if term.kind == "classic" and term.parts[0].basis is not None:
+            basis = basis_of(term.parts[0].basis)
+            low = basis.range[0]
+            functionals = [basis.value_row(low)]
+            if is_straightness(term.id):
+                functionals.append(basis.slope_row())
+            for functional in functionals:
+                row = np.zeros(total)
+                row[first : first + count] = functional
+                rows.append(row)
+        first += count
+    return np.array(rows).reshape(len(rows), total)
+
+
+def rich_basis(axis: str, position_mm: Numbers, *, most: int = 24) -> BasisSpec | None:
+    """Give the richest basis that the distinct positions (k,) of an axis support; None where it never moved.
+
+    Cubic splines with breakpoints at quantiles of the positions, never more functions than positions.
+    """
+    count = len(position_mm)
+    if count < 2:
+        return None
+    low, high = float(position_mm[0]), float(position_mm[-1])
+    if count < 5:
+        return BasisSpec("polynomial", axis, degree=count - 1, low_mm=low, high_mm=high)
+    n_functions = min(count, most)
+    return spline(axis, position_mm, n_functions)
+
+
+def spline(axis: str, position_mm: Numbers, n_functions: int) -> BasisSpec:
+    """Give a cubic spline with that many functions, breakpoints at quantiles of the distinct positions."""
+    n_pieces = n_functions - 3
+    knots = np.quantile(position_mm, np.linspace(0.0, 1.0, n_pieces + 1))
+    return BasisSpec("bspline", axis, knots_mm=tuple(float(knot) for knot in knots), degree=3)
+
+
+def distinct_positions(position_mm: Numbers, same_mm: float) -> Numbers:
+    """Give the distinct positions (k,) of an axis, neighbours closer than `same_mm` being one."""
+    ordered = np.unique(position_mm)
+    if not ordered.size:
+        return ordered
+    is_new = np.concatenate(([True], np.diff(ordered) > same_mm))
+    return np.asarray(ordered[is_new])
+
+
+def positions_by_axis(commanded_mm: Numbers, same_mm: float) -> dict[str, Numbers]:
+    """Give the distinct positions of each axis."""
+    return {axis: distinct_positions(commanded_mm[:, index], same_mm) for index, axis in enumerate(AXES)}

@@ -1,0 +1,525 @@
+"""The joint fit: all observations at once, all terms at once, weighed by their covariances.
+
+1. Rows become arrays with their whitening (`sightings`); every session's device gets a first pose (`start`).
+2. The richest bases that the positions support are fitted; each function's own freedom is then chosen by evidence
+   (`knots`), and the model with those is fitted again (`solve`): Gauss-Newton on exact residuals, gross outliers out.
+3. Rank says what the data do not determine (`undetermined`), repeats say what is noise (`noise`), passes left out say
+   what the model is worth where it has not looked (`held_out`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from geoerr import _core
+from geoerr.error_functions import NotDetermined
+from geoerr.errors import GeometryError
+from geoerr.fit.classic import (
+    Components,
+    classic_terms,
+    gauge_rows,
+    names_of,
+    positions_by_axis,
+    rich_basis,
+)
+from geoerr.fit.figures import ErrorFigures, figures_of
+from geoerr.fit.held_out import HeldOut, folds_of, leave_out
+from geoerr.fit.inner import has_unknown_inner, started
+from geoerr.fit.knots import KnotChoice, choose_bases
+from geoerr.fit.noise import Repeats, is_static, repeats_of
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
+from geoerr.fit.solve import Solved, solve
+from geoerr.fit.start import Frames, nominal_mm, start_frames
+from geoerr.fit.undetermined import not_determined
+from geoerr.fit.variables import times_s, variable_columns
+from geoerr.machine import AXES, Machine
+from geoerr.model.compile import Compiled, compile_terms
+from geoerr.observations import CircularTest, Observations
+from geoerr.terms import BasisSpec, Term
+
+# Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
+_SIGNIFICANCE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Outlier:
+    """A row that was left out because nothing like it occurs by chance: place and residual (base axes)."""
+
+    row: int
+    line: str
+    commanded_mm: tuple[float, float, float]
+    residual_um: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """The residual in parts.
+
+    Attributes
+    ----------
+    noise_um
+        What repeats (or, without them, the stated covariances) say the noise is, summed over components.
+    is_from_repeats
+        Which of the two.
+    lack_of_fit_um
+        Root of what the residual has beyond it; 0 where it has none.
+    lack_of_fit_p
+        Probability of so much by chance, for independent noise; None where nothing tells the noise.
+    dof
+        Degrees of freedom of the residual, and of the repeats in it.
+    """
+
+    noise_um: float | None
+    is_from_repeats: bool
+    lack_of_fit_um: float | None
+    lack_of_fit_p: float | None
+    dof: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit with everything that was found on the way; arrays are in the order of `sightings`.
+
+    Attributes
+    ----------
+    machine, terms
+        The model: terms hold their values and standard errors.
+    sightings
+        The data.
+    compiled, problem, solved
+        The core's objects, for whoever asks further (candidates, predictions).
+    covariance
+        Of all parameters (coefficients of all terms, then inner), scaled.
+    null_space
+        (m, k) over the same parameters: directions that the data do not determine.
+    not_determined
+        The same in words.
+    residual_mm
+        (n, 3) in base axes.
+    figures, held_out, repeats, split, outliers
+        See their classes.
+    choices
+        How each function's basis was chosen.
+    scale
+        What the stated standard uncertainties were multiplied by; the standard deviation in mm where none are stated.
+    """
+
+    machine: Machine
+    terms: tuple[Term, ...]
+    sightings: Sightings
+    compiled: Compiled
+    problem: _core.FitProblem
+    solved: Solved
+    covariance: Numbers
+    null_space: Numbers
+    not_determined: tuple[NotDetermined, ...]
+    residual_mm: Numbers
+    figures: ErrorFigures
+    held_out: HeldOut
+    repeats: Repeats
+    split: Split
+    outliers: tuple[Outlier, ...]
+    choices: tuple[KnotChoice, ...]
+    scale: float
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters of the model: coefficients and inner."""
+        return self.compiled.n_coefficients + self.compiled.n_inner
+
+    @property
+    def expected_held_out_um(self) -> float | None:
+        """What the held-out error of a right model would be: √(noise² + mean trace of the prediction's covariance)."""
+        if self.split.noise_um is None:
+            return None
+        prediction_um2 = self.held_out.prediction_variance_mm2 * self.scale**2 * 1e6
+        return math.sqrt(self.split.noise_um**2 + prediction_um2)
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How to fit.
+
+    Attributes
+    ----------
+    components
+        `21` (Li), `12` (Dobariya: no angles) or `none`.
+    follows_tangent
+        Whether straightness is held to be the integral of the angle (Li Eq. 19).
+    bases
+        Bases by ISO name; what is not named is chosen by the data.
+    is_robust
+        Whether gross outliers are found and left out.
+    threads
+        0 = all cores.
+    """
+
+    components: Components = "21"
+    follows_tangent: bool = False
+    bases: Mapping[str, BasisSpec] | None = None
+    is_robust: bool = True
+    threads: int = 0
+
+
+def fit_terms(
+    machine: Machine,
+    tables: Sequence[Observations | CircularTest],
+    *,
+    effects: Sequence[Term] = (),
+    options: FitOptions | None = None,
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
+) -> Fitted:
+    """Fit the classic errors and any effects to all observations at once.
+
+    Parameters
+    ----------
+    machine
+        Chain, ranges and tool offset.
+    tables
+        Measured points and circular tests.
+    effects
+        Terms beyond the classic ones, built-in or a user's own.
+    rig_sensitivity : (n, 3, p), rig_covariance : (p, p)
+        How the calibration moves the points of the first table, and its covariance: fitted along, as unknowns that
+        the calibration holds.
+
+    Raises
+    ------
+    GeometryError
+        where nothing can be fitted.
+
+    Notes
+    -----
+    THEORY.md, "The one model". Verified in tests/fit: standard errors by Monte-Carlo, rank by Li's nine lines,
+    `validation/joint.py` against the nine-line arithmetic.
+    """
+    options = options or FitOptions()
+    sightings = sightings_of(*tables)
+    positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+    shared = _shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
+    given = dict(options.bases or {})
+    rich = dict(given)
+    for name in names_of(options.components):
+        basis = given.get(name) or rich_basis(name[2].lower(), positions[name[2].lower()])
+        if basis is not None:
+            rich[name] = basis
+    posed = _Posed(machine, sightings, shared, options)
+    classic = classic_terms(machine, options.components, rich, follows_tangent=options.follows_tangent)
+    choices: tuple[KnotChoice, ...] = ()
+    fitted = posed.fit((*classic, *(effect for effect in effects if not has_unknown_inner(effect))))
+    for effect in effects:
+        if has_unknown_inner(effect):
+            fitted = posed.fit((*fitted.terms, started(fitted, effect, threads=options.threads)))
+    undecided = [term for term in classic if term.id in rich and term.id not in given]
+    if undecided:
+        choices = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions)
+        chosen = {**rich, **{choice.name: choice.basis for choice in choices}}
+        terms = (
+            *classic_terms(machine, options.components, chosen, follows_tangent=options.follows_tangent),
+            *_with_starts(effects, fitted.terms),
+        )
+        fitted = posed.fit(terms)
+    return replace(fitted, choices=choices)
+
+
+def refit(fitted: Fitted, terms: Sequence[Term], *, threads: int = 0) -> Fitted:
+    """Fit other terms to the same data, bases as they are; for adding and removing effects."""
+    posed = _Posed(fitted.machine, fitted.sightings, None, FitOptions(threads=threads))
+    return replace(posed.fit(tuple(terms)), choices=fitted.choices)
+
+
+def _with_starts(effects: Sequence[Term], fitted: Sequence[Term]) -> list[Term]:
+    """Let inner parameters start where the rich fit left them."""
+    by_id = {term.id: term for term in fitted}
+    return [effect.with_values(inner=[parameter.value for parameter in by_id[effect.id].inner]) for effect in effects]
+
+
+@dataclass(frozen=True, eq=False)
+class _Shared:
+    """Unknowns that rows share, of unit variance: derivative (n, 3, p) in the measuring frames, and how many have it."""
+
+    derivative: Numbers
+    n_held: int
+
+
+def _shared_unknowns(
+    tables: Sequence[Observations | CircularTest],
+    sightings: Sightings,
+    rig_sensitivity: Numbers | None,
+    rig_covariance: Numbers | None,
+) -> _Shared | None:
+    """Bring the calibration's uncertainty into unknowns of unit variance: S Σ Sᵀ = (S F)(S F)ᵀ with Σ = F Fᵀ."""
+    if rig_sensitivity is None or rig_covariance is None:
+        return None
+    value, vector = np.linalg.eigh(rig_covariance)
+    keep = value > max(float(value.max()), 0.0) * 1e-14
+    root = vector[:, keep] * np.sqrt(value[keep])
+    if len(tables) != 1:
+        raise GeometryError("the calibration's uncertainty can be taken along for one table of points only")
+    derivative = rig_sensitivity[sightings.source_row] @ root
+    if not np.isfinite(derivative).all():
+        raise GeometryError(
+            "some rows have no pixels, so that the calibration's part in their uncertainty is unknown\n"
+            "hint: leave --rig out, or leave these rows out"
+        )
+    return _Shared(derivative, int(keep.sum()))
+
+
+class _Posed:
+    """The data with everything that does not depend on the terms: frames, reference targets, shared unknowns."""
+
+    def __init__(self, machine: Machine, sightings: Sightings, shared: _Shared | None, options: FitOptions) -> None:
+        self.machine = machine
+        self.options = options
+        nominal = nominal_mm(machine, sightings)
+        static = is_static(sightings)
+        self.frames: Frames = start_frames(nominal, sightings, static)
+        places, offsets = _reference_places(sightings, static, self.frames)
+        self.sightings = replace(sightings, offset_mm=offsets)
+        derivative = [part for part in (None if shared is None else shared.derivative, places) if part is not None]
+        self.shared = np.ascontiguousarray(np.concatenate(derivative, axis=2)) if derivative else None
+        self.n_held = 0 if shared is None else shared.n_held
+
+    def fit(self, terms: tuple[Term, ...]) -> Fitted:
+        """Fit these terms."""
+        machine, sightings, options = self.machine, self.sightings, self.options
+        compiled = compile_terms(machine, terms)
+        variables = variable_columns(sightings, compiled.variables)
+        sightings, variables, shared = _complete_rows(sightings, variables, self.shared)
+        if not len(sightings):
+            raise GeometryError("no row has all the covariates that the model needs")
+        free = [
+            place for place, parameter in enumerate(p for term in terms for p in term.inner) if not parameter.is_fixed
+        ]
+        problem = self._problem(compiled, terms, sightings, variables, shared, free)
+        n_model = compiled.n_coefficients + len(free)
+        rows = gauge_rows(terms)
+        gauge = np.zeros((len(rows), problem.n_columns))
+        gauge[:, : compiled.n_coefficients] = rows
+        solved = solve(
+            problem,
+            sightings,
+            problem.start,
+            gauge,
+            n_held=self.n_held,
+            robust=options.is_robust,
+            is_linear=not free,
+            threads=options.threads,
+        )
+        return self._summary(terms, compiled, problem, solved, sightings, free, n_model)
+
+    def _problem(
+        self,
+        compiled: Compiled,
+        terms: Sequence[Term],
+        sightings: Sightings,
+        variables: Numbers,
+        shared: Numbers | None,
+        free: Sequence[int],
+    ) -> _core.FitProblem:
+        frames = self.frames
+        inner = np.array([p.value for term in terms for p in term.inner], dtype=np.float64)
+        return _core.FitProblem(
+            compiled.core,
+            sightings.carrier,
+            np.ascontiguousarray(sightings.commanded_mm),
+            np.ascontiguousarray(sightings.offset_mm),
+            np.ascontiguousarray(variables),
+            sightings.starts,
+            times_s(sightings) if compiled.needs_order else None,
+            np.ascontiguousarray(sightings.measured_mm),
+            np.ascontiguousarray(sightings.whitening),
+            sightings.session,
+            (frames.kinds, frames.rotations, frames.translations_mm, frames.excess_mm, frames.pivots_mm),
+            np.zeros(compiled.n_coefficients),
+            inner,
+            list(free),
+            shared,
+        )
+
+    def _summary(
+        self,
+        terms: tuple[Term, ...],
+        compiled: Compiled,
+        problem: _core.FitProblem,
+        solved: Solved,
+        sightings: Sightings,
+        free: Sequence[int],
+        n_model: int,
+    ) -> Fitted:
+        residual = problem.in_base_axes(solved.state, solved.residual_mm)
+        n_numbers = int(sightings.is_measured[solved.used].sum())
+        dof = n_numbers + self.n_held - solved.solution.rank
+        scale = _scale(solved, sightings, dof)
+        places = [*range(compiled.n_coefficients), *(compiled.n_coefficients + place for place in free)]
+        covariance = np.zeros((compiled.n_coefficients + compiled.n_inner,) * 2)
+        null_space = np.zeros((len(covariance), solved.solution.null_space.shape[1]))
+        root = solved.solution.covariance_root[:n_model]
+        covariance[np.ix_(places, places)] = root @ root.T * scale**2
+        null_space[places] = solved.solution.null_space[:n_model]
+        touches = np.abs(null_space).max(axis=0, initial=0.0) > 0.0
+        repeats = repeats_of(sightings, residual, solved.used)
+        held = leave_out(
+            problem,
+            solved.state,
+            sightings,
+            solved.solution.covariance_root,
+            solved.residual_mm,
+            solved.used,
+            folds_of(sightings),
+            threads=self.options.threads,
+        )
+        positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+        return Fitted(
+            machine=self.machine,
+            terms=_with_values(terms, compiled, solved, covariance),
+            sightings=sightings,
+            compiled=compiled,
+            problem=problem,
+            solved=solved,
+            covariance=covariance,
+            null_space=null_space[:, touches],
+            not_determined=not_determined(
+                terms,
+                np.asarray(solved.solution.is_determined),
+                np.asarray(solved.solution.null_space),
+                sightings,
+                n_model,
+                [axis for axis in AXES if len(positions[axis]) < 2],
+                names_of(self.options.components),
+            ),
+            residual_mm=residual,
+            figures=figures_of(sightings, residual, solved.used),
+            held_out=held,
+            repeats=repeats,
+            split=_split(sightings, solved, residual, repeats, dof),
+            outliers=_outliers(sightings, solved, residual),
+            choices=(),
+            scale=scale,
+        )
+
+
+def _complete_rows(
+    sightings: Sightings, variables: Numbers, shared: Numbers | None
+) -> tuple[Sightings, Numbers, Numbers | None]:
+    """Leave out, counted, the rows that lack a covariate that the model needs."""
+    known = np.isfinite(variables).all(axis=0)
+    if known.all():
+        return sightings, variables, shared
+    return (
+        sightings.select(known, "a covariate is empty"),
+        variables[:, known],
+        None if shared is None else shared[known],
+    )
+
+
+def _reference_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> tuple[Numbers | None, Numbers]:
+    """Give static reference targets a place: its mean where they were seen, and unknowns for the rest."""
+    offsets = sightings.offset_mm.copy()
+    offsets[static] = 0.0
+    if not static.any():
+        return None, offsets
+    targets = np.asarray(sightings.texts("target"))
+    keys = [(int(s), str(t)) for s, t in zip(sightings.session[static], targets[static], strict=True)]
+    names = list(dict.fromkeys(keys))
+    derivative = np.zeros((len(sightings), 3, 3 * len(names)))
+    for number, (session, target) in enumerate(names):
+        rows = static & (sightings.session == session) & (targets == target)
+        rotation, translation = frames.rotations[session], frames.translations_mm[session]
+        offsets[rows] = (sightings.measured_mm[rows] - translation).mean(axis=0) @ rotation
+        derivative[rows, :, 3 * number : 3 * number + 3] = rotation
+    return derivative, offsets
+
+
+def _scale(solved: Solved, sightings: Sightings, dof: int) -> float:
+    """Give what standard uncertainties are multiplied by: Birge's ratio where the scatter exceeds what is stated."""
+    if dof <= 0:
+        return 1.0 if sightings.is_stated else math.nan
+    ratio = solved.chi_squared / dof
+    if not sightings.is_stated:
+        return math.sqrt(ratio)
+    is_more = ratio > 1.0 and float(stats.chi2.sf(solved.chi_squared, dof)) < _SIGNIFICANCE
+    return math.sqrt(ratio) if is_more else 1.0
+
+
+def _with_values(terms: Sequence[Term], compiled: Compiled, solved: Solved, covariance: Numbers) -> tuple[Term, ...]:
+    theta, phi = solved.state.coefficients, solved.state.inner
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    result, first, first_inner = [], 0, 0
+    for term in terms:
+        own = slice(first, first + len(term.coefficients))
+        own_inner = slice(first_inner, first_inner + len(term.inner))
+        after = slice(compiled.n_coefficients + own_inner.start, compiled.n_coefficients + own_inner.stop)
+        result.append(
+            term.with_values(
+                theta[own].tolist(),
+                phi[own_inner].tolist(),
+                coefficients_std=std[own].tolist(),
+                inner_std=std[after].tolist(),
+            )
+        )
+        first, first_inner = own.stop, own_inner.stop
+    return tuple(result)
+
+
+def _split(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats: Repeats, dof: int) -> Split:
+    """Part the residual into noise and lack of fit: by repeats where there are, else by the stated covariances."""
+    used = solved.used
+    whitened = solved.whitened[used]
+    total = float((whitened**2).sum())
+    figures = figures_of(sightings, residual_mm, used)
+    size = figures.headline_um
+    noise_ss, noise_dof = _scatter_in_groups(whitened, repeats.group[used], sightings.is_measured[used])
+    if noise_dof >= 1 and dof > noise_dof:
+        lack_dof = dof - noise_dof
+        ratio = ((total - noise_ss) / lack_dof) / (noise_ss / noise_dof) if noise_ss > 0.0 else math.inf
+        p_value = float(stats.f.sf(max(ratio, 0.0), lack_dof, noise_dof))
+        noise = repeats.floor_um
+    elif sightings.is_stated and dof > 0:
+        p_value = float(stats.chi2.sf(total, dof))
+        inverse = np.linalg.pinv(sightings.whitening[used])
+        variances = (inverse**2).sum(axis=2)
+        count = np.maximum(sightings.is_measured[used].sum(axis=0), 1)
+        noise = math.sqrt(float((variances.sum(axis=0) / count).sum())) * 1e3
+        noise_dof = 0
+    else:
+        return Split(None, False, None, None, (dof, 0))
+    lack = None
+    if size is not None and noise is not None:
+        # The residual of a right model is smaller than the noise by the parameters that it was fitted with.
+        n_numbers = int(sightings.is_measured[used].sum())
+        lack = math.sqrt(max(size**2 * n_numbers / max(dof, 1) - noise**2, 0.0))
+    return Split(noise, noise_dof > 0, lack, p_value, (dof, noise_dof))
+
+
+def _scatter_in_groups(values: Numbers, group: np.ndarray, seen: np.ndarray) -> tuple[float, int]:
+    n_groups = int(group.max()) + 1 if len(group) else 0
+    total, dof = 0.0, 0
+    for component in range(3):
+        rows = seen[:, component]
+        count = np.bincount(group[rows], minlength=n_groups)
+        mean = np.bincount(group[rows], weights=values[rows, component], minlength=n_groups) / np.maximum(count, 1)
+        deviation = values[rows, component] - mean[group[rows]]
+        total += float(deviation @ deviation)
+        dof += int((count[count > 1] - 1).sum())
+    return total, dof
+
+
+def _outliers(sightings: Sightings, solved: Solved, residual_mm: Numbers) -> tuple[Outlier, ...]:
+    lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
+    rows = np.flatnonzero(~solved.used)
+    return tuple(
+        Outlier(
+            int(row),
+            lines[row],
+            tuple(float(v) for v in sightings.commanded_mm[row]),
+            tuple(float(v) * 1e3 for v in residual_mm[row]),
+        )
+        for row in rows
+    )

@@ -1,0 +1,146 @@
+"""How much freedom each error function needs: chosen by the data, and stated.
+
+A rich basis is fitted first. Its estimate and covariance at the measured positions hold all that the data say about
+the function, so that every coarser basis is judged without another fit: with V the covariance of the rich estimate f,
+
+    χ²(coarser) = min_α (f − B α)ᵀ V⁺ (f − B α),   score = χ² + 2 · (free coefficients)   (Akaike, known variance)
+
+The gauge is part of every candidate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.bases import basis_of
+from geoerr.fit.classic import is_straightness, spline
+from geoerr.fit.sightings import Numbers
+from geoerr.terms import BasisSpec, Term
+
+# Positions at which functions are compared, for each function of the rich basis: more add nothing.
+_PLACES_OF_A_FUNCTION = 4
+# Eigenvalues of V below this share of the largest are directions of the gauge, or round-off.
+_RANK = 1e-10
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A basis with its score: free coefficients, χ² against the rich estimate, and both together."""
+
+    n_free: int
+    chi_squared: float
+    score: float
+
+
+@dataclass(frozen=True)
+class KnotChoice:
+    """The basis chosen for one function.
+
+    Attributes
+    ----------
+    name
+        ISO name.
+    basis
+        What was chosen.
+    n_free
+        Its free coefficients, the gauge taken off.
+    candidates
+        All that were judged, fewest coefficients first.
+    """
+
+    name: str
+    basis: BasisSpec
+    n_free: int
+    candidates: tuple[Candidate, ...]
+
+
+def choose_bases(
+    undecided: Sequence[Term],
+    fitted: Sequence[Term],
+    covariance: Numbers,
+    null_space: Numbers,
+    positions_mm: Mapping[str, Numbers],
+) -> tuple[KnotChoice, ...]:
+    """Choose a basis for each undecided function from the fit with rich ones.
+
+    Parameters
+    ----------
+    undecided
+        Terms whose bases are to be chosen.
+    fitted
+        All terms of the rich fit, with values.
+    covariance, null_space
+        Of its parameters.
+    positions_mm
+        Distinct positions of each axis.
+    """
+    wanted = {term.id for term in undecided}
+    choices = []
+    first = 0
+    for term in fitted:
+        own = slice(first, first + len(term.coefficients))
+        first = own.stop
+        basis = term.parts[0].basis
+        if term.id in wanted and basis is not None:
+            values = np.array([parameter.value for parameter in term.coefficients])
+            block = covariance[own, own]
+            choices.append(_choose(term.id, basis, values, block, positions_mm[basis.axis]))
+    return tuple(choices)
+
+
+def _choose(
+    name: str, rich: BasisSpec, coefficients: Numbers, covariance: Numbers, positions_mm: Numbers
+) -> KnotChoice:
+    places = _places(positions_mm, _PLACES_OF_A_FUNCTION * rich.n_functions)
+    design = basis_of(rich).evaluate(places)
+    spread, direction = np.linalg.eigh(design @ covariance @ design.T)
+    keep = spread > _RANK * max(float(spread[-1]), 0.0)
+    if not keep.any():
+        # Nothing is known of the function: the simplest one is enough to say so.
+        simplest = _candidates(name, rich, positions_mm)[0]
+        return KnotChoice(name, simplest, 0, ())
+    whiten = direction[:, keep].T / np.sqrt(spread[keep])[:, None]
+    target = whiten @ (design @ coefficients)
+    candidates, bases = [], _candidates(name, rich, positions_mm)
+    for spec in bases:
+        columns = _gauged_columns(name, spec, places)
+        solution, _, rank, _ = np.linalg.lstsq(whiten @ columns, target, rcond=1e-10)
+        misfit = target - whiten @ (columns @ solution)
+        chi_squared = float(misfit @ misfit)
+        candidates.append(Candidate(int(rank), chi_squared, chi_squared + 2.0 * int(rank)))
+    best = int(np.argmin([candidate.score for candidate in candidates]))
+    return KnotChoice(name, bases[best], candidates[best].n_free, tuple(candidates))
+
+
+def _places(positions_mm: Numbers, most: int) -> Numbers:
+    if len(positions_mm) <= most:
+        return positions_mm
+    return np.asarray(np.quantile(positions_mm, np.linspace(0.0, 1.0, most)))
+
+
+def _candidates(name: str, rich: BasisSpec, positions_mm: Numbers) -> list[BasisSpec]:
+    """List polynomials, then cubic splines of growing number, up to the rich basis."""
+    low, high = float(positions_mm[0]), float(positions_mm[-1])
+    lowest = 2 if is_straightness(name) else 1
+    highest = min(3, rich.n_functions - 1)
+    bases = [
+        BasisSpec("polynomial", rich.axis, degree=degree, low_mm=low, high_mm=high)
+        for degree in range(min(lowest, highest), highest + 1)
+    ]
+    bases += [spline(rich.axis, positions_mm, count) for count in range(5, rich.n_functions)]
+    return [*bases, rich]
+
+
+def _gauged_columns(name: str, spec: BasisSpec, places_mm: Numbers) -> Numbers:
+    """Give the functions (n, k) at places, restricted to the gauge."""
+    basis = basis_of(spec)
+    functionals = [basis.value_row(basis.range[0])]
+    if is_straightness(name):
+        functionals.append(basis.slope_row())
+    constraint = np.array(functionals)
+    _, _, directions = np.linalg.svd(constraint)
+    free = directions[len(functionals) :].T
+    return np.asarray(basis.evaluate(places_mm) @ free)

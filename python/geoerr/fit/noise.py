@@ -1,0 +1,144 @@
+"""How much the same point scatters when it is measured again: the noise floor, without any model.
+
+Rows count as repeats where pose, direction of approach and target agree and the covariates nearly do, across passes.
+The floor is the pooled standard deviation (n − 1) of each component, summed as the root mean square error is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.observations import CARRIERS
+
+# Covariates are alike where they differ by less than this share of their spread: a twentieth of the spread changes a
+# linear effect by a twentieth, well below the noise wherever the effect itself is not far above it.
+_ALIKE = 0.05
+_UM_PER_MM = 1e3
+# Columns that identify or order rows; they say nothing about the conditions.
+_NOT_CONDITIONS = {
+    *("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz", "sx", "sy", "sz", "repeat", "t", "r", "file_row"),
+    *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z", "dir"),
+    *("u_left", "v_left", "u_right", "v_right"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Repeats:
+    """Rows that measured the same thing, by component.
+
+    Attributes
+    ----------
+    group : (n,)
+        Number of the group of every row.
+    dof : (3,)
+        Repeats beyond the first, by component.
+    variance_mm2 : (3,)
+        Pooled variance in base axes, NaN without repeats.
+    within_pass_variance_mm2 : (3,)
+        The same with each pass's own mean taken off first.
+    within_pass_dof : (3,)
+        Its degrees of freedom.
+    """
+
+    group: np.ndarray
+    dof: np.ndarray
+    variance_mm2: Numbers
+    within_pass_variance_mm2: Numbers
+    within_pass_dof: np.ndarray
+
+    @property
+    def floor_um(self) -> float | None:
+        """Noise floor across passes, µm; None without repeats."""
+        return _floor(self.variance_mm2, self.dof)
+
+    @property
+    def within_pass_floor_um(self) -> float | None:
+        """Noise floor within passes, µm; None without repeats."""
+        return _floor(self.within_pass_variance_mm2, self.within_pass_dof)
+
+
+def _floor(variance_mm2: Numbers, dof: np.ndarray) -> float | None:
+    if not (dof > 0).any():
+        return None
+    return math.sqrt(float(np.nansum(np.where(dof > 0, variance_mm2, 0.0)))) * _UM_PER_MM
+
+
+def groups_of(sightings: Sightings) -> np.ndarray:
+    """Number the groups of rows that measured the same thing under nearly the same conditions, (n,)."""
+    keys = [
+        np.round(sightings.commanded_mm / SAME_POSITION_MM),
+        np.round(sightings.offset_mm / SAME_POSITION_MM),
+        sightings.directions.astype(np.float64),
+        sightings.carrier[:, None].astype(np.float64),
+        sightings.session[:, None].astype(np.float64),
+    ]
+    for name in sightings.covariate_columns:
+        if name in _NOT_CONDITIONS:
+            continue
+        values = sightings.numbers(name)
+        spread = float(np.nanmax(values) - np.nanmin(values))
+        if spread > 0.0:
+            keys.append(np.nan_to_num(np.round(values / (_ALIKE * spread)), nan=-1e9)[:, None])
+    if "target" in sightings.table.columns:
+        names = np.asarray(sightings.texts("target"))
+        keys.append(np.unique(names, return_inverse=True)[1].reshape(-1, 1).astype(np.float64))
+    _, group = np.unique(np.column_stack(keys), axis=0, return_inverse=True)
+    return np.asarray(group).ravel()
+
+
+def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> Repeats:
+    """Pool the scatter of repeated rows.
+
+    Parameters
+    ----------
+    residual_mm : (n, 3)
+        Measured minus predicted in base axes; the prediction of repeats is the same, so that only their scatter
+        counts, and frames of different sessions do not.
+    used : (n,)
+        Rows that count (no outliers).
+    """
+    group = groups_of(sightings)
+    is_seen = sightings.is_measured & used[:, None]
+    variance, dof = _pooled(residual_mm, is_seen, group)
+    by_pass = residual_mm - _pass_means(residual_mm, is_seen, sightings.pass_number)
+    within, within_dof = _pooled(by_pass, is_seen, group)
+    n_shared = np.array([len(np.unique(sightings.pass_number[seen])) for seen in is_seen.T])
+    # Every pass's mean has taken a degree of freedom; groups within it had it before.
+    left = np.maximum(within_dof - np.maximum(n_shared - 1, 0), 0)
+    within = np.where(left > 0, within * within_dof / np.maximum(left, 1), np.nan)
+    return Repeats(group, dof, variance, within, left)
+
+
+def _pooled(values: Numbers, is_seen: np.ndarray, group: np.ndarray) -> tuple[Numbers, np.ndarray]:
+    n_groups = int(group.max()) + 1 if len(group) else 0
+    variance, dof = np.full(3, np.nan), np.zeros(3, dtype=np.int64)
+    for component in range(3):
+        seen = is_seen[:, component]
+        count = np.bincount(group[seen], minlength=n_groups)
+        total = np.bincount(group[seen], weights=values[seen, component], minlength=n_groups)
+        mean = total / np.maximum(count, 1)
+        deviation = values[seen, component] - mean[group[seen]]
+        dof[component] = int((count[count > 1] - 1).sum())
+        if dof[component]:
+            variance[component] = float(deviation @ deviation) / dof[component]
+    return variance, dof
+
+
+def _pass_means(values: Numbers, is_seen: np.ndarray, pass_number: np.ndarray) -> Numbers:
+    n_passes = int(pass_number.max()) + 1 if len(pass_number) else 0
+    means = np.zeros_like(values)
+    for component in range(3):
+        seen = is_seen[:, component]
+        count = np.bincount(pass_number[seen], minlength=n_passes)
+        total = np.bincount(pass_number[seen], weights=values[seen, component], minlength=n_passes)
+        means[:, component] = (total / np.maximum(count, 1))[pass_number]
+    return means
+
+
+def is_static(sightings: Sightings) -> np.ndarray:
+    """Tell which rows are of static reference targets (`carrier` = `base`), (n,)."""
+    return np.asarray(sightings.carrier == CARRIERS.index("base"))

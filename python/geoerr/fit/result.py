@@ -1,0 +1,164 @@
+"""What a fit hands out: the model with its record, the figures, and all of it in plain values and in words."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from geoerr.fit.fit import Fitted
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.machine import AXES
+from geoerr.model import FitRecord, HistoryEntry, Model
+from geoerr.terms import RAW_VARIABLES
+
+# Directions of parameters whose part in the model is below this are those of the measuring frames alone.
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """A fitted model, and how it was found.
+
+    Attributes
+    ----------
+    model
+        The model with its record; `write_model` writes it.
+    fitted
+        Residuals, choices, outliers, and the core's objects.
+    """
+
+    model: Model
+    fitted: Fitted
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Error figures as FORMATS' `compare --json` names them."""
+        return figures_document(self.fitted)
+
+    def to_document(self) -> dict[str, Any]:
+        """Give everything that `fit --json` says of the fit."""
+        fitted = self.fitted
+        return {
+            **figures_document(fitted),
+            "scale": fitted.scale,
+            "converged": fitted.solved.converged,
+            "rank": fitted.solved.solution.rank,
+            "unknowns": fitted.problem.n_columns,
+            "parameters": {
+                f"{term.id}.{parameter.name}": {
+                    "value": parameter.value,
+                    "std": parameter.std,
+                    "unit": parameter.unit,
+                }
+                for term in fitted.terms
+                for parameter in (*term.coefficients, *term.inner)
+            },
+            "bases": {
+                choice.name: {**choice.basis.to_document(), "free": choice.n_free} for choice in fitted.choices
+            },
+            "not_determined": [{"name": item.name, "why": item.why} for item in fitted.not_determined],
+            "outliers": [
+                {
+                    "row": outlier.row + 1,
+                    "line": outlier.line,
+                    **dict(zip(AXES, outlier.commanded_mm, strict=True)),
+                    "residual_um": list(outlier.residual_um),
+                }
+                for outlier in fitted.outliers
+            ],
+            "left_out": fitted.sightings.left_out,
+        }
+
+
+def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult:
+    """Make the model of a fit."""
+    sightings = fitted.sightings
+    moved = {
+        axis: (float(values.min()), float(values.max()))
+        for axis, values in zip(AXES, sightings.commanded_mm.T, strict=True)
+        if np.ptp(values) > 0.0
+    }
+    needed = {name for term in fitted.terms for name in term.variables if name not in RAW_VARIABLES}
+    spans = {
+        name: (float(np.nanmin(values)), float(np.nanmax(values)))
+        for name in sorted(needed)
+        for values in [sightings.numbers(name)]
+    }
+    record = FitRecord(
+        covariance=fitted.covariance,
+        null_space=_orthonormal(fitted.null_space),
+        not_determined=fitted.not_determined,
+        data_digest=digest_of(sightings),
+        n_rows=int(fitted.solved.used.sum()),
+        n_outliers=len(fitted.outliers),
+        range_mm=moved,
+        covariate_spans=spans,
+        noise=_numbers(
+            {
+                "floor_um": fitted.repeats.floor_um,
+                "within_pass_floor_um": fitted.repeats.within_pass_floor_um,
+                "noise_um": fitted.split.noise_um,
+                "scale": fitted.scale,
+            }
+        ),
+        figures=_numbers({name: value for name, value in figures_document(fitted).items() if _is_plain(value)}),
+        history=tuple(history),
+    )
+    return FitResult(Model(fitted.machine, terms=fitted.terms, record=record), fitted)
+
+
+def figures_document(fitted: Fitted) -> dict[str, Any]:
+    """Give the figures of a fit under FORMATS' names; null where one is not computable."""
+    held = fitted.held_out.figures
+    return {
+        **fitted.figures.to_document(),
+        "held_out_rmse_um": None if held is None else held.headline_um,
+        "expected_held_out_rmse_um": _finite(fitted.expected_held_out_um),
+        "held_out_not_computable": fitted.held_out.n_not_computable,
+        "noise_floor_um": fitted.repeats.floor_um,
+        "within_pass_floor_um": fitted.repeats.within_pass_floor_um,
+        "noise_um": _finite(fitted.split.noise_um),
+        "lack_of_fit_um": fitted.split.lack_of_fit_um,
+        "lack_of_fit_p": fitted.split.lack_of_fit_p,
+    }
+
+
+def digest_of(sightings: Sightings) -> str:
+    """Give the SHA-256 of the data: of every column's name and values, in the order of names."""
+    sums = hashlib.sha256()
+    for name in sorted(sightings.table.columns):
+        if name == "file_row":
+            continue
+        column = sightings.table[name]
+        sums.update(name.encode() + b"\0")
+        if column.dtype.is_numeric():
+            values = column.cast(pl.Float64).fill_null(math.nan).to_numpy()
+            sums.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+        else:
+            sums.update("\0".join(value or "" for value in column.cast(pl.String).to_list()).encode())
+    return sums.hexdigest()
+
+
+def _orthonormal(directions: Numbers) -> Numbers:
+    if not directions.size:
+        return np.zeros((len(directions), 0))
+    left, singular, _ = np.linalg.svd(directions, full_matrices=False)
+    return np.ascontiguousarray(left[:, singular > _NOTHING * max(float(singular[0]), 1e-300)])
+
+
+def _is_plain(value: object) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def _numbers(values: dict[str, Any]) -> dict[str, float]:
+    return {name: math.nan if value is None else float(value) for name, value in values.items()}
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

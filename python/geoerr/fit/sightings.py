@@ -1,0 +1,328 @@
+"""Observations as the fit needs them: arrays in the order of measurement, each row with its whitening.
+
+A row states up to three components in its session's measuring frame, or one radius about its run's centre. `whitening`
+turns the residual of its measured components into numbers of unit variance; a component that was not measured has a
+row of zeros, and so takes no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from geoerr.errors import GeometryError
+from geoerr.observations import CARRIERS, CircularTest, Observations
+
+Numbers = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+_BY_ROW = (
+    *("commanded_mm", "offset_mm", "measured_mm", "is_measured", "whitening"),
+    *("carrier", "session", "pass_number", "directions", "source_row"),
+)
+# A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
+_LEAST_STD_MM = 1e-7
+# Positions closer than this are one position: a hundredth of a micrometre is below every command's resolution.
+SAME_POSITION_MM = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """Measured rows, sessions one after the other, each in the order of measurement.
+
+    Attributes
+    ----------
+    table : polars.DataFrame
+        The rows with all their columns.
+    commanded_mm, offset_mm : (n, 3)
+        Axis positions and target offsets.
+    measured_mm : (n, 3)
+        In the measuring frame; 0 where not measured. A radius stands in the first component.
+    is_measured : (n, 3)
+        Which components were.
+    whitening : (n, 3, 3)
+        W with W C Wᵀ = 1 on the measured components; per mm.
+    is_stated
+        Whether the covariances come from the data; otherwise every component has 1 mm, and the scale is not known.
+    carrier : (n,) uint8
+        Place in `CARRIERS`.
+    session : (n,)
+        Number of the row's session or circular run.
+    sessions
+        Their names.
+    frames
+        For each session `free` (any pose), `parallel` (a device that never measures all components at once) or
+        `circle` (centre and mean radius free).
+    pass_number : (n,)
+        Number of the row's pass: one session, line, repeat and direction.
+    directions : (n, 3) int8
+        Direction in which each axis last moved; 0 unknown.
+    source_row : (n,)
+        Place of the row in its table.
+    left_out
+        Reason to number of rows that took no part.
+    notes
+        What had to be filled in.
+    """
+
+    table: pl.DataFrame
+    commanded_mm: Numbers
+    offset_mm: Numbers
+    measured_mm: Numbers
+    is_measured: npt.NDArray[np.bool_]
+    whitening: Numbers
+    is_stated: bool
+    carrier: npt.NDArray[np.uint8]
+    session: Integers
+    sessions: tuple[str, ...]
+    frames: tuple[str, ...]
+    pass_number: Integers
+    directions: npt.NDArray[np.int8]
+    source_row: Integers
+    left_out: dict[str, int]
+    notes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.commanded_mm)
+
+    def select(self, mask: npt.ArrayLike, why: str) -> Sightings:
+        """Give the rows where `mask` (n,) is true; the others are counted under the reason."""
+        kept = np.asarray(mask, dtype=bool)
+        out = int((~kept).sum())
+        return replace(
+            self,
+            table=self.table.filter(pl.Series(kept)),
+            **{name: getattr(self, name)[kept] for name in _BY_ROW},
+            left_out={**self.left_out, why: self.left_out.get(why, 0) + out} if out else self.left_out,
+        )
+
+    @property
+    def starts(self) -> Integers:
+        """First row of each session, (n_sessions,)."""
+        return np.searchsorted(self.session, np.arange(len(self.sessions))).astype(np.int64)
+
+    @property
+    def n_passes(self) -> int:
+        """Number of passes."""
+        return int(self.pass_number.max()) + 1 if len(self) else 0
+
+    def numbers(self, column: str) -> Numbers:
+        """Give a column (n,) as float64; NaN where it is empty or absent."""
+        if column not in self.table.columns:
+            return np.full(len(self), np.nan)
+        return np.asarray(self.table[column].cast(pl.Float64, strict=False).to_numpy(), dtype=np.float64)
+
+    def texts(self, column: str) -> list[str]:
+        """Give a text column; an empty cell is ''."""
+        return [value or "" for value in self.table[column].cast(pl.String).to_list()]
+
+    @property
+    def covariate_columns(self) -> tuple[str, ...]:
+        """Names of all columns of numbers that hold any number."""
+        return tuple(
+            name
+            for name, kind in self.table.schema.items()
+            if kind.is_numeric() and bool(np.isfinite(self.numbers(name)).any())
+        )
+
+
+def sightings_of(*tables: Observations | CircularTest) -> Sightings:
+    """Join measurements of points and circular tests.
+
+    Raises
+    ------
+    GeometryError
+        where nothing is measured, or some tables state uncertainties and others do not.
+    """
+    parts = [_of_points(table) if isinstance(table, Observations) else _of_circle(table) for table in tables]
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
+    return parts[0] if len(parts) == 1 else _joined(parts)
+
+
+def _of_points(observations: Observations) -> Sightings:
+    is_measured = np.isfinite(observations.measured_mm)
+    used = is_measured.any(axis=1)
+    left_out = {"nothing measured": int((~used).sum())} if not used.all() else {}
+    kept = observations.select(used)
+    names = kept.texts("session")
+    sessions = tuple(dict.fromkeys(names))
+    number_of = {name: number for number, name in enumerate(sessions)}
+    session = np.array([number_of[name] for name in names], dtype=np.int64)
+    order = np.argsort(session, kind="stable")
+    kept = Observations(kept.frame[order], kept.sources, kept.set_aside)
+    session = session[order]
+    is_measured = is_measured[used][order]
+    whitening, is_stated, notes = _whitening(kept.covariance_mm2, is_measured)
+    directions = kept.directions
+    frames = tuple(
+        "free" if bool(is_measured[session == number].all(axis=1).any()) else "parallel"
+        for number in range(len(sessions))
+    )
+    commanded = kept.commanded_mm
+    return Sightings(
+        table=kept.frame,
+        commanded_mm=commanded,
+        offset_mm=kept.target_offset_mm,
+        measured_mm=np.where(is_measured, np.nan_to_num(kept.measured_mm), 0.0),
+        is_measured=is_measured,
+        whitening=whitening,
+        is_stated=is_stated,
+        carrier=np.array([CARRIERS.index(name) for name in kept.texts("carrier")], dtype=np.uint8),
+        session=session,
+        sessions=sessions,
+        frames=frames,
+        pass_number=_passes(session, kept.texts("line"), kept.numbers("repeat")[:, 0], commanded, directions),
+        directions=directions,
+        source_row=np.flatnonzero(used)[order].astype(np.int64),
+        left_out=left_out,
+        notes=notes,
+    )
+
+
+def _of_circle(test: CircularTest) -> Sightings:
+    """Rows of a circular test: the tool seen from the work, one radius each; every line of a session is a run."""
+    frame = test.frame
+    n_rows = frame.height
+    session_names = frame["session"].cast(pl.String).to_list() if "session" in frame.columns else ["0"] * n_rows
+    lines = frame["line"].cast(pl.String).to_list() if "line" in frame.columns else [""] * n_rows
+    runs = [f"circle {line or ''}/{session or ''}" for line, session in zip(lines, session_names, strict=True)]
+    names = tuple(dict.fromkeys(runs))
+    number_of = {name: number for number, name in enumerate(names)}
+    session = np.array([number_of[run] for run in runs], dtype=np.int64)
+    order = np.argsort(session, kind="stable")
+    frame, session = frame[order], session[order]
+    commanded = np.column_stack([frame[name].cast(pl.Float64).to_numpy() for name in ("x", "y", "z")])
+    measured = np.zeros((n_rows, 3))
+    measured[:, 0] = frame["r"].cast(pl.Float64).to_numpy()
+    is_measured = np.zeros((n_rows, 3), dtype=bool)
+    is_measured[:, 0] = True
+    repeat = frame["repeat"].cast(pl.Float64).to_numpy() if "repeat" in frame.columns else np.zeros(n_rows)
+    sense = frame["dir"].cast(pl.Float64).to_numpy() if "dir" in frame.columns else np.zeros(n_rows)
+    directions = Observations(frame.with_columns(pl.Series("session", session.astype(str)))).directions
+    _, pass_number = np.unique(
+        np.column_stack([session, np.nan_to_num(repeat), np.nan_to_num(sense)]), axis=0, return_inverse=True
+    )
+    whitening = np.zeros((n_rows, 3, 3))
+    whitening[:, 0, 0] = 1.0
+    return Sightings(
+        table=frame,
+        commanded_mm=np.ascontiguousarray(commanded, dtype=np.float64),
+        offset_mm=np.zeros((n_rows, 3)),
+        measured_mm=measured,
+        is_measured=is_measured,
+        whitening=whitening,
+        is_stated=False,
+        carrier=np.full(n_rows, CARRIERS.index("relative"), dtype=np.uint8),
+        session=session,
+        sessions=names,
+        frames=("circle",) * len(names),
+        pass_number=pass_number.astype(np.int64).ravel(),
+        directions=directions,
+        source_row=order.astype(np.int64),
+        left_out={},
+        notes=(),
+    )
+
+
+def _joined(parts: Sequence[Sightings]) -> Sightings:
+    if len({part.is_stated for part in parts}) > 1:
+        raise GeometryError(
+            "some measurements state their uncertainty and others do not, so that they cannot be weighed together\n"
+            "hint: give sx, sy, sz (mm) in every file, or in none"
+        )
+    session_offsets = np.cumsum([0, *(len(part.sessions) for part in parts[:-1])])
+    pass_offsets = np.cumsum([0, *(part.n_passes for part in parts[:-1])])
+    left_out: dict[str, int] = {}
+    for part in parts:
+        for why, count in part.left_out.items():
+            left_out[why] = left_out.get(why, 0) + count
+    return Sightings(
+        table=pl.concat([part.table for part in parts], how="diagonal_relaxed"),
+        commanded_mm=np.concatenate([part.commanded_mm for part in parts]),
+        offset_mm=np.concatenate([part.offset_mm for part in parts]),
+        measured_mm=np.concatenate([part.measured_mm for part in parts]),
+        is_measured=np.concatenate([part.is_measured for part in parts]),
+        whitening=np.concatenate([part.whitening for part in parts]),
+        is_stated=parts[0].is_stated,
+        carrier=np.concatenate([part.carrier for part in parts]),
+        session=np.concatenate([p.session + start for p, start in zip(parts, session_offsets, strict=True)]),
+        sessions=tuple(name for part in parts for name in part.sessions),
+        frames=tuple(kind for part in parts for kind in part.frames),
+        pass_number=np.concatenate([p.pass_number + start for p, start in zip(parts, pass_offsets, strict=True)]),
+        directions=np.concatenate([part.directions for part in parts]),
+        source_row=np.concatenate([part.source_row for part in parts]),
+        left_out=left_out,
+        notes=tuple(sentence for part in parts for sentence in part.notes),
+    )
+
+
+def _whitening(
+    covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]
+) -> tuple[Numbers, bool, tuple[str, ...]]:
+    """Give W (n, 3, 3) with W C Wᵀ = 1 on the measured components; rows without a covariance get the mean one."""
+    unit = np.asarray(np.eye(3) * is_measured[:, None, :].astype(np.float64))
+    if covariance_mm2 is None:
+        return unit, False, ()
+    needed = is_measured[:, :, None] & is_measured[:, None, :]
+    stated = (np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2))
+    if not stated.any():
+        return unit, False, ("no row states the uncertainty of its position: the columns are empty",)
+    notes: tuple[str, ...] = ()
+    filled = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
+    if not stated.all():
+        mean = filled[stated].sum(axis=0) / np.maximum(needed[stated].sum(axis=0), 1)
+        filled[~stated] = np.where(needed[~stated], mean, 0.0)
+        notes = (f"{int((~stated).sum())} rows state no uncertainty: they were given the mean of the others",)
+    # A component that was not measured gets variance 1 of its own, and its row of W is then taken out.
+    padded = filled + np.eye(3) * (~is_measured)[:, None, :]
+    value, vector = np.linalg.eigh(padded)
+    too_small = value < _LEAST_STD_MM**2
+    if too_small.any():
+        row = int(np.flatnonzero(too_small.any(axis=1))[0])
+        raise GeometryError(
+            f"the covariance of measured row {row + 1} is not positive: its smallest eigenvalue is "
+            f"{value[row].min():.3g} mm²\nhint: state the standard uncertainties in millimetres"
+        )
+    # W = V diag(1/√λ) Vᵀ: symmetric, and with a component taken out it never mixes it with the others.
+    whitening = np.einsum("nik,nk,njk->nij", vector, 1.0 / np.sqrt(value), vector)
+    return np.ascontiguousarray(np.where(needed, whitening, 0.0)), True, notes
+
+
+def _passes(
+    session: Integers, lines: Sequence[str], repeat: Numbers, commanded_mm: Numbers, directions: npt.NDArray[np.int8]
+) -> Integers:
+    """Number the passes: rows of one session, line, repeat and direction of the axes that move in it."""
+    group_keys = list(zip(session.tolist(), lines, np.nan_to_num(repeat).tolist(), strict=True))
+    groups: dict[tuple[int, str, float], list[int]] = {}
+    for row, key in enumerate(group_keys):
+        groups.setdefault(key, []).append(row)
+    numbers = np.zeros(len(session), dtype=np.int64)
+    known: dict[tuple[object, ...], int] = {}
+    for key, members in groups.items():
+        rows = np.asarray(members)
+        moves = np.ptp(commanded_mm[rows], axis=0) > SAME_POSITION_MM
+        sense = np.where(moves, _with_first_direction(directions[rows], commanded_mm[rows]), 0)
+        for row, one in zip(members, sense.tolist(), strict=True):
+            numbers[row] = known.setdefault((*key, *one), len(known))
+    return numbers
+
+
+def _with_first_direction(directions: npt.NDArray[np.int8], commanded_mm: Numbers) -> npt.NDArray[np.int8]:
+    """Give each row the direction of travel within its line: that of the step towards it, at the start of the next."""
+    steps = np.sign(np.round(np.diff(commanded_mm, axis=0) / SAME_POSITION_MM)).astype(np.int8)
+    result = np.zeros_like(directions)
+    for axis in range(3):
+        moving = np.flatnonzero(steps[:, axis])
+        if not moving.size:
+            result[:, axis] = directions[:, axis]
+            continue
+        # Rows up to the first step belong to it; rows at rest keep the last.
+        place = np.maximum(np.searchsorted(moving, np.arange(len(steps) + 1) - 1, side="right") - 1, 0)
+        result[:, axis] = steps[moving[place], axis]
+    return result

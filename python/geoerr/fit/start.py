@@ -1,0 +1,121 @@
+"""Where each session's device stands, as a start: the rigid motion from nominal to measured positions.
+
+Sums of squares are smallest for the rotation that the singular value decomposition of the cross-covariance gives
+(Kabsch). Points on one line leave a turn about it open: the smallest turn is taken, and the fit says what it means.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.machine import Machine
+
+# Second singular value below this share of the first: points on a line.
+_LINE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """How each session's device stands, as arrays over the sessions.
+
+    Attributes
+    ----------
+    kinds : (s,) uint8
+        0 free pose, 1 parallel to the base, 2 circle.
+    rotations : (s, 3, 3)
+        measured_from_base.
+    translations_mm : (s, 3)
+        Of the base origin in the measuring frame; the centre of a circle.
+    excess_mm : (s,)
+        What a circular device adds to every radius.
+    pivots_mm : (s, 3)
+        Middle of each session's points.
+    """
+
+    kinds: np.ndarray
+    rotations: Numbers
+    translations_mm: Numbers
+    excess_mm: Numbers
+    pivots_mm: Numbers
+
+
+KINDS = {"free": 0, "parallel": 1, "circle": 2}
+
+
+def nominal_mm(machine: Machine, sightings: Sightings) -> Numbers:
+    """Give where a machine without errors has every row's point, (n, 3)."""
+    return _core.chain_positions(
+        machine.chain,
+        "nominal",
+        sightings.carrier,
+        np.ascontiguousarray(sightings.commanded_mm),
+        np.ascontiguousarray(sightings.offset_mm),
+        machine.tool_offset_mm,
+        np.zeros((len(sightings), 30)),
+        0,
+    )
+
+
+def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> Frames:
+    """Place every session's device by the positions of a machine without errors; static targets (n,) have none."""
+    n_sessions = len(sightings.sessions)
+    kinds = np.array([KINDS[kind] for kind in sightings.frames], dtype=np.uint8)
+    rotations = np.tile(np.eye(3), (n_sessions, 1, 1))
+    translations = np.zeros((n_sessions, 3))
+    excess = np.zeros(n_sessions)
+    pivots = np.zeros((n_sessions, 3))
+    for number, kind in enumerate(sightings.frames):
+        rows = (sightings.session == number) & ~static
+        if not rows.any():
+            continue
+        points, measured, seen = nominal[rows], sightings.measured_mm[rows], sightings.is_measured[rows]
+        pivots[number] = points.mean(axis=0)
+        if kind == "circle":
+            translations[number] = _centre(points)
+            radius = np.linalg.norm(points - translations[number], axis=1)
+            excess[number] = float(np.mean(measured[:, 0] - radius))
+        elif kind == "parallel":
+            count = np.maximum(seen.sum(axis=0), 1)
+            translations[number] = np.where(seen, measured - points, 0.0).sum(axis=0) / count
+        else:
+            complete = seen.all(axis=1)
+            rotations[number], translations[number] = _rigid_motion(points[complete], measured[complete])
+    return Frames(kinds, rotations, translations, excess, pivots)
+
+
+def _rigid_motion(points: Numbers, seen: Numbers) -> tuple[Numbers, Numbers]:
+    """Give R, t of the least-squares motion `seen = R points + t`."""
+    from_centre, seen_from_centre = points - points.mean(axis=0), seen - seen.mean(axis=0)
+    cross = seen_from_centre.T @ from_centre
+    left, singular, right = np.linalg.svd(cross)
+    if singular[1] <= _LINE * singular[0]:
+        rotation = _smallest_turn(right[0], left[:, 0])
+    else:
+        rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return rotation, seen.mean(axis=0) - rotation @ points.mean(axis=0)
+
+
+def _smallest_turn(start: Numbers, end: Numbers) -> Numbers:
+    """Give the smallest rotation that takes one unit vector to another."""
+    axis, cosine = np.cross(start, end), float(start @ end)
+    if cosine < -1.0 + 1e-12:
+        other = np.eye(3)[int(np.argmin(np.abs(start)))]
+        half = np.cross(start, other)
+        half /= np.linalg.norm(half)
+        return np.asarray(2.0 * np.outer(half, half) - np.eye(3))
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
+
+
+def _centre(points: Numbers) -> Numbers:
+    """Give the centre of commanded points on a circle: least squares in their plane (Kåsa)."""
+    middle = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+    plane = (points - middle) @ axes[:2].T
+    design = np.column_stack([plane, np.ones(len(plane))])
+    solution = np.linalg.lstsq(design, (plane**2).sum(axis=1), rcond=None)[0]
+    return np.asarray(middle + 0.5 * solution[:2] @ axes[:2])

@@ -1,0 +1,71 @@
+"""The variables of expressions, row by row: positions, offsets, what follows from the order of rows, covariates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.errors import GeoerrError
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.machine import AXES
+from geoerr.terms import HISTORY_NAMES
+
+_HISTORY = {f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES}
+
+
+def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
+    """Give the named variables as (k, n); NaN where a covariate is empty or a direction unknown.
+
+    Raises
+    ------
+    GeoerrError
+        for a covariate that is no column of the data.
+    """
+    columns = np.full((len(names), len(sightings)), np.nan)
+    history = _history(sightings) if any(name in _HISTORY for name in names) else {}
+    for row, name in enumerate(names):
+        if name in AXES:
+            columns[row] = sightings.commanded_mm[:, AXES.index(name)]
+        elif name in ("tx", "ty", "tz"):
+            columns[row] = sightings.offset_mm[:, AXES.index(name[1])]
+        elif name in history:
+            columns[row] = history[name]
+        elif name == "t":
+            columns[row] = times_s(sightings)
+        elif name in sightings.table.columns:
+            columns[row] = sightings.numbers(name)
+        else:
+            raise GeoerrError(
+                f"the data have no column {name!r}, which the model needs\n"
+                f"hint: columns of numbers are {', '.join(sightings.covariate_columns)}"
+            )
+    return columns
+
+
+def times_s(sightings: Sightings) -> Numbers:
+    """Give the time of every row; where a session has none in some row, the row's number in it (unit: rows)."""
+    times = sightings.numbers("t")
+    starts = sightings.starts
+    for number, start in enumerate(starts):
+        rows = slice(int(start), int(starts[number + 1]) if number + 1 < len(starts) else len(sightings))
+        if not np.isfinite(times[rows]).all():
+            times[rows] = np.arange(times[rows].size, dtype=np.float64)
+    return times
+
+
+def _history(sightings: Sightings) -> dict[str, Numbers]:
+    """Derive what follows from the order of rows, in the core: the same code as for a program's moves."""
+    feed, moving = sightings.numbers("feed"), np.nan_to_num(sightings.numbers("moving"))
+    directions = np.where(sightings.directions == 0, np.nan, sightings.directions.astype(np.float64))
+    is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session]
+    derived = _core.history(
+        np.ascontiguousarray(sightings.commanded_mm),
+        times_s(sightings),
+        np.where(is_circle, 1.0, moving),
+        feed,
+        np.ascontiguousarray(directions),
+        sightings.starts,
+    )
+    return {name: np.asarray(values) for name, values in derived.items()}
