@@ -7,6 +7,7 @@ least-squares slope over the range and is 0 at the first point; the slope is squ
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -86,16 +87,12 @@ def _function(machine: Machine, name: str, basis: BasisSpec, follows_tangent: bo
     if follows_tangent and name in TANGENT:
         straight, sign = TANGENT[name]
         side = 1.0 if machine.side(basis.axis) == "tool" else -1.0
-        integral = BasisSpec(**{**_fields(basis), "is_tangent_integral": True})
+        integral = replace(basis, is_tangent_integral=True)
         parts.append(Part(straight, basis=integral, factor=side * sign))
     unit = "rad" if is_angular(name) else "mm"
     coefficients = tuple(Parameter(f"c{number}", unit) for number in range(basis.n_functions))
     title = f"{title_of(name)} ({LI_NAMES[name]})"
     return Term(name, title, "classic", None, basis.axis, None, tuple(parts), coefficients)
-
-
-def _fields(basis: BasisSpec) -> dict[str, object]:
-    return {name: getattr(basis, name) for name in BasisSpec.__dataclass_fields__}
 
 
 def _squareness(channel: str) -> Term:

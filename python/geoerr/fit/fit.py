@@ -134,7 +134,7 @@ class Fitted:
 
     @property
     def expected_held_out_um(self) -> float | None:
-        """What the held-out error of a right model would be: √(noise² + mean trace of the prediction's covariance)."""
+        """Held-out error of a right model: √(noise² + mean trace of the prediction's covariance)."""
         if self.split.noise_um is None:
             return None
         prediction_um2 = self.held_out.prediction_variance_mm2 * self.scale**2 * 1e6
@@ -242,7 +242,7 @@ def _with_starts(effects: Sequence[Term], fitted: Sequence[Term]) -> list[Term]:
 
 @dataclass(frozen=True, eq=False)
 class _Shared:
-    """Unknowns that rows share, of unit variance: derivative (n, 3, p) in the measuring frames, and how many have it."""
+    """Unknowns that rows share: derivative (n, 3, p) in the measuring frames; how many are known to be 0 ± 1."""
 
     derivative: Numbers
     n_held: int
@@ -288,8 +288,8 @@ class _Posed:
 
     def fit(self, terms: tuple[Term, ...]) -> Fitted:
         """Fit these terms."""
-        machine, sightings, options = self.machine, self.sightings, self.options
-        compiled = compile_terms(machine, terms)
+        sightings, options = self.sightings, self.options
+        compiled = compile_terms(self.machine, terms)
         variables = variable_columns(sightings, compiled.variables)
         sightings, variables, shared = _complete_rows(sightings, variables, self.shared)
         if not len(sightings):
@@ -518,8 +518,12 @@ def _outliers(sightings: Sightings, solved: Solved, residual_mm: Numbers) -> tup
         Outlier(
             int(row),
             lines[row],
-            tuple(float(v) for v in sightings.commanded_mm[row]),
-            tuple(float(v) * 1e3 for v in residual_mm[row]),
+            _three(sightings.commanded_mm[row]),
+            _three(1e3 * residual_mm[row]),
         )
         for row in rows
     )
+
+
+def _three(values: Numbers) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

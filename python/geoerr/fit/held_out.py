@@ -49,7 +49,7 @@ class HeldOut:
 
 
 def folds_of(sightings: Sightings) -> np.ndarray:
-    """Number the fold of every row, (n,): passes dealt out by turns, or ten blocks of one pass."""
+    """Give every row's fold, (n,): passes dealt out by turns, or ten blocks of one pass."""
     n_passes = sightings.n_passes
     if n_passes > 1:
         return np.asarray(sightings.pass_number % MOST_FOLDS if n_passes > MOST_FOLDS else sightings.pass_number)

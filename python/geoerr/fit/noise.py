@@ -68,7 +68,7 @@ def _floor(variance_mm2: Numbers, dof: np.ndarray) -> float | None:
 
 
 def groups_of(sightings: Sightings) -> np.ndarray:
-    """Number the groups of rows that measured the same thing under nearly the same conditions, (n,)."""
+    """Give every row the number of its group, (n,): the same thing measured under nearly the same conditions."""
     keys = [
         np.round(sightings.commanded_mm / SAME_POSITION_MM),
         np.round(sightings.offset_mm / SAME_POSITION_MM),

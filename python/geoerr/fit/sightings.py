@@ -1,8 +1,8 @@
 """Observations as the fit needs them: arrays in the order of measurement, each row with its whitening.
 
-A row states up to three components in its session's measuring frame, or one radius about its run's centre. `whitening`
-turns the residual of its measured components into numbers of unit variance; a component that was not measured has a
-row of zeros, and so takes no part.
+A row states up to three components in its session's measuring frame, or one radius about its run's centre. Its
+`whitening` turns the residual of its measured components into numbers of unit variance; a component that was not
+measured has a row of zeros, and so takes no part.
 """
 
 from __future__ import annotations
@@ -297,7 +297,7 @@ def _whitening(
 def _passes(
     session: Integers, lines: Sequence[str], repeat: Numbers, commanded_mm: Numbers, directions: npt.NDArray[np.int8]
 ) -> Integers:
-    """Number the passes: rows of one session, line, repeat and direction of the axes that move in it."""
+    """Give every row its pass: rows of one session, line, repeat and direction of the axes that move in it."""
     group_keys = list(zip(session.tolist(), lines, np.nan_to_num(repeat).tolist(), strict=True))
     groups: dict[tuple[int, str, float], list[int]] = {}
     for row, key in enumerate(group_keys):
@@ -314,7 +314,7 @@ def _passes(
 
 
 def _with_first_direction(directions: npt.NDArray[np.int8], commanded_mm: Numbers) -> npt.NDArray[np.int8]:
-    """Give each row the direction of travel within its line: that of the step towards it, at the start of the next."""
+    """Give each row the direction of travel within its line: of the step towards it, at first of the next one."""
     steps = np.sign(np.round(np.diff(commanded_mm, axis=0) / SAME_POSITION_MM)).astype(np.int8)
     result = np.zeros_like(directions)
     for axis in range(3):

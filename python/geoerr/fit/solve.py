@@ -174,34 +174,34 @@ def _gauss_newton(
 ) -> _Iterated:
     held = slice(problem.first_shared_column, problem.first_shared_column + n_held)
     prior = np.eye(problem.n_columns)[held] if n_held else None
-    state = start
+    state = design_state = start
     residual = problem.residuals(state, threads)
-    design_state, triangle, solution, spread = None, None, None, None
+    triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
+    solution = triangle.solve(gauge, threads)
     converged, steps = False, 0
     cost = _cost(problem, residual, row_scale, state.shared[:n_held])
-    while steps < _MAX_STEPS:
-        if triangle is None or not is_linear:
+    while not converged and steps < _MAX_STEPS:
+        if steps and not is_linear:
             design_state = state
             triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
             solution = triangle.solve(gauge, threads)
-            spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         gradient[held] -= state.shared[:n_held]
         step = solution.step(gradient)
+        spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
         share = float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0))
         factor = 1.0
-        for _ in range(20):
+        while True:
             trial = problem.corrected(state, factor * step)
             trial_residual = problem.residuals(trial, threads)
             trial_cost = _cost(problem, trial_residual, row_scale, trial.shared[:n_held])
-            if trial_cost <= cost * (1.0 + 1e-9) or is_linear:
+            # A linear model's full step cannot fail; another's is halved until it helps.
+            if is_linear or trial_cost <= cost * (1.0 + 1e-9) or factor < 1e-6:
                 break
             factor *= 0.5
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
-        if factor * share < _SETTLED:
-            converged = True
-            break
+        converged = factor * share < _SETTLED
     return _Iterated(state, solution, triangle, residual, problem.whitened(residual), converged, steps)
 
 
