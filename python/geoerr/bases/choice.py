@@ -2,13 +2,13 @@
 
 With errors of covariance Σ, a basis B (n, k) fitted by generalized least squares leaves χ². Candidates are scored by
 
-    AICc = χ²/ĉ + 2k + 2k(k+1)/(n−k−1)          (expected error of prediction)
+    AICc = χ²/ĉ + 2K + 2K(K+1)/(n−K−1)          (expected error of prediction)
     BIC  = χ²/ĉ + k ln n                        (probability of being the true one)
     LOO  = −2 Σ ln p(y_i | all other y)         (each value predicted from the others, in closed form)
 
 ĉ is 1, or χ²/dof of the richest candidate where that is larger: data that scatter more than they say must not buy
-functions for it. Scores that differ by less than 2 do not tell candidates apart; of those the one with the fewest
-functions is chosen.
+functions for it. K is k, and one more where ĉ is found from the data. Scores that differ by less than 2 do not tell
+candidates apart; of those the one with the fewest functions is chosen.
 
 Sources: Burnham & Anderson, *Model Selection and Multimodel Inference*, 2002, §2.4, §2.5 and §2.6; leave-one-out in
 closed form for correlated errors: Dubrule, *Mathematical Geology* 15, 1983. Elements for each axis: Dobariya §4.
@@ -36,9 +36,10 @@ Criterion = Literal["aicc", "bic", "loo"]
 SAME_SCORE = 2.0
 # Singular values and eigenvalues below this part of the largest are round-off.
 _ROUND_OFF = 1e-10
-# ĉ is taken from a candidate with this many degrees of freedom at least, and this part of the values.
+# ĉ is taken from a candidate with this many degrees of freedom at least, and this part of the values: its own
+# standard uncertainty is √(2/dof).
 _LEAST_DOF = 3
-_LEAST_DOF_PART = 0.25
+_LEAST_DOF_PART = 0.5
 
 
 @dataclass(frozen=True)
@@ -112,10 +113,15 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class _Whitened:
-    """Values (n,) and candidates' columns (n, k) with errors of covariance 1; without `whitener` (n, n) no LOO."""
+    """Values (n,) and candidates' columns (n, k) with errors of covariance 1.
+
+    `sizes` says how large the columns' numbers were before what is free was taken off: what is left of a column that
+    is free as a whole is round-off of this size. Without `whitener` (n, n) there is no LOO.
+    """
 
     values: Numbers
     columns: tuple[Numbers, ...]
+    sizes: tuple[float, ...]
     whitener: Numbers | None
     n_free: int
 
@@ -159,8 +165,8 @@ def choose_basis(
     if len(position) != len(values):
         raise ShapeError(f"{len(position)} positions and {len(values)} values")
     whitener = _whitener(np.asarray(uncertainty, dtype=np.float64), len(values))
-    columns = tuple(whitener @ basis_of(spec).evaluate(position) for spec in candidates)
-    problem = _Whitened(whitener @ values, columns, whitener, 0)
+    rows = [basis_of(spec).evaluate(position) for spec in candidates]
+    problem = _Whitened(whitener @ values, *_columns(whitener, rows), whitener, 0)
     return _choose(problem, candidates, criterion, trusts_uncertainty)
 
 
@@ -221,11 +227,15 @@ def choose_coarser_basis(
             f"{len(np.unique(positions))} positions do not determine the rich basis's {n_rich} functions"
         )
     whitener, n_free = _partial_whitener(matrix, undetermined)
-    columns = tuple(
-        whitener @ np.linalg.lstsq(rich_rows, basis_of(spec).evaluate(positions), rcond=None)[0]
-        for spec in candidates
-    )
-    return _choose(_Whitened(whitener @ theta, columns, None, n_free), candidates, criterion, True)
+    inverse = np.linalg.pinv(rich_rows)
+    fitted = [inverse @ basis_of(spec).evaluate(positions) for spec in candidates]
+    problem = _Whitened(whitener @ theta, *_columns(whitener, fitted), None, n_free)
+    return _choose(problem, candidates, criterion, True)
+
+
+def _columns(whitener: Numbers, rows: Sequence[Numbers]) -> tuple[tuple[Numbers, ...], tuple[float, ...]]:
+    sizes = [float(np.linalg.norm(whitener, 2) * np.linalg.norm(matrix, 2)) for matrix in rows]
+    return tuple(whitener @ matrix for matrix in rows), tuple(sizes)
 
 
 def _vector(numbers: npt.ArrayLike, name: str) -> Numbers:
@@ -304,9 +314,9 @@ class _Fit:
     why_not: str
 
 
-def _fit(columns: Numbers, values: Numbers, n_free: int) -> _Fit:
+def _fit(columns: Numbers, size: float, values: Numbers, n_free: int) -> _Fit:
     left, singular, right = np.linalg.svd(columns, full_matrices=False)
-    held = singular > _ROUND_OFF * singular.max(initial=0.0)
+    held = singular > _ROUND_OFF * size
     left, singular, right = left[:, held], singular[held], right[held]
     rank = int(held.sum())
     along = left.T @ values
@@ -324,12 +334,15 @@ def _choose(
         raise ShapeError("no candidates to choose among")
     if not all(np.isfinite(columns).all() for columns in problem.columns):
         raise GeometryError("a candidate is not finite at the positions")
-    fits = [_fit(columns, problem.values, problem.n_free) for columns in problem.columns]
+    fits = [
+        _fit(columns, size, problem.values, problem.n_free)
+        for columns, size in zip(problem.columns, problem.sizes, strict=True)
+    ]
     n_values = len(problem.values)
     scale = 1.0 if trusts_uncertainty else _scale(fits, n_values)
     pointwise = [_leave_one_out(problem, fit, scale) for fit in fits]
     scores = [
-        _score(spec, fit, n_values, scale, float(losses.sum()))
+        _score(spec, fit, n_values, scale, 0 if trusts_uncertainty else 1, float(losses.sum()))
         for spec, fit, losses in zip(candidates, fits, pointwise, strict=True)
     ]
     marks = np.array([getattr(score, criterion) if not score.why_not else math.inf for score in scores])
@@ -391,10 +404,11 @@ def _leave_one_out(problem: _Whitened, fit: _Fit, scale: float) -> Numbers:
     return np.where(known, losses, math.inf)
 
 
-def _score(spec: BasisSpec, fit: _Fit, n_values: int, scale: float, loo: float) -> Score:
+def _score(spec: BasisSpec, fit: _Fit, n_values: int, scale: float, n_scales: int, loo: float) -> Score:
     misfit = fit.chi_squared / scale
-    left = n_values - fit.rank - 1
-    aicc = misfit + 2.0 * fit.rank * (1.0 + (fit.rank + 1.0) / left) if left > 0 else math.inf
+    counted = fit.rank + n_scales
+    left = n_values - counted - 1
+    aicc = misfit + 2.0 * counted * (1.0 + (counted + 1.0) / left) if left > 0 else math.inf
     bic = misfit + fit.rank * math.log(n_values)
     return Score(spec, fit.rank, fit.chi_squared, n_values - fit.rank, aicc, bic, loo, why_not=fit.why_not)
 

@@ -32,7 +32,7 @@ class HexahedronFit:
     def evaluate(self, position_mm: npt.ArrayLike) -> Numbers:
         """Give the error (n, c) at positions (n, 3): outside that of the nearest point, NaN beside unknown nodes."""
         rows = _core.Hexahedra(*self.grid_mm).evaluate(_points(position_mm))
-        known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(self.nodal_error)).all(axis=1)
+        known = np.all(np.isfinite(self.nodal_error), axis=1)
         error: Numbers = rows @ np.where(known[:, None], self.nodal_error, 0.0)
         error[np.any(rows[:, ~known] != 0.0, axis=1)] = np.nan
         return error
