@@ -43,6 +43,7 @@ from geoerr.error_functions import (
     is_angular,
 )
 from geoerr.errors import ShapeError
+from geoerr.geometry import remove_line
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, as_numbers
 from geoerr.model.compile import Compiled, compile_terms, start_values
@@ -159,14 +160,12 @@ def mean_scales(
 def least_squares_slope(position_mm: Numbers) -> Numbers:
     """Give the weights w (n,) with w·f the slope, per mm, of the least-squares line of a polygon f over its range.
 
-    `12/L³ ∫ (q − q̄) f dq`, each side of the polygon exactly (Simpson's rule on a product of two lines).
+    What `remove_line`, the gauge of straightness everywhere, takes off each unit value: value and line are 0 at the
+    first position.
     """
-    arm = position_mm - 0.5 * (position_mm[0] + position_mm[-1])
-    step = np.diff(position_mm)
-    weights = np.zeros(len(position_mm))
-    weights[:-1] += step * (2.0 * arm[:-1] + arm[1:])
-    weights[1:] += step * (arm[:-1] + 2.0 * arm[1:])
-    return np.asarray(weights * (2.0 / (position_mm[-1] - position_mm[0]) ** 3))
+    unit = np.eye(len(position_mm))
+    removed = unit[:, -1] - unit[:, 0] - remove_line(position_mm, unit)[:, -1]
+    return np.asarray(removed / (position_mm[-1] - position_mm[0]))
 
 
 def _tabular(terms: tuple[Term, ...]) -> list[Term]:

@@ -420,6 +420,7 @@ class Model:
         `displacement_mm` has beyond it are products of errors (squareness of 5 mrad times an angle of 1 mrad over
         400 mm is 2 µm).
         """
+        self._refuse_unknown()
         carriers, rows, offset, variables, starts, t_s = self._rows(q_mm, offset_mm, carrier, at)
         columns = _core.channel_columns(
             self.machine.chain, carriers, rows, offset, self.machine.tool_offset_mm, threads
