@@ -122,6 +122,23 @@ impl From<TriangulateError> for CoreError {
     }
 }
 
+impl From<LeastSquaresError> for CoreError {
+    fn from(error: LeastSquaresError) -> Self {
+        use LeastSquaresError as E;
+        let message = error.to_string();
+        Self(match error {
+            E::NoColumns
+            | E::RowsDiffer { .. }
+            | E::ColumnsDiffer { .. }
+            | E::Cuts { .. }
+            | E::NoSuchRightHandSide { .. } => ShapeError::new_err(message),
+            E::NonFinite { .. } | E::Overflow { .. } | E::Tolerance { .. } | E::NotDecomposed { .. } => {
+                GeometryError::new_err(message)
+            }
+        })
+    }
+}
+
 impl From<LineError> for CoreError {
     fn from(error: LineError) -> Self {
         let message = error.to_string();
@@ -140,17 +157,6 @@ impl From<StraightnessError> for CoreError {
         Self(match error {
             E::TooFewPositions { .. } | E::NotWholeFunctions { .. } => ShapeError::new_err(message),
             E::PositionNotFinite { .. } | E::PositionsNotRising { .. } => GeometryError::new_err(message),
-        })
-    }
-}
-
-impl From<LeastSquaresError> for CoreError {
-    fn from(error: LeastSquaresError) -> Self {
-        use LeastSquaresError as E;
-        let message = error.to_string();
-        Self(match error {
-            E::RowsDiffer { .. } | E::ColumnsDiffer { .. } | E::NoColumns => ShapeError::new_err(message),
-            _ => GeometryError::new_err(message),
         })
     }
 }

@@ -11,6 +11,7 @@ mod errors;
 mod expression;
 mod gcode;
 mod kinematics;
+mod least_squares;
 mod line;
 mod straightness;
 mod triangulate;
@@ -26,6 +27,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     expression::register(module)?;
     gcode::register(module)?;
     kinematics::register(module)?;
+    least_squares::register(module)?;
     line::register(module)?;
     straightness::register(module)?;
     triangulate::register(module)?;
