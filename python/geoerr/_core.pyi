@@ -190,6 +190,15 @@ class Expression:
         inner: npt.NDArray[np.float64],
     ) -> tuple[float, npt.NDArray[np.float64]]: ...
 
+def history(
+    q_mm: npt.NDArray[np.float64],
+    t_s: npt.NDArray[np.float64] | None,
+    moving: npt.NDArray[np.float64] | None,
+    feed_mm_min: npt.NDArray[np.float64] | None,
+    direction: npt.NDArray[np.float64] | None,
+    starts: npt.NDArray[np.int64],
+    curve: npt.NDArray[np.float64] | None = None,
+) -> dict[str, npt.NDArray[np.float64]]: ...
 def triangulate(
     projection_left: npt.NDArray[np.float64],
     projection_right: npt.NDArray[np.float64],

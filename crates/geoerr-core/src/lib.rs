@@ -6,6 +6,7 @@
 pub mod bases;
 pub mod expression;
 pub mod gcode;
+pub mod history;
 pub mod kinematics;
 pub mod least_squares;
 pub mod line;

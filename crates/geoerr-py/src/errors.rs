@@ -3,6 +3,7 @@
 use geoerr_core::bases::BasisError;
 use geoerr_core::expression::{ExpressionError as FormulaError, RowsError};
 use geoerr_core::gcode;
+use geoerr_core::history::HistoryError;
 use geoerr_core::kinematics::KinematicsError;
 use geoerr_core::least_squares::LeastSquaresError;
 use geoerr_core::line::LineError;
@@ -94,6 +95,12 @@ impl From<FormulaError> for CoreError {
 
 impl From<RowsError> for CoreError {
     fn from(error: RowsError) -> Self {
+        Self(ShapeError::new_err(error.to_string()))
+    }
+}
+
+impl From<HistoryError> for CoreError {
+    fn from(error: HistoryError) -> Self {
         Self(ShapeError::new_err(error.to_string()))
     }
 }

@@ -10,6 +10,7 @@ mod core_door;
 mod errors;
 mod expression;
 mod gcode;
+mod history;
 mod kinematics;
 mod least_squares;
 mod line;
@@ -26,6 +27,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     channels::register(module)?;
     expression::register(module)?;
     gcode::register(module)?;
+    history::register(module)?;
     kinematics::register(module)?;
     least_squares::register(module)?;
     line::register(module)?;
