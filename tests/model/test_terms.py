@@ -7,7 +7,6 @@ import pickle
 import numpy as np
 import pytest
 from fitted_models import (
-    REFERENCE,
     all_terms,
     backlash,
     classic_terms,
@@ -126,7 +125,7 @@ class TestPrediction:
 
 class TestConditions:
     def test_missing_conditions_are_named_with_what_reference_means(self) -> None:
-        with pytest.raises(GeoerrError, match="temp_bed.*reference 20 °C.*d_y.*direction.*\n.*T = 0"):
+        with pytest.raises(GeoerrError, match=r"temp_bed.*reference 20 °C.*d_y.*direction.*\n.*T = 0"):
             fitted().error_mm(points())
         assert fitted().conditions == ("temp_bed", "d_y")
 
@@ -212,7 +211,7 @@ class TestRefusals:
         model = Model(machine(), None, (term,))
         assert not model.has_values
         for call in (model.error_mm, model.contributions):
-            with pytest.raises(GeoerrError, match="EXX.c0, EXX.c1, EXX.c2 and 3 more: no value yet"):
+            with pytest.raises(GeoerrError, match=r"EXX\.c0, EXX\.c1, EXX\.c2 and 3 more: no value yet"):
                 call(points())
 
     def test_without_a_record_there_is_no_uncertainty(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -82,13 +83,13 @@ def compile_terms(machine: Machine, terms: Sequence[Term]) -> Compiled:
             machine.chain,
             machine.tool_offset_mm,
             [
-                (len(term.coefficients), len(term.inner), [_part(term, part, variables) for part in term.parts])
+                (len(term.coefficients), len(term.inner), [core_part(term, part, variables) for part in term.parts])
                 for term in terms
             ],
         ),
         variables=variables,
-        coefficient_slices=_slices([len(term.coefficients) for term in terms]),
-        inner_slices=_slices([len(term.inner) for term in terms]),
+        coefficient_slices=slices_of([len(term.coefficients) for term in terms]),
+        inner_slices=slices_of([len(term.inner) for term in terms]),
         needs_order=any(_needs_order(part) for term in terms for part in term.parts),
     )
 
@@ -109,9 +110,19 @@ def start_values(terms: Sequence[Term]) -> tuple[Numbers, Numbers]:
     return np.array(coefficients, dtype=np.float64), np.array(inner, dtype=np.float64)
 
 
-def _part(
-    term: Term, part: Part, variables: Sequence[str]
-) -> tuple[str, float, int, _core.Basis | _core.Expression, list[int], list[int]]:
+CorePart: TypeAlias = tuple[str, float, int, _core.Basis | _core.Expression, list[int], list[int]]
+
+
+def core_part(term: Term, part: Part, variables: Sequence[str]) -> CorePart:
+    """Compile one part: channel, factor, axis of a basis (else -1), shape, places of coefficients and inner ones.
+
+    Parameters
+    ----------
+    term, part
+        The part and the term whose parameters it uses.
+    variables
+        The formula's variables will be in this order; those that it does not use may be among them.
+    """
     try:
         if part.basis is not None:
             places = list(range(len(term.coefficients)))
@@ -143,6 +154,7 @@ def _needs_order(part: Part) -> bool:
     return any(mentions(text, function) for text in texts for function in ("lag", "windup"))
 
 
-def _slices(counts: Sequence[int]) -> tuple[slice, ...]:
+def slices_of(counts: Sequence[int]) -> tuple[slice, ...]:
+    """Give the places of runs of these lengths, one after the other."""
     ends = np.cumsum(counts, dtype=np.int64).tolist()
     return tuple(slice(end - count, end) for count, end in zip(counts, ends, strict=True))

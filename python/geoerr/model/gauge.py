@@ -26,8 +26,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -46,31 +44,14 @@ from geoerr.errors import ShapeError
 from geoerr.geometry import remove_line
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, as_numbers
-from geoerr.model.compile import Compiled, compile_terms, start_values
+from geoerr.model.functionals import Rows, functionals, tabular_terms
 from geoerr.model.record import FitRecord
-from geoerr.terms import CHANNELS, JOINT_CHANNELS, SQUARENESS_CHANNELS, Part, Term
+from geoerr.terms import SQUARENESS_CHANNELS, Term
 
 # Entries of a table over a measured range: every centimetre of a printer's bed.
 N_ENTRIES = 41
 # As for a displacement: see `Model.is_determined_at`.
 _NO_EFFECT = 1e-6
-# Step of the difference by an inner parameter, as a part of its range: the truncation of a smooth function is its
-# square, the rounding 1e-16 over it.
-_INNER_STEP = 1e-5
-
-
-_CoreRows: TypeAlias = tuple[npt.NDArray[np.uint8], Numbers, Numbers, Numbers, npt.NDArray[np.int64], None]
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """Functionals of the parameters: value (n,) now, derivative (n, m)."""
-
-    value: Numbers
-    by_parameter: Numbers
-
-    def minus(self, value: Numbers, by_parameter: Numbers) -> _Rows:
-        return _Rows(self.value - value, self.by_parameter - by_parameter)
 
 
 def tables_of_terms(
@@ -93,9 +74,9 @@ def tables_of_terms(
     positions
         Number of entries over that range, or positions for each axis.
     """
-    tabular = _tabular(terms)
+    tabular = tabular_terms(terms)
     position_mm = {axis: _positions(machine, axis, range_mm, positions) for axis in AXES}
-    joints, squareness = _functionals(machine, terms, tabular, position_mm)
+    joints, squareness = functionals(terms, tabular, position_mm)
     functions, slopes = _in_gauge(machine, joints, position_mm)
     squareness = _with_slopes(squareness, slopes)
 
@@ -143,14 +124,14 @@ def mean_scales(
 ) -> dict[str, MeanScale]:
     """Give the mean scale of each axis whose positioning is in tables and determined; see `tables_of_terms`."""
     position_mm = {axis: _positions(machine, axis, range_mm, N_ENTRIES) for axis in AXES}
-    joints, _ = _functionals(machine, terms, _tabular(terms), position_mm)
+    joints, _ = functionals(terms, tabular_terms(terms), position_mm)
     scales = {}
     for axis in AXES:
         rows = joints.get(f"E{axis.upper()}{axis.upper()}")
         if rows is None:
             continue
         weights = least_squares_slope(position_mm[axis])[None, :]
-        slope = _Rows(weights @ rows.value, weights @ rows.by_parameter)
+        slope = Rows(weights @ rows.value, weights @ rows.by_parameter)
         if record is None or _is_determined(slope, record):
             std = _std(slope, record)
             scales[axis] = MeanScale(float(slope.value[0]), None if std is None else float(std[0]))
@@ -166,18 +147,6 @@ def least_squares_slope(position_mm: Numbers) -> Numbers:
     unit = np.eye(len(position_mm))
     removed = unit[:, -1] - unit[:, 0] - remove_line(position_mm, unit)[:, -1]
     return np.asarray(removed / (position_mm[-1] - position_mm[0]))
-
-
-def _tabular(terms: tuple[Term, ...]) -> list[Term]:
-    return [term for term in terms if all(_is_tabular(term, part) for part in term.parts)]
-
-
-def _is_tabular(term: Term, part: Part) -> bool:
-    parameters = {parameter.name for parameter in term.coefficients + term.inner}
-    names = {name for name in part.names if name not in parameters}
-    if part.channel in JOINT_CHANNELS:
-        return names <= {part.channel[2].lower()}
-    return part.channel in SQUARENESS_CHANNELS and not names
 
 
 def _positions(
@@ -200,81 +169,14 @@ def _positions(
     return np.linspace(low, high, positions)
 
 
-def _functionals(
-    machine: Machine, terms: tuple[Term, ...], tabular: list[Term], position_mm: Mapping[str, Numbers]
-) -> tuple[dict[str, _Rows], dict[str, _Rows]]:
-    """Give every channel's values along its own axis, in the gauge of the terms; squareness as one entry."""
-    whole = compile_terms(machine, terms)
-    n_parameters = whole.n_coefficients + whole.n_inner
-    found: dict[str, _Rows] = {}
-    for term, coefficients, inner in zip(terms, whole.coefficient_slices, whole.inner_slices, strict=True):
-        if term not in tabular:
-            continue
-        places = [*range(coefficients.start, coefficients.stop)]
-        places += [whole.n_coefficients + place for place in range(inner.start, inner.stop)]
-        for channel, (value, derivative) in _of_term(machine, term, position_mm).items():
-            by_parameter = np.zeros((len(value), n_parameters))
-            by_parameter[:, places] = derivative
-            before = found.get(channel)
-            if before is not None:
-                value, by_parameter = value + before.value, by_parameter + before.by_parameter
-            found[channel] = _Rows(value, by_parameter)
-    joints = {name: rows for name, rows in found.items() if name in JOINT_CHANNELS}
-    squareness = {
-        name: _Rows(rows.value[:1], rows.by_parameter[:1]) for name, rows in found.items() if name not in joints
-    }
-    return joints, squareness
-
-
-def _of_term(machine: Machine, term: Term, position_mm: Mapping[str, Numbers]) -> dict[str, tuple[Numbers, Numbers]]:
-    """Give a term's value and derivative by its own parameters on each of its channels."""
-    compiled = compile_terms(machine, (term,))
-    theta, phi = start_values((term,))
-    result = {}
-    for channel in term.channels:
-        axis = channel[2].lower() if channel in JOINT_CHANNELS else "x"
-        along = position_mm[axis]
-        q_mm = np.zeros((len(along), 3))
-        q_mm[:, AXES.index(axis)] = along
-        variables = np.array([q_mm[:, AXES.index(name)] for name in compiled.variables], dtype=np.float64)
-        rows: _CoreRows = (
-            np.full(len(along), 3, dtype=np.uint8),
-            q_mm,
-            np.zeros_like(q_mm),
-            np.ascontiguousarray(variables.reshape(len(compiled.variables), len(along))),
-            np.arange(len(along), dtype=np.int64),
-            None,
-        )
-        column = CHANNELS.index(channel)
-
-        values = partial(_channel_values, compiled, rows, column)
-        constant = values(np.zeros_like(theta), phi)
-        by_coefficient = [values(unit, phi) - constant for unit in np.eye(len(theta))]
-        by_inner = []
-        for place, parameter in enumerate(term.inner):
-            assert parameter.low is not None
-            assert parameter.high is not None
-            step = np.zeros_like(phi)
-            step[place] = _INNER_STEP * (parameter.high - parameter.low or 1.0)
-            by_inner.append((values(theta, phi + step) - values(theta, phi - step)) / (2.0 * step[place]))
-        result[channel] = (values(theta, phi), np.array([*by_coefficient, *by_inner]).T)
-    return result
-
-
-def _channel_values(
-    compiled: Compiled, rows: _CoreRows, column: int, coefficients: Numbers, inner: Numbers
-) -> Numbers:
-    return np.asarray(compiled.core.channel_values(*rows, coefficients, inner, 1)[:, column])
-
-
 def _in_gauge(
-    machine: Machine, joints: Mapping[str, _Rows], position_mm: Mapping[str, Numbers]
-) -> tuple[dict[str, _Rows], dict[tuple[str, str], _Rows]]:
+    machine: Machine, joints: Mapping[str, Rows], position_mm: Mapping[str, Numbers]
+) -> tuple[dict[str, Rows], dict[tuple[str, str], Rows]]:
     """Give the tables in their gauge, and the slopes (m_b)_a that were taken out, by (b, a)."""
-    tables: dict[str, _Rows] = {}
-    slopes: dict[tuple[str, str], _Rows] = {}
+    tables: dict[str, Rows] = {}
+    slopes: dict[tuple[str, str], Rows] = {}
 
-    def add_slope(of: str, along: str, rows: _Rows) -> None:
+    def add_slope(of: str, along: str, rows: Rows) -> None:
         before = slopes.get((of, along))
         slopes[of, along] = rows if before is None else rows.minus(-before.value, -before.by_parameter)
 
@@ -289,10 +191,10 @@ def _in_gauge(
                 turned = _cross(about, other)
                 if turned is not None:
                     along, sign = turned
-                    add_slope(other, along, _Rows(sign * rows.value[:1], sign * rows.by_parameter[:1]))
+                    add_slope(other, along, Rows(sign * rows.value[:1], sign * rows.by_parameter[:1]))
         elif name[1].lower() != axis:
             weights = least_squares_slope(position_mm[axis])
-            slope = _Rows(weights[None, :] @ rows.value, weights[None, :] @ rows.by_parameter)
+            slope = Rows(weights[None, :] @ rows.value, weights[None, :] @ rows.by_parameter)
             add_slope(axis, name[1].lower(), slope)
             arm = position_mm[axis] - position_mm[axis][0]
             rows = rows.minus(arm * slope.value, arm[:, None] * slope.by_parameter)
@@ -300,7 +202,7 @@ def _in_gauge(
     return tables, slopes
 
 
-def _with_slopes(squareness: Mapping[str, _Rows], slopes: Mapping[tuple[str, str], _Rows]) -> dict[str, _Rows]:
+def _with_slopes(squareness: Mapping[str, Rows], slopes: Mapping[tuple[str, str], Rows]) -> dict[str, Rows]:
     """Give S_ab − (m_b)_a − (m_a)_b."""
     result = {}
     for channel in SQUARENESS_CHANNELS:
@@ -310,7 +212,7 @@ def _with_slopes(squareness: Mapping[str, _Rows], slopes: Mapping[tuple[str, str
             slope = slopes.get(key)
             if slope is None:
                 continue
-            empty = _Rows(np.zeros(1), np.zeros_like(slope.by_parameter))
+            empty = Rows(np.zeros(1), np.zeros_like(slope.by_parameter))
             total = (empty if total is None else total).minus(slope.value, slope.by_parameter)
         if total is not None:
             result[channel] = total
@@ -333,7 +235,7 @@ def _cross(about: str, arm: str) -> tuple[str, float] | None:
     return third, 1.0 if (AXES.index(arm) - AXES.index(about)) % 3 == 1 else -1.0
 
 
-def _is_determined(rows: _Rows, record: FitRecord) -> bool:
+def _is_determined(rows: Rows, record: FitRecord) -> bool:
     moved = np.abs(rows.by_parameter @ record.null_space)
     sizes = np.abs(rows.by_parameter) @ np.abs(record.null_space)
     # The first entry is 0 by the gauge, but for rounding: rows are compared with the largest.
@@ -341,7 +243,7 @@ def _is_determined(rows: _Rows, record: FitRecord) -> bool:
     return bool((moved <= _NO_EFFECT * largest).all())
 
 
-def _std(rows: _Rows, record: FitRecord | None) -> Numbers | None:
+def _std(rows: Rows, record: FitRecord | None) -> Numbers | None:
     if record is None:
         return None
     variance = np.einsum("nj,jk,nk->n", rows.by_parameter, record.covariance, rows.by_parameter, optimize=True)
