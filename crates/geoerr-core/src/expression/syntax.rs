@@ -161,8 +161,11 @@ impl Parser<'_> {
             Token::Open => {
                 let inside = self.expression(0)?;
                 self.close(&place)?;
-                // The brackets are part of the place, so that a mark under it shows them.
-                self.nodes[inside].span = place.start..self.tokens[self.at - 1].1.end;
+                // The brackets are part of the place, so that a mark under it shows them; of a name the place is
+                // what it is read from.
+                if !matches!(self.nodes[inside].kind, Kind::Name { .. }) {
+                    self.nodes[inside].span = place.start..self.tokens[self.at - 1].1.end;
+                }
                 Ok(inside)
             }
             _ => Err((Problem::Expected { expected: "a value" }, place)),

@@ -88,6 +88,11 @@ fn where_chooses_as_comparisons_do() {
 }
 
 #[test]
+fn a_name_may_stand_in_brackets() {
+    assert_eq!(value_at("((u))*(3 - (u))", &[("u", 2.0)]), 2.0);
+}
+
+#[test]
 fn definitions_are_inlined_with_their_brackets() {
     let definitions =
         definitions(&[("T", "temp - 20"), ("L", "400"), ("q", "x"), ("x", "x + 1"), ("half", "T/2")]);
