@@ -45,14 +45,7 @@ def _read(path: str | Path) -> Any:
         size = Path(path).stat().st_size
     if size > MAX_BYTES:
         raise InputFileError(path, f"has {size >> 20} MiB: no model is larger than {MAX_BYTES >> 20} MiB")
-    try:
-        return read_json(path)
-    except RecursionError as error:
-        raise InputFileError(path, "not a model: nested too deeply") from error
-    except InputFileError:
-        raise
-    except ValueError as error:
-        raise InputFileError(path, f"not valid JSON: {error}") from error
+    return read_json(path)
 
 
 def _is_json(path: Path) -> bool:
