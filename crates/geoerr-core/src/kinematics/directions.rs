@@ -19,7 +19,7 @@ use super::vec3::Vec3;
 ///
 /// # Errors
 /// [`KinematicsError::Squareness`] where a number is not finite or no such directions exist.
-pub(super) fn deviations(squareness: &Squareness) -> Result<[Vec3; 3], KinematicsError> {
+pub(crate) fn deviations(squareness: &Squareness) -> Result<[Vec3; 3], KinematicsError> {
     let &Squareness { s_xy_rad, s_xz_rad, s_yz_rad } = squareness;
     let refused = KinematicsError::Squareness { s_xy_rad, s_xz_rad, s_yz_rad };
     let is_angle = |s: f64| s.abs() < FRAC_PI_2;
@@ -37,6 +37,28 @@ pub(super) fn deviations(squareness: &Squareness) -> Result<[Vec3; 3], Kinematic
     let z_z = -across / (1.0 + (1.0 - across).sqrt());
     // -0.0 would be harmless but ugly in a nominal machine.
     Ok([[0.0; 3], y.map(|c| c + 0.0), [z_x, z_y, z_z].map(|c| c + 0.0)])
+}
+
+/// Derivatives of [`deviations`] by S_xy, S_xz and S_yz: `[axis][squareness]`.
+///
+/// Of angles that [`deviations`] accepts.
+pub(crate) fn deviation_rates(squareness: &Squareness) -> [[Vec3; 3]; 3] {
+    let &Squareness { s_xy_rad, s_xz_rad, s_yz_rad } = squareness;
+    let (sin_xy, cos_xy) = s_xy_rad.sin_cos();
+    let z_x = -s_xz_rad.sin();
+    let z_y = (-s_yz_rad.sin() + sin_xy * z_x) / cos_xy;
+    let height = (1.0 - z_x * z_x - z_y * z_y).sqrt();
+    let z = |x_rate: f64, y_rate: f64| [x_rate, y_rate, -(z_x * x_rate + z_y * y_rate) / height];
+    let x_by_xz = -s_xz_rad.cos();
+    [
+        [[0.0; 3]; 3],
+        [[-cos_xy, -sin_xy, 0.0], [0.0; 3], [0.0; 3]],
+        [
+            z(0.0, z_x + z_y * sin_xy / cos_xy),
+            z(x_by_xz, sin_xy * x_by_xz / cos_xy),
+            z(0.0, -s_yz_rad.cos() / cos_xy),
+        ],
+    ]
 }
 
 #[cfg(test)]
@@ -61,5 +83,22 @@ mod tests {
     #[test]
     fn none_for_a_square_machine() {
         assert_eq!(deviations(&Squareness::default()), Ok([[0.0; 3]; 3]));
+    }
+
+    #[test]
+    fn rates_are_differences_of_deviations() {
+        let at = [-5.05e-2, 0.124, 0.31];
+        let of = |s: [f64; 3]| deviations(&Squareness { s_xy_rad: s[0], s_xz_rad: s[1], s_yz_rad: s[2] }).unwrap();
+        let rates = deviation_rates(&Squareness { s_xy_rad: at[0], s_xz_rad: at[1], s_yz_rad: at[2] });
+        for pair in 0..3 {
+            let moved = |step: f64| of(std::array::from_fn(|k| at[k] + if k == pair { step } else { 0.0 }));
+            let (plus, minus) = (moved(1e-5), moved(-1e-5));
+            for axis in 0..3 {
+                for c in 0..3 {
+                    let difference = (plus[axis][c] - minus[axis][c]) / 2e-5;
+                    assert!((difference - rates[axis][pair][c]).abs() < 1e-9, "{axis} {pair} {c}");
+                }
+            }
+        }
     }
 }

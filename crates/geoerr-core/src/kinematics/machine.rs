@@ -4,8 +4,8 @@ use super::chain::{Axis, Chain};
 use super::directions;
 use super::error_tables::ErrorTables;
 use super::rotation::Rotation;
-use super::vec3::{Vec3, add, cross, scale};
-use super::walk::{Carriage, Placed};
+use super::vec3::{Vec3, add, scale};
+use super::walk::{Carriage, Motion, Moving, Placed, Rate};
 
 /// A machine of three linear axes with its 21 errors.
 ///
@@ -51,17 +51,6 @@ struct Cell {
     slopes: [f64; 6],
 }
 
-/// Motion of one axis at one position.
-struct Motion {
-    /// `q (â' − â) + δ`: translation beyond the nominal one.
-    translation: Vec3,
-    rotation: Rotation,
-    /// d translation / dq.
-    translation_rate: Vec3,
-    /// dε / dq.
-    rotation_rate: Vec3,
-}
-
 impl AxisErrors {
     fn new(errors: &ErrorTables, axis: Axis, skew: Vec3) -> Self {
         let tables = errors.of_axis(axis);
@@ -79,7 +68,7 @@ impl AxisErrors {
     }
 
     #[inline]
-    fn motion(&self, q_mm: f64) -> Motion {
+    fn motion(&self, q_mm: f64, axis: Axis) -> Motion<1> {
         let (values, slopes) = match self.knots_mm.partition_point(|&knot| knot <= q_mm) {
             0 => (self.cells.first().copied().unwrap_or_default().values, [0.0; 6]),
             n => {
@@ -92,10 +81,15 @@ impl AxisErrors {
         let [dx, dy, dz, ex, ey, ez] = values;
         let [dx_rate, dy_rate, dz_rate, ex_rate, ey_rate, ez_rate] = slopes;
         Motion {
-            translation: add(&scale(q_mm, &self.skew), &[dx, dy, dz]),
-            rotation: Rotation::new(&[ex, ey, ez]),
-            translation_rate: add(&self.skew, &[dx_rate, dy_rate, dz_rate]),
-            rotation_rate: [ex_rate, ey_rate, ez_rate],
+            carriage: Carriage {
+                translation: add(&scale(q_mm, &self.skew), &[dx, dy, dz]),
+                rotation: Rotation::new(&[ex, ey, ez]),
+            },
+            rates: [Rate {
+                by: axis,
+                translation: add(&self.skew, &[dx_rate, dy_rate, dz_rate]),
+                rotation: [ex_rate, ey_rate, ez_rate],
+            }],
         }
     }
 }
@@ -179,39 +173,8 @@ impl MachineModel {
     ///
     /// `d(R v)/dq = ω × (R v) + R dv/dq`, with ω the angular velocity of the carriage.
     pub fn error_and_jacobian(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
-        let mut nominal = self.lever(offset_mm);
-        let mut error = [0.0; 3];
-        // Derivatives by each axis, as vectors: the columns.
-        let mut columns = [[0.0; 3]; 3];
-        for &axis in self.chain.tool_axes().iter().rev() {
-            let a = axis.index();
-            let motion = self.axes[a].motion(q_mm[a]);
-            let before = add(&nominal, &error);
-            let turned = motion.rotation.displacement(&before);
-            for column in &mut columns {
-                *column = motion.rotation.apply(column);
-            }
-            let velocity = motion.rotation.velocity(&motion.rotation_rate);
-            columns[a] = add(&motion.translation_rate, &cross(&velocity, &add(&before, &turned)));
-            columns[a][a] += 1.0;
-            nominal[a] += q_mm[a];
-            error = std::array::from_fn(|c| error[c] + turned[c] + motion.translation[c]);
-        }
-        for &axis in self.chain.work_axes() {
-            let a = axis.index();
-            let motion = self.axes[a].motion(q_mm[a]);
-            nominal[a] += q_mm[a];
-            error = add(&error, &motion.translation);
-            error = add(&error, &motion.rotation.displacement(&add(&nominal, &error)));
-            columns[a] = motion.translation_rate;
-            columns[a][a] += 1.0;
-            for column in &mut columns {
-                *column = motion.rotation.apply(column);
-            }
-            let velocity = motion.rotation.velocity(&motion.rotation_rate);
-            columns[a] = add(&columns[a], &cross(&velocity, &add(&nominal, &error)));
-        }
-        (error, std::array::from_fn(|row| std::array::from_fn(|column| columns[column][row])))
+        let motion = |axis: Axis| self.axes[axis.index()].motion(q_mm[axis.index()], axis);
+        self.chain.error_and_jacobian(q_mm, &self.lever(offset_mm), Moving::NONE, &Moving::NONE, motion)
     }
 
     #[inline]
@@ -221,8 +184,7 @@ impl MachineModel {
 
     #[inline]
     fn carriage(&self, q_mm: &Vec3, axis: Axis) -> Carriage {
-        let Motion { translation, rotation, .. } = self.axes[axis.index()].motion(q_mm[axis.index()]);
-        Carriage { translation, rotation }
+        self.axes[axis.index()].motion(q_mm[axis.index()], axis).carriage
     }
 
     /// A point on the tool, in the base frame.

@@ -11,6 +11,10 @@
 //! Each `T` is the product over its side's axes from the base outwards (Li et al. 2023, Eqs. 6 and 7, with
 //! full rotations for the first-order matrix of Eq. 6). Errors are actual minus nominal of the tool as seen
 //! from the work, whichever side carries the axis.
+//!
+//! Two ways in: [`MachineModel`] has its errors as tables, [`Chain::position`] takes them as explicit numbers, one for
+//! each [`Channel`] that moves a point. Both walk the same chain. [`Chain::channel_columns`] and [`Pose::rig_columns`] are
+//! the first order of the channels.
 
 mod batch;
 mod chain;
@@ -33,8 +37,13 @@ pub use columns::ChannelColumns;
 pub use displacements::Displacements;
 pub use error_tables::{Component, ErrorTables, Squareness};
 pub use machine::MachineModel;
-pub use rig::{Pose, RigColumns, RigNumbers, rig_columns_at, rig_displacement};
+pub use rig::{Pose, RigColumns, RigNumbers, rig_displacement};
 pub use table::Table;
+
+pub(crate) use directions::{deviation_rates, deviations};
+pub(crate) use rotation::Rotation;
+pub(crate) use vec3::{Vec3, add, scale};
+pub(crate) use walk::{Carriage, Motion, Moving, Placed, Rate};
 
 /// What cannot be turned into a machine model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -85,9 +85,8 @@ pub fn rig_displacement(rig: &RigNumbers, camera_mm: &[f64; 3]) -> [f64; 3] {
     add(&add(&moved, &along), &scale(point[2], &[ray_x, ray_y, depth]))
 }
 
-/// [`Pose::rig_columns`] of a point of the camera's frame.
 #[inline]
-pub fn rig_columns_at(camera_mm: &[f64; 3]) -> RigColumns {
+fn rig_columns_at(camera_mm: &[f64; 3]) -> RigColumns {
     let z = camera_mm[2];
     RigError::ALL.map(|error| match error {
         RigError::TranslationX => [1.0, 0.0, 0.0],

@@ -4,7 +4,7 @@ use super::vec3::{Vec3, add, cross, dot, scale};
 
 /// A rotation with the coefficients of Rodrigues' formula at its angle θ.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rotation {
+pub(crate) struct Rotation {
     /// The rotation vector ε, rad.
     vector: Vec3,
     /// θ².
@@ -27,7 +27,7 @@ fn series(t2: f64, inverse_factorials: [f64; 5]) -> f64 {
 
 impl Rotation {
     #[inline]
-    pub(super) fn new(vector: &Vec3) -> Self {
+    pub(crate) fn new(vector: &Vec3) -> Self {
         let t2 = dot(vector, vector);
         let (s1, s2) = if t2 < SERIES_BELOW {
             (

@@ -2,36 +2,124 @@
 
 use super::chain::{Axis, Chain};
 use super::rotation::Rotation;
-use super::vec3::{Vec3, add};
+use super::vec3::{Vec3, add, cross};
 
 /// A point on its way: the sum is where it is. Kept apart so that a displacement keeps its own digits.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Placed {
+pub(crate) struct Placed {
     /// Where the machine without errors has the point.
-    pub(super) nominal: Vec3,
+    pub(crate) nominal: Vec3,
     /// Actual minus nominal.
-    pub(super) displacement: Vec3,
+    pub(crate) displacement: Vec3,
 }
 
 impl Placed {
     #[inline]
-    pub(super) fn position(&self) -> Vec3 {
+    pub(crate) fn position(&self) -> Vec3 {
         add(&self.nominal, &self.displacement)
     }
 }
 
 /// What one carriage does beyond its nominal motion.
-pub(super) struct Carriage {
+pub(crate) struct Carriage {
     /// `q (â' − â) + δ`.
-    pub(super) translation: Vec3,
+    pub(crate) translation: Vec3,
     /// R(ε).
-    pub(super) rotation: Rotation,
+    pub(crate) rotation: Rotation,
+}
+
+/// Derivatives of a carriage's motion by one axis position, beyond the nominal motion.
+pub(crate) struct Rate {
+    pub(crate) by: Axis,
+    /// `d(q (â' − â) + δ)`.
+    pub(crate) translation: Vec3,
+    /// `dε`.
+    pub(crate) rotation: Vec3,
+}
+
+/// A carriage with its derivatives by the N positions that move it.
+pub(crate) struct Motion<const N: usize> {
+    pub(crate) carriage: Carriage,
+    pub(crate) rates: [Rate; N],
+}
+
+/// Where a point of the tool stands on its way, with its derivatives by the three axis positions, as vectors.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moving {
+    pub(crate) displacement: Vec3,
+    pub(crate) columns: [Vec3; 3],
+}
+
+impl Moving {
+    pub(crate) const NONE: Self = Self { displacement: [0.0; 3], columns: [[0.0; 3]; 3] };
 }
 
 impl Chain {
+    /// Actual minus nominal position of a point of the tool seen from the work, and `d position / d q`, row by
+    /// component, column by axis.
+    ///
+    /// `point` is what the point's own displacement on the tool is, `between` that of tool minus work in the base.
+    /// `d(R v)/dq = ω × (R v) + R dv/dq`, with ω the angular velocity of the carriage.
+    #[inline]
+    pub(crate) fn error_and_jacobian<const N: usize>(
+        &self,
+        q_mm: &Vec3,
+        lever_mm: &Vec3,
+        point: Moving,
+        between: &Moving,
+        motion: impl Fn(Axis) -> Motion<N>,
+    ) -> (Vec3, [Vec3; 3]) {
+        let mut nominal = *lever_mm;
+        let Moving { displacement: mut error, mut columns } = point;
+        for &axis in self.tool_axes().iter().rev() {
+            let a = axis.index();
+            let Motion { carriage, rates } = motion(axis);
+            let before = add(&nominal, &error);
+            let turned = carriage.rotation.displacement(&before);
+            for column in &mut columns {
+                *column = carriage.rotation.apply(column);
+            }
+            let arm = add(&before, &turned);
+            for rate in &rates {
+                let velocity = carriage.rotation.velocity(&rate.rotation);
+                let column = &mut columns[rate.by.index()];
+                *column = add(column, &add(&rate.translation, &cross(&velocity, &arm)));
+            }
+            columns[a][a] += 1.0;
+            nominal[a] += q_mm[a];
+            error = std::array::from_fn(|c| error[c] + turned[c] + carriage.translation[c]);
+        }
+        error = add(&error, &between.displacement);
+        for (column, more) in columns.iter_mut().zip(&between.columns) {
+            *column = add(column, more);
+        }
+        for &axis in self.work_axes() {
+            let a = axis.index();
+            let Motion { carriage, rates } = motion(axis);
+            nominal[a] += q_mm[a];
+            error = add(&error, &carriage.translation);
+            error = add(&error, &carriage.rotation.displacement(&add(&nominal, &error)));
+            for rate in &rates {
+                let column = &mut columns[rate.by.index()];
+                *column = add(column, &rate.translation);
+            }
+            columns[a][a] += 1.0;
+            for column in &mut columns {
+                *column = carriage.rotation.apply(column);
+            }
+            let arm = add(&nominal, &error);
+            for rate in &rates {
+                let velocity = carriage.rotation.velocity(&rate.rotation);
+                let column = &mut columns[rate.by.index()];
+                *column = add(column, &cross(&velocity, &arm));
+            }
+        }
+        (error, std::array::from_fn(|row| std::array::from_fn(|column| columns[column][row])))
+    }
+
     /// A point of the tool in the base frame: `T p = R(ε) p + q â' + δ` for each tool axis, outermost first.
     #[inline]
-    pub(super) fn tool_to_base(
+    pub(crate) fn tool_to_base(
         &self,
         q_mm: &Vec3,
         point: Placed,
@@ -49,7 +137,7 @@ impl Chain {
 
     /// A point of the base frame in the work's: `T⁻¹ p = R(ε) (p + q â' + δ)` for each work axis, innermost first.
     #[inline]
-    pub(super) fn base_to_work(
+    pub(crate) fn base_to_work(
         &self,
         q_mm: &Vec3,
         point: Placed,
@@ -67,7 +155,7 @@ impl Chain {
 
     /// A point of the work in the base frame: `T w = R(−ε) w − q â' − δ` for each work axis, outermost first.
     #[inline]
-    pub(super) fn work_to_base(
+    pub(crate) fn work_to_base(
         &self,
         q_mm: &Vec3,
         point: Placed,
