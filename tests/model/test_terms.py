@@ -163,7 +163,7 @@ class TestContributions:
         contributions = model.contributions(q, offset, at=AT)
         assert list(contributions) == [term.id for term in model.machine_terms]
         # Another way: the fit's columns times the coefficients (effects here are linear in them).
-        columns = model._columns(q, offset, "relative", AT, 1)
+        (columns,) = model._columns(q, offset, "relative", AT, 1)
         theta = values_of(model.machine_terms)
         theta[-1] = 0.0  # The inner parameter is in the column of alpha already.
         total = sum(contributions.values())

@@ -64,6 +64,17 @@ class TestPredictionCovariance:
         assert model.rig_terms
         assert np.array_equal(model.prediction_covariance_mm2(q, at=AT), other.prediction_covariance_mm2(q, at=AT))
 
+    def test_rows_do_not_depend_on_their_block(self) -> None:
+        model, q = fitted(n_null=1), points(2500)
+        temperature = np.linspace(20.0, 90.0, len(q))
+        at = {"temp_bed": temperature, "d_y": 1.0}
+        whole, some = model.prediction_covariance_mm2(q, at=at), slice(1000, 1100)
+        part = model.prediction_covariance_mm2(q[some], at={"temp_bed": temperature[some], "d_y": 1.0})
+        # The same sums, in an order that the linear algebra chooses by the shape.
+        assert whole[some] == pytest.approx(part, rel=1e-12)
+        assert model.is_determined_at(q, at=at).shape == (2500,)
+        assert model.prediction_covariance_mm2(q[:0], at={"temp_bed": 20.0, "d_y": 1.0}).shape == (0, 3, 3)
+
     def test_symmetric_and_positive(self) -> None:
         covariance = fitted().prediction_covariance_mm2(points(50), at=AT)
         assert np.abs(covariance - covariance.transpose(0, 2, 1)).max() < 1e-15
@@ -235,6 +246,20 @@ class TestTables:
         for bad in ({"x": [1.0]}, {"x": [2.0, 1.0]}, {"x": [0.0, np.nan]}, 1):
             with pytest.raises(ShapeError, match=r"positions of x|two entries"):
                 fitted().error_functions(bad)
+
+    def test_at_conditions_that_stand_still(self) -> None:
+        of, term = machine(), expansion()
+        record = FitRecord(np.diag([1e-14, 4.0]), np.zeros((2, 0)))
+        errors = Model(of, None, (term,), record).error_functions(5, at={"temp_bed": 70.0})
+        position = errors.functions["EXX"].position_mm
+        assert errors.functions["EXX"].value == pytest.approx(1.17e-5 * 50.0 * position)
+        # In the gauge the fixed point is a shift: only the coefficient is uncertain.
+        assert errors.functions["EXX"].std == pytest.approx(1e-7 * 50.0 * position)
+        assert errors.notes == ("at temp_bed = 70",)
+        cold = Model(of, None, (term,), record).error_functions(5, at={"temp_bed": "reference"})
+        assert not cold.functions["EXX"].value.any()
+        with pytest.raises(ShapeError, match="temp_bed must be one number"):
+            Model(of, None, (term,)).error_functions(at={"temp_bed": [20.0, 30.0]})
 
     def test_squareness_has_iso_signs(self) -> None:
         model = fitted()

@@ -80,6 +80,19 @@ def variables_of(
     return np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(len(names), n_rows))
 
 
+def constants_of(machine: Machine, at: Conditions | None) -> dict[str, float]:
+    """Give conditions that are one number each.
+
+    Raises
+    ------
+    ShapeError
+        for a condition that is not.
+    GeoerrError
+        for a text that is not `reference`, or not of a temperature.
+    """
+    return {name: float(_row(name, value, machine, 1)[0]) for name, value in ({} if at is None else at).items()}
+
+
 def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -> Numbers:
     if isinstance(value, str):
         if value != REFERENCE or not is_temperature(name):

@@ -25,21 +25,30 @@ class Rows:
         return Rows(self.value - value, self.by_parameter - by_parameter)
 
 
-def tabular_terms(terms: tuple[Term, ...]) -> list[Term]:
-    """Give the terms whose every part is a function of its joint's own position, or a constant squareness."""
-    return [term for term in terms if all(_is_tabular(term, part) for part in term.parts)]
+def tabular_terms(terms: Sequence[Term], constants: Mapping[str, float]) -> list[Term]:
+    """Give the terms whose every part is a function of its joint's own position, or a constant squareness.
+
+    Parameters
+    ----------
+    constants
+        Conditions that stand still: name to value.
+    """
+    return [term for term in terms if all(_is_tabular(term, part, constants) for part in term.parts)]
 
 
-def _is_tabular(term: Term, part: Part) -> bool:
+def _is_tabular(term: Term, part: Part, constants: Mapping[str, float]) -> bool:
     parameters = {parameter.name for parameter in term.coefficients + term.inner}
-    names = {name for name in part.names if name not in parameters}
+    names = {name for name in part.names if name not in parameters and name not in constants}
     if part.channel in JOINT_CHANNELS:
         return names <= {part.channel[2].lower()}
     return part.channel in SQUARENESS_CHANNELS and not names
 
 
 def functionals(
-    terms: Sequence[Term], tabular: Sequence[Term], position_mm: Mapping[str, Numbers]
+    terms: Sequence[Term],
+    tabular: Sequence[Term],
+    position_mm: Mapping[str, Numbers],
+    constants: Mapping[str, float],
 ) -> tuple[dict[str, Rows], dict[str, Rows]]:
     """Give every joint channel along its own axis, and every squareness as one row, in the gauge of the terms.
 
@@ -51,6 +60,8 @@ def functionals(
         Those of them that are summed.
     position_mm
         Axis to its positions (n,).
+    constants
+        Conditions that stand still: name to value.
     """
     coefficient_slices = slices_of([len(term.coefficients) for term in terms])
     inner_slices = slices_of([len(term.inner) for term in terms])
@@ -66,7 +77,8 @@ def functionals(
         for part in term.parts:
             is_joint = part.channel in JOINT_CHANNELS
             axis = part.channel[2].lower()
-            own = _of_part(term, part, axis, position_mm[axis] if is_joint else np.zeros(1))
+            along_mm = position_mm[axis] if is_joint else np.zeros(1)
+            own = _of_part(term, part, axis, along_mm, constants)
             by_parameter = np.zeros((len(own.value), n_parameters))
             by_parameter[:, places] = own.by_parameter
             found = joints if is_joint else squareness
@@ -76,16 +88,17 @@ def functionals(
     return joints, squareness
 
 
-def _of_part(term: Term, part: Part, axis: str, along_mm: Numbers) -> Rows:
+def _of_part(term: Term, part: Part, axis: str, along_mm: Numbers, constants: Mapping[str, float]) -> Rows:
     """Give a part along its own axis, by its term's own parameters."""
     theta, phi = start_values((term,))
     by_parameter = np.zeros((len(along_mm), len(theta) + len(phi)))
-    _, factor, _, shape, coefficients, inner = core_part(term, part, (axis,))
+    _, factor, _, shape, coefficients, inner = core_part(term, part, (axis, *constants))
     if isinstance(shape, _core.Basis):
         functions = shape.evaluate(along_mm)
         by_parameter[:, coefficients] = factor * functions
         return Rows(factor * (functions @ theta), by_parameter)
-    columns, starts = along_mm.reshape(1, -1), np.arange(len(along_mm), dtype=np.int64)
+    columns = np.array([along_mm, *(np.full(len(along_mm), value) for value in constants.values())])
+    starts = np.arange(len(along_mm), dtype=np.int64)
     own_theta, own_phi = theta[coefficients], phi[inner]
     by_parameter[:, coefficients] = factor * shape.coefficient_columns(columns, own_phi, starts, None, 1)
     behind = [len(theta) + place for place in inner]

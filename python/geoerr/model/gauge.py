@@ -60,6 +60,7 @@ def tables_of_terms(
     record: FitRecord | None,
     range_mm: Mapping[str, tuple[float, float] | None],
     positions: int | Mapping[str, npt.ArrayLike],
+    constants: Mapping[str, float],
 ) -> ErrorFunctions:
     """Give terms as tables; see the module's text for the gauge.
 
@@ -73,10 +74,12 @@ def tables_of_terms(
         Axis to its measured range; the machine's where there is none.
     positions
         Number of entries over that range, or positions for each axis.
+    constants
+        Conditions that stand still: name to value.
     """
-    tabular = tabular_terms(terms)
+    tabular = tabular_terms(terms, constants)
     position_mm = {axis: _positions(machine, axis, range_mm, positions) for axis in AXES}
-    joints, squareness = functionals(terms, tabular, position_mm)
+    joints, squareness = functionals(terms, tabular, position_mm, constants)
     functions, slopes = _in_gauge(machine, joints, position_mm)
     squareness = _with_slopes(squareness, slopes)
 
@@ -97,14 +100,16 @@ def tables_of_terms(
         else:
             tables[name] = ErrorFunction(position_mm[name[2].lower()], rows.value, _std(rows, record))
     rest = [term.id for term in terms if term not in tabular]
-    notes = (f"not in tables, for they follow conditions or another axis: {', '.join(rest)}",) if rest else ()
+    notes = [f"not in tables, for they follow conditions or another axis: {', '.join(rest)}"] if rest else []
+    if constants:
+        notes.append("at " + ", ".join(f"{name} = {value:g}" for name, value in constants.items()))
     return ErrorFunctions(
         machine,
         tables,
         squarenesses,
         "model" if record is None else "joint",
         not_determined=tuple(given[name] for name in ALL_NAMES if name in given),
-        notes=notes,
+        notes=tuple(notes),
     )
 
 
@@ -124,7 +129,7 @@ def mean_scales(
 ) -> dict[str, MeanScale]:
     """Give the mean scale of each axis whose positioning is in tables and determined; see `tables_of_terms`."""
     position_mm = {axis: _positions(machine, axis, range_mm, N_ENTRIES) for axis in AXES}
-    joints, _ = functionals(terms, tabular_terms(terms), position_mm)
+    joints, _ = functionals(terms, tabular_terms(terms, {}), position_mm, {})
     scales = {}
     for axis in AXES:
         rows = joints.get(f"E{axis.upper()}{axis.upper()}")

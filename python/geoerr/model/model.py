@@ -7,7 +7,7 @@ and signs are translated. Signs and frames: errors are actual minus nominal of t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -24,7 +24,7 @@ from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, contiguous, offsets, points
 from geoerr.model.commands import STATUS, Commands
 from geoerr.model.compile import Compiled, compile_terms, start_values
-from geoerr.model.conditions import OF_POSITION, Conditions, variables_of
+from geoerr.model.conditions import OF_POSITION, Conditions, constants_of, variables_of
 from geoerr.model.gauge import N_ENTRIES, MeanScale, mean_scales, tables_of_terms
 from geoerr.model.leave_out import names_left_out, terms_without
 from geoerr.model.record import FitRecord
@@ -38,6 +38,8 @@ Carrier = Literal["tool", "work", "base", "relative"]
 # Products of parameters and columns cancel to about this part of their sizes where a direction has no effect: the
 # null space is known to the square root of the rounding, times the condition that still counts as determined.
 _NO_EFFECT = 1e-6
+# Rows whose derivatives by some hundred parameters are held at a time: a few megabytes.
+_BLOCK_ROWS = 1024
 
 
 @dataclass(frozen=True)
@@ -378,8 +380,11 @@ class Model:
             where the model has no record of a fit, and so no covariance.
         """
         covariance = self._record_of_machine.covariance
-        columns = self._columns(q_mm, offset_mm, carrier, at, threads)
-        return np.asarray(np.einsum("nij,jk,nlk->nil", columns, covariance, columns, optimize=True))
+        blocks = [
+            np.asarray((columns @ covariance) @ columns.transpose(0, 2, 1))
+            for columns in self._columns(q_mm, offset_mm, carrier, at, threads)
+        ]
+        return np.concatenate([np.empty((0, 3, 3)), *blocks])
 
     def is_determined_at(
         self,
@@ -400,10 +405,11 @@ class Model:
             where the model has no record of a fit.
         """
         null_space = self._record_of_machine.null_space
-        columns = self._columns(q_mm, offset_mm, carrier, at, threads)
-        moved = np.abs(columns @ null_space)
-        sizes = np.abs(columns) @ np.abs(null_space)
-        return np.asarray((moved <= _NO_EFFECT * sizes).all(axis=(1, 2)))
+        blocks = [
+            (np.abs(columns @ null_space) <= _NO_EFFECT * (np.abs(columns) @ np.abs(null_space))).all(axis=(1, 2))
+            for columns in self._columns(q_mm, offset_mm, carrier, at, threads)
+        ]
+        return np.concatenate([np.empty(0, dtype=np.bool_), *blocks])
 
     def contributions(
         self,
@@ -436,7 +442,9 @@ class Model:
             contributions[term.id] = np.einsum("nc,ncb->nb", values[:, :_N_MACHINE_CHANNELS], columns)
         return contributions
 
-    def error_functions(self, positions: int | Mapping[str, npt.ArrayLike] | None = None) -> ErrorFunctions:
+    def error_functions(
+        self, positions: int | Mapping[str, npt.ArrayLike] | None = None, *, at: Conditions | None = None
+    ) -> ErrorFunctions:
         """Give the errors as tables in errors.json's gauge, with uncertainties where the model has a record.
 
         Parameters
@@ -444,12 +452,14 @@ class Model:
         positions
             Number of entries, uniform over the measured range; or for each axis its positions. None: the tables that
             the model was made of, or 41 entries.
+        at
+            Conditions that stand still, one number each: effects that follow only these are in the tables.
 
         Returns
         -------
         ErrorFunctions
             Of every term that is a function of its own axis only (the 18 functions) or constant (squareness). Terms
-            that follow conditions or another axis are not in tables, and named in its notes.
+            that follow another axis, or conditions that are not given, are not in tables, and named in its notes.
         """
         if not self.terms and self.errors is not None and positions is None:
             return self.errors
@@ -461,6 +471,7 @@ class Model:
             record,
             self.measured_range_mm,
             N_ENTRIES if positions is None else positions,
+            constants_of(self.machine, at),
         )
 
     def mean_scales(self) -> dict[str, MeanScale]:
@@ -602,9 +613,17 @@ class Model:
         carrier: Carrier,
         at: Conditions | None,
         threads: int,
-    ) -> Numbers:
-        """Give d displacement / d parameters of the machine's terms, (n, 3, m)."""
-        return self._seen.core.columns(*self._rows(q_mm, offset_mm, carrier, at), *self._values, threads)
+    ) -> Iterator[Numbers]:
+        """Give d displacement / d parameters of the machine's terms, (n, 3, m), in blocks of rows."""
+        carriers, rows, offset, variables, _, _ = self._rows(q_mm, offset_mm, carrier, at)
+        values = self._values
+        for first in range(0, len(rows), _BLOCK_ROWS):
+            block = slice(first, first + _BLOCK_ROWS)
+            own = np.ascontiguousarray(variables[:, block])
+            starts = np.arange(len(rows[block]), dtype=np.int64)
+            yield self._seen.core.columns(
+                carriers[block], rows[block], offset[block], own, starts, None, *values, threads
+            )
 
     @property
     def _values(self) -> tuple[Numbers, Numbers]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,8 +25,8 @@ _MICRO = 1e6
 _MOST_CORRELATIONS = 12
 _LEAST_CORRELATION = 0.8
 _INDENT = "    "
-# Figures that other units than micrometres would make unreadable.
-_SHOWN_UNITS = {"um": "µm", "urad": "µrad", "mm": "mm", "s": "s", "degc": "°C", "p": ""}
+# How a figure's name ends, and its unit on paper.
+_SHOWN_UNITS = {"um": "µm", "urad": "µrad", "mm": "mm", "s": "s", "degc": "°C"}
 
 
 def report_of(model: Model) -> str:
@@ -84,17 +85,27 @@ def _fit(model: Model) -> Iterator[str]:
 
 
 def _parameters(model: Model) -> Iterator[str]:
-    if model.has_values:
-        yield from _curves(model)
+    yield from _curves(_known_part(model))
     for term in model.terms:
         if term.kind != "classic":
             yield from _wrapped(term.id)
             for parameter in term.coefficients + term.inner:
                 yield from _wrapped(_parameter(term, parameter), 2)
-        elif not model.has_values:
-            yield from _wrapped(f"{term.id}: {len(term.coefficients)} coefficients")
+        elif not _is_known(term):
+            yield from _wrapped(f"{term.id}: {len(term.coefficients)} coefficients, not fitted yet")
     if model.errors is None and not model.terms:
         yield _INDENT + "none"
+
+
+def _is_known(term: Term) -> bool:
+    return not any(math.isnan(parameter.value) for parameter in term.coefficients + term.inner)
+
+
+def _known_part(model: Model) -> Model:
+    """Give the model as it is, or without its record and what is yet to be fitted."""
+    if model.has_values:
+        return model
+    return replace(model, terms=tuple(term for term in model.terms if _is_known(term)), record=None)
 
 
 def _curves(model: Model) -> Iterator[str]:
@@ -109,14 +120,15 @@ def _curves(model: Model) -> Iterator[str]:
         text = f"{name}  {LI_NAMES[name]:<6} peak to peak {_with_std(size, std)} {unit}"
         scale = scales.get(name[2].lower()) if name in POSITIONING else None
         if scale is not None:
-            text += f", mean scale {_signed(scale.value * _MICRO)}"
-            text += " ×10⁻⁶" if scale.std is None else f" ± {_rounded(scale.std * _MICRO)} ×10⁻⁶"
-        yield from _wrapped(text)
+            std = None if scale.std is None else scale.std * _MICRO
+            text = f"{text:<50} mean scale {_with_std(scale.value * _MICRO, std)} ×10⁻⁶"
+        yield _INDENT + text
     for name in SQUARENESS:
         squareness = tables.squareness.get(name)
         if squareness is not None:
             std = None if squareness.std_rad is None else squareness.std_rad * _MICRO
-            yield from _wrapped(f"{name} {LI_NAMES[name]:<6} {_with_std(squareness.value_rad * _MICRO, std)} µrad")
+            value = _with_std(squareness.value_rad * _MICRO, std)
+            yield f"{_INDENT}{name} {LI_NAMES[name]:<6} squareness   {value} µrad"
 
 
 def _parameter(term: Term, parameter: Parameter) -> str:
@@ -147,13 +159,17 @@ def _correlations(model: Model) -> Iterator[str]:
 def _not_determined(model: Model) -> Iterator[str]:
     record = model.record
     assert record is not None
-    for item in record.not_determined:
+    also = model.error_functions().not_determined if model.has_values else ()
+    for item in dict.fromkeys((*record.not_determined, *also)):
         yield from _wrapped(f"{item.name}: {item.why}")
     directions = record.null_space.shape[1]
     if directions:
         noun = "direction" if directions == 1 else "directions"
-        yield f"{_INDENT}{directions} {noun} of the parameters that the data leave free; values there mean nothing"
-    elif not record.not_determined:
+        yield from _wrapped(
+            f"{directions} {noun} of the parameters that the data leave free: a prediction that follows one of them "
+            "means nothing (is_determined_at tells where)"
+        )
+    elif not record.not_determined and not also:
         yield _INDENT + "nothing: the data determine every parameter"
 
 
@@ -164,26 +180,24 @@ def _history(model: Model) -> Iterator[str]:
         yield from _wrapped(f"{number}. {entry.action} {entry.reference}: {entry.title}")
         for name in dict.fromkeys((*entry.figures_before, *entry.figures_after)):
             before, after = (_of(figures, name) for figures in (entry.figures_before, entry.figures_after))
-            title, unit = _title(name)
-            yield from _wrapped(f"{title} {before} to {after} {unit}".rstrip(), 2)
+            yield from _wrapped(f"{_title(name)[0]}: {before}, then {after}", 2)
     if not record.history:
         yield _INDENT + "fitted once"
 
 
 def _of(figures: Mapping[str, float], name: str) -> str:
     value = figures.get(name, math.nan)
-    return "not computable" if math.isnan(value) else f"{value:.4g}"
+    return "not computable" if math.isnan(value) else f"{value:.4g} {_title(name)[1]}".rstrip()
 
 
 def _figure(name: str, value: float) -> str:
-    title, unit = _title(name)
-    return f"{title}: " + ("not computable" if math.isnan(value) else f"{value:.4g} {unit}".rstrip())
+    return f"{_title(name)[0]}: {_of({name: value}, name)}"
 
 
 def _title(name: str) -> tuple[str, str]:
     """Split a figure's name into words and unit: `held_out_rmse_um` is `held out rmse`, `µm`."""
     head, _, last = name.rpartition("_")
-    if head and last in _SHOWN_UNITS and last != "p":
+    if head and last in _SHOWN_UNITS:
         return head.replace("_", " "), _SHOWN_UNITS[last]
     return name.replace("_", " "), ""
 
@@ -193,17 +207,16 @@ def _span(span: tuple[float, float]) -> str:
 
 
 def _with_std(value: float, std: float | None) -> str:
-    return f"{_rounded(value)}" if std is None else f"{_rounded(value)} ± {_rounded(std)}"
+    """Write a length in micrometres, or the like: to the second figure of its uncertainty, at most two decimals."""
+    if std is None or not std > 0.0:
+        size = abs(value)
+        return _signed(value, 2 if size < 10.0 else 1 if size < 1000.0 else 0)
+    digits = min(max(1 - math.floor(math.log10(std)), 0), 2)
+    return f"{_signed(value, digits)} ± {std:.{digits}f}"
 
 
-def _rounded(value: float) -> str:
-    """Write to a hundredth below 10, a tenth below 1000: what lengths in micrometres are read to."""
-    size = abs(value)
-    return f"{value:.2f}" if size < 10.0 else f"{value:.1f}" if size < 1000.0 else f"{value:.0f}"
-
-
-def _signed(value: float) -> str:
-    return ("−" if value < 0.0 else "+") + _rounded(abs(value))
+def _signed(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}".replace("-", "−")
 
 
 def _value_with_std(value: float, std: float) -> str:
@@ -211,12 +224,11 @@ def _value_with_std(value: float, std: float) -> str:
     if not std > 0.0:
         return f"{value:.6g}"
     digits = 1 - math.floor(math.log10(std))
-    figures = digits + (math.floor(math.log10(abs(value))) if value else 0)
-    return (
-        f"{value:.{min(max(figures, 1), 12)}e} ± {std:.1e}"
-        if not 1e-3 <= abs(value) < 1e5
-        else (f"{value:.{min(max(digits, 0), 12)}f} ± {std:.{min(max(digits, 0), 12)}f}")
-    )
+    if 1e-3 <= abs(value) < 1e5 and std < 1e5:
+        decimals = min(max(digits, 0), 12)
+        return f"{value:.{decimals}f} ± {std:.{decimals}f}"
+    behind_the_first = digits + (math.floor(math.log10(abs(value))) if value else 0)
+    return f"{value:.{min(max(behind_the_first, 1), 12)}e} ± {std:.1e}"
 
 
 def _wrapped(text: str, level: int = 1) -> Iterator[str]:
