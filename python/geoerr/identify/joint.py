@@ -1,0 +1,223 @@
+"""The joint estimate: the 21 errors from all lines, components, repeats and covariances at once, as tables.
+
+Nothing is asked of the order of the lines or of what they cross: any motion that the rank analysis finds sufficient
+will do. The freedom of each function is chosen by the data (`geoerr.fit.knots`), so that neighbours help each other;
+this is what makes it more certain than the nine lines' arithmetic.
+
+Tangent-following (Li Eq. 19) is an option and is tested: in the fit that does not assume it, straightness and the
+integral of the angle are both linear in the coefficients, and so is their difference, with its covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from geoerr.bases import basis_of
+from geoerr.error_functions import ErrorFunctions, NotDetermined
+from geoerr.fit import FitOptions, FitResult, fit
+from geoerr.fit.classic import TANGENT, positions_by_axis
+from geoerr.fit.sightings import SAME_POSITION_MM
+from geoerr.identify.linear import Numbers
+from geoerr.identify.nine_line import StraightnessMethod
+from geoerr.identify.straightness import TangentVerdict
+from geoerr.machine import AXES, Machine
+from geoerr.observations import Observations
+
+# Below this probability of so large a disagreement by chance the assumption is rejected.
+_SIGNIFICANCE = 0.01
+# Eigenvalues of the difference's covariance below this share of the largest are the gauge's, or round-off.
+_RANK_TOLERANCE = 1e-9
+# Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
+_MOST_ENTRIES = 101
+
+
+@dataclass(frozen=True, eq=False)
+class JointResult:
+    """The 21 errors of the joint fit.
+
+    Attributes
+    ----------
+    errors
+        Tables at the measured positions.
+    result
+        The fit with the straightness that `errors` holds.
+    tangent
+        Direct against integrated straightness, one verdict a function that has both.
+    """
+
+    errors: ErrorFunctions
+    result: FitResult
+    tangent: tuple[TangentVerdict, ...]
+
+    def to_document(self) -> dict[str, Any]:
+        """Give the diagnostics as plain values, for `--json`; lengths in µm."""
+        return {
+            "fit": self.result.to_document(),
+            "straightness": [
+                {
+                    "name": verdict.name,
+                    "rms_um": verdict.rms_mm * 1e3,
+                    "p_value": verdict.p_value,
+                    "follows_tangent": verdict.follows,
+                }
+                for verdict in self.tangent
+            ],
+        }
+
+
+def identify_joint(
+    observations: Observations | Sequence[Observations],
+    machine: Machine,
+    *,
+    straightness: StraightnessMethod = "direct",
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
+    threads: int = 0,
+) -> JointResult:
+    """Find the 21 errors by fitting all observations at once.
+
+    Parameters
+    ----------
+    observations
+        Measured points of any motions; repeats, partial components and several sessions are welcome.
+    machine
+        The machine.
+    straightness
+        `direct`: functions of its own. `integrated`: the integral of the angle (tangent-following). The other is in
+        `errors.alternatives`.
+    rig_sensitivity, rig_covariance
+        As for `analyze_nine_lines`.
+
+    Raises
+    ------
+    GeometryError
+        where nothing can be fitted.
+
+    Notes
+    -----
+    THEORY: "the joint estimate". Verified in tests/identify/test_joint.py and, against the nine lines' arithmetic and
+    for coverage, by `validation/joint.py`.
+    """
+    tables = [observations] if isinstance(observations, Observations) else list(observations)
+    fits = {
+        method: fit(
+            machine,
+            *tables,
+            options=FitOptions(follows_tangent=method == "integrated", threads=threads),
+            rig_sensitivity=rig_sensitivity,
+            rig_covariance=rig_covariance,
+        )
+        for method in ("direct", "integrated")
+    }
+    chosen = fits[straightness]
+    other_name = "integrated" if straightness == "direct" else "direct"
+    positions = _positions(chosen)
+    errors = chosen.model.error_functions(positions)
+    alternative = fits[other_name].model.error_functions(positions)
+    crossing = {straight for straight, _ in TANGENT.values()}
+    verdicts = _verdicts(fits["direct"], machine)
+    errors = replace(
+        errors,
+        method="joint",
+        alternatives={
+            f"straightness-{other_name}": {
+                name: function for name, function in alternative.functions.items() if name in crossing
+            }
+        },
+        not_determined=_all_reasons(chosen, errors),
+        notes=(*errors.notes, *_notes(chosen, verdicts, straightness)),
+    )
+    return JointResult(errors, chosen, verdicts)
+
+
+def _positions(result: FitResult) -> dict[str, Numbers]:
+    places = positions_by_axis(result.fitted.sightings.commanded_mm, SAME_POSITION_MM)
+    chosen = {}
+    for axis in AXES:
+        found = places[axis]
+        if len(found) < 2:
+            continue
+        if len(found) > _MOST_ENTRIES:
+            found = np.linspace(float(found[0]), float(found[-1]), _MOST_ENTRIES)
+        chosen[axis] = np.ascontiguousarray(found)
+    return chosen
+
+
+def _all_reasons(result: FitResult, errors: ErrorFunctions) -> tuple[NotDetermined, ...]:
+    """Join the reasons of the fit with those of the tables, each name once."""
+    reasons = {item.name: item for item in (*errors.not_determined, *result.fitted.not_determined)}
+    return tuple(reasons[name] for name in sorted(reasons))
+
+
+def _verdicts(result: FitResult, machine: Machine) -> tuple[TangentVerdict, ...]:
+    terms = result.fitted.terms
+    spans, first = {}, 0
+    for term in terms:
+        spans[term.id] = slice(first, first + len(term.coefficients))
+        first += len(term.coefficients)
+    unknown = {item.name for item in result.fitted.not_determined}
+    by_id = {term.id: term for term in terms}
+    verdicts = []
+    for angle, (straight, sign) in TANGENT.items():
+        if angle not in by_id or straight not in by_id or unknown & {angle, straight}:
+            continue
+        verdicts.append(_verdict(result, machine, by_id, spans, angle, straight, sign))
+    return tuple(verdicts)
+
+
+def _verdict(
+    result: FitResult,
+    machine: Machine,
+    by_id: Mapping[str, Any],
+    spans: Mapping[str, slice],
+    angle: str,
+    straight: str,
+    sign: float,
+) -> TangentVerdict:
+    """Test `straightness − ∫ angle` at the measured positions against its covariance."""
+    axis = angle[2].lower()
+    side = 1.0 if machine.side(axis) == "tool" else -1.0
+    places = _positions(result)[axis]
+    spec, angle_spec = by_id[straight].parts[0].basis, by_id[angle].parts[0].basis
+    direct = basis_of(spec).evaluate(places)
+    integral = side * sign * basis_of(replace(angle_spec, is_tangent_integral=True)).evaluate(places)
+    design = np.hstack([direct, -integral])
+    own = np.r_[spans[straight], spans[angle]]
+    values = np.array([p.value for p in (*by_id[straight].coefficients, *by_id[angle].coefficients)])
+    difference = design @ values
+    covariance = design @ result.fitted.covariance[np.ix_(own, own)] @ design.T
+    spread, direction = np.linalg.eigh(covariance)
+    keep = spread > _RANK_TOLERANCE * max(float(spread[-1]), 0.0)
+    rms = float(np.sqrt(np.mean(difference**2)))
+    if not keep.any():
+        return TangentVerdict(straight, rms, None, None)
+    chi_squared = float(((direction[:, keep].T @ difference) ** 2 / spread[keep]).sum())
+    p_value = float(stats.chi2.sf(chi_squared, int(keep.sum())))
+    return TangentVerdict(straight, rms, p_value, p_value >= _SIGNIFICANCE)
+
+
+def _notes(
+    result: FitResult, verdicts: Sequence[TangentVerdict], straightness: StraightnessMethod
+) -> tuple[str, ...]:
+    fitted = result.fitted
+    notes = list(fitted.sightings.notes)
+    broken = [verdict.name for verdict in verdicts if verdict.follows is False]
+    if broken and straightness == "integrated":
+        notes.append(
+            f"the carriage does not follow its guideway's tangent: {', '.join(broken)} differ from the integral of "
+            "the angle beyond chance; direct straightness is the one to use"
+        )
+    if fitted.outliers:
+        rows = ", ".join(str(outlier.row + 1) for outlier in fitted.outliers[:8])
+        notes.append(f"{len(fitted.outliers)} gross outliers were left out: rows {rows}")
+    if fitted.sightings.is_stated and fitted.scale > 1.0:
+        notes.append(
+            f"the scatter is {fitted.scale:.2f} times what the stated uncertainties say: standard uncertainties are "
+            "multiplied by that"
+        )
+    return tuple(notes)
