@@ -13,7 +13,7 @@ PACKAGE = Path(geoerr.__file__).parent
 BASE = {"errors", "files", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
-MODEL = TABLES | CORE | {"model"}
+MODEL = TABLES | CORE | {"terms", "bases", "effects", "model"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "files": {"errors"},
@@ -30,14 +30,15 @@ ALLOWED: dict[str, set[str]] = {
     "geometry": CORE | {"errors"},
     "model": TABLES | CORE | {"terms", "bases", "effects"},
     "vision": TABLES | CORE,
-    "identify": MODEL,
+    "fit": MODEL,
+    "identify": MODEL | {"fit"},
     "compensate": MODEL,
     "verify": MODEL,
     "simulate": TABLES | {"vision.patterns", "vision.images"},
-    "report": MODEL | {"vision", "identify", "compensate", "verify", "simulate"},
-    "demo": MODEL | {"vision", "identify", "compensate", "verify", "simulate", "report"},
+    "report": MODEL | {"vision", "fit", "identify", "compensate", "verify", "simulate"},
+    "demo": MODEL | {"vision", "fit", "identify", "compensate", "verify", "simulate", "report"},
     "__main__": {"cli"},
-    "cli": MODEL | {"vision", "identify", "compensate", "verify", "simulate", "report", "demo"},
+    "cli": MODEL | {"vision", "fit", "identify", "compensate", "verify", "simulate", "report", "demo"},
 }
 
 
