@@ -7,7 +7,7 @@ use super::functions::{Binary, Unary};
 use super::graph::{Graph, Lag, LagTangent, Node, NodeId, Windup, WindupTangent};
 
 /// By what is derived.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Seed {
     /// An inner parameter: the same for all rows.
     Inner(u32),

@@ -116,9 +116,9 @@ impl<'a> Lowering<'a> {
         for syntax in &tree {
             let form = match syntax.kind {
                 // Not through `map_err`: a problem inside another definition marks that definition's text.
-                Kind::Name { in_lag: here } => {
-                    let name = &text[syntax.span.clone()];
-                    self.name(name, definition.is_some(), in_lag || here, &syntax.span, &refused)?
+                Kind::Name { start, end, in_lag: here } => {
+                    let name = &text[start..end];
+                    self.name(name, definition.is_some(), in_lag || here, &(start..end), &refused)?
                 }
                 Kind::Windup(lambda) => {
                     let lambda = match &forms[lambda] {

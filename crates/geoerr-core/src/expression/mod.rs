@@ -55,6 +55,7 @@ mod rows;
 mod syntax;
 mod tape;
 
+use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -88,7 +89,7 @@ pub struct Symbols {
 /// Names that stand for texts over the variables.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Definitions {
-    texts: std::collections::BTreeMap<String, String>,
+    texts: BTreeMap<String, String>,
 }
 
 impl Definitions {
@@ -184,9 +185,14 @@ impl Expression {
         let by_position = derived(&mut graph, &parts, position.map(|at| at.map(Seed::Variable)));
         let single_parts: Vec<PointTerm> =
             parts.iter().zip(&single_roots).map(|(part, &node)| (part.0, node)).collect();
-        let gradient = position.map(|at| {
-            let seed = at.map(Seed::Variable);
-            derived(&mut single, &single_parts, [seed])
+        // The place on the work that the tool stands over moves with it.
+        let gradient = [["x", "bed_x"], ["y", "bed_y"], ["z", "z"]].map(|[name, place]| {
+            let mut names = vec![name, place];
+            names.dedup();
+            let at = |name| symbols.variables.iter().position(|variable| variable == name);
+            let seeds: Vec<Option<Seed>> =
+                names.into_iter().map(|name| at(name).map(|at| Seed::Variable(at as u32))).collect();
+            derived(&mut single, &single_parts, seeds)
                 .into_iter()
                 .map(|term| (term.coefficient, term.node))
                 .collect::<Vec<PointTerm>>()
@@ -310,7 +316,7 @@ impl Expression {
     }
 
     /// Value and gradient by x, y, z at one point (one number for each variable of the symbols), history settled:
-    /// `lag(u, tau)` is u, `windup` follows a long stroke.
+    /// `lag(u, tau)` is u, `windup` follows a long stroke; `bed_x` and `bed_y` move with x and y.
     ///
     /// # Errors
     /// [`RowsError`] for lengths that do not fit.
@@ -369,9 +375,17 @@ fn derived(
     seeds: impl IntoIterator<Item = Option<Seed>>,
 ) -> Vec<Term> {
     let roots: Vec<NodeId> = parts.iter().map(|&(_, node)| node).collect();
+    let is_needed = graph.needed_by(roots.iter().copied());
+    let used: HashSet<Seed> = (graph.ids().filter(|id| is_needed[id.index()]))
+        .filter_map(|id| match graph.node(id) {
+            Node::Inner(index) => Some(Seed::Inner(index)),
+            Node::Variable(index) => Some(Seed::Variable(index)),
+            _ => None,
+        })
+        .collect();
     let mut terms = Vec::new();
     for (slot, seed) in seeds.into_iter().enumerate() {
-        let Some(seed) = seed else { continue };
+        let Some(seed) = seed.filter(|seed| used.contains(seed)) else { continue };
         let of_roots = tangents(graph, &roots, seed);
         for (&(coefficient, _), tangent) in parts.iter().zip(of_roots) {
             terms.extend(tangent.map(|node| Term { slot, coefficient, node }));

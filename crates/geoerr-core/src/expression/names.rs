@@ -26,9 +26,17 @@ pub(super) fn near(name: &str, known: &[String]) -> Vec<String> {
             let is_same = candidate.eq_ignore_ascii_case(name);
             (if is_same { 0 } else { edits(name.as_bytes(), candidate.as_bytes()) }, candidate)
         })
-        .filter(|&(distance, candidate)| distance <= allowed && distance < candidate.len())
+        .filter(|&(distance, candidate)| {
+            // A name of one letter is one edit away from every other: it must be that letter.
+            let shares = candidate.as_bytes().first() == name.as_bytes().first();
+            distance <= allowed && (distance < candidate.len() || shares)
+        })
         .collect();
     found.sort();
+    // Where only the case differs there is nothing to guess.
+    if found.first().is_some_and(|best| best.0 == 0) {
+        found.retain(|candidate| candidate.0 == 0);
+    }
     found.into_iter().take(OFFERED).map(|(_, candidate)| candidate.clone()).collect()
 }
 

@@ -18,8 +18,10 @@ pub(super) type SyntaxId = usize;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     Number(f64),
-    /// A name, in whose place `v_x` means the mean speed if it stands inside `lag()`.
+    /// A name, its place without brackets; inside `lag()` the name `v_x` means the mean speed.
     Name {
+        start: usize,
+        end: usize,
         in_lag: bool,
     },
     Unary(Unary, SyntaxId),
@@ -161,11 +163,8 @@ impl Parser<'_> {
             Token::Open => {
                 let inside = self.expression(0)?;
                 self.close(&place)?;
-                // The brackets are part of the place, so that a mark under it shows them; of a name the place is
-                // what it is read from.
-                if !matches!(self.nodes[inside].kind, Kind::Name { .. }) {
-                    self.nodes[inside].span = place.start..self.tokens[self.at - 1].1.end;
-                }
+                // The brackets are part of the place, so that a mark under it shows them.
+                self.nodes[inside].span = place.start..self.tokens[self.at - 1].1.end;
                 Ok(inside)
             }
             _ => Err((Problem::Expected { expected: "a value" }, place)),
@@ -200,7 +199,7 @@ impl Parser<'_> {
             return Ok(self.push(Kind::Number(std::f64::consts::PI), place));
         }
         let in_lag = self.lags > 0;
-        Ok(self.push(Kind::Name { in_lag }, place))
+        Ok(self.push(Kind::Name { start: place.start, end: place.end, in_lag }, place))
     }
 
     fn call(&mut self, signature: &Signature, place: Range<usize>) -> Result<SyntaxId, Placed> {

@@ -159,6 +159,7 @@ enum Tree {
     Number(f64),
     Variable(usize),
     Negate(Box<Tree>),
+    Brackets(Box<Tree>),
     Infix(&'static str, Box<Tree>, Box<Tree>),
     Call(&'static str, Vec<Tree>),
 }
@@ -174,7 +175,7 @@ impl Tree {
             Self::Infix("*" | "/", ..) => 3,
             Self::Negate(_) => 4,
             Self::Infix(..) => 5,
-            Self::Number(_) | Self::Variable(_) | Self::Call(..) => 6,
+            Self::Number(_) | Self::Variable(_) | Self::Brackets(_) | Self::Call(..) => 6,
         }
     }
 
@@ -186,6 +187,7 @@ impl Tree {
         match self {
             Self::Number(value) => format!("{value:?}"),
             Self::Variable(index) => VARIABLES[*index].to_owned(),
+            Self::Brackets(a) => format!("( {} )", a.print()),
             Self::Negate(a) => format!("-{}", within(a, 4)),
             Self::Infix("^", a, b) => format!("{}^{}", within(a, 6), within(b, 4)),
             Self::Infix(operator, a, b) => {
@@ -206,6 +208,7 @@ impl Tree {
             Self::Number(value) => *value,
             Self::Variable(index) => variables[*index],
             Self::Negate(a) => -a.walk(variables),
+            Self::Brackets(a) => a.walk(variables),
             Self::Infix(operator, a, b) => {
                 let (a, b) = (a.walk(variables), b.walk(variables));
                 if a.is_nan() || b.is_nan() {
@@ -276,6 +279,7 @@ fn tree() -> impl Strategy<Value = Tree> {
         ]);
         prop_oneof![
             inner.clone().prop_map(|a| Tree::Negate(Box::new(a))),
+            inner.clone().prop_map(|a| Tree::Brackets(Box::new(a))),
             (operator, inner.clone(), inner.clone()).prop_map(|(o, a, b)| Tree::Infix(
                 o,
                 Box::new(a),
