@@ -13,7 +13,10 @@ from geoerr.error_functions import ALL_NAMES, LI_SQUARENESS, NotDetermined, is_a
 from geoerr.errors import ShapeError
 from geoerr.model import FitRecord, Model
 from geoerr.model.gauge import least_squares_slope
+from geoerr.report.error_tables import error_function_table
 from geoerr.terms import Term
+from geoerr.verify.ballbar import li_eq23_trace
+from geoerr.verify.circle import CircleOfCommands
 
 AT = {"temp_bed": 60.0, "d_y": 1.0}
 N_DRAWS = 4000
@@ -238,6 +241,14 @@ class TestTables:
             assert same.functions[name].value == pytest.approx(function.value, abs=1e-15)
         for name, squareness in errors.squareness.items():
             assert same.squareness[name].value_rad == pytest.approx(squareness.value_rad, abs=1e-17)
+
+    def test_who_uses_tables_takes_a_model_of_terms(self) -> None:
+        model = Model(machine(), None, classic_terms())
+        tables = Model(machine(), model.error_functions())
+        circle = CircleOfCommands("XY", (212.0, 170.0, 50.0), 100.0)
+        assert np.array_equal(li_eq23_trace(model, circle).points_mm, li_eq23_trace(tables, circle).points_mm)
+        assert error_function_table(model.error_functions()).rows[0][0] == "EXX"
+        assert Model(machine()).error_functions().functions == {}
 
     def test_positions_of_ones_own(self) -> None:
         errors = fitted().error_functions({"x": [0.0, 100.0, 400.0]})

@@ -5,8 +5,9 @@ the record of their fit), or none.
 """
 
 from geoerr.model.commands import Commands
-from geoerr.model.compile import Compiled, compile_terms
+from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.model.conditions import REFERENCE
+from geoerr.model.gauge import MeanScale
 from geoerr.model.groups import GROUPS, POSITIONING, ROLL
 from geoerr.model.load import load_model, write_model
 from geoerr.model.model import Correlation, Model
@@ -23,9 +24,11 @@ __all__ = [
     "Correlation",
     "FitRecord",
     "HistoryEntry",
+    "MeanScale",
     "Model",
     "compile_terms",
     "load_model",
     "squareness_of_li_rad",
+    "start_values",
     "write_model",
 ]

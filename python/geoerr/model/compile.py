@@ -13,7 +13,7 @@ from geoerr.bases import basis_of
 from geoerr.errors import ExpressionError, GeometryError, ShapeError
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers
-from geoerr.terms import Part, Term, mentions
+from geoerr.terms import Part, Term
 
 # Stands in the list of variables for one that a formula does not use: no name, so that no formula means it.
 _UNUSED = "-"
@@ -78,19 +78,17 @@ def compile_terms(machine: Machine, terms: Sequence[Term]) -> Compiled:
             if not _is_parameter(term, name)
         )
     )
+    parts = [[core_part(term, part, variables) for part in term.parts] for term in terms]
+    counts = [(len(term.coefficients), len(term.inner)) for term in terms]
+    core_terms = [(*count, own) for count, own in zip(counts, parts, strict=True)]
     return Compiled(
-        core=_core.VolumetricModel(
-            machine.chain,
-            machine.tool_offset_mm,
-            [
-                (len(term.coefficients), len(term.inner), [core_part(term, part, variables) for part in term.parts])
-                for term in terms
-            ],
-        ),
+        core=_core.VolumetricModel(machine.chain, machine.tool_offset_mm, core_terms),
         variables=variables,
-        coefficient_slices=slices_of([len(term.coefficients) for term in terms]),
-        inner_slices=slices_of([len(term.inner) for term in terms]),
-        needs_order=any(_needs_order(part) for term in terms for part in term.parts),
+        coefficient_slices=slices_of([coefficients for coefficients, _ in counts]),
+        inner_slices=slices_of([inner for _, inner in counts]),
+        needs_order=any(
+            isinstance(part[3], _core.Expression) and part[3].needs_order for own in parts for part in own
+        ),
     )
 
 
@@ -147,11 +145,6 @@ def core_part(term: Term, part: Part, variables: Sequence[str]) -> CorePart:
 
 def _is_parameter(term: Term, name: str) -> bool:
     return any(parameter.name == name for parameter in term.coefficients + term.inner)
-
-
-def _needs_order(part: Part) -> bool:
-    texts = (part.expression or "", *(text for _, text in part.definitions))
-    return any(mentions(text, function) for text in texts for function in ("lag", "windup"))
 
 
 def slices_of(counts: Sequence[int]) -> tuple[slice, ...]:

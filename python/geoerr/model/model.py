@@ -30,7 +30,6 @@ from geoerr.model.leave_out import names_left_out, terms_without
 from geoerr.model.record import FitRecord
 from geoerr.model.report import report_of
 from geoerr.model.tables import squareness_of_li_rad, terms_of_errors
-from geoerr.observations import CARRIERS
 from geoerr.terms import JOINT_CHANNELS, SQUARENESS_CHANNELS, EffectReference, Parameter, Term
 
 Carrier = Literal["tool", "work", "base", "relative"]
@@ -599,11 +598,11 @@ class Model:
     ) -> tuple[npt.NDArray[np.uint8], Numbers, Numbers, Numbers, npt.NDArray[np.int64], None]:
         """Give rows as the core takes them; each is a sequence of its own."""
         rows = points(q_mm, "q_mm")
-        if carrier not in CARRIERS:
-            raise GeoerrError(f"{carrier!r} carries no target\nhint: carriers are {', '.join(CARRIERS)}")
+        if carrier not in _core.CARRIERS:
+            raise GeoerrError(f"{carrier!r} carries no target\nhint: carriers are {', '.join(_core.CARRIERS)}")
         offset = contiguous(np.broadcast_to(offsets(offset_mm, len(rows)), rows.shape))
         variables = variables_of(self._seen.variables, self.machine, rows, offset, at, carrier=carrier)
-        carriers = np.full(len(rows), CARRIERS.index(carrier), dtype=np.uint8)
+        carriers = np.full(len(rows), _core.CARRIERS.index(carrier), dtype=np.uint8)
         return carriers, rows, offset, variables, np.arange(len(rows), dtype=np.int64), None
 
     def _columns(

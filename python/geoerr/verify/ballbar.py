@@ -271,7 +271,7 @@ def li_eq23_trace(model: Model, circle: CircleOfCommands, *, n_points: int = N_P
             f"Li's Eq. 23 holds where Y rides on X on the tool side, which it does not on {model.machine.chain}"
             "\nhint: leave --eq23 out; the whole model knows every chain"
         )
-    unknown = {} if model.errors is None else {item.name: item.why for item in model.errors.not_determined}
+    unknown = {item.name: item.why for item in model.error_functions().not_determined}
     for name in ("EXX", "EXY", "ECX", "EYX", "EYY"):
         if name in unknown:
             raise NotDeterminedError(f"Li's Eq. 23 needs {name}, which is not determined: {unknown[name]}")
@@ -322,7 +322,7 @@ def run_circular_test(
             f"compensated commands leave the range of {', '.join(out_of_range)}: "
             "a machine with soft limits would stop there"
         )
-    assumed_zero = () if model.errors is None else tuple(item.name for item in model.errors.not_determined)
+    assumed_zero = tuple(item.name for item in model.error_functions().not_determined)
     runs: tuple[MeasuredRun, ...] = ()
     set_aside: tuple[RowProblem, ...] = ()
     if measured is not None:
@@ -392,7 +392,7 @@ def _trace(circle: CircleOfCommands, commanded_mm: Numbers, actual_mm: Numbers) 
 
 
 def _at(model: Model, name: str, position_mm: Numbers) -> Numbers:
-    function = None if model.errors is None else model.errors.functions.get(name)
+    function = model.error_functions().functions.get(name)
     return np.zeros(len(position_mm)) if function is None else function.at(position_mm)
 
 
