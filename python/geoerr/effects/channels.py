@@ -113,19 +113,24 @@ def _is_held_by_an_angle(
 ) -> bool:
     """Tell whether f(q_a)·q_b is already an angle of a times its lever q_b (rigid bodies hold it).
 
-    An angle of `a` acts through the lever q_b in the two directions across b, where the lever of `a` holds q_b:
-    on the tool side the axes further out, on the work side the axes further in and all of the tool side.
+    An angle of `a` acts through the lever q_b in the two directions across b, where the lever of `a` holds q_b.
+    Across both axes it comes with a second product, f(q_a)·q_c along b, where the lever holds the third position too:
+    then the first product alone is none of the rigid body's.
     """
     carried = {"first": (first, second), "second": (second, first)}
     for which in linear_in:
         lever, owner = carried[which]
-        if direction != lever and lever in lever_axes(owner, machine):
+        positions = lever_axes(owner, machine)
+        if direction != lever and lever in positions and (direction == owner or direction not in positions):
             return True
     return False
 
 
 def lever_axes(axis: str, machine: Machine) -> str:
-    """Give the other axes whose positions are in the lever of an axis's angles, the tool seen from the work."""
+    """Give the other axes whose positions are in the lever of an axis's angles, the tool seen from the work.
+
+    On the tool side those further out, on the work side those further in and all of the tool side.
+    """
     if machine.side(axis) == "tool":
         order = machine.tool_axes
         return order[order.index(axis) + 1 :]

@@ -73,12 +73,15 @@ class _Check:
         if part.channel not in _JOINT_CHANNELS:
             return
         if part.axis in PAIRS:
-            raise self.refuse("axis", f"a part on {part.channel} is of one axis, not {part.axis!r}")
+            raise self.refuse(
+                "axis", f"a part on {part.channel} is of one axis, not {part.axis!r}", 'write axis = "x"'
+            )
         if not axes and part.axis not in AXES:
             raise self.refuse("axes", f"a part on {part.channel} needs a moving axis", 'write axes = ["x"]')
         bodies = [axis for axis in axes if axis.startswith("work-")]
         if bodies:
-            raise self.refuse("axes", f"{bodies[0]!r} is a direction of the work, not a moving axis")
+            remedy = 'moving axes are "x", "y", "z"'
+            raise self.refuse("axes", f"{bodies[0]!r} is a direction of the work, not a moving axis", remedy)
         if part.direction == "each" and not (axes and all("*" in axis for axis in axes)):
             raise self.refuse("axes", 'direction "each" is for products of axes', 'write axes = ["x*y"]')
         if part.axis == "second" and not all(pair_of(axis)[1] for axis in axes or (None,)):
@@ -87,7 +90,9 @@ class _Check:
         own = {"first": 0, "second": 1}
         moving = {pair_of(axis)[own[part.axis]] for axis in axes} if part.axis in own else {part.axis}
         if needs_other and part.direction is not None and part.direction[-1] in moving:
-            raise self.refuse("direction", f"{part.direction!r} is not across axis {part.direction[-1]}")
+            raise self.refuse(
+                "direction", f"{part.direction!r} is not across axis {part.direction[-1]}", "name another direction"
+            )
 
     def body_axes(self, part: PartSpec) -> None:
         """Check that a part elsewhere than on a joint has the direction or pair that it needs."""
@@ -182,7 +187,9 @@ class _Check:
         try:
             term = self.effect.term(axis, covariate, _ANY_MACHINE, form=form.name)
         except ShapeError as error:
-            raise self.refuse("expression", str(error)) from error
+            raise self.refuse(
+                "expression", str(error), "make two effects of it, or give the parts other names"
+            ) from error
         coefficients = [parameter.name for parameter in term.coefficients]
         inner = [parameter.name for parameter in term.inner]
         for part in term.parts:

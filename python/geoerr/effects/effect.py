@@ -138,10 +138,10 @@ class Effect(Description):
             # The column is part of the name only where it says which form is meant.
             return EffectReference(self.id, axis, None if covariate in self.forms[0].covariates else covariate)
         covariate = covariate or only_temperature(entry)
-        problem = temperature_problem(entry, covariate)
-        if problem is not None:
+        mismatch = temperature_problem(entry, covariate)
+        if mismatch is not None:
             example = EffectReference(self.id, axis, "temp_bottom-temp_top" if entry == "temp-temp" else "temp_bed")
-            raise InputFileError(str(reference), problem, remedy=f"write {example}, with your own column")
+            raise InputFileError(str(reference), mismatch, remedy=f"write {example}, with your own column")
         return EffectReference(self.id, axis, covariate)
 
     def term(

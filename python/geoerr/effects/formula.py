@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from geoerr import _core
+from geoerr._core import Expression
+from geoerr.errors import ExpressionError
 
 
 def check_formula(
@@ -30,11 +31,8 @@ def check_formula(
     str or None
         What is wrong with it, the place marked; None where nothing is.
     """
-    parser = getattr(_core, "Expression", None)
-    if parser is None:
-        return None
     try:
-        parser(text, list(variables), list(coefficients), list(inner), dict(definitions))
-    except ValueError as error:
+        Expression(text, list(variables), list(coefficients), list(inner), dict(definitions))
+    except ExpressionError as error:
         return str(error)
     return None

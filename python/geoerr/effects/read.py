@@ -220,10 +220,10 @@ def _why_not(name: str) -> str:
 
 def _plausible(entries: Entries) -> Plausible:
     value, what, within = entries.number("value"), entries.text("what"), entries.number("within", Plausible.within)
-    if not what or not within >= 0.0:
-        raise entries.refuse(
-            "what", "a plausible value needs words, and a tolerance not below 0", "say what it is of"
-        )
+    if not what:
+        raise entries.refuse("what", "is empty", "say what the value is of")
+    if within < 0.0:
+        raise entries.refuse("within", f"{within:g} is below 0", "write the tolerance as a part of the value, 0.05")
     return Plausible(value, what, within)
 
 
