@@ -10,7 +10,8 @@ from geoerr.model.conditions import REFERENCE
 from geoerr.model.gauge import MeanScale
 from geoerr.model.groups import GROUPS, POSITIONING, ROLL
 from geoerr.model.load import load_model, write_model
-from geoerr.model.model import Correlation, Model
+from geoerr.model.model import Model
+from geoerr.model.parameters import Correlation
 from geoerr.model.record import FitRecord, HistoryEntry
 from geoerr.model.tables import squareness_of_li_rad
 

@@ -27,6 +27,13 @@ from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.model.conditions import OF_POSITION, Conditions, constants_of, variables_of
 from geoerr.model.gauge import N_ENTRIES, MeanScale, mean_scales, tables_of_terms
 from geoerr.model.leave_out import names_left_out, terms_without
+from geoerr.model.parameters import (
+    Correlation,
+    correlations_of,
+    find_parameter,
+    parameter_names,
+    with_independent,
+)
 from geoerr.model.record import FitRecord
 from geoerr.model.report import report_of
 from geoerr.model.tables import squareness_of_li_rad, terms_of_errors
@@ -39,15 +46,6 @@ Carrier = Literal["tool", "work", "base", "relative"]
 _NO_EFFECT = 1e-6
 # Rows whose derivatives by some hundred parameters are held at a time: a few megabytes.
 _BLOCK_ROWS = 1024
-
-
-@dataclass(frozen=True)
-class Correlation:
-    """Correlation of two parameters, named as `Model.parameter` takes them."""
-
-    first: str
-    second: str
-    value: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -493,7 +491,7 @@ class Model:
             return NotImplemented
         record = self.record
         if record is not None:
-            record = _with_independent(record, self._all.n_coefficients, other)
+            record = with_independent(record, self._all.n_coefficients, other)
         return Model(self.machine, self.errors, (*self.terms, other), record)
 
     def without(self, names: str | Iterable[str]) -> Model:
@@ -539,23 +537,12 @@ class Model:
         GeoerrError
             where there is no such term or parameter, naming those that there are.
         """
-        term_id, dot, own = name.rpartition(".")
-        by_id = {term.id: term for term in self.all_machine_terms + self.rig_terms}
-        term = by_id.get(term_id if dot else own)
-        if term is None:
-            raise GeoerrError(f"the model has no term {term_id or own!r}\nhint: its terms are {', '.join(by_id)}")
-        parameters = {parameter.name: parameter for parameter in term.coefficients + term.inner}
-        if not dot or own not in parameters:
-            known = ", ".join(f"{term.id}.{known}" for known in parameters)
-            raise GeoerrError(f"{name!r} names no parameter of {term.id}\nhint: write one of {known}")
-        return parameters[own]
+        return find_parameter(self.all_machine_terms + self.rig_terms, name)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of all parameters of the terms in the record's order: coefficients, then inner parameters."""
-        return tuple(f"{term.id}.{p.name}" for term in self.terms for p in term.coefficients) + tuple(
-            f"{term.id}.{p.name}" for term in self.terms for p in term.inner
-        )
+        return parameter_names(self.terms)
 
     def correlations(self, minimum: float = 0.8) -> tuple[Correlation, ...]:
         """Give pairs of parameters of different terms, or of one formula, that are correlated, strongest first.
@@ -572,22 +559,7 @@ class Model:
         NotDeterminedError
             where the model has no record of a fit.
         """
-        record = self._checked_record()
-        has_basis = [any(part.basis is not None for part in term.parts) for term in self.terms]
-        owners = [place for place, term in enumerate(self.terms) for _ in term.coefficients]
-        owners += [place for place, term in enumerate(self.terms) for _ in term.inner]
-        owner, on_basis = np.array(owners, dtype=np.int64), np.array(has_basis, dtype=bool)
-        std = record.std
-        product = np.multiply.outer(std, std)
-        value = np.divide(record.covariance, product, out=np.zeros_like(product), where=product > 0.0)
-        of_one_curve = (owner[:, None] == owner[None, :]) & on_basis[owner][:, None]
-        first, second = np.nonzero(np.triu(np.abs(value) >= minimum, 1) & ~of_one_curve)
-        order = np.argsort(-np.abs(value[first, second]), kind="stable")
-        names = self.parameter_names
-        return tuple(
-            Correlation(names[i], names[j], float(value[i, j]))
-            for i, j in zip(first[order].tolist(), second[order].tolist(), strict=True)
-        )
+        return correlations_of(self._checked_record(), self.terms, minimum)
 
     def report(self) -> str:
         """Give the model in words and numbers, at most 100 columns wide: what is known, and what is not."""
@@ -678,21 +650,3 @@ _N_MACHINE_CHANNELS = len(JOINT_CHANNELS) + len(SQUARENESS_CHANNELS) + 9
 
 def _range(places: slice) -> range:
     return range(places.start, places.stop)
-
-
-def _with_independent(record: FitRecord, n_coefficients: int, term: Term) -> FitRecord | None:
-    """Give the record with a term's parameters behind their kind; None where their uncertainty is not stated."""
-    coefficients = [parameter.std for parameter in term.coefficients]
-    inner = [0.0 if parameter.is_fixed else parameter.std for parameter in term.inner]
-    if np.isnan([*coefficients, *inner]).any():
-        return None
-    old = record.n_parameters
-    places = np.concatenate([np.arange(n_coefficients), np.arange(n_coefficients, old) + len(coefficients)])
-    size = old + len(coefficients) + len(inner)
-    covariance = np.diag(np.zeros(size))
-    covariance[np.ix_(places, places)] = record.covariance
-    new = [*range(n_coefficients, n_coefficients + len(coefficients)), *range(size - len(inner), size)]
-    covariance[new, new] = np.square([*coefficients, *inner])
-    null_space = np.zeros((size, record.null_space.shape[1]))
-    null_space[places] = record.null_space
-    return dataclasses.replace(record, covariance=covariance, null_space=null_space)
