@@ -1,5 +1,7 @@
 //! What follows from the order of rows.
 
+#![allow(clippy::unwrap_used, clippy::panic, reason = "that is how a test fails")]
+
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use geoerr_core::history::{History, HistoryError, HistoryRows, Moment, Past, history};
@@ -239,7 +241,8 @@ proptest! {
             for axis in 0..3 {
                 assert_all([few.d[axis], few.s_mm[axis]], &[many.d[axis], many.s_mm[axis]], "d, s");
                 // A standstill between two rows and a reversal after it: the reversal is later than rows show.
-                prop_assert!(!(many.t_rev_s[axis] > few.t_rev_s[axis] + 1e-12));
+                let is_later = many.t_rev_s[axis] > few.t_rev_s[axis] + 1e-12;
+                prop_assert!(!is_later);
             }
         }
     }
