@@ -137,6 +137,18 @@ def test_ties_are_said_and_the_smaller_is_taken() -> None:
     assert "the data do not tell apart" in choice.why
 
 
+@pytest.mark.parametrize("n_positions", [3, 4])
+def test_equal_fits_are_settled_by_smoothness(n_positions: int) -> None:
+    """Three positions, or four even ones, cannot tell one parabola from two straight lines."""
+    x = np.linspace(0.0, 300.0, n_positions)
+    y = 1e-2 * (x / 300.0) ** 2
+    specs = candidate_bases("z", x)
+    for order in (specs, specs[::-1]):
+        choice = choose_basis(x, y, np.full(n_positions, 1e-4), order, criterion="bic", trusts_uncertainty=True)
+        assert in_words(choice.spec) == "1 three-node quadratic element"
+        assert "and smoother" in choice.why or "the data do not tell apart" in choice.why
+
+
 def test_what_the_data_do_not_determine_is_not_chosen() -> None:
     x = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 390.0, 395.0, 400.0])
     gap = BasisSpec("linear", "x", knots_mm=(0.0, 100.0, 200.0, 300.0, 400.0))

@@ -8,7 +8,8 @@ With errors of covariance Σ, a basis B (n, k) fitted by generalized least squar
 
 ĉ is 1, or χ²/dof of the richest candidate where that is larger: data that scatter more than they say must not buy
 functions for it. K is k, and one more where ĉ is found from the data. Scores that differ by less than 2 do not tell
-candidates apart; of those the one with the fewest functions is chosen.
+candidates apart; of those the one with the fewest functions is chosen. Where two of the same size fit equally (three
+positions: a parabola, or two straight lines) the smoother is, as guideways bow more often than they break.
 
 Sources: Burnham & Anderson, *Model Selection and Multimodel Inference*, 2002, §2.4, §2.5 and §2.6; leave-one-out in
 closed form for correlated errors: Dubrule, *Mathematical Geology* 15, 1983. Elements for each axis: Dobariya §4.
@@ -365,7 +366,7 @@ def _choose(
         for place, (score, losses) in enumerate(zip(scores, pointwise, strict=True))
     )
     close = [place for place in range(len(table)) if deltas[place] <= SAME_SCORE]
-    chosen = min(close, key=lambda place: (table[place].n_functions, deltas[place]))
+    chosen = min(close, key=lambda place: _preference(table[place], float(deltas[place])))
     fit = fits[chosen]
     return Choice(
         spec=candidates[chosen],
@@ -376,6 +377,11 @@ def _choose(
         scale=scale,
         why=_why(table, chosen, best, criterion, scale),
     )
+
+
+def _preference(score: Score, delta: float) -> tuple[int, float, int]:
+    # Rounded, so that round-off does not settle a tie.
+    return score.n_functions, round(delta, 6), len(basis_of(score.spec).kinks())
 
 
 def _scale(fits: Sequence[_Fit], n_values: int) -> float:
@@ -425,6 +431,8 @@ def _why(table: Sequence[Score], chosen: int, best: int, criterion: Criterion, s
     text = f"{in_words(mine.spec)}: "
     if chosen == best:
         text += f"smallest {name}"
+    elif mine.n_functions == table[best].n_functions:
+        text += f"{name} equal to that of {in_words(table[best].spec)}, and smoother"
     else:
         text += f"{name} only {mine.delta:.1f} above that of {in_words(table[best].spec)}, with fewer functions"
     others = [score for place, score in enumerate(table) if place not in (chosen, best) and not score.why_not]
