@@ -314,6 +314,12 @@ class TestRecord:
             with pytest.raises(ShapeError, match=problem):
                 FitRecord(np.asarray(covariance), none)
 
+    def test_what_rounding_leaves_of_a_fixed_parameter(self) -> None:
+        for size in (1e-170, 1e-140, 1e-20, 0.0):
+            root = np.array([[1e-3, 2e-4], [size, -0.5 * size], [-3e-6, 1e-6]])
+            record = FitRecord(root @ root.T, np.zeros((3, 0)))
+            assert record.std == pytest.approx(np.sqrt((root**2).sum(axis=1)), rel=1e-12)
+
     def test_what_a_null_space_cannot_be(self) -> None:
         for null_space in (np.zeros((3, 0)), np.ones((2, 1)), np.eye(2)[:, [0, 0]], np.full((2, 1), np.nan)):
             with pytest.raises(ShapeError, match="null_space"):

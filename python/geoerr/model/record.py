@@ -17,6 +17,7 @@ from geoerr.terms import Parameter
 
 # Rounding of a product of some thousand terms; a negative variance beyond it was put there.
 _NEGATIVE = 1e-8
+_UNDERFLOW = 1e-150
 # A direction of the null space has length 1 to this.
 _UNIT = 1e-6
 # More parameters than any model of three axes; what is quadratic in them stays within memory.
@@ -157,7 +158,13 @@ def _checked_covariance(covariance: Numbers) -> Numbers:
         correlation = covariance * scale[:, None] * scale[None, :]
     _require(bool(np.isfinite(correlation).all()), "a covariance is far beyond its variances")
     is_sure = std == 0.0
-    _require(not covariance[is_sure].any() and not covariance[:, is_sure].any(), "a covariance without its variance")
+    # The variance of a parameter whose root is below 1e-162 is 0 in double precision; its covariances may not be.
+    nothing = _UNDERFLOW * std
+    none_beside = (np.abs(covariance[is_sure]) <= nothing).all() and (
+        np.abs(covariance[:, is_sure].T) <= nothing
+    ).all()
+    _require(bool(none_beside), "a covariance without its variance")
+    covariance = np.where(is_sure[:, None] | is_sure[None, :], 0.0, covariance)
     _require(bool((np.abs(correlation - correlation.T) <= _NEGATIVE).all()), "covariance is not symmetric")
     if size:
         least = float(np.linalg.eigvalsh(correlation)[0])
