@@ -401,6 +401,16 @@ class FitProblem:
         row_scale: npt.NDArray[np.float64],
         threads: int,
     ) -> npt.NDArray[np.float64]: ...
+    def leave_out(
+        self,
+        state: FitState,
+        solution: FitSolution,
+        residuals_mm: npt.NDArray[np.float64],
+        order: npt.NDArray[np.int64],
+        starts: npt.NDArray[np.int64],
+        own: npt.NDArray[np.int64],
+        threads: int,
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], list[bool]]: ...
     def design(
         self, state: FitState, row_scale: npt.NDArray[np.float64], first: int, last: int, threads: int
     ) -> npt.NDArray[np.float64]: ...

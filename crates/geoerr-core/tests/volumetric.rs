@@ -146,7 +146,7 @@ fn the_design_is_the_derivative_of_the_exact_residuals() {
         let height = 3 * n_rows;
         let block = problem.blocks(&state).unwrap();
         let mut design = vec![0.0; height * block.n_columns()];
-        block.fill(0..n_rows, &vec![1.0; n_rows], &mut design);
+        block.fill(&(0..n_rows).collect::<Vec<_>>(), &vec![1.0; n_rows], &mut design);
         for column in 0..problem.n_columns() {
             let moved = |step: f64| {
                 let mut correction = vec![0.0; problem.n_columns()];
@@ -183,7 +183,7 @@ fn the_gradient_is_the_design_times_the_residuals() {
     let block = problem.blocks(&state).unwrap();
     let gradient = block.gradient(&whitened, &scale);
     let mut design = vec![0.0; 3 * n_rows * block.n_columns()];
-    block.fill(0..n_rows, &scale, &mut design);
+    block.fill(&(0..n_rows).collect::<Vec<_>>(), &scale, &mut design);
     for (column, found) in design.chunks_exact(3 * n_rows).zip(&gradient) {
         let expected: f64 = (0..3 * n_rows).map(|k| column[k] * scale[k / 3] * whitened[k / 3][k % 3]).sum();
         assert!((found - expected).abs() <= 1e-9 * expected.abs().max(1.0), "{found} {expected}");
@@ -197,10 +197,10 @@ fn parts_of_a_range_are_those_of_the_whole() {
     let block = problem.blocks(&state).unwrap();
     let scale = vec![1.0; n_rows];
     let mut whole = vec![0.0; 3 * n_rows * block.n_columns()];
-    block.fill(0..n_rows, &scale, &mut whole);
+    block.fill(&(0..n_rows).collect::<Vec<_>>(), &scale, &mut whole);
     let (first, last) = (11, 29);
     let mut part = vec![0.0; 3 * (last - first) * block.n_columns()];
-    block.fill(first..last, &scale, &mut part);
+    block.fill(&(first..last).collect::<Vec<_>>(), &scale, &mut part);
     for column in 0..block.n_columns() {
         let expected = &whole[column * 3 * n_rows..][3 * first..3 * last];
         assert_eq!(&part[column * 3 * (last - first)..][..3 * (last - first)], expected);

@@ -3,10 +3,12 @@
 use geoerr_core::bases::Basis;
 use geoerr_core::expression::Expression;
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Pose};
-use geoerr_core::least_squares::{Matrix, Options, Restriction, Solution, Triangle, solve};
+use geoerr_core::least_squares::{
+    Matrix, Options, Restriction, Solution, Triangle, leave_blocks_out_of_residuals, solve,
+};
 use geoerr_core::volumetric::{
-    Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, WhitenedDesign, channel_values,
-    displacements,
+    Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, WhitenedDesign,
+    channel_values, displacements,
 };
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
@@ -59,7 +61,8 @@ struct PyRows<'a, 'py> {
 impl PyRows<'_, '_> {
     fn to_core(&self) -> Result<Rows, CoreError> {
         let carriers = self.carriers.as_array();
-        let carriers: Result<Vec<Carrier>, _> = carriers.iter().map(|&code| Carrier::from_code(code)).collect();
+        let carriers: Result<Vec<Carrier>, _> =
+            carriers.iter().map(|&code| Carrier::from_code(code)).collect();
         let variables = self.variables.as_array();
         Ok(Rows {
             carriers: carriers.map_err(CoreError::from)?,
@@ -210,7 +213,7 @@ impl PyVolumetricModel {
             let block = problem.blocks(&state)?;
             let height = 3 * n_rows;
             let mut design = vec![0.0; height * block.n_columns()];
-            block.fill(0..n_rows, &vec![1.0; n_rows], &mut design);
+            block.fill(&(0..n_rows).collect::<Vec<_>>(), &vec![1.0; n_rows], &mut design);
             let mut by_row = vec![0.0; height * n_columns];
             for (column, values) in design.chunks_exact(height.max(1)).take(n_columns).enumerate() {
                 for (place, value) in values.iter().enumerate() {
@@ -476,6 +479,39 @@ impl PyFitProblem {
         Ok(from_numbers(py, gradient))
     }
 
+    /// Leaves blocks of rows out in turn. `order` are the rows block by block, `starts` where blocks begin in it, `own`
+    /// how many unknowns belong to each block alone. Rows of the answer are in that order.
+    #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
+    fn leave_out<'py>(
+        &self,
+        py: Python<'py>,
+        state: &PyFitState,
+        solution: &PyFitSolution,
+        residuals_mm: PyReadonlyArray2<'py, f64>,
+        order: PyReadonlyArray1<'py, i64>,
+        starts: PyReadonlyArray1<'py, i64>,
+        own: PyReadonlyArray1<'py, i64>,
+        threads: usize,
+    ) -> PyResult<LeftOutArrays<'py>> {
+        let (problem, state, solution) = (&self.problem, &state.state, &solution.solution);
+        let residuals_mm = rows(&residuals_mm, "residuals_mm")?;
+        let (order, starts) = (places(&order, "order")?, places(&starts, "starts")?);
+        let own = places(&own, "own")?;
+        let left = enter_core(py, threads, || {
+            let row_scale = vec![1.0; problem.n_rows()];
+            let design = WhitenedDesign::in_order(problem, state, residuals_mm, &row_scale, order)?;
+            let blocks = design.blocks_at(&starts)?;
+            Ok::<_, geoerr_core::volumetric::VolumetricError>(leave_blocks_out_of_residuals(
+                &design, solution, &blocks, &own,
+            )?)
+        })?;
+        let by_row = |values: Vec<f64>| {
+            let n = values.len() / 3;
+            values.into_pyarray(py).reshape([n, 3])
+        };
+        Ok((by_row(left.held_out)?, by_row(left.prediction_variance)?, left.is_determined))
+    }
+
     /// The whitened design of rows `first` to `last` (3 (last − first), n_columns), in NumPy's order.
     fn design<'py>(
         &self,
@@ -494,13 +530,18 @@ impl PyFitProblem {
         let (height, n_columns) = (3 * (last - first), problem.n_columns());
         let design = enter_core(py, threads, || {
             let mut design = vec![0.0; height * n_columns];
-            problem.blocks(state)?.fill(first..last, row_scale, &mut design);
+            let rows: Vec<usize> = (first..last).collect();
+            problem.blocks(state)?.fill(&rows, row_scale, &mut design);
             Ok::<_, geoerr_core::volumetric::VolumetricError>(design)
         })?;
         // Column by column is what the transpose of NumPy's order is.
         design.into_pyarray(py).reshape([n_columns, height])?.transpose()
     }
 }
+
+/// Residuals against the other blocks, whitened (n, 3); variance of their prediction (n, 3); whether each block is
+/// determined by the others.
+type LeftOutArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<bool>);
 
 /// What a whitened design leaves behind.
 #[pyclass(frozen, name = "FitTriangle", module = "geoerr._core")]
@@ -525,8 +566,7 @@ impl PyFitTriangle {
     ) -> PyResult<PyFitSolution> {
         let constraints = constraints.as_array();
         let rows = Matrix::from_fn(constraints.nrows(), constraints.ncols(), |r, c| constraints[[r, c]]);
-        let restriction =
-            if rows.n_rows() == 0 { Restriction::None } else { Restriction::Constraints(rows) };
+        let restriction = if rows.n_rows() == 0 { Restriction::None } else { Restriction::Constraints(rows) };
         let options = Options { restriction, ..Options::default() };
         let solution = enter_core(py, threads, || solve(&self.triangle, &options))?;
         Ok(PyFitSolution { solution })

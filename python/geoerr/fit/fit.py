@@ -34,7 +34,7 @@ from geoerr.fit.knots import KnotChoice, choose_bases
 from geoerr.fit.noise import Repeats, is_static, repeats_of
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.solve import Solved, solve
-from geoerr.fit.start import Frames, nominal_mm, start_frames
+from geoerr.fit.start import Frames, nominal_mm, start_frames, target_places
 from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES, Machine
@@ -280,7 +280,7 @@ class _Posed:
         nominal = nominal_mm(machine, sightings)
         static = is_static(sightings)
         self.frames: Frames = start_frames(nominal, sightings, static)
-        places, offsets = _reference_places(sightings, static, self.frames)
+        places, offsets = target_places(sightings, static, self.frames)
         self.sightings = replace(sightings, offset_mm=offsets)
         derivative = [part for part in (None if shared is None else shared.derivative, places) if part is not None]
         self.shared = np.ascontiguousarray(np.concatenate(derivative, axis=2)) if derivative else None
@@ -312,7 +312,7 @@ class _Posed:
             is_linear=not free,
             threads=options.threads,
         )
-        return self._summary(terms, compiled, problem, solved, sightings, free, n_model)
+        return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared)
 
     def _problem(
         self,
@@ -352,6 +352,7 @@ class _Posed:
         sightings: Sightings,
         free: Sequence[int],
         n_model: int,
+        shared: Numbers | None,
     ) -> Fitted:
         residual = problem.in_base_axes(solved.state, solved.residual_mm)
         n_numbers = int(sightings.is_measured[solved.used].sum())
@@ -368,11 +369,12 @@ class _Posed:
         held = leave_out(
             problem,
             solved.state,
+            solved.solution,
             sightings,
-            solved.solution.covariance_root,
             solved.residual_mm,
             solved.used,
             folds_of(sightings),
+            shared=shared,
             threads=self.options.threads,
         )
         positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
@@ -417,24 +419,6 @@ def _complete_rows(
         variables[:, known],
         None if shared is None else shared[known],
     )
-
-
-def _reference_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> tuple[Numbers | None, Numbers]:
-    """Give static reference targets a place: its mean where they were seen, and unknowns for the rest."""
-    offsets = sightings.offset_mm.copy()
-    offsets[static] = 0.0
-    if not static.any():
-        return None, offsets
-    targets = np.asarray(sightings.texts("target"))
-    keys = [(int(s), str(t)) for s, t in zip(sightings.session[static], targets[static], strict=True)]
-    names = list(dict.fromkeys(keys))
-    derivative = np.zeros((len(sightings), 3, 3 * len(names)))
-    for number, (session, target) in enumerate(names):
-        rows = static & (sightings.session == session) & (targets == target)
-        rotation, translation = frames.rotations[session], frames.translations_mm[session]
-        offsets[rows] = (sightings.measured_mm[rows] - translation).mean(axis=0) @ rotation
-        derivative[rows, :, 3 * number : 3 * number + 3] = rotation
-    return derivative, offsets
 
 
 def _scale(solved: Solved, sightings: Sightings, dof: int) -> float:

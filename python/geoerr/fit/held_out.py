@@ -19,8 +19,6 @@ from geoerr.fit.variables import times_s
 MOST_FOLDS = 20
 BLOCKS_OF_ONE_PASS = 10
 LEAST_FOLDS = 3
-# Eigenvalues of H_bb above this leave less than a billionth of the variance to be predicted: not determined.
-_NOT_DETERMINED = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,56 +66,55 @@ def folds_of(sightings: Sightings) -> np.ndarray:
 def leave_out(
     problem: _core.FitProblem,
     state: _core.FitState,
+    solution: _core.FitSolution,
     sightings: Sightings,
-    root: Numbers,
     residual_mm: Numbers,
     used: np.ndarray,
     fold: np.ndarray,
     *,
+    shared: Numbers | None = None,
     threads: int = 0,
 ) -> HeldOut:
     """Predict every fold from the others.
 
     Parameters
     ----------
-    root : (n_columns, r)
-        Root of the unscaled covariance of the fit.
+    solution
+        Of the fit.
     residual_mm : (n, 3)
         Of the fit, in the measuring frames.
     used : (n,)
         Rows that the fit saw; others are no part of any figure.
     fold : (n,)
         Fold of every row.
+    shared : (n, 3, p) or None
+        Derivative of measured points by shared unknowns; one that acts in a single fold is that fold's own.
     """
-    n_rows = len(sightings)
-    whitened = problem.whitened(residual_mm)
-    scale = used.astype(np.float64)
-    held = np.full((n_rows, 3), np.nan)
-    unwhitening = np.linalg.pinv(sightings.whitening)
-    variance, n_counted, folds = 0.0, 0, 0
-    spread = projected_rows(problem, state, root, scale, threads)
-    for number in np.unique(fold[used]):
-        rows = np.flatnonzero((fold == number) & used)
-        z = spread[rows].reshape(3 * len(rows), -1)
-        value, vector = np.linalg.eigh(z.T @ z)
-        is_unit = value > _NOT_DETERMINED
-        if int(is_unit.sum()) > _own_frame_unknowns(sightings, rows, used):
-            continue
-        folds += 1
-        along = z @ vector[:, ~is_unit]
-        residual = whitened[rows].ravel()
-        predicted = residual + along @ ((along.T @ residual) / (1.0 - value[~is_unit]))
-        held[rows] = np.einsum("nij,nj->ni", unwhitening[rows], predicted.reshape(-1, 3))
-        # Covariance of the prediction from the rest, H_bb (I − H_bb)⁻¹, in whitened numbers.
-        by_row = (along**2 / (1.0 - value[~is_unit])).sum(axis=1).reshape(-1, 3)
-        size = (unwhitening[rows] ** 2).sum(axis=1)
-        variance += float((by_row * size).sum())
-        n_counted += len(rows)
+    held = np.full((len(sightings), 3), np.nan)
+    variance = np.zeros((len(sightings), 3))
+    order = np.flatnonzero(used)
+    order = np.ascontiguousarray(order[np.argsort(fold[order], kind="stable")], dtype=np.int64)
+    numbers, starts = np.unique(fold[order], return_index=True)
+    own = [_own_unknowns(sightings, np.flatnonzero((fold == number) & used), used, shared) for number in numbers]
+    whitened, spread, is_determined = problem.leave_out(
+        state, solution, residual_mm, order, starts.astype(np.int64), np.array(own, dtype=np.int64), threads
+    )
+    # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
+    unwhitening = np.linalg.pinv(sightings.whitening[order])
+    held[order] = np.einsum("nij,nj->ni", unwhitening, whitened)
+    variance[order] = np.einsum("nij,nj->ni", unwhitening**2, spread)
     base = problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held)))
-    base[np.isnan(held).any(axis=1)] = np.nan
-    computable = used & np.isfinite(base).all(axis=1)
+    computable = used & np.isfinite(held).all(axis=1)
+    base[~computable] = np.nan
+    folds = int(sum(is_determined))
     figures = figures_of(sightings, np.nan_to_num(base), computable) if folds >= LEAST_FOLDS else None
-    return HeldOut(base, figures, folds, int((used & ~computable).sum()), variance / max(n_counted, 1))
+    return HeldOut(
+        base,
+        figures,
+        folds,
+        int((used & ~computable).sum()),
+        float(variance[computable].sum()) / max(int(computable.sum()), 1),
+    )
 
 
 def projected_rows(
@@ -134,13 +131,17 @@ def projected_rows(
     return result
 
 
-def _own_frame_unknowns(sightings: Sightings, rows: np.ndarray, used: np.ndarray) -> int:
-    """Count the unknowns of frames of sessions that lie wholly in these rows."""
+def _own_unknowns(sightings: Sightings, rows: np.ndarray, used: np.ndarray, shared: Numbers | None) -> int:
+    """Count unknowns that act in these rows only: frames of sessions and shared unknowns that lie wholly in them."""
     unknowns = {"free": 6, "parallel": 3, "circle": 4}
     inside = np.bincount(sightings.session[rows], minlength=len(sightings.sessions))
     whole = np.bincount(sightings.session[used], minlength=len(sightings.sessions))
-    return sum(
+    count = sum(
         unknowns[kind]
-        for kind, count, total in zip(sightings.frames, inside, whole, strict=True)
-        if count and count == total
+        for kind, number, total in zip(sightings.frames, inside, whole, strict=True)
+        if number and number == total
     )
+    if shared is not None:
+        acts = np.abs(shared).max(axis=1) > 0.0
+        count += int((acts[rows].any(axis=0) & (acts[rows].sum(axis=0) == acts[used].sum(axis=0))).sum())
+    return count

@@ -2,16 +2,21 @@
 
 Sums of squares are smallest for the rotation that the singular value decomposition of the cross-covariance gives
 (Kabsch). Points on one line leave a turn about it open: the smallest turn is taken, and the fit says what it means.
+
+Where a target sits is known well enough for a lever arm (a millimetre of 200 changes it by a two-hundredth), but not
+to the micrometre to which it is seen: its place is an unknown of its session. So a plate that was glued on a tenth of
+a millimetre off, or turned, is no error of the machine.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from geoerr import _core
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import Machine
 
 # Second singular value below this share of the first: points on a line.
@@ -85,6 +90,57 @@ def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> 
             complete = seen.all(axis=1)
             rotations[number], translations[number] = _rigid_motion(points[complete], measured[complete])
     return Frames(kinds, rotations, translations, excess, pivots)
+
+
+def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> tuple[Numbers | None, Numbers]:
+    """Give the unknown places of targets: what they move in the measuring frames, and the offsets to start from.
+
+    Every target of a session has its own place, but for the first one that an axis carries, whose place the frame's
+    own translation holds. A target is told by its carrier and its stated offset, a static one by its name: it starts
+    at the mean of where it was seen. A circular test has one point, and so none.
+
+    Returns
+    -------
+    derivative : (n, 3, 3k) or None
+        Of the measured points, by the places of k targets in base axes (mm/mm).
+    offset_mm : (n, 3)
+        Stated offsets; those of static targets by their mean.
+    """
+    offsets = sightings.offset_mm.copy()
+    offsets[static] = 0.0
+    names = np.asarray(sightings.texts("target")) if "target" in sightings.table.columns else np.full(len(static), "")
+    keys = np.round(offsets / SAME_POSITION_MM).astype(np.int64).tolist()
+    carriers = sightings.carrier.tolist()
+    known: dict[tuple[object, ...], list[int]] = {}
+    for row, session in enumerate(sightings.session.tolist()):
+        what = ("static", str(names[row])) if static[row] else (carriers[row], *keys[row])
+        known.setdefault((session, *what), []).append(row)
+    has_first: set[int] = set()
+    free = []
+    for (session, what, *_), rows in known.items():
+        assert isinstance(session, int)
+        if sightings.frames[session] == "circle":
+            continue
+        if what == "static":
+            rotation, translation = frames.rotations[session], frames.translations_mm[session]
+            offsets[rows] = _mean_of_measured(sightings, rows, translation) @ rotation
+        elif session not in has_first:
+            has_first.add(session)
+            continue
+        free.append((session, rows))
+    if not free:
+        return None, offsets
+    derivative = np.zeros((len(sightings), 3, 3 * len(free)))
+    for number, (session, rows) in enumerate(free):
+        derivative[rows, :, 3 * number : 3 * number + 3] = frames.rotations[session]
+    return derivative, offsets
+
+
+def _mean_of_measured(sightings: Sightings, rows: Sequence[int], translation_mm: Numbers) -> Numbers:
+    """Give the mean place (3,) in the measuring frame from the translation; 0 along what was never measured."""
+    seen = sightings.is_measured[rows]
+    from_origin = np.where(seen, sightings.measured_mm[rows] - translation_mm, 0.0)
+    return np.asarray(from_origin.sum(axis=0) / np.maximum(seen.sum(axis=0), 1))
 
 
 def _rigid_motion(points: Numbers, seen: Numbers) -> tuple[Numbers, Numbers]:

@@ -1,19 +1,30 @@
-"""What the data do not determine, in words: which error, and from what it cannot be told."""
+"""What the data do not determine, in words: which error, from what it cannot be told, and what to measure.
+
+An error is *tied to* another where no direction of the null space moves the first and leaves the second: then only a
+measurement that holds the other can tell it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.error_functions import LI_SQUARENESS, NotDetermined
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.bases import basis_of
+from geoerr.error_functions import LI_SQUARENESS, NotDetermined, is_angular
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.machine import AXES, Machine
+from geoerr.observations import CARRIERS
 from geoerr.terms import SQUARENESS_CHANNELS, Term
 
 # Entries of a null vector (largest 1) below this are round-off.
 _NOTHING = 1e-6
 _MOST_NAMED = 6
+_FRAME = "the pose of the measuring frame"
 _ISO_OF_LI = {li: iso for iso, (li, _) in LI_SQUARENESS.items()}
+# Places of targets nearer to one line than this share of their extent have no lever about it.
+_ON_A_LINE = 1e-3
 
 
 def iso_name(term_id: str) -> str:
@@ -29,8 +40,9 @@ def not_determined(
     first_frame_column: int,
     never_moved: Sequence[str],
     wanted: Sequence[str],
+    machine: Machine | None = None,
 ) -> tuple[NotDetermined, ...]:
-    """List the terms of which some coefficient is not determined, with the reason.
+    """List the terms of which some coefficient is not determined, with the reason and the remedy.
 
     Parameters
     ----------
@@ -41,60 +53,149 @@ def not_determined(
     null_space : (n, k)
         Directions in which unknowns can change without any measurement noticing, each with largest entry 1.
     first_frame_column
-        Where the unknowns of frames begin.
+        Where the unknowns of frames and of targets' places begin.
     never_moved
         Axes whose position is one and the same in all rows.
     wanted
         Names that a model of these components would have.
+    machine
+        Tells which body an axis carries, and so which targets are wanting.
     """
     listed = [
         NotDetermined(iso_name(name), f"the {name[2].lower()} axis never moved")
         for name in wanted
         if name not in {term.id for term in terms} and name[2].lower() in never_moved
     ]
-    spans = _spans(terms)
-    for term in terms:
-        own = spans[term.id]
+    blocks = _blocks(terms, null_space, first_frame_column)
+    words = _Words(sightings, machine, never_moved)
+    for term, own in zip(terms, _spans(terms), strict=True):
         if is_determined[own].all():
             continue
-        involved = np.abs(null_space[own]).max(axis=0, initial=0.0) > _NOTHING
-        others = _others(term, terms, spans, null_space[:, involved], first_frame_column)
-        listed.append(NotDetermined(iso_name(term.id), _why(term, others, sightings, never_moved)))
+        name = iso_name(term.id)
+        open_part = "only its part in proportion to the position is open: " if _is_a_line(term, blocks[name]) else ""
+        listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks))))
     return tuple(listed)
 
 
-def _spans(terms: Sequence[Term]) -> dict[str, slice]:
-    spans, first = {}, 0
-    for term in terms:
-        spans[term.id] = slice(first, first + len(term.coefficients))
-        first += len(term.coefficients)
-    return spans
+def _spans(terms: Sequence[Term]) -> list[slice]:
+    ends = np.cumsum([len(term.coefficients) for term in terms])
+    return [slice(int(end) - len(term.coefficients), int(end)) for term, end in zip(terms, ends, strict=True)]
 
 
-def _others(
-    term: Term, terms: Sequence[Term], spans: dict[str, slice], directions: Numbers, first_frame_column: int
-) -> list[str]:
-    names = [
-        iso_name(other.id)
-        for other in terms
-        if other.id != term.id and np.abs(directions[spans[other.id]]).max(initial=0.0) > _NOTHING
-    ]
-    if np.abs(directions[first_frame_column:]).max(initial=0.0) > _NOTHING:
-        names.append("the pose of the measuring frame")
-    return names
+def _blocks(terms: Sequence[Term], null_space: Numbers, first_frame_column: int) -> dict[str, Numbers]:
+    """Give the rows of the null space by term; those of frames and places together."""
+    rows = {
+        iso_name(term.id): null_space[own]
+        for term, own in zip(terms, _spans(terms), strict=True)
+        if np.abs(null_space[own]).max(initial=0.0) > _NOTHING
+    }
+    frames = null_space[first_frame_column:]
+    return rows | ({_FRAME: frames} if np.abs(frames).max(initial=0.0) > _NOTHING else {})
 
 
-def _why(term: Term, others: Sequence[str], sightings: Sightings, never_moved: Sequence[str]) -> str:
-    if term.id in SQUARENESS_CHANNELS:
-        still = [axis for axis in term.id[-2:] if axis in never_moved]
+def _directions_without(rows: Numbers) -> Numbers:
+    """Give the combinations (k, m) of null vectors that leave these rows at rest."""
+    _, size, directions = np.linalg.svd(rows, full_matrices=True)
+    return np.asarray(directions[int((size > _NOTHING).sum()) :].T)
+
+
+def _tied_to(name: str, blocks: dict[str, Numbers]) -> list[str]:
+    """Name what always moves with a term; where nothing does always, whatever can; nothing where it moves alone."""
+    own = blocks[name]
+    others = {other: rows for other, rows in blocks.items() if other != name}
+
+    def moves(combinations: Numbers) -> bool:
+        return bool(np.abs(own @ combinations).max(initial=0.0) > _NOTHING)
+
+    if not others or moves(_directions_without(np.vstack(list(others.values())))):
+        return []
+    tied = [other for other, rows in others.items() if not moves(_directions_without(rows))]
+    if tied:
+        return tied
+    # Whatever it can move with when all else is held.
+    held = {other: [rows for third, rows in others.items() if third != other] for other in others}
+    return [other for other, rest in held.items() if moves(_directions_without(np.vstack([own[:0], *rest])))] or list(
+        others
+    )
+
+
+def _is_a_line(term: Term, rows: Numbers) -> bool:
+    """Tell whether a function is known but for a multiple of its position."""
+    spec = term.parts[0].basis
+    if term.kind != "classic" or spec is None or spec.n_functions < 3:
+        return False
+    basis = basis_of(spec)
+    position = np.linspace(*basis.range, 4 * spec.n_functions)
+    curves = basis.evaluate(position) @ rows
+    design = np.column_stack([np.ones_like(position), position - position[0]])
+    bent = curves - design @ np.linalg.lstsq(design, curves, rcond=None)[0]
+    return bool(np.abs(bent).max(initial=0.0) <= _NOTHING)
+
+
+@dataclass(frozen=True, eq=False)
+class _Words:
+    """Finds in the data what is wanting."""
+
+    sightings: Sightings
+    machine: Machine | None
+    never_moved: Sequence[str]
+
+    def why(self, term: Term, others: Sequence[str]) -> str:
+        if term.kind == "classic" and term.id in SQUARENESS_CHANNELS:
+            remedy = self._of_squareness(term.id)
+        elif term.kind == "classic" and is_angular(term.id):
+            remedy = self._of_angles(term.id[2].lower())
+        else:
+            turning = [name for name in others if name[0] == "E" and name[1] in "ABC" and len(name) == 3]
+            remedy = self._of_angles(turning[0][2].lower()) if term.kind == "classic" and turning else None
+        if not others:
+            return "no measured point responds to it" + ("" if remedy is None else f": {remedy}")
+        named = ", ".join(others[:_MOST_NAMED])
+        more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
+        text = f"these measurements cannot tell it from {named}{more}"
+        return text if remedy is None else f"{text}: {remedy}"
+
+    def _of_squareness(self, channel: str) -> str | None:
+        pair = channel[-2:]
+        still = [axis for axis in pair if axis in self.never_moved]
         if still:
             return f"the {' and the '.join(still)} axis never moved"
-    if not others:
-        what = "a target with a lever about its axis" if term.id[1:2] in "ABC" else "a component along it"
+        moving = [{axis for axis in pair if rows.any() and self._moves(rows, axis)} for rows in self._sessions()]
+        if any(len(axes) == 2 for axes in moving):
+            return None
         return (
-            f"no measured point responds to it; it needs {what}"
-            if term.kind == "classic"
-            else ("no measured point responds to it")
+            f"the measuring frame moved between {pair[0]} and {pair[1]}; {channel} needs one frame (session) for both"
         )
-    named = ", ".join(others[:_MOST_NAMED]) + (f" and {len(others) - _MOST_NAMED} more" if len(others) > 6 else "")
-    return f"these measurements cannot tell it from {named}"
+
+    def _of_angles(self, axis: str) -> str | None:
+        """Say which targets are wanting on the body that an axis carries."""
+        if self.machine is None:
+            return None
+        body = self.machine.side(axis)
+        shown = np.isin(self.sightings.carrier, [CARRIERS.index(body), CARRIERS.index("relative")])
+        is_relative = bool((self.sightings.carrier[shown] == CARRIERS.index("relative")).all())
+        what, where = ("tool point", "") if is_relative else ("target", f" on the {body}")
+        rows_of = [rows & shown for rows in self._sessions() if self._moves(rows & shown, axis)]
+        if not rows_of:
+            return f"no target on the {body} was seen while {axis} moved; put three there that are not on one line"
+        extent = _dimensions(self.sightings.offset_mm[np.logical_or.reduce(rows_of)])
+        if extent == 0:
+            return f"there is one {what}{where}; add two more, not on one line with it"
+        if extent == 1:
+            return f"the {what}s{where} lie on one line; add one beside it"
+        if max(_dimensions(self.sightings.offset_mm[rows]) for rows in rows_of) < 2:
+            return f"the {what}s{where} were seen from different frames; see three, not on one line, from one frame"
+        return None
+
+    def _sessions(self) -> list[np.ndarray]:
+        return [self.sightings.session == number for number in range(len(self.sightings.sessions))]
+
+    def _moves(self, rows: np.ndarray, axis: str) -> bool:
+        position = self.sightings.commanded_mm[rows, AXES.index(axis)]
+        return bool(position.size and np.ptp(position) > SAME_POSITION_MM)
+
+
+def _dimensions(places_mm: Numbers) -> int:
+    """Count the dimensions (0 to 3) that places (n, 3) extend in."""
+    size = np.linalg.svd(places_mm - places_mm.mean(axis=0), compute_uv=False)
+    return int((size > max(_ON_A_LINE * float(size[0]), SAME_POSITION_MM)).sum())

@@ -10,7 +10,8 @@ from geoerr import _core
 from geoerr.errors import GeoerrError
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
-from geoerr.terms import HISTORY_NAMES
+from geoerr.observations import CARRIERS
+from geoerr.terms import HISTORY_NAMES, PLACE_NAMES, SESSION_NAME
 
 _HISTORY = {f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES}
 
@@ -32,6 +33,10 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
             columns[row] = sightings.offset_mm[:, AXES.index(name[1])]
         elif name in history:
             columns[row] = history[name]
+        elif name in PLACE_NAMES:
+            columns[row] = _place_on_work(sightings, PLACE_NAMES.index(name))
+        elif name == SESSION_NAME:
+            columns[row] = sightings.session
         elif name == "t":
             columns[row] = times_s(sightings)
         elif name in sightings.table.columns:
@@ -53,6 +58,13 @@ def times_s(sightings: Sightings) -> Numbers:
         if not np.isfinite(times[rows]).all():
             times[rows] = np.arange(times[rows].size, dtype=np.float64)
     return times
+
+
+def _place_on_work(sightings: Sightings, index: int) -> Numbers:
+    """Give where on the work a row's point is: the target's own place there, or the one that the tool stands over."""
+    offset = sightings.offset_mm[:, index]
+    on_work = sightings.carrier == CARRIERS.index("work")
+    return np.asarray(np.where(on_work, offset, sightings.commanded_mm[:, index] + offset))
 
 
 def _history(sightings: Sightings) -> dict[str, Numbers]:

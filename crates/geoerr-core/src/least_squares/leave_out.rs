@@ -51,6 +51,9 @@ pub struct LeftOut {
     pub largest_eigenvalue: Vec<f64>,
     /// Whether the other blocks determine what the block would measure.
     pub is_determined: Vec<bool>,
+    /// Variance of the prediction of every row by the other blocks, for residuals of variance 1: the diagonal of
+    /// `H_bb (I − H_bb)⁻¹`.
+    pub prediction_variance: Vec<f64>,
 }
 
 impl LeftOut {
@@ -60,6 +63,7 @@ impl LeftOut {
         self.leverage.append(&mut other.leverage);
         self.largest_eigenvalue.append(&mut other.largest_eigenvalue);
         self.is_determined.append(&mut other.is_determined);
+        self.prediction_variance.append(&mut other.prediction_variance);
     }
 }
 
@@ -77,8 +81,40 @@ pub fn leave_blocks_out<D: Design + ?Sized>(
     rhs: usize,
 ) -> Result<LeftOut, D::Error> {
     let x = solution.unknowns(rhs)?;
-    if design.n_columns() != x.len() {
-        let (expected, found) = (x.len(), design.n_columns());
+    left_out(design, solution, blocks, rhs, Some(x), &vec![0; blocks.len()])
+}
+
+/// The same for a design whose right-hand side holds the residuals themselves, as after the last step of an iteration.
+///
+/// `own` gives for every block how many unknowns are its own (the pose of an instrument that measured nothing else, say):
+/// as many directions in which the rest says nothing are left at their best, instead of making the block not determined.
+///
+/// # Errors
+/// As [`leave_blocks_out`], and where `own` is not as long as there are blocks.
+pub fn leave_blocks_out_of_residuals<D: Design + ?Sized>(
+    design: &D,
+    solution: &Solution,
+    blocks: &Blocks,
+    own: &[usize],
+) -> Result<LeftOut, D::Error> {
+    if own.len() != blocks.len() {
+        let (expected, found) = (blocks.len(), own.len());
+        return Err(LeastSquaresError::RowsDiffer { expected, found }.into());
+    }
+    left_out(design, solution, blocks, 0, None, own)
+}
+
+fn left_out<D: Design + ?Sized>(
+    design: &D,
+    solution: &Solution,
+    blocks: &Blocks,
+    rhs: usize,
+    x: Option<&[f64]>,
+    own: &[usize],
+) -> Result<LeftOut, D::Error> {
+    let n_columns = solution.scale.len();
+    if design.n_columns() != n_columns {
+        let (expected, found) = (n_columns, design.n_columns());
         return Err(LeastSquaresError::ColumnsDiffer { expected, found }.into());
     }
     if design.n_rows() != blocks.n_rows() {
@@ -94,13 +130,18 @@ pub fn leave_blocks_out<D: Design + ?Sized>(
         let rows = blocks.rows(group.start).start..blocks.rows(group.end - 1).end;
         let block = filled(design, rows.clone())?;
         let w = dense::leading_product(&block, &solution.root);
-        let fitted = dense::leading_product(&block, &Matrix::from_column(x.to_vec()));
-        let b = block.column(x.len() + rhs);
-        let residual: Vec<f64> = b.iter().zip(fitted.as_slice()).map(|(b, fitted)| b - fitted).collect();
+        let b = block.column(n_columns + rhs);
+        let residual: Vec<f64> = match x {
+            None => b.to_vec(),
+            Some(x) => {
+                let fitted = dense::leading_product(&block, &Matrix::from_column(x.to_vec()));
+                b.iter().zip(fitted.as_slice()).map(|(b, fitted)| b - fitted).collect()
+            }
+        };
         let mut result = LeftOut::default();
         for block in group.clone() {
             let at = blocks.rows(block).start - rows.start..blocks.rows(block).end - rows.start;
-            result.append(of_block(&w, &residual[at.clone()], at, limit)?);
+            result.append(of_block(&w, &residual[at.clone()], at, limit, own[block])?);
         }
         Ok(result)
     };
@@ -131,29 +172,34 @@ fn of_block(
     residual: &[f64],
     rows: Range<usize>,
     limit: f64,
+    own: usize,
 ) -> Result<LeftOut, LeastSquaresError> {
     let (height, rank) = (rows.len(), w.n_columns());
-    let own = Matrix::from_fn(rank, height, |j, row| w[(rows.start + row, j)]);
-    let leverage: Vec<f64> = (0..height).map(|row| own.column(row).iter().map(|w| w * w).sum()).collect();
+    let part = Matrix::from_fn(rank, height, |j, row| w[(rows.start + row, j)]);
+    let leverage: Vec<f64> = (0..height).map(|row| part.column(row).iter().map(|w| w * w).sum()).collect();
     let right = Matrix::from_column(residual.to_vec());
-    // (I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ: the smaller of the two is decomposed.
-    let (largest, correction) = if height <= rank {
-        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&own))?;
-        let along = dense::transposed_product(&vectors, &right);
-        let amplified = Matrix::from_fn(height, 1, |j, _| along[(j, 0)] * values[j] / (1.0 - values[j]));
-        (values.last().copied(), dense::product(&vectors, &amplified))
+    // (I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ: the smaller of the two is decomposed. Columns of `spread` are the directions
+    // of H in the block, of length λ; residuals have no part in those of length 1.
+    let (values, spread) = if height <= rank {
+        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part))?;
+        let root = |j: usize| values[j].max(0.0).sqrt();
+        (values.clone(), Matrix::from_fn(height, height, |row, j| vectors[(row, j)] * root(j)))
     } else {
-        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&own.transposed()))?;
-        let along = dense::transposed_product(&vectors, &dense::product(&own, &right));
-        let amplified = Matrix::from_fn(rank, 1, |j, _| along[(j, 0)] / (1.0 - values[j]));
-        (values.last().copied(), dense::transposed_product(&own, &dense::product(&vectors, &amplified)))
+        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part.transposed()))?;
+        (values, dense::transposed_product(&part, &vectors))
     };
-    let largest = largest.unwrap_or(0.0);
-    let is_determined = largest < limit;
-    let held_out = if is_determined {
-        residual.iter().zip(correction.as_slice()).map(|(r, correction)| r + correction).collect()
+    let largest = values.last().copied().unwrap_or(0.0);
+    let is_determined = values.iter().filter(|&&value| value >= limit).count() <= own;
+    let gain = |j: usize| if values[j] < limit { 1.0 / (1.0 - values[j]) } else { 0.0 };
+    let (held_out, prediction_variance) = if is_determined {
+        let along = dense::transposed_product(&spread, &right);
+        let amplified = Matrix::from_fn(values.len(), 1, |j, _| along[(j, 0)] * gain(j));
+        let correction = dense::product(&spread, &amplified);
+        let held = residual.iter().zip(correction.as_slice()).map(|(r, correction)| r + correction).collect();
+        let variance = |row| (0..values.len()).map(|j| spread[(row, j)] * spread[(row, j)] * gain(j)).sum();
+        (held, (0..height).map(variance).collect())
     } else {
-        vec![f64::NAN; height]
+        (vec![f64::NAN; height], vec![f64::NAN; height])
     };
     Ok(LeftOut {
         residual: residual.to_vec(),
@@ -161,5 +207,6 @@ fn of_block(
         leverage,
         largest_eigenvalue: vec![largest],
         is_determined: vec![is_determined],
+        prediction_variance,
     })
 }

@@ -19,7 +19,7 @@ mod triangle;
 pub use blocks::{Blocks, Design, FnDesign, StoredDesign, design_fn};
 pub use error::LeastSquaresError;
 pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
-pub use leave_out::{LeftOut, leave_blocks_out};
+pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};
 pub use matrix::Matrix;
 pub use rank::RankDecision;
 pub use restriction::Restriction;

@@ -20,6 +20,8 @@ pub struct WhitenedDesign<'a> {
     block: Block<'a>,
     whitened: Vec<[f64; 3]>,
     row_scale: &'a [f64],
+    /// Order of the sightings in the system.
+    order: Vec<usize>,
 }
 
 impl<'a> WhitenedDesign<'a> {
@@ -34,16 +36,34 @@ impl<'a> WhitenedDesign<'a> {
         row_scale: &'a [f64],
     ) -> Result<Self, VolumetricError> {
         let needed = problem.n_rows();
+        Self::in_order(problem, state, residuals_mm, row_scale, (0..needed).collect())
+    }
+
+    /// The system of some sightings in another order, for leaving blocks of them out.
+    ///
+    /// # Errors
+    /// As [`WhitenedDesign::new`], and where the order names sightings that there are not.
+    pub fn in_order(
+        problem: &'a Problem,
+        state: &'a State,
+        residuals_mm: &[[f64; 3]],
+        row_scale: &'a [f64],
+        order: Vec<usize>,
+    ) -> Result<Self, VolumetricError> {
+        let needed = problem.n_rows();
         for (what, found) in [("row_scale", row_scale.len()), ("residuals_mm", residuals_mm.len())] {
             if found != needed {
                 return Err(VolumetricError::Length { what, found, needed });
             }
         }
+        if let Some(&found) = order.iter().find(|&&row| row >= needed) {
+            return Err(VolumetricError::Length { what: "order", found, needed });
+        }
         let mut whitened = problem.whitened(residuals_mm);
         for (row, scale) in whitened.iter_mut().zip(row_scale) {
             *row = row.map(|value| value * scale);
         }
-        Ok(Self { block: problem.blocks(state)?, whitened, row_scale })
+        Ok(Self { block: problem.blocks(state)?, whitened, row_scale, order })
     }
 
     /// Cuts of the system after so many sightings each.
@@ -60,7 +80,7 @@ impl Design for WhitenedDesign<'_> {
     type Error = VolumetricError;
 
     fn n_rows(&self) -> usize {
-        NUMBERS_OF_A_ROW * self.whitened.len()
+        NUMBERS_OF_A_ROW * self.order.len()
     }
 
     fn n_columns(&self) -> usize {
@@ -71,9 +91,10 @@ impl Design for WhitenedDesign<'_> {
         let sightings = rows.start / NUMBERS_OF_A_ROW..rows.end / NUMBERS_OF_A_ROW;
         let height = rows.len();
         let (columns, rhs) = block.as_mut_slice().split_at_mut(height * self.n_columns());
-        self.block.fill(sightings.clone(), self.row_scale, columns);
-        for (out, value) in rhs.iter_mut().zip(self.whitened[sightings].iter().flatten()) {
-            *out = *value;
+        let sightings = &self.order[sightings];
+        self.block.fill(sightings, self.row_scale, columns);
+        for (out, value) in rhs.iter_mut().zip(sightings.iter().flat_map(|&row| self.whitened[row])) {
+            *out = value;
         }
         Ok(())
     }

@@ -1,7 +1,5 @@
 //! The least-squares problem: exact residuals, and the first-order design in blocks of rows.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use super::term::{Shape, VolumetricModel};
@@ -316,11 +314,11 @@ impl Block<'_> {
         self.problem.n_columns
     }
 
-    /// Writes the whitened design of a range of rows, column by column: three numbers a row, `3 · rows` in a column.
+    /// Writes the whitened design of some rows, column by column: three numbers a row, `3 · rows` in a column.
     /// `out` must be 0 and hold `3 · rows · n_columns` numbers. Each row is multiplied by its `row_scale`.
-    pub fn fill(&self, range: Range<usize>, row_scale: &[f64], out: &mut [f64]) {
-        let height = NUMBERS_OF_A_ROW * range.len();
-        self.each_entry(range, row_scale, |column, at, numbers| {
+    pub fn fill(&self, rows: &[usize], row_scale: &[f64], out: &mut [f64]) {
+        let height = NUMBERS_OF_A_ROW * rows.len();
+        self.each_entry(rows, row_scale, |column, at, numbers| {
             let place = column * height + NUMBERS_OF_A_ROW * at;
             for (out, number) in out[place..place + NUMBERS_OF_A_ROW].iter_mut().zip(numbers) {
                 *out += number;
@@ -330,16 +328,15 @@ impl Block<'_> {
 
     /// `Aᵀ r` of the whitened design with whitened residuals, both multiplied by `row_scale`.
     pub fn gradient(&self, whitened: &[[f64; 3]], row_scale: &[f64]) -> Vec<f64> {
-        let n_rows = whitened.len();
-        let starts: Vec<usize> = (0..n_rows).step_by(BLOCK_ROWS).collect();
-        let sums: Vec<Vec<f64>> = starts
-            .par_iter()
-            .map(|&first| {
+        let rows: Vec<usize> = (0..whitened.len()).collect();
+        let sums: Vec<Vec<f64>> = rows
+            .par_chunks(BLOCK_ROWS)
+            .map(|rows| {
                 let mut sum = vec![0.0; self.n_columns()];
-                self.each_entry(first..n_rows.min(first + BLOCK_ROWS), row_scale, |column, at, numbers| {
-                    let residual = &whitened[first + at];
-                    let along: f64 = numbers.iter().zip(residual).map(|(a, r)| a * r).sum();
-                    sum[column] += row_scale[first + at] * along;
+                self.each_entry(rows, row_scale, |column, at, numbers| {
+                    let row = rows[at];
+                    let along: f64 = numbers.iter().zip(&whitened[row]).map(|(a, r)| a * r).sum();
+                    sum[column] += row_scale[row] * along;
                 });
                 sum
             })
@@ -353,17 +350,12 @@ impl Block<'_> {
         total
     }
 
-    /// Visits the entries of the design that are not 0: column, row within the range, its three whitened numbers. An
-    /// entry may come in several parts.
-    fn each_entry(
-        &self,
-        range: Range<usize>,
-        row_scale: &[f64],
-        mut visit: impl FnMut(usize, usize, &[f64; 3]),
-    ) {
-        let sights: Vec<Sight> = range.clone().map(|row| self.sight(row, row_scale[row])).collect();
-        self.each_entry_of_terms(range.clone(), &sights, &mut visit);
-        for (at, (row, sight)) in range.zip(&sights).enumerate() {
+    /// Visits the entries of the design that are not 0: column, place among the rows, three whitened numbers. An entry
+    /// may come in several parts.
+    fn each_entry(&self, rows: &[usize], row_scale: &[f64], mut visit: impl FnMut(usize, usize, &[f64; 3])) {
+        let sights: Vec<Sight> = rows.iter().map(|&row| self.sight(row, row_scale[row])).collect();
+        self.each_entry_of_terms(rows, &sights, &mut visit);
+        for (at, (&row, sight)) in rows.iter().zip(&sights).enumerate() {
             self.each_entry_of_frame(row, sight, |column, numbers| visit(column, at, numbers));
         }
     }
@@ -407,7 +399,7 @@ impl Block<'_> {
 
     fn each_entry_of_terms(
         &self,
-        range: Range<usize>,
+        places: &[usize],
         sights: &[Sight],
         visit: &mut impl FnMut(usize, usize, &[f64; 3]),
     ) {
@@ -419,16 +411,15 @@ impl Block<'_> {
                 sights.iter().map(|sight| sight.direction(part.channel, part.factor)).collect();
             let first = model.first_coefficient(term);
             let mut column_of = |column: usize, values: &[f64]| {
-                for (at, (direction, &value)) in directions.iter().zip(&values[range.clone()]).enumerate() {
-                    visit(column, at, &direction.map(|along| along * value));
+                for (at, (direction, &row)) in directions.iter().zip(places).enumerate() {
+                    visit(column, at, &direction.map(|along| along * values[row]));
                 }
             };
             match &part.shape {
                 Shape::Basis { axis, basis } => {
                     let mut functions = vec![0.0; basis.len()];
-                    let positions = &rows.q_mm[range.clone()];
-                    for (at, (q_mm, direction)) in positions.iter().zip(&directions).enumerate() {
-                        let (begin, count) = basis.support(q_mm[axis.index()], &mut functions);
+                    for (at, (&row, direction)) in places.iter().zip(&directions).enumerate() {
+                        let (begin, count) = basis.support(rows.q_mm[row][axis.index()], &mut functions);
                         for (k, &value) in functions[..count].iter().enumerate() {
                             visit(first + begin + k, at, &direction.map(|along| along * value));
                         }
