@@ -1,5 +1,7 @@
 //! A basis: its description, its checks, its functions at a position, and the functionals that pose a gauge.
 
+use std::sync::Arc;
+
 use super::cells::{LEAST_STEP_MM, check_rising};
 use super::curve::Curve;
 use super::fourier::Fourier;
@@ -106,7 +108,7 @@ pub struct Basis {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Functions {
-    Local(LocalFunctions),
+    Local(Arc<LocalFunctions>),
     Legendre(Legendre),
     Fourier(Fourier),
 }
@@ -121,19 +123,19 @@ impl Basis {
         let (low_mm, high_mm, functions) = match &kind {
             BasisKind::BSpline { knots_mm, degree } => {
                 let clamped_mm = clamped(knots_mm, *degree)?;
-                ends(knots_mm, Functions::Local(LocalFunctions::bspline(&clamped_mm, *degree)))
+                ends(knots_mm, Functions::Local(Arc::new(LocalFunctions::bspline(&clamped_mm, *degree))))
             }
             BasisKind::LinearElements { nodes_mm } => {
                 check_nodes(nodes_mm, 2)?;
                 let clamped_mm = clamped(nodes_mm, 1)?;
-                ends(nodes_mm, Functions::Local(LocalFunctions::bspline(&clamped_mm, 1)))
+                ends(nodes_mm, Functions::Local(Arc::new(LocalFunctions::bspline(&clamped_mm, 1))))
             }
             BasisKind::QuadraticElements { nodes_mm } => {
                 check_nodes(nodes_mm, 3)?;
                 if nodes_mm.len().is_multiple_of(2) {
                     return Err(BasisError::EvenNodes { found: nodes_mm.len() });
                 }
-                ends(nodes_mm, Functions::Local(LocalFunctions::quadratic_elements(nodes_mm)))
+                ends(nodes_mm, Functions::Local(Arc::new(LocalFunctions::quadratic_elements(nodes_mm))))
             }
             &BasisKind::Polynomial { low_mm, high_mm, degree } => {
                 check_rising("end of the range", &[low_mm, high_mm])?;
