@@ -223,7 +223,7 @@ class TestRefusals:
             ("covariance.1.0", -1.0, "covariance: covariance has a negative variance"),
             ("covariance.0.1", 1e10, "covariance: covariance is not positive|far beyond"),
             ("covariance.1", [1.0], r"covariance\[2\]: has 1 numbers, 4 are needed"),
-            ("null_space.0.0", 2.0, "covariance: null_space is not made of orthonormal"),
+            ("null_space.0.0", 2.0, "covariance: null_space has a direction whose length is not 1"),
             ("null_space.0", [], r"null_space\[1\]: has 0 numbers"),
             ("null_space", [[0.0] * 5] * 6, "null_space: has 6 directions of 5"),
             ("data.n_rows", -1, r"data\.n_rows: -1 is not a number of rows"),

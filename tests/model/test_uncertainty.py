@@ -109,6 +109,12 @@ class TestDetermined:
         # Seen from the floor likewise: both ride on the tool's side.
         assert model.is_determined_at(points(40), carrier="tool").all()
 
+    def test_rounding_in_a_direction_is_no_part_in_it(self) -> None:
+        rounded = {f"EXX.c{place}": 1e-15 for place in range(6)} | {"ECX.c0": 1.0}
+        model = self.model(rounded)
+        assert "EXX" in model.error_functions().functions
+        assert model.is_determined_at([[50.0, 0.0, 0.0]]).all()
+
     def test_an_angle_is_not_needed_where_it_has_no_arm(self) -> None:
         model = self.model({f"ECX.c{place}": 1.0 for place in range(6)})
         q = np.array([[100.0, 0.0, 50.0], [100.0, 80.0, 50.0]])
@@ -321,7 +327,7 @@ class TestRecord:
             assert record.std == pytest.approx(np.sqrt((root**2).sum(axis=1)), rel=1e-12)
 
     def test_what_a_null_space_cannot_be(self) -> None:
-        for null_space in (np.zeros((3, 0)), np.ones((2, 1)), np.eye(2)[:, [0, 0]], np.full((2, 1), np.nan)):
+        for null_space in (np.zeros((3, 0)), np.ones((2, 1)), np.zeros((2, 1)), np.full((2, 1), np.nan)):
             with pytest.raises(ShapeError, match="null_space"):
                 FitRecord(np.eye(2), null_space)
 
@@ -339,6 +345,10 @@ class TestRecord:
         assert np.array_equal(part.covariance, record.covariance[np.ix_(places, places)])
         # Three directions of many parameters cover these three whole.
         assert part.null_space.shape == (3, 3)
+        twice = np.eye(record.n_parameters)[:, [5, 5]]
+        twice[0, 1] = 1.0
+        shared = dataclasses.replace(record, null_space=twice / np.linalg.norm(twice, axis=0)).selected(places)
+        assert shared.null_space.tolist() == [[1.0], [0.0], [0.0]]
         untouched = dataclasses.replace(record, null_space=np.eye(record.n_parameters)[:, [0]])
         assert untouched.selected(places).null_space.shape == (3, 0)
 

@@ -547,7 +547,8 @@ class Model:
     def correlations(self, minimum: float = 0.8) -> tuple[Correlation, ...]:
         """Give pairs of parameters of different terms, or of one formula, that are correlated, strongest first.
 
-        Coefficients of one basis are neighbours on one curve: their correlation says nothing, and is left out.
+        Coefficients of one basis are neighbours on one curve: their correlation says nothing, and is left out, like
+        that of parameters that the data do not determine.
 
         Parameters
         ----------

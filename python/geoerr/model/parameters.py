@@ -48,7 +48,8 @@ def correlations_of(record: FitRecord, terms: Sequence[Term], minimum: float) ->
     owners = [place for place, term in enumerate(terms) for _ in term.coefficients]
     owners += [place for place, term in enumerate(terms) for _ in term.inner]
     owner, on_basis = np.array(owners, dtype=np.int64), np.array(has_basis, dtype=bool)
-    std = record.std
+    is_determined = ~record.null_space.any(axis=1)
+    std = np.where(is_determined, record.std, 0.0)
     product = np.multiply.outer(std, std)
     value = np.divide(record.covariance, product, out=np.zeros_like(product), where=product > 0.0)
     of_one_curve = (owner[:, None] == owner[None, :]) & on_basis[owner][:, None]

@@ -18,8 +18,10 @@ from geoerr.terms import Parameter
 # Rounding of a product of some thousand terms; a negative variance beyond it was put there.
 _NEGATIVE = 1e-8
 _UNDERFLOW = 1e-150
-# A direction of the null space has length 1 to this.
+# A direction of the null space has length 1 to this; what is left of one beside the others is none below this.
 _UNIT = 1e-6
+# Entries of a direction of length 1 below this are rounding: a parameter that has no part in it.
+_ROUNDING = 1e-13
 # More parameters than any model of three axes; what is quadratic in them stays within memory.
 MAX_PARAMETERS = 3000
 
@@ -66,7 +68,8 @@ class FitRecord:
     covariance : (m, m)
         Of all parameters, in their units. A parameter that was held fixed has none.
     null_space : (m, k)
-        Orthonormal directions of parameters that the data do not determine; k may be 0.
+        Directions of parameters that the data do not determine, each of length 1; k may be 0. Best sparse (an echelon
+        form): parameters that do not mix then do not meet in a direction.
     not_determined
         The same in words, by name (ISO names, or ids of terms).
     data_digest
@@ -134,13 +137,13 @@ class FitRecord:
         """Give the record of some of the parameters, in the given order.
 
         What remains keeps its covariance. A direction that the data do not determine keeps its part in these
-        parameters; parts that vanish are dropped, and the rest are made orthonormal again.
+        parameters; parts that vanish, or that follow from others, are dropped.
         """
         index = np.asarray(places, dtype=np.int64)
         return replace(
             self,
             covariance=self.covariance[np.ix_(index, index)],
-            null_space=_orthonormal(self.null_space[index]),
+            null_space=_independent(self.null_space[index]),
         )
 
 
@@ -180,20 +183,28 @@ def _checked_null_space(null_space: Numbers, n_parameters: int) -> Numbers:
     fits = directions.ndim == 2 and len(directions) == n_parameters and directions.shape[1] <= n_parameters
     _require(fits, f"null_space is {directions.shape}, not ({n_parameters}, k)")
     _require(bool(np.isfinite(directions).all()), "null_space has a number that is not finite")
-    gram = directions.T @ directions - np.eye(directions.shape[1])
-    _require(bool((np.abs(gram) <= _UNIT).all()), "null_space is not made of orthonormal directions")
-    directions = directions.copy()
+    lengths = np.linalg.norm(directions, axis=0)
+    _require(bool((np.abs(lengths - 1.0) <= _UNIT).all()), "null_space has a direction whose length is not 1")
+    directions = np.where(np.abs(directions) <= _ROUNDING, 0.0, directions)
     directions.flags.writeable = False
     return directions
 
 
-def _orthonormal(directions: Numbers) -> Numbers:
-    """Give an orthonormal basis (m, k') of what the columns (m, k) span."""
-    if not directions.size:
-        return np.zeros((len(directions), 0))
-    left, singular, _ = np.linalg.svd(directions, full_matrices=False)
-    # The columns are parts of unit vectors: what is left of one by rounding is nothing.
-    return np.ascontiguousarray(left[:, singular > _UNIT])
+def _independent(directions: Numbers) -> Numbers:
+    """Give the columns (m, k) that do not follow from those before, each of length 1: zeros stay zeros."""
+    kept: list[Numbers] = []
+    orthonormal = np.zeros((len(directions), 0))
+    for column in directions.T:
+        length = np.linalg.norm(column)
+        if length == 0.0:
+            continue
+        unit = column / length
+        rest = unit - orthonormal @ (orthonormal.T @ unit)
+        size = np.linalg.norm(rest)
+        if size > _UNIT:
+            kept.append(unit)
+            orthonormal = np.column_stack([orthonormal, rest / size])
+    return np.array(kept, dtype=np.float64).reshape(len(kept), len(directions)).T
 
 
 def _check_numbers(name: str, numbers: Mapping[str, float]) -> None:

@@ -14,6 +14,7 @@ from geoerr.effects.plausible import plausible_words
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, SQUARENESS, is_angular
 from geoerr.machine import AXES
 from geoerr.model.groups import POSITIONING
+from geoerr.model.parameters import Correlation
 from geoerr.terms import Parameter, Term
 
 if TYPE_CHECKING:
@@ -78,9 +79,14 @@ def _data(model: Model) -> Iterator[str]:
 def _fit(model: Model) -> Iterator[str]:
     record = model.record
     assert record is not None
-    for name, value in {**record.figures, **{f"noise, {key}": value for key, value in record.noise.items()}}.items():
-        yield from _wrapped(_figure(name, value))
-    if not record.figures and not record.noise:
+    figures = {**record.figures, **{f"noise, {name}": value for name, value in record.noise.items()}}
+    for name, value in figures.items():
+        if not math.isnan(value):
+            yield from _wrapped(f"{_title(name)[0]}: {_of(figures, name)}")
+    unknown = [_title(name)[0] for name, value in figures.items() if math.isnan(value)]
+    if unknown:
+        yield from _wrapped(f"not computable: {'; '.join(unknown)}")
+    if not figures:
         yield _INDENT + "no figures"
 
 
@@ -147,11 +153,14 @@ def _parameter(term: Term, parameter: Parameter) -> str:
 
 
 def _correlations(model: Model) -> Iterator[str]:
-    found = model.correlations(_LEAST_CORRELATION)
-    for item in found[:_MOST_CORRELATIONS]:
-        yield from _wrapped(f"{item.first}, {item.second}: {item.value:+.3f}")
+    """Give the strongest pair of each pair of terms."""
+    found: dict[frozenset[str], Correlation] = {}
+    for item in model.correlations(_LEAST_CORRELATION):
+        found.setdefault(frozenset(name.rpartition(".")[0] for name in (item.first, item.second)), item)
+    for item in list(found.values())[:_MOST_CORRELATIONS]:
+        yield from _wrapped(f"{item.first}, {item.second}: {'−' if item.value < 0.0 else '+'}{abs(item.value):.3f}")
     if len(found) > _MOST_CORRELATIONS:
-        yield f"{_INDENT}and {len(found) - _MOST_CORRELATIONS} more above {_LEAST_CORRELATION:g}"
+        yield f"{_INDENT}and {len(found) - _MOST_CORRELATIONS} more pairs of terms above {_LEAST_CORRELATION:g}"
     if not found:
         yield f"{_INDENT}none above {_LEAST_CORRELATION:g}"
 
@@ -160,8 +169,13 @@ def _not_determined(model: Model) -> Iterator[str]:
     record = model.record
     assert record is not None
     also = model.error_functions().not_determined if model.has_values else ()
-    for item in dict.fromkeys((*record.not_determined, *also)):
-        yield from _wrapped(f"{item.name}: {item.why}")
+    by_reason: dict[str, list[str]] = {}
+    for item in (*record.not_determined, *also):
+        names = by_reason.setdefault(item.why, [])
+        if item.name not in names:
+            names.append(item.name)
+    for why, names in by_reason.items():
+        yield from _wrapped(f"{', '.join(names)}: {why}")
     directions = record.null_space.shape[1]
     if directions:
         noun = "direction" if directions == 1 else "directions"
@@ -188,10 +202,6 @@ def _history(model: Model) -> Iterator[str]:
 def _of(figures: Mapping[str, float], name: str) -> str:
     value = figures.get(name, math.nan)
     return "not computable" if math.isnan(value) else f"{value:.4g} {_title(name)[1]}".rstrip()
-
-
-def _figure(name: str, value: float) -> str:
-    return f"{_title(name)[0]}: {_of({name: value}, name)}"
 
 
 def _title(name: str) -> tuple[str, str]:
