@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from geoerr.fit.fit import FitOptions, Fitted, Outlier, Split, fit_terms, refit
+from geoerr.fit.fit import FitOptions, fit_terms, refit
+from geoerr.fit.fitted import Fitted, Outlier
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
 from geoerr.fit.sightings import Numbers, Sightings, sightings_of
+from geoerr.fit.split import Split
 from geoerr.machine import Machine
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term

@@ -17,7 +17,6 @@ import numpy as np
 from scipy import stats
 
 from geoerr import _core
-from geoerr.error_functions import NotDetermined
 from geoerr.errors import GeometryError
 from geoerr.fit.classic import (
     Components,
@@ -27,11 +26,10 @@ from geoerr.fit.classic import (
     positions_by_axis,
     rich_basis,
 )
-from geoerr.fit.figures import ErrorFigures, figures_of
-from geoerr.fit.held_out import HeldOut, folds_of, leave_out
+from geoerr.fit.fitted import Fitted
 from geoerr.fit.inner import has_unknown_inner, started
 from geoerr.fit.knots import KnotChoice, choose_bases
-from geoerr.fit.noise import Repeats, is_static, repeats_of
+from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.solve import Solved, solve
 from geoerr.fit.start import Frames, nominal_mm, start_frames, target_places
@@ -44,101 +42,6 @@ from geoerr.terms import BasisSpec, Term
 
 # Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
 _SIGNIFICANCE = 0.01
-
-
-@dataclass(frozen=True, eq=False)
-class Outlier:
-    """A row that was left out because nothing like it occurs by chance: place and residual (base axes)."""
-
-    row: int
-    line: str
-    commanded_mm: tuple[float, float, float]
-    residual_um: tuple[float, float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Split:
-    """The residual in parts.
-
-    Attributes
-    ----------
-    noise_um
-        What repeats (or, without them, the stated covariances) say the noise is, summed over components.
-    is_from_repeats
-        Which of the two.
-    lack_of_fit_um
-        Root of what the residual has beyond it; 0 where it has none.
-    lack_of_fit_p
-        Probability of so much by chance, for independent noise; None where nothing tells the noise.
-    dof
-        Degrees of freedom of the residual, and of the repeats in it.
-    """
-
-    noise_um: float | None
-    is_from_repeats: bool
-    lack_of_fit_um: float | None
-    lack_of_fit_p: float | None
-    dof: tuple[int, int]
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """A fit with everything that was found on the way; arrays are in the order of `sightings`.
-
-    Attributes
-    ----------
-    machine, terms
-        The model: terms hold their values and standard errors.
-    sightings
-        The data.
-    compiled, problem, solved
-        The core's objects, for whoever asks further (candidates, predictions).
-    covariance
-        Of all parameters (coefficients of all terms, then inner), scaled.
-    null_space
-        (m, k) over the same parameters: directions that the data do not determine.
-    not_determined
-        The same in words.
-    residual_mm
-        (n, 3) in base axes.
-    figures, held_out, repeats, split, outliers
-        See their classes.
-    choices
-        How each function's basis was chosen.
-    scale
-        What the stated standard uncertainties were multiplied by; the standard deviation in mm where none are stated.
-    """
-
-    machine: Machine
-    terms: tuple[Term, ...]
-    sightings: Sightings
-    compiled: Compiled
-    problem: _core.FitProblem
-    solved: Solved
-    covariance: Numbers
-    null_space: Numbers
-    not_determined: tuple[NotDetermined, ...]
-    residual_mm: Numbers
-    figures: ErrorFigures
-    held_out: HeldOut
-    repeats: Repeats
-    split: Split
-    outliers: tuple[Outlier, ...]
-    choices: tuple[KnotChoice, ...]
-    scale: float
-
-    @property
-    def n_parameters(self) -> int:
-        """Number of parameters of the model: coefficients and inner."""
-        return self.compiled.n_coefficients + self.compiled.n_inner
-
-    @property
-    def expected_held_out_um(self) -> float | None:
-        """Held-out error of a right model: √(noise² + mean trace of the prediction's covariance)."""
-        if self.split.noise_um is None:
-            return None
-        prediction_um2 = self.held_out.prediction_variance_mm2 * self.scale**2 * 1e6
-        return math.sqrt(self.split.noise_um**2 + prediction_um2)
 
 
 @dataclass(frozen=True)
@@ -354,7 +257,6 @@ class _Posed:
         n_model: int,
         shared: Numbers | None,
     ) -> Fitted:
-        residual = problem.in_base_axes(solved.state, solved.residual_mm)
         n_numbers = int(sightings.is_measured[solved.used].sum())
         dof = n_numbers + self.n_held - solved.solution.rank
         scale = _scale(solved, sightings, dof)
@@ -365,18 +267,6 @@ class _Posed:
         covariance[np.ix_(places, places)] = root @ root.T * scale**2
         null_space[places] = solved.solution.null_space[:n_model]
         touches = np.abs(null_space).max(axis=0, initial=0.0) > 0.0
-        repeats = repeats_of(sightings, residual, solved.used)
-        held = leave_out(
-            problem,
-            solved.state,
-            solved.solution,
-            sightings,
-            solved.residual_mm,
-            solved.used,
-            folds_of(sightings),
-            shared=shared,
-            threads=self.options.threads,
-        )
         positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
         return Fitted(
             machine=self.machine,
@@ -396,14 +286,10 @@ class _Posed:
                 [axis for axis in AXES if len(positions[axis]) < 2],
                 names_of(self.options.components),
             ),
-            residual_mm=residual,
-            figures=figures_of(sightings, residual, solved.used),
-            held_out=held,
-            repeats=repeats,
-            split=_split(sightings, solved, residual, repeats, dof),
-            outliers=_outliers(sightings, solved, residual),
-            choices=(),
             scale=scale,
+            dof=dof,
+            shared=shared,
+            threads=self.options.threads,
         )
 
 
@@ -450,64 +336,3 @@ def _with_values(terms: Sequence[Term], compiled: Compiled, solved: Solved, cova
         )
         first, first_inner = own.stop, own_inner.stop
     return tuple(result)
-
-
-def _split(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats: Repeats, dof: int) -> Split:
-    """Part the residual into noise and lack of fit: by repeats where there are, else by the stated covariances."""
-    used = solved.used
-    whitened = solved.whitened[used]
-    total = float((whitened**2).sum())
-    figures = figures_of(sightings, residual_mm, used)
-    size = figures.headline_um
-    noise_ss, noise_dof = _scatter_in_groups(whitened, repeats.group[used], sightings.is_measured[used])
-    if noise_dof >= 1 and dof > noise_dof:
-        lack_dof = dof - noise_dof
-        ratio = ((total - noise_ss) / lack_dof) / (noise_ss / noise_dof) if noise_ss > 0.0 else math.inf
-        p_value = float(stats.f.sf(max(ratio, 0.0), lack_dof, noise_dof))
-        noise = repeats.floor_um
-    elif sightings.is_stated and dof > 0:
-        p_value = float(stats.chi2.sf(total, dof))
-        inverse = np.linalg.pinv(sightings.whitening[used])
-        variances = (inverse**2).sum(axis=2)
-        count = np.maximum(sightings.is_measured[used].sum(axis=0), 1)
-        noise = math.sqrt(float((variances.sum(axis=0) / count).sum())) * 1e3
-        noise_dof = 0
-    else:
-        return Split(None, False, None, None, (dof, 0))
-    lack = None
-    if size is not None and noise is not None:
-        # The residual of a right model is smaller than the noise by the parameters that it was fitted with.
-        n_numbers = int(sightings.is_measured[used].sum())
-        lack = math.sqrt(max(size**2 * n_numbers / max(dof, 1) - noise**2, 0.0))
-    return Split(noise, noise_dof > 0, lack, p_value, (dof, noise_dof))
-
-
-def _scatter_in_groups(values: Numbers, group: np.ndarray, seen: np.ndarray) -> tuple[float, int]:
-    n_groups = int(group.max()) + 1 if len(group) else 0
-    total, dof = 0.0, 0
-    for component in range(3):
-        rows = seen[:, component]
-        count = np.bincount(group[rows], minlength=n_groups)
-        mean = np.bincount(group[rows], weights=values[rows, component], minlength=n_groups) / np.maximum(count, 1)
-        deviation = values[rows, component] - mean[group[rows]]
-        total += float(deviation @ deviation)
-        dof += int((count[count > 1] - 1).sum())
-    return total, dof
-
-
-def _outliers(sightings: Sightings, solved: Solved, residual_mm: Numbers) -> tuple[Outlier, ...]:
-    lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
-    rows = np.flatnonzero(~solved.used)
-    return tuple(
-        Outlier(
-            int(row),
-            lines[row],
-            _three(sightings.commanded_mm[row]),
-            _three(1e3 * residual_mm[row]),
-        )
-        for row in rows
-    )
-
-
-def _three(values: Numbers) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])

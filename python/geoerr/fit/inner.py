@@ -8,20 +8,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoerr import _core
+from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.model.compile import compile_terms
 from geoerr.terms import Parameter, Term
-
-if TYPE_CHECKING:
-    from geoerr.fit.fit import Fitted
 
 # Trial values of one inner parameter; of several, each has fewer.
 _TRIALS = {1: 48, 2: 16, 3: 8}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from geoerr.fit.fit import Fitted
+from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model

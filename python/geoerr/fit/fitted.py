@@ -1,0 +1,142 @@
+"""A fit: what was found, and everything that can be asked of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.error_functions import NotDetermined
+from geoerr.fit.figures import ErrorFigures, figures_of
+from geoerr.fit.held_out import HeldOut, folds_of, leave_out
+from geoerr.fit.knots import KnotChoice
+from geoerr.fit.noise import Repeats, repeats_of
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.solve import Solved
+from geoerr.fit.split import Split, split_of
+from geoerr.machine import Machine
+from geoerr.model.compile import Compiled
+from geoerr.terms import Term
+
+
+@dataclass(frozen=True, eq=False)
+class Outlier:
+    """A row that was left out because nothing like it occurs by chance: place and residual (base axes)."""
+
+    row: int
+    line: str
+    commanded_mm: tuple[float, float, float]
+    residual_um: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit with everything that can be asked of it; arrays are in the order of `sightings`.
+
+    Attributes
+    ----------
+    machine, terms
+        The model: terms hold their values and standard errors.
+    sightings
+        The data.
+    compiled, problem, solved
+        The core's objects, for whoever asks further (candidates, predictions).
+    covariance
+        Of all parameters (coefficients of all terms, then inner), scaled.
+    null_space
+        (m, k) over the same parameters: directions that the data do not determine.
+    not_determined
+        The same in words.
+    scale
+        What the stated standard uncertainties were multiplied by; the standard deviation in mm where none are stated.
+    dof
+        Degrees of freedom of the residual.
+    shared
+        (n, 3, p) derivative of measured points by unknowns that rows share, or None.
+    choices
+        How each function's basis was chosen.
+    """
+
+    machine: Machine
+    terms: tuple[Term, ...]
+    sightings: Sightings
+    compiled: Compiled
+    problem: _core.FitProblem
+    solved: Solved
+    covariance: Numbers
+    null_space: Numbers
+    not_determined: tuple[NotDetermined, ...]
+    scale: float
+    dof: int
+    shared: Numbers | None
+    choices: tuple[KnotChoice, ...] = ()
+    threads: int = 0
+
+    @cached_property
+    def residual_mm(self) -> Numbers:
+        """Measured minus predicted in base axes, (n, 3); a radius in the first component."""
+        return self.problem.in_base_axes(self.solved.state, self.solved.residual_mm)
+
+    @cached_property
+    def figures(self) -> ErrorFigures:
+        """How large the residuals are."""
+        return figures_of(self.sightings, self.residual_mm, self.solved.used)
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """How far the fit is off where it did not see the data."""
+        return self.leave_out(folds_of(self.sightings))
+
+    def leave_out(self, fold: np.ndarray) -> HeldOut:
+        """Predict every fold, numbered by row (n,), from the others."""
+        return leave_out(
+            self.problem,
+            self.solved.state,
+            self.solved.solution,
+            self.sightings,
+            self.solved.residual_mm,
+            self.solved.used,
+            fold,
+            shared=self.shared,
+            threads=self.threads,
+        )
+
+    @cached_property
+    def repeats(self) -> Repeats:
+        """What repeated rows say of the noise."""
+        return repeats_of(self.sightings, self.residual_mm, self.solved.used)
+
+    @cached_property
+    def split(self) -> Split:
+        """The residual in parts."""
+        return split_of(self.sightings, self.solved, self.residual_mm, self.repeats, self.dof)
+
+    @cached_property
+    def outliers(self) -> tuple[Outlier, ...]:
+        """Rows that were left out."""
+        sightings = self.sightings
+        lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
+        return tuple(
+            Outlier(int(row), lines[row], _three(sightings.commanded_mm[row]), _three(1e3 * self.residual_mm[row]))
+            for row in np.flatnonzero(~self.solved.used)
+        )
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters of the model: coefficients and inner."""
+        return self.compiled.n_coefficients + self.compiled.n_inner
+
+    @property
+    def expected_held_out_um(self) -> float | None:
+        """Held-out error of a right model: √(noise² + mean trace of the prediction's covariance)."""
+        if self.split.noise_um is None:
+            return None
+        prediction_um2 = self.held_out.prediction_variance_mm2 * self.scale**2 * 1e6
+        return math.sqrt(self.split.noise_um**2 + prediction_um2)
+
+
+def _three(values: Numbers) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

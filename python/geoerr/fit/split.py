@@ -1,0 +1,82 @@
+"""The residual in parts: noise, and what the model does not hold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from geoerr.fit.figures import figures_of
+from geoerr.fit.noise import Repeats
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.solve import Solved
+
+
+@dataclass(frozen=True)
+class Split:
+    """The residual in parts.
+
+    Attributes
+    ----------
+    noise_um
+        What repeats (or, without them, the stated covariances) say the noise is, summed over components.
+    is_from_repeats
+        Which of the two.
+    lack_of_fit_um
+        Root of what the residual has beyond it; 0 where it has none.
+    lack_of_fit_p
+        Probability of so much by chance, for independent noise; None where nothing tells the noise.
+    dof
+        Degrees of freedom of the residual, and of the repeats in it.
+    """
+
+    noise_um: float | None
+    is_from_repeats: bool
+    lack_of_fit_um: float | None
+    lack_of_fit_p: float | None
+    dof: tuple[int, int]
+
+
+def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats: Repeats, dof: int) -> Split:
+    """Part the residual into noise and lack of fit: by repeats where there are, else by the stated covariances."""
+    used = solved.used
+    whitened = solved.whitened[used]
+    total = float((whitened**2).sum())
+    figures = figures_of(sightings, residual_mm, used)
+    size = figures.headline_um
+    noise_ss, noise_dof = _scatter_in_groups(whitened, repeats.group[used], sightings.is_measured[used])
+    if noise_dof >= 1 and dof > noise_dof:
+        lack_dof = dof - noise_dof
+        ratio = ((total - noise_ss) / lack_dof) / (noise_ss / noise_dof) if noise_ss > 0.0 else math.inf
+        p_value = float(stats.f.sf(max(ratio, 0.0), lack_dof, noise_dof))
+        noise = repeats.floor_um
+    elif sightings.is_stated and dof > 0:
+        p_value = float(stats.chi2.sf(total, dof))
+        inverse = np.linalg.pinv(sightings.whitening[used])
+        variances = (inverse**2).sum(axis=2)
+        count = np.maximum(sightings.is_measured[used].sum(axis=0), 1)
+        noise = math.sqrt(float((variances.sum(axis=0) / count).sum())) * 1e3
+        noise_dof = 0
+    else:
+        return Split(None, False, None, None, (dof, 0))
+    lack = None
+    if size is not None and noise is not None:
+        # The residual of a right model is smaller than the noise by the parameters that it was fitted with.
+        n_numbers = int(sightings.is_measured[used].sum())
+        lack = math.sqrt(max(size**2 * n_numbers / max(dof, 1) - noise**2, 0.0))
+    return Split(noise, noise_dof > 0, lack, p_value, (dof, noise_dof))
+
+
+def _scatter_in_groups(values: Numbers, group: np.ndarray, seen: np.ndarray) -> tuple[float, int]:
+    n_groups = int(group.max()) + 1 if len(group) else 0
+    total, dof = 0.0, 0
+    for component in range(3):
+        rows = seen[:, component]
+        count = np.bincount(group[rows], minlength=n_groups)
+        mean = np.bincount(group[rows], weights=values[rows, component], minlength=n_groups) / np.maximum(count, 1)
+        deviation = values[rows, component] - mean[group[rows]]
+        total += float(deviation @ deviation)
+        dof += int((count[count > 1] - 1).sum())
+    return total, dof
