@@ -6,6 +6,29 @@ use rayon::prelude::*;
 
 use crate::kinematics::{BLOCK_ROWS, MachineModel};
 
+/// A machine that can be asked for its error with derivatives: what Newton's method needs to know.
+///
+/// Direction of approach and history are those of the move that is asked about; they are held while it is solved.
+pub trait ErrorMap {
+    /// Actual minus nominal position of the tool point, and the derivative of the actual one by the commanded axes
+    /// (row by component, column by axis; at a kink that to the right).
+    fn error_and_jacobian(&self, q_mm: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]);
+}
+
+impl<M: ErrorMap> ErrorMap for &M {
+    #[inline]
+    fn error_and_jacobian(&self, q_mm: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+        (**self).error_and_jacobian(q_mm)
+    }
+}
+
+impl ErrorMap for MachineModel {
+    #[inline]
+    fn error_and_jacobian(&self, q_mm: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+        Self::error_and_jacobian(self, q_mm, &[0.0; 3])
+    }
+}
+
 /// A command that puts the tool where it should be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solution {
@@ -80,8 +103,8 @@ const MAX_HALVINGS: u32 = 20;
 /// |---|---|---|---|
 /// | `$x$` | `target_mm` | ideal position of the tool seen from the work, less the machine's tool offset: the axis positions of a machine without errors | mm |
 /// | `$X$` | `command_mm` | commanded axis positions | mm |
-/// | `$E(X)$` | [`MachineModel::error`] | actual minus nominal tool position | mm |
-/// | `$J$` | [`MachineModel::jacobian`] | derivative of the actual tool position by the commanded axes | - |
+/// | `$E(X)$` | [`ErrorMap::error_and_jacobian`] | actual minus nominal tool position | mm |
+/// | `$J$` | [`ErrorMap::error_and_jacobian`] | derivative of the actual tool position by the commanded axes | - |
 ///
 /// So a machine without errors gives the target back bit for bit, whatever its tool offset.
 ///
@@ -100,8 +123,8 @@ const MAX_HALVINGS: u32 = 20;
 /// # Verified by
 /// `tests/kinematics/newton.rs`: compensate∘map is the identity to 1 nm on drawn tables, on tables made to hurt, and on a periodic
 /// error of 2 mm period and 20 µm amplitude.
-pub fn command_for(
-    model: &MachineModel,
+pub fn command_for<M: ErrorMap>(
+    model: &M,
     target_mm: &[f64; 3],
     tolerance_mm: f64,
 ) -> Result<Solution, NewtonError> {
@@ -126,14 +149,15 @@ pub fn command_for(
     Err(here.not_converged(MAX_STEPS))
 }
 
-/// [`command_for`] for each target, in parallel; the result does not depend on the number of threads.
+/// [`command_for`] for each target, in parallel, with the map of its row; the result does not depend on the number of
+/// threads.
 ///
 /// A target without a command gets NaN and its [`Status`]; the others are not disturbed.
 ///
 /// # Errors
 /// [`NewtonError::Tolerance`].
-pub fn commands_for(
-    model: &MachineModel,
+pub fn commands_by_row<M: ErrorMap>(
+    map_of_row: impl Fn(usize) -> M + Sync,
     targets_mm: &[[f64; 3]],
     tolerance_mm: f64,
 ) -> Result<Commands, NewtonError> {
@@ -141,7 +165,8 @@ pub fn commands_for(
     let rows: Vec<([f64; 3], f64, Status)> = targets_mm
         .par_iter()
         .with_min_len(BLOCK_ROWS)
-        .map(|target_mm| match command_for(model, target_mm, tolerance_mm) {
+        .enumerate()
+        .map(|(row, target_mm)| match command_for(&map_of_row(row), target_mm, tolerance_mm) {
             Ok(solution) => (solution.command_mm, solution.remaining_mm, Status::Converged),
             Err(NewtonError::NotConverged { remaining_mm, .. }) => {
                 ([f64::NAN; 3], remaining_mm, Status::NotConverged)
@@ -156,6 +181,18 @@ pub fn commands_for(
         remaining_mm: rows.iter().map(|row| row.1).collect(),
         status: rows.iter().map(|row| row.2).collect(),
     })
+}
+
+/// [`commands_by_row`] with one map for all rows.
+///
+/// # Errors
+/// [`NewtonError::Tolerance`].
+pub fn commands_for<M: ErrorMap + Sync>(
+    model: &M,
+    targets_mm: &[[f64; 3]],
+    tolerance_mm: f64,
+) -> Result<Commands, NewtonError> {
+    commands_by_row(|_| model, targets_mm, tolerance_mm)
 }
 
 fn checked_tolerance(tolerance_mm: f64) -> Result<(), NewtonError> {
@@ -175,8 +212,8 @@ struct Trial {
 }
 
 impl Trial {
-    fn at(model: &MachineModel, command_mm: [f64; 3], target_mm: &[f64; 3]) -> Option<Self> {
-        let (error_mm, jacobian) = model.error_and_jacobian(&command_mm, &[0.0; 3]);
+    fn at(model: &impl ErrorMap, command_mm: [f64; 3], target_mm: &[f64; 3]) -> Option<Self> {
+        let (error_mm, jacobian) = model.error_and_jacobian(&command_mm);
         let miss_mm: [f64; 3] = std::array::from_fn(|c| (command_mm[c] - target_mm[c]) + error_mm[c]);
         let remaining_mm = miss_mm.iter().map(|c| c * c).sum::<f64>().sqrt();
         remaining_mm.is_finite().then_some(Self { command_mm, miss_mm, remaining_mm, jacobian })
@@ -184,7 +221,7 @@ impl Trial {
 
     /// The next command: the longest of the Newton step, its half, its quarter ... that takes away at least half of
     /// what it promises; else the one that leaves least; None where all leave as much as there was.
-    fn better(&self, model: &MachineModel, target_mm: &[f64; 3]) -> Option<Self> {
+    fn better(&self, model: &impl ErrorMap, target_mm: &[f64; 3]) -> Option<Self> {
         let step = solve(&self.jacobian, &self.miss_mm)?;
         let mut best: Option<Self> = None;
         let mut share = 1.0;

@@ -9,12 +9,21 @@
 //! byte. The end of each move is solved once ([`crate::newton`]); a move whose path would leave the tolerance is split
 //! ([`path`]). The [`reader`](self) keeps the modes and where the program means the machine to be, the writer where
 //! the rewritten program puts it: after `G92` the two differ.
+//!
+//! # Direction and speed
+//! Where errors depend on how a place is approached, each move has its [`Course`]: directions and travel from the
+//! program's own moves, speeds from its feed at full speed (ramps are not known). These are held while a command is solved.
+//! At a reversal backlash makes the command jump: the jump belongs to the move that follows, which begins with a piece
+//! that takes up the play at its begin and extrudes nothing. A jump below half of the tolerance is taken up along the
+//! move instead, within the tolerance; so a path of many short moves at changing speeds is not doubled.
 
 mod codes;
+mod course;
 mod decimal;
 mod error;
 mod extrusion;
 mod frame;
+mod knots;
 mod lexer;
 mod lines;
 mod options;
@@ -22,14 +31,17 @@ pub mod path;
 mod reader;
 mod report;
 mod rewriter;
+mod term_path;
 mod unsupported;
 mod words;
 mod writer;
 
+pub use course::Course;
 pub use error::GcodeError;
 pub use extrusion::Firmware;
 pub use options::{OnUnsupported, Options};
 pub use path::PathMap;
 pub use report::{Summary, Warning, WarningKind};
 pub use rewriter::Rewriter;
+pub use term_path::TermPath;
 pub use unsupported::Unsupported;

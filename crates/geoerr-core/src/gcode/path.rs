@@ -1,7 +1,9 @@
 //! Straight moves through a machine that bends them: where to split so that the path stays straight enough.
 
+use super::course::Course;
 use crate::kinematics::{Axis, MachineModel};
-use crate::newton::{NewtonError, command_for};
+use crate::newton::{ErrorMap, NewtonError, command_for};
+use crate::volumetric::{Approach, MotionNeeds};
 
 /// What compensation needs to know of a machine. Positions are those of a machine without errors: a tool position
 /// less the tool offset.
@@ -10,29 +12,48 @@ pub trait PathMap: Sync {
     ///
     /// # Errors
     /// The distance that the best command leaves, mm; NaN where the model gives none.
-    fn command_for(&self, ideal_mm: &[f64; 3], tolerance_mm: f64) -> Result<[f64; 3], f64>;
+    fn command_for(
+        &self,
+        ideal_mm: &[f64; 3],
+        approach: &Approach,
+        tolerance_mm: f64,
+    ) -> Result<[f64; 3], f64>;
 
     /// Where `command_mm` puts the tool.
-    fn actual(&self, command_mm: &[f64; 3]) -> [f64; 3];
+    fn actual(&self, command_mm: &[f64; 3], approach: &Approach) -> [f64; 3];
 
     /// Coordinates of `axis` (0 to 2) between which [`actual`](Self::actual) is smooth, increasing.
     fn knots(&self, axis: usize) -> &[f64];
 
     /// Whether the machine has no errors.
     fn is_nominal(&self) -> bool;
+
+    /// What of an approach the errors depend on.
+    fn needs(&self) -> MotionNeeds {
+        MotionNeeds::default()
+    }
+}
+
+/// The command of a map for a place; else the distance that the best command leaves.
+pub(super) fn inverse_of(
+    map: &impl ErrorMap,
+    ideal_mm: &[f64; 3],
+    tolerance_mm: f64,
+) -> Result<[f64; 3], f64> {
+    match command_for(map, ideal_mm, tolerance_mm) {
+        Ok(solution) => Ok(solution.command_mm),
+        Err(NewtonError::NotConverged { remaining_mm, .. }) => Err(remaining_mm),
+        Err(NewtonError::NonFinite | NewtonError::Tolerance { .. }) => Err(f64::NAN),
+    }
 }
 
 impl PathMap for MachineModel {
-    fn command_for(&self, ideal_mm: &[f64; 3], tolerance_mm: f64) -> Result<[f64; 3], f64> {
-        match command_for(self, ideal_mm, tolerance_mm) {
-            Ok(solution) => Ok(solution.command_mm),
-            Err(NewtonError::NotConverged { remaining_mm, .. }) => Err(remaining_mm),
-            Err(NewtonError::NonFinite | NewtonError::Tolerance { .. }) => Err(f64::NAN),
-        }
+    fn command_for(&self, ideal_mm: &[f64; 3], _: &Approach, tolerance_mm: f64) -> Result<[f64; 3], f64> {
+        inverse_of(self, ideal_mm, tolerance_mm)
     }
 
     #[inline]
-    fn actual(&self, command_mm: &[f64; 3]) -> [f64; 3] {
+    fn actual(&self, command_mm: &[f64; 3], _: &Approach) -> [f64; 3] {
         let error_mm = self.error(command_mm, &[0.0; 3]);
         std::array::from_fn(|axis| command_mm[axis] + error_mm[axis])
     }
@@ -80,6 +101,10 @@ pub enum SplitError {
 
 /// The nodes behind `start` at which the move has to be commanded, `end` the last; None where `end` is enough.
 ///
+/// `start` may be commanded for another approach (that of the move before): what it is off by is part of the first
+/// piece's deviation, as long as it is below half of the limit; a larger jump begins with a node of share 0 that
+/// commands the start anew.
+///
 /// The deviation of a piece is the distance between the actual tool position and the ideal one *at the same share of
 /// the move*. It is never smaller than the distance from the ideal line, so the path is within the tolerance either
 /// way; and it also keeps the tool, and what it deposits or cuts, at the right place along the line.
@@ -100,6 +125,7 @@ pub enum SplitError {
 /// 20 µm) and, by a second reader, on the programs of real slicers (`tests/compensate/test_real_programs.py`).
 pub fn split(
     map: &impl PathMap,
+    course: &Course,
     start: &Node,
     end: &Node,
     closeness: &Closeness,
@@ -108,11 +134,28 @@ pub fn split(
     if map.is_nominal() {
         return Ok(None);
     }
-    let Some(first) = worst(map, start, end, closeness.limit_mm, &mut crossings) else {
-        return Ok(None);
+    let on = Moved { map, course };
+    let mut pieces = Vec::new();
+    let mut start = start;
+    let anew;
+    let mut at_start = [0.0; 3];
+    if map.needs().any() {
+        at_start = on.deviation(start, end, 0.0);
+        // A jump that is not a number is refused below, with the path.
+        if norm(&at_start) > 0.5 * closeness.limit_mm {
+            anew = on.solved(start, end, 0.0, closeness.newton_mm)?;
+            start = &anew;
+            at_start = [0.0; 3];
+            pieces.push(anew);
+        }
+    }
+    let Some(first) = on.worst(start, end, at_start, closeness.limit_mm, &mut crossings) else {
+        if !pieces.is_empty() {
+            pieces.push(*end);
+        }
+        return Ok((!pieces.is_empty()).then_some(pieces));
     };
     let length_mm = distance(&start.ideal_mm, &end.ideal_mm);
-    let mut pieces = Vec::new();
     let mut ahead = vec![*end];
     let mut from = *start;
     let mut over = Some(first);
@@ -122,16 +165,17 @@ pub fn split(
                 from = *to;
                 pieces.push(from);
                 ahead.pop();
+                at_start = [0.0; 3];
             }
             Some(Worst { deviation_mm, at }) => {
                 if (to.share - from.share) * length_mm < 2.0 * closeness.shortest_mm {
                     return Err(SplitError::NotHeld(deviation_mm));
                 }
                 let share = from.share + at * (to.share - from.share);
-                ahead.push(solved(map, start, end, share, closeness.newton_mm)?);
+                ahead.push(on.solved(start, end, share, closeness.newton_mm)?);
             }
         }
-        over = ahead.last().and_then(|to| worst(map, &from, to, closeness.limit_mm, &mut crossings));
+        over = ahead.last().and_then(|to| on.worst(&from, to, at_start, closeness.limit_mm, &mut crossings));
     }
     Ok(Some(pieces))
 }
@@ -144,36 +188,63 @@ struct Worst {
     at: f64,
 }
 
-/// Where the piece has to be split; None where it stays within the limit.
-fn worst(
-    map: &impl PathMap,
-    from: &Node,
-    to: &Node,
-    limit_mm: f64,
-    crossings: &mut Vec<f64>,
-) -> Option<Worst> {
-    knot_crossings(map, from, to, crossings);
-    crossings.push(1.0);
-    let mut over: Option<Worst> = None;
-    let mut largest_mm = limit_mm;
-    // The ends are solved: what remains there is orders below the limit.
-    let mut left = 0.0;
-    let mut at_left = [0.0; 3];
-    for &right in crossings.iter() {
-        let middle = 0.5 * (left + right);
-        let at_middle = deviation(map, from, to, middle);
-        let at_right = if right < 1.0 { deviation(map, from, to, right) } else { [0.0; 3] };
-        let bend: [f64; 3] = std::array::from_fn(|c| at_middle[c] - 0.5 * (at_left[c] + at_right[c]));
-        let sizes = [norm(&at_left), norm(&at_middle), norm(&at_right)];
-        let bound_mm = sizes[0].max(sizes[1]).max(sizes[2]) + 0.25 * norm(&bend);
-        if bound_mm > largest_mm || bound_mm.is_nan() {
-            largest_mm = bound_mm;
-            let at = if right < 1.0 && sizes[2] > sizes[1] { right } else { middle };
-            over = Some(Worst { deviation_mm: bound_mm, at });
+/// A machine on its way along one move. Nodes' shares are those of the move.
+struct Moved<'a, M> {
+    map: &'a M,
+    course: &'a Course,
+}
+
+impl<M: PathMap> Moved<'_, M> {
+    /// Where the piece has to be split; None where it stays within the limit. `at_start` is its begin's deviation.
+    fn worst(
+        &self,
+        from: &Node,
+        to: &Node,
+        at_start: [f64; 3],
+        limit_mm: f64,
+        crossings: &mut Vec<f64>,
+    ) -> Option<Worst> {
+        knot_crossings(self.map, from, to, crossings);
+        crossings.push(1.0);
+        let mut over: Option<Worst> = None;
+        let mut largest_mm = limit_mm;
+        // The ends are solved: what remains there is orders below the limit.
+        let mut left = 0.0;
+        let mut at_left = at_start;
+        for &right in crossings.iter() {
+            let middle = 0.5 * (left + right);
+            let at_middle = self.deviation(from, to, middle);
+            let at_right = if right < 1.0 { self.deviation(from, to, right) } else { [0.0; 3] };
+            let bend: [f64; 3] = std::array::from_fn(|c| at_middle[c] - 0.5 * (at_left[c] + at_right[c]));
+            let sizes = [norm(&at_left), norm(&at_middle), norm(&at_right)];
+            let bound_mm = sizes[0].max(sizes[1]).max(sizes[2]) + 0.25 * norm(&bend);
+            if bound_mm > largest_mm || bound_mm.is_nan() {
+                largest_mm = bound_mm;
+                let at = if right < 1.0 && sizes[2] > sizes[1] { right } else { middle };
+                over = Some(Worst { deviation_mm: bound_mm, at });
+            }
+            (left, at_left) = (right, at_right);
         }
-        (left, at_left) = (right, at_right);
+        over
     }
-    over
+
+    /// Actual minus ideal tool position at a share of a piece.
+    #[inline]
+    fn deviation(&self, from: &Node, to: &Node, share: f64) -> [f64; 3] {
+        let approach = self.course.at(from.share + share * (to.share - from.share));
+        let actual = self.map.actual(&between(&from.command_mm, &to.command_mm, share), &approach);
+        let ideal = between(&from.ideal_mm, &to.ideal_mm, share);
+        std::array::from_fn(|axis| actual[axis] - ideal[axis])
+    }
+
+    /// A node of the move that is commanded for its own approach.
+    fn solved(&self, start: &Node, end: &Node, share: f64, newton_mm: f64) -> Result<Node, SplitError> {
+        let ideal_mm = between(&start.ideal_mm, &end.ideal_mm, share);
+        let approach = self.course.at(share);
+        let command_mm =
+            self.map.command_for(&ideal_mm, &approach, newton_mm).map_err(SplitError::NotSolved)?;
+        Ok(Node { share, ideal_mm, command_mm })
+    }
 }
 
 /// Shares of the piece at which a commanded axis crosses a knot, increasing.
@@ -190,26 +261,6 @@ fn knot_crossings(map: &impl PathMap, from: &Node, to: &Node, crossings: &mut Ve
     // Crossings at the very ends say nothing that the ends do not.
     crossings.retain(|share| (1e-9..=1.0 - 1e-9).contains(share));
     crossings.sort_by(f64::total_cmp);
-}
-
-/// Actual minus ideal tool position at a share of a piece.
-#[inline]
-fn deviation(map: &impl PathMap, from: &Node, to: &Node, share: f64) -> [f64; 3] {
-    let actual = map.actual(&between(&from.command_mm, &to.command_mm, share));
-    let ideal = between(&from.ideal_mm, &to.ideal_mm, share);
-    std::array::from_fn(|axis| actual[axis] - ideal[axis])
-}
-
-fn solved(
-    map: &impl PathMap,
-    start: &Node,
-    end: &Node,
-    share: f64,
-    newton_mm: f64,
-) -> Result<Node, SplitError> {
-    let ideal_mm = between(&start.ideal_mm, &end.ideal_mm, share);
-    let command_mm = map.command_for(&ideal_mm, newton_mm).map_err(SplitError::NotSolved)?;
-    Ok(Node { share, ideal_mm, command_mm })
 }
 
 #[inline]
@@ -237,7 +288,7 @@ mod tests {
     }
 
     fn node(map: &impl PathMap, share: f64, ideal_mm: [f64; 3]) -> Node {
-        Node { share, ideal_mm, command_mm: map.command_for(&ideal_mm, 1e-7).unwrap() }
+        Node { share, ideal_mm, command_mm: map.command_for(&ideal_mm, &Approach::default(), 1e-7).unwrap() }
     }
 
     const CLOSE: Closeness = Closeness { limit_mm: 0.005, newton_mm: 1e-7, shortest_mm: 1e-3 };
@@ -250,7 +301,7 @@ mod tests {
             .unwrap();
         let map = machine(errors);
         let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [400.0, 300.0, 200.0]));
-        assert_eq!(split(&map, &start, &end, &CLOSE), Ok(None));
+        assert_eq!(split(&map, &Course::default(), &start, &end, &CLOSE), Ok(None));
     }
 
     #[test]
@@ -259,7 +310,7 @@ mod tests {
         errors.set(Axis::X, Component::Y, Table::new(vec![0.0, 100.0, 400.0], vec![0.0, 0.5, -0.2]).unwrap());
         let map = machine(errors);
         let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [400.0, 0.0, 0.0]));
-        let pieces = split(&map, &start, &end, &CLOSE).unwrap().unwrap();
+        let pieces = split(&map, &Course::default(), &start, &end, &CLOSE).unwrap().unwrap();
         assert_eq!(pieces.len(), 2);
         assert!((pieces[0].share - 0.25).abs() < 1e-12, "{}", pieces[0].share);
         assert_eq!(pieces[1], end);
@@ -277,13 +328,14 @@ mod tests {
         let map = machine(errors);
         let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [200.0, 0.0, 0.0]));
         let close = Closeness { limit_mm: 1e-6, shortest_mm: 0.1, ..CLOSE };
-        match split(&map, &start, &end, &close) {
+        match split(&map, &Course::default(), &start, &end, &close) {
             Ok(None) => panic!("a step is no straight line"),
             Ok(Some(pieces)) => {
+                let on = Moved { map: &map, course: &Course::default() };
                 let mut from = start;
                 for piece in pieces {
                     for i in 0..=100 {
-                        assert!(norm(&deviation(&map, &from, &piece, f64::from(i) * 0.01)) < 1e-6);
+                        assert!(norm(&on.deviation(&from, &piece, f64::from(i) * 0.01)) < 1e-6);
                     }
                     from = piece;
                 }

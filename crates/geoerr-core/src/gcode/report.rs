@@ -25,6 +25,12 @@ pub enum WarningKind {
     NotSplit,
     /// Another tool.
     OtherTool,
+    /// An axis of which it is not known from where it came.
+    DirectionUnknown,
+    /// Speeds are those of the feed, without ramps.
+    SpeedFromFeed,
+    /// A speed that the program does not tell.
+    SpeedUnknown,
 }
 
 impl WarningKind {
@@ -41,6 +47,9 @@ impl WarningKind {
             Self::OutsideMeasured => "outside-measured",
             Self::NotSplit => "not-split",
             Self::OtherTool => "other-tool",
+            Self::DirectionUnknown => "direction-unknown",
+            Self::SpeedFromFeed => "speed-from-feed",
+            Self::SpeedUnknown => "speed-unknown",
         }
     }
 
@@ -62,6 +71,9 @@ impl WarningKind {
             Self::PositionUnknown => "the position is not known yet (start, homing, or an untouched line before): moves pass through untouched until X, Y and Z have all been given; --home tells where homing leaves the machine".to_owned(),
             Self::OutsideMeasured => "outside the measured range: the last measured errors are held".to_owned(),
             Self::NotSplit => "corrected at its end but not split, because firmwares read its E differently (--firmware)".to_owned(),
+            Self::DirectionUnknown => "an axis has not moved yet since its place became known: what depends on its direction of approach is left out until it has".to_owned(),
+            Self::SpeedFromFeed => "errors that depend on speed are corrected for the feed as programmed: near corners, where the machine brakes, they are smaller (v_x=0, v_y=0, v_z=0 as conditions leave them out)".to_owned(),
+            Self::SpeedUnknown => "the speed of this move is not known (no feed yet, a feed per turn, or a rapid whose speed only the controller knows; --firmware says that G0 takes the feed): errors that depend on it are left out".to_owned(),
             Self::OtherTool => "another tool: the model's tool offset is used for all of them".to_owned(),
         }
     }

@@ -123,7 +123,7 @@ impl<M: PathMap> Rewriter<M> {
     pub fn new(map: M, options: Options) -> Result<Self, GcodeError> {
         options.check()?;
         Ok(Self {
-            reader: Reader::new(options.clone(), map.is_nominal()),
+            reader: Reader::new(options.clone(), map.is_nominal(), map.needs()),
             map,
             options,
             lines: Lines::default(),
@@ -227,7 +227,7 @@ impl<M: PathMap> Rewriter<M> {
     fn solve_ends(&self, block: &mut Block) {
         let (map, newton_mm) = (&self.map, self.newton_mm());
         let solve = |a_move: &Move| {
-            let command_mm = map.command_for(&a_move.end_mm, newton_mm)?;
+            let command_mm = map.command_for(&a_move.end_mm, &a_move.course.at(1.0), newton_mm)?;
             Ok(Node { share: 1.0, ideal_mm: a_move.end_mm, command_mm })
         };
         block.moves.par_iter().with_min_len(MOVES_PER_TASK).map(solve).collect_into_vec(&mut block.ends);
@@ -245,7 +245,7 @@ impl<M: PathMap> Rewriter<M> {
             // A move from a place that no corrected move has reached has no straight path to keep.
             let Some(begin) = begin.filter(|_| !a_move.is_first) else { return Ok(Nodes::Whole(end)) };
             let begin = Node { share: 0.0, ..begin };
-            let pieces = split(&self.map, &begin, &end, &self.closeness(a_move.is_inch))?;
+            let pieces = split(&self.map, &a_move.course, &begin, &end, &self.closeness(a_move.is_inch))?;
             Ok(pieces.map_or(Nodes::Whole(end), Nodes::Pieces))
         };
         let indices = (0..moves.len()).into_par_iter().with_min_len(MOVES_PER_TASK);

@@ -10,6 +10,8 @@ pub struct Words {
     pub axes: [Option<Word>; 3],
     /// E.
     pub extruder: Option<Word>,
+    /// F.
+    pub feed: Option<Word>,
     /// Number of a tool length.
     pub h: Option<Word>,
     /// Which kind of offset `G10` sets.
@@ -62,7 +64,11 @@ impl Words {
                 self.odd = self.odd.or(Some(word.letter));
                 return;
             }
-            b'G' | b'M' | b'F' | b'S' | b'T' | b'D' | b'Q' => return,
+            b'F' => {
+                self.feed = Some(*word);
+                return;
+            }
+            b'G' | b'M' | b'S' | b'T' | b'D' | b'Q' => return,
             _ => {
                 self.odd = self.odd.or(Some(word.letter));
                 return;

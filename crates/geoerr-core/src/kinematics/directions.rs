@@ -88,15 +88,17 @@ mod tests {
     #[test]
     fn rates_are_differences_of_deviations() {
         let at = [-5.05e-2, 0.124, 0.31];
-        let of = |s: [f64; 3]| deviations(&Squareness { s_xy_rad: s[0], s_xz_rad: s[1], s_yz_rad: s[2] }).unwrap();
+        let of =
+            |s: [f64; 3]| deviations(&Squareness { s_xy_rad: s[0], s_xz_rad: s[1], s_yz_rad: s[2] }).unwrap();
         let rates = deviation_rates(&Squareness { s_xy_rad: at[0], s_xz_rad: at[1], s_yz_rad: at[2] });
-        for pair in 0..3 {
-            let moved = |step: f64| of(std::array::from_fn(|k| at[k] + if k == pair { step } else { 0.0 }));
-            let (plus, minus) = (moved(1e-5), moved(-1e-5));
-            for axis in 0..3 {
-                for c in 0..3 {
-                    let difference = (plus[axis][c] - minus[axis][c]) / 2e-5;
-                    assert!((difference - rates[axis][pair][c]).abs() < 1e-9, "{axis} {pair} {c}");
+        for (axis, rates) in rates.iter().enumerate() {
+            for (pair, rate) in rates.iter().enumerate() {
+                let moved =
+                    |step: f64| of(std::array::from_fn(|k| at[k] + if k == pair { step } else { 0.0 }));
+                let (plus, minus) = (moved(1e-5)[axis], moved(-1e-5)[axis]);
+                for (c, by) in rate.iter().enumerate() {
+                    let difference = (plus[c] - minus[c]) / 2e-5;
+                    assert!((difference - by).abs() < 1e-9, "{axis} {pair} {c}");
                 }
             }
         }

@@ -17,6 +17,7 @@
 
 mod design;
 mod frame;
+mod machine;
 mod problem;
 mod rows;
 mod term;
@@ -24,6 +25,7 @@ mod values;
 
 pub use design::WhitenedDesign;
 pub use frame::Frame;
+pub use machine::{Approach, Approached, MachineError, MachineInverseError, MotionNeeds, TermMachine};
 pub use problem::{Block, Problem, Sightings, State};
 pub use rows::Rows;
 pub use term::{Part, Shape, Term, VolumetricModel};

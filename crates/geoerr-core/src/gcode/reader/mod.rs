@@ -5,6 +5,7 @@ mod moves;
 mod owned;
 
 use super::codes::{Code, Macro};
+use super::course::{Course, Past};
 use super::error::GcodeError;
 use super::extrusion::{Extrusion, Share};
 use super::frame::{ALL, Effects, Frame, Known, Mask, Motion, Place, Shift, either};
@@ -13,6 +14,7 @@ use super::options::{OnUnsupported, Options, unit_mm};
 use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::unsupported::{After, Unsupported};
 use super::words::{MoveText, Words};
+use crate::volumetric::MotionNeeds;
 
 /// A position on the edge of a range may be above it by rounding.
 const EDGE_MM: f64 = 1e-9;
@@ -33,6 +35,8 @@ pub struct Move {
     pub motion: Motion,
     /// Where the program wants the machine, machine coordinates.
     pub end_mm: [f64; 3],
+    /// How it approaches its places.
+    pub course: Course,
     /// Whether it does not begin where a corrected move ended.
     pub is_first: bool,
     /// Words are inches.
@@ -53,6 +57,12 @@ struct Modes {
     /// None before any motion code and after `G80`; the reason where the code is not corrected.
     motion: Option<Result<(), Unsupported>>,
     is_inverse_time: bool,
+    /// `G0`, not `G1`.
+    is_rapid: bool,
+    /// `G95`: feeds are millimetres a turn.
+    is_feed_a_turn: bool,
+    /// Feed, mm/min.
+    feed_mm_min: Option<f64>,
     /// Code of `G41` or `G42` while it holds.
     compensation: Option<u32>,
     /// Code of what changes the meaning of axis words.
@@ -73,12 +83,14 @@ struct Modes {
 pub struct Reader {
     options: Options,
     model_is_nominal: bool,
+    needs: MotionNeeds,
     line: Line,
     modes: Modes,
     /// Of the line that is being read.
     asked: Asked,
     extrusion: Extrusion,
     frame: Frame,
+    past: Past,
     /// Whether the machine stands where a corrected move ended.
     is_corrected: bool,
     n_percent: u32,
@@ -117,7 +129,7 @@ impl Asked {
 
 impl Reader {
     /// A reader at the begin of a program.
-    pub fn new(options: Options, model_is_nominal: bool) -> Self {
+    pub fn new(options: Options, model_is_nominal: bool, needs: MotionNeeds) -> Self {
         let mut systems_mm = [[None; 3]; 7];
         systems_mm[0] = options.work_offset_mm.map(Some);
         Self {
@@ -127,6 +139,9 @@ impl Reader {
                 is_relative: false,
                 motion: None,
                 is_inverse_time: false,
+                is_rapid: false,
+                is_feed_a_turn: false,
+                feed_mm_min: None,
                 compensation: None,
                 transformed: None,
                 tool_length: None,
@@ -138,9 +153,11 @@ impl Reader {
             },
             options,
             model_is_nominal,
+            needs,
             line: Line::default(),
             asked: Asked::default(),
             frame: Frame::default(),
+            past: Past::default(),
             is_corrected: false,
             n_percent: 0,
             is_lost: false,
@@ -177,6 +194,10 @@ impl Reader {
         match &step {
             Step::Pass(effects) => {
                 self.frame.apply(effects);
+                self.past.forget(effects.forget);
+                if let Place::Home(mask, _) = effects.place {
+                    self.past.forget(mask);
+                }
                 if effects.place != Place::Keep || effects.forget != [false; 3] {
                     self.is_corrected = false;
                 }
@@ -298,6 +319,11 @@ impl Reader {
                 _ => {}
             }
         }
+        if self.asked.owner.is_none()
+            && let Some(feed) = words.feed.and_then(|word| word.number())
+        {
+            self.modes.feed_mm_min = Some(feed.to_f64() * unit_mm(self.modes.is_inch));
+        }
         let moves = words.has_axes() || words.extra_axis.is_some() || words.extruder.is_some();
         if let Some((code, code10)) = self.asked.owner {
             if let Some(what) = self.asked.problem {
@@ -350,6 +376,8 @@ impl Reader {
                         self.summary.moves_in += 1;
                         self.summary.moves_out += 1;
                         effects.place = Place::Move(self.motion_of(words_mm));
+                        // An arc may turn on its way.
+                        self.past.forget(ALL);
                     }
                     Ok(_) => {}
                     Err(_) => effects.forget = ALL,

@@ -29,6 +29,7 @@ impl Reader {
                     asked.refuse(Unsupported::TwoMotionCodes);
                 }
                 modes.motion = motion;
+                modes.is_rapid = code10 == 0;
                 // Cycles and probes are refused on sight: they may move by words of earlier lines.
                 if let Code::OtherMotion(what) = code
                     && what.after() > After::AtItsEnd
@@ -83,7 +84,10 @@ impl Reader {
                 modes.is_inverse_time = true;
                 asked.refuse(Unsupported::InverseTime);
             }
-            Code::FeedRate => modes.is_inverse_time = false,
+            Code::FeedRate => {
+                modes.is_inverse_time = false;
+                modes.is_feed_a_turn = code10 == 950;
+            }
             Code::TransformOn => {
                 modes.transformed = Some(code10);
                 asked.refuse(Unsupported::Transformed { code10 });

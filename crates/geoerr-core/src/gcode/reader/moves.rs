@@ -1,6 +1,7 @@
 //! Lines that move axes or the extruder.
 
 use super::{Move, Reader, Step};
+use crate::gcode::course::Course;
 use crate::gcode::extrusion::Share;
 use crate::gcode::frame::{Effects, Known, Motion, Place, all_known, either};
 use crate::gcode::lexer::Line;
@@ -75,7 +76,11 @@ impl Reader {
         self.summary.moves_in += 1;
         let mut before = self.frame;
         before.apply(&effects);
-        let Some(end_mm) = all_known(&before.end_of(&motion)) else {
+        let ends = before.end_of(&motion);
+        self.past.forget(effects.forget);
+        let speed_mm_min = self.speed_mm_min();
+        let course = self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0));
+        let Some(end_mm) = all_known(&ends) else {
             self.summary.moves_out += 1;
             self.summary.untouched_position_unknown += 1;
             self.warn(WarningKind::PositionUnknown, body);
@@ -84,15 +89,40 @@ impl Reader {
         };
         // Counted again when the move is written.
         self.summary.extrusion_out -= extrusion;
+        self.warn_of_motion(&course, speed_mm_min, body);
         Step::Correct(Move {
             motion,
             end_mm,
+            course,
             is_first: !self.is_corrected || effects.forget != [false; 3],
             is_inch: self.modes.is_inch,
             share,
             extrusion,
             text: MoveText::of(line, words, body),
         })
+    }
+
+    /// Speed along the path; None where the program does not tell it.
+    fn speed_mm_min(&self) -> Option<f64> {
+        let modes = &self.modes;
+        // A milling controller's G0 has a speed of its own; the firmwares of printers take the feed.
+        let is_told = !modes.is_feed_a_turn && (!modes.is_rapid || self.options.firmware.is_some());
+        modes.feed_mm_min.filter(|_| is_told)
+    }
+
+    /// Says what of the motion the errors depend on is not known.
+    fn warn_of_motion(&mut self, course: &Course, speed_mm_min: Option<f64>, body: &[u8]) {
+        if !self.needs.any() {
+            return;
+        }
+        if (0..3).any(|axis| self.needs.direction[axis] && course.begin.direction[axis] == 0.0) {
+            self.warn(WarningKind::DirectionUnknown, body);
+        }
+        if self.needs.speed {
+            let kind =
+                if speed_mm_min.is_some() { WarningKind::SpeedFromFeed } else { WarningKind::SpeedUnknown };
+            self.warn(kind, body);
+        }
     }
 
     pub(super) fn motion_of(&self, words_mm: Known) -> Motion {

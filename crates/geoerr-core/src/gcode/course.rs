@@ -1,0 +1,94 @@
+//! How the axes of a program come to each place: direction, travel since the reversal, speed.
+//!
+//! The program's own moves count, not what a correction adds to them: an axis that rests keeps its last direction. Before
+//! an axis first moves from a known place, and after homing or a line after which it may be anywhere, its direction is
+//! not known and counts as 0, so that whatever is proportional to it is left out. Travel counts from the first known motion.
+
+use super::frame::{Known, Mask};
+use crate::volumetric::Approach;
+
+/// Motion that is none: rounding of sums of increments.
+const STILL_MM: f64 = 1e-9;
+
+const SECONDS_A_MINUTE: f64 = 60.0;
+
+/// The approach along one straight move.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Course {
+    /// At its begin: with the directions and speeds of the move itself.
+    pub begin: Approach,
+    /// Travel of each axis from begin to end.
+    pub travel_mm: [f64; 3],
+}
+
+impl Course {
+    /// At a share of the move, 0 to 1.
+    #[inline]
+    pub fn at(&self, share: f64) -> Approach {
+        let travel_mm = std::array::from_fn(|axis| self.begin.travel_mm[axis] + share * self.travel_mm[axis]);
+        Approach { travel_mm, ..self.begin }
+    }
+}
+
+/// Directions and travels as a program goes on.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Past {
+    direction: [f64; 3],
+    travel_mm: [f64; 3],
+}
+
+impl Past {
+    /// A straight move; `speed_mm_min` is 0 where it is not known.
+    pub fn straight(&mut self, from_mm: &Known, to_mm: &Known, speed_mm_min: f64) -> Course {
+        let moved = |axis: usize| from_mm[axis].zip(to_mm[axis]).map_or(0.0, |(from, to)| to - from);
+        let step_mm: [f64; 3] = std::array::from_fn(moved);
+        let length_mm = step_mm.iter().map(|step| step * step).sum::<f64>().sqrt();
+        let mut course = Course::default();
+        for (axis, step) in step_mm.into_iter().enumerate() {
+            if step.abs() > STILL_MM {
+                if self.direction[axis] != step.signum() {
+                    (self.direction[axis], self.travel_mm[axis]) = (step.signum(), 0.0);
+                }
+                course.travel_mm[axis] = step.abs();
+                course.begin.velocity_mm_s[axis] = speed_mm_min / SECONDS_A_MINUTE * step / length_mm;
+            }
+            course.begin.direction[axis] = self.direction[axis];
+            course.begin.travel_mm[axis] = self.travel_mm[axis];
+            self.travel_mm[axis] += course.travel_mm[axis];
+        }
+        course.begin.feed_mm_min = speed_mm_min;
+        course
+    }
+
+    /// These axes have moved in a way that is not known.
+    pub fn forget(&mut self, axes: Mask) {
+        for axis in (0..3).filter(|&axis| axes[axis]) {
+            (self.direction[axis], self.travel_mm[axis]) = (0.0, 0.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_and_back_by_hand() {
+        let mut past = Past::default();
+        let at = |x: f64, y: f64| [Some(x), Some(y), None];
+        let first = past.straight(&at(0.0, 0.0), &at(3.0, 4.0), 600.0);
+        assert_eq!(first.begin.direction, [1.0, 1.0, 0.0]);
+        assert_eq!(first.begin.travel_mm, [0.0; 3]);
+        assert_eq!(first.begin.velocity_mm_s, [6.0, 8.0, 0.0]);
+        assert_eq!(first.at(0.5).travel_mm, [1.5, 2.0, 0.0]);
+        let second = past.straight(&at(3.0, 4.0), &at(1.0, 4.0), 60.0);
+        assert_eq!(second.begin.direction, [-1.0, 1.0, 0.0], "y rests and keeps its direction");
+        assert_eq!(second.begin.travel_mm, [0.0, 4.0, 0.0]);
+        assert_eq!(second.at(1.0).travel_mm, [2.0, 4.0, 0.0]);
+        past.forget([true, false, false]);
+        let third = past.straight(&[None, Some(4.0), None], &at(9.0, 5.0), 0.0);
+        assert_eq!(third.begin.direction, [0.0, 1.0, 0.0]);
+        assert_eq!(third.begin.velocity_mm_s, [0.0; 3]);
+        assert_eq!(third.at(1.0).travel_mm, [0.0, 5.0, 0.0]);
+    }
+}
