@@ -1,0 +1,148 @@
+"""Machines whose errors are cubics, in the gauge of the fit by construction, and what is measured of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+from numpy.polynomial import Legendre, Polynomial
+from virtual_machine import AXES, LENGTH_MM, Camera, Truth, place, rotation
+
+from geoerr.bases import basis_of
+from geoerr.error_functions import LINEAR_AND_ANGULAR
+from geoerr.fit import FitOptions, Fitted, fit_terms
+from geoerr.machine import Machine
+from geoerr.observations import CircularTest, Observations, observations_from_columns
+from geoerr.terms import BasisSpec, Term
+
+Numbers = npt.NDArray[np.float64]
+TRANSLATION, ROTATION = "XYZ", "ABC"
+# A stereo pair's: three times as uncertain in depth, turned against every axis.
+ROOT_MM = np.array([[2e-3, 0.0, 0.0], [0.7e-3, 2.5e-3, 0.0], [-1.5e-3, 2e-3, 6e-3]])
+COVARIANCE_MM2 = ROOT_MM @ ROOT_MM.T
+
+
+def cubic(axis: str, *, degree: int = 3) -> BasisSpec:
+    return BasisSpec("polynomial", axis, degree=degree, low_mm=0.0, high_mm=LENGTH_MM)
+
+
+CUBICS = {name: cubic(name[2].lower()) for name in LINEAR_AND_ANGULAR}
+
+
+def cubic_truth(
+    rng: np.random.Generator, *, angle_rad: float = 100e-6, delta_mm: float = 0.03, s_rad: float = 5e-4, n: int = 9
+) -> Truth:
+    """Positioning and angles are 0 at the first point; Legendre's P2 and P3 have no least-squares slope."""
+    q = np.linspace(0.0, LENGTH_MM, n)
+    v = 2.0 * q / LENGTH_MM - 1.0
+    tables = {}
+    for name in LINEAR_AND_ANGULAR:
+        draw = rng.uniform(-1.0, 1.0, 3)
+        if name[1] in ROTATION:
+            tables[name] = angle_rad * Polynomial([0.0, *draw])((v + 1.0) / 2.0)
+        elif name[1] == name[2]:
+            tables[name] = delta_mm * Polynomial([0.0, *draw])((v + 1.0) / 2.0)
+        else:
+            shape = Legendre([0.0, 0.0, *draw[:2]])
+            tables[name] = delta_mm * (shape(v) - shape(-1.0))
+    s = dict(zip(("xy", "xz", "yz"), rng.uniform(-s_rad, s_rad, 3), strict=True))
+    return Truth(dict.fromkeys(AXES, q), tables, s)
+
+
+def no_errors(n: int = 9) -> Truth:
+    q = np.linspace(0.0, LENGTH_MM, n)
+    return Truth(dict.fromkeys(AXES, q), {name: np.zeros(n) for name in LINEAR_AND_ANGULAR})
+
+
+def seen(
+    machine: Machine,
+    truth: Truth,
+    camera: Camera,
+    rows: Sequence[tuple[str, Sequence[float], Sequence[float]]],
+    rng: np.random.Generator | None = None,
+    *,
+    covariance_mm2: Numbers = COVARIANCE_MM2,
+    **columns: object,
+) -> Observations:
+    """Measure rows of carrier, axis positions and offset with one camera; noise of `covariance_mm2`, stated."""
+    places = [place(machine, truth, carrier, np.array(q), np.array(offset)) for carrier, q, offset in rows]
+    measured = np.array(places) @ camera.turn.T + camera.shift_mm
+    if rng is not None:
+        measured = measured + rng.normal(size=measured.shape) @ np.linalg.cholesky(covariance_mm2).T
+    q, offsets = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+    return points(q, offsets, measured, carrier=[row[0] for row in rows], covariance_mm2=covariance_mm2, **columns)
+
+
+def points(
+    q_mm: Numbers, offset_mm: Numbers, measured_mm: Numbers, *, covariance_mm2: Numbers | None, **columns: object
+) -> Observations:
+    """Make observations; a component that is NaN was not measured."""
+    table: dict[str, object] = {name: q_mm[:, index] for index, name in enumerate("xyz")}
+    table |= {f"t{name}": offset_mm[:, index] for index, name in enumerate("xyz")}
+    table |= {f"m{name}": measured_mm[:, index] for index, name in enumerate("xyz")}
+    if covariance_mm2 is not None:
+        for name, i, j in (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2)):
+            table[f"c{name}"] = np.full(len(q_mm), covariance_mm2[i, j])
+    return observations_from_columns(table | columns)  # type: ignore[arg-type]
+
+
+def measured_again(observations: Observations, noise_mm: Numbers) -> Observations:
+    """Add noise (n, 3) to measured positions."""
+    return replaced(
+        observations, **dict(zip(("mx", "my", "mz"), (observations.measured_mm + noise_mm).T, strict=True))
+    )
+
+
+def replaced(observations: Observations, **columns: object) -> Observations:
+    frame = observations.frame.with_columns(**{name: pl.Series(values) for name, values in columns.items()})
+    return Observations(frame, observations.sources)
+
+
+def fitted(
+    machine: Machine,
+    *tables: Observations | CircularTest,
+    effects: Sequence[Term] = (),
+    **options: object,
+) -> Fitted:
+    """Fit on one thread, with cubics unless other bases are named."""
+    chosen = {"bases": CUBICS, "threads": 1} | options
+    return fit_terms(machine, tables, effects=effects, options=FitOptions(**chosen))  # type: ignore[arg-type]
+
+
+def lost(result: Fitted) -> set[str]:
+    return {item.name for item in result.not_determined}
+
+
+def why(result: Fitted, name: str) -> str:
+    return next(item.why for item in result.not_determined if item.name == name)
+
+
+def term_of(result: Fitted, term_id: str) -> Term:
+    return next(term for term in result.terms if term.id == term_id)
+
+
+def value_of(result: Fitted, term_id: str, number: int = 0) -> tuple[float, float]:
+    """Give a coefficient's value and standard error."""
+    parameter = term_of(result, term_id).coefficients[number]
+    return parameter.value, parameter.std
+
+
+def curve_of(result: Fitted, name: str, q_mm: Numbers) -> tuple[Numbers, Numbers]:
+    """Give an error function's values and standard errors at positions."""
+    first = 0
+    for term in result.terms:
+        if term.id == name:
+            break
+        first += len(term.coefficients)
+    spec = term.parts[0].basis
+    assert spec is not None
+    rows = basis_of(spec).evaluate(q_mm)
+    own = slice(first, first + len(term.coefficients))
+    variance = np.einsum("ni,ij,nj->n", rows, result.covariance[own, own], rows)
+    return rows @ [c.value for c in term.coefficients], np.sqrt(np.maximum(variance, 0.0))
+
+
+def camera_near_base(rng: np.random.Generator) -> Camera:
+    return Camera(rotation(rng.uniform(-0.02, 0.02, 3)), rng.uniform(-500.0, 500.0, 3))
