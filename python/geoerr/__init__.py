@@ -4,9 +4,10 @@ The names below are the public face; each is loaded when it is first used, so th
 OpenCV and measuring no plots.
 
 >>> import geoerr
->>> model = geoerr.load_model("errors.json")                        # doctest: +SKIP
->>> model.error_mm([[200.0, 150.0, 80.0]])                          # doctest: +SKIP
->>> geoerr.compensate_program(model, "part.gcode", "out.gcode")     # doctest: +SKIP
+>>> machine = geoerr.read_machine("machine.toml")                   # doctest: +SKIP
+>>> result = geoerr.fit_model(machine, geoerr.read_observations("observations.csv"))  # doctest: +SKIP
+>>> result.model.error_mm([[200.0, 150.0, 80.0]])                   # doctest: +SKIP
+>>> print(result.model.report())                                    # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -18,13 +19,24 @@ from geoerr._core import __version__
 
 if TYPE_CHECKING:
     from geoerr.compensate.program import CompensationOptions, compensate_program
+    from geoerr.dobariya import dobariya_vmc
+    from geoerr.effects import catalogue, load_effects
+    from geoerr.equations import error_equations
     from geoerr.error_functions import ErrorFunctions, read_errors, write_errors
     from geoerr.errors import GeoerrError
+    from geoerr.fit import FitOptions, FitResult, fit_model
     from geoerr.geometry import fit_line, fit_lines, integrate_straightness, triangulate
+    from geoerr.identify.joint import identify_joint
     from geoerr.identify.nine_line import analyze_nine_lines, identify_nine_line
     from geoerr.machine import Machine, read_machine
-    from geoerr.model import Model, load_model
-    from geoerr.observations import Observations, read_observations, write_observations
+    from geoerr.model import Model, load_model, write_model
+    from geoerr.observations import (
+        CircularTest,
+        Observations,
+        read_circular_test,
+        read_observations,
+        write_observations,
+    )
     from geoerr.verify.ballbar import run_circular_test
     from geoerr.verify.path import compare_paths
     from geoerr.vision.calibrate import calibrate, calibrate_from_corners
@@ -34,8 +46,11 @@ if TYPE_CHECKING:
     from geoerr.vision.session import read_session
 
 _HOMES = {
+    "CircularTest": "geoerr.observations",
     "CompensationOptions": "geoerr.compensate.program",
     "ErrorFunctions": "geoerr.error_functions",
+    "FitOptions": "geoerr.fit",
+    "FitResult": "geoerr.fit",
     "GeoerrError": "geoerr.errors",
     "Machine": "geoerr.machine",
     "Model": "geoerr.model",
@@ -44,14 +59,21 @@ _HOMES = {
     "analyze_nine_lines": "geoerr.identify.nine_line",
     "calibrate": "geoerr.vision.calibrate",
     "calibrate_from_corners": "geoerr.vision.calibrate",
+    "catalogue": "geoerr.effects",
     "compare_paths": "geoerr.verify.path",
     "compensate_program": "geoerr.compensate.program",
+    "dobariya_vmc": "geoerr.dobariya",
+    "error_equations": "geoerr.equations",
     "fit_line": "geoerr.geometry",
     "fit_lines": "geoerr.geometry",
+    "fit_model": "geoerr.fit",
+    "identify_joint": "geoerr.identify.joint",
     "identify_nine_line": "geoerr.identify.nine_line",
     "integrate_straightness": "geoerr.geometry",
+    "load_effects": "geoerr.effects",
     "load_model": "geoerr.model",
     "measure": "geoerr.vision.measure",
+    "read_circular_test": "geoerr.observations",
     "read_errors": "geoerr.error_functions",
     "read_machine": "geoerr.machine",
     "read_observations": "geoerr.observations",
@@ -61,13 +83,17 @@ _HOMES = {
     "run_circular_test": "geoerr.verify.ballbar",
     "triangulate": "geoerr.geometry",
     "write_errors": "geoerr.error_functions",
+    "write_model": "geoerr.model",
     "write_observations": "geoerr.observations",
     "write_rig": "geoerr.vision.rig",
 }
 
 __all__ = [
+    "CircularTest",
     "CompensationOptions",
     "ErrorFunctions",
+    "FitOptions",
+    "FitResult",
     "GeoerrError",
     "Machine",
     "Model",
@@ -77,14 +103,21 @@ __all__ = [
     "analyze_nine_lines",
     "calibrate",
     "calibrate_from_corners",
+    "catalogue",
     "compare_paths",
     "compensate_program",
+    "dobariya_vmc",
+    "error_equations",
     "fit_line",
     "fit_lines",
+    "fit_model",
+    "identify_joint",
     "identify_nine_line",
     "integrate_straightness",
+    "load_effects",
     "load_model",
     "measure",
+    "read_circular_test",
     "read_errors",
     "read_machine",
     "read_observations",
@@ -94,6 +127,7 @@ __all__ = [
     "run_circular_test",
     "triangulate",
     "write_errors",
+    "write_model",
     "write_observations",
     "write_rig",
 ]

@@ -19,7 +19,7 @@ from scipy import stats
 
 from geoerr.bases import basis_of
 from geoerr.error_functions import ErrorFunctions, NotDetermined
-from geoerr.fit import FitOptions, FitResult, fit
+from geoerr.fit import FitOptions, FitResult, fit_model
 from geoerr.fit.classic import TANGENT, positions_by_axis
 from geoerr.fit.sightings import SAME_POSITION_MM
 from geoerr.identify.linear import Numbers
@@ -105,7 +105,7 @@ def identify_joint(
     """
     tables = [observations] if isinstance(observations, Observations) else list(observations)
     fits = {
-        method: fit(
+        method: fit_model(
             machine,
             *tables,
             options=FitOptions(follows_tangent=method == "integrated", threads=threads),
