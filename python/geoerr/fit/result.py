@@ -92,7 +92,7 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
     }
     record = FitRecord(
         covariance=fitted.covariance,
-        null_space=_orthonormal(fitted.null_space),
+        null_space=_unit_columns(fitted.null_space),
         not_determined=fitted.not_determined,
         data_digest=digest_of(sightings),
         n_rows=int(fitted.solved.used.sum()),
@@ -101,9 +101,6 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         covariate_spans=spans,
         noise=_numbers(
             {
-                "floor_um": fitted.repeats.floor_um,
-                "within_pass_floor_um": fitted.repeats.within_pass_floor_um,
-                "noise_um": fitted.split.noise_um,
                 "scale": fitted.scale,
             }
         ),
@@ -145,11 +142,11 @@ def digest_of(sightings: Sightings) -> str:
     return sums.hexdigest()
 
 
-def _orthonormal(directions: Numbers) -> Numbers:
-    if not directions.size:
-        return np.zeros((len(directions), 0))
-    left, singular, _ = np.linalg.svd(directions, full_matrices=False)
-    return np.ascontiguousarray(left[:, singular > _NOTHING * max(float(singular[0]), 1e-300)])
+def _unit_columns(directions: Numbers) -> Numbers:
+    """Scale the core's directions, each with few entries, to length 1; turning them would mix rounding into all."""
+    size = np.sqrt((directions**2).sum(axis=0))
+    kept = size > _NOTHING
+    return np.ascontiguousarray(directions[:, kept] / size[kept])
 
 
 def _is_plain(value: object) -> bool:
