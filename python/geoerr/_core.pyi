@@ -45,6 +45,72 @@ class MachineModel:
         self, target_mm: npt.NDArray[np.float64], tolerance_mm: float, threads: int
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
 
+@final
+class TermMachine:
+    """A machine of terms with parameters and conditions put in; methods as those of `MachineModel`.
+
+    `motion` is (n, 10) or (1, 10): direction, travel (mm) and velocity (mm/s) of x y z, then the feed (mm/min); None is
+    at rest, with directions unknown (0).
+    """
+
+    def __new__(
+        cls,
+        model: VolumetricModel,
+        coefficients: npt.NDArray[np.float64],
+        inner: npt.NDArray[np.float64],
+        variables: Sequence[str],
+        conditions: dict[str, float],
+    ) -> TermMachine: ...
+    @property
+    def is_nominal(self) -> bool: ...
+    @property
+    def motion_names(self) -> list[str]: ...
+    @property
+    def rig_terms(self) -> list[int]: ...
+    def knots_mm(self, axis: int) -> npt.NDArray[np.float64]: ...
+    def tool_from_work(
+        self,
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        threads: int,
+        motion: npt.NDArray[np.float64] | None = None,
+    ) -> npt.NDArray[np.float64]: ...
+    def error_mm(
+        self,
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        threads: int,
+        motion: npt.NDArray[np.float64] | None = None,
+    ) -> npt.NDArray[np.float64]: ...
+    def tool_from_base(
+        self,
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        threads: int,
+        motion: npt.NDArray[np.float64] | None = None,
+    ) -> npt.NDArray[np.float64]: ...
+    def work_from_base(
+        self,
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        threads: int,
+        motion: npt.NDArray[np.float64] | None = None,
+    ) -> npt.NDArray[np.float64]: ...
+    def jacobian(
+        self,
+        q_mm: npt.NDArray[np.float64],
+        offset_mm: npt.NDArray[np.float64],
+        threads: int,
+        motion: npt.NDArray[np.float64] | None = None,
+    ) -> npt.NDArray[np.float64]: ...
+    def commands_for(
+        self,
+        target_mm: npt.NDArray[np.float64],
+        tolerance_mm: float,
+        threads: int,
+        motion: npt.NDArray[np.float64] | None = None,
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
+
 def channel_columns(
     chain: str,
     carriers: npt.NDArray[np.uint8],
@@ -236,7 +302,7 @@ class GcodeRewriter:
 
     def __new__(
         cls,
-        model: MachineModel,
+        model: MachineModel | TermMachine,
         *,
         work_offset_mm: tuple[float, float, float],
         tolerance_mm: float,

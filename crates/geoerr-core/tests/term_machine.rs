@@ -206,9 +206,9 @@ fn the_jacobian_is_the_derivative_with_cross_terms() {
                 };
                 // Third derivatives of a wave of 37 mm and 20 µm: 1e-4 per mm²; 1e-3² / 6 of it, and rounding 1e-16 / 1e-3.
                 let (plus, minus) = (at(1e-3), at(-1e-3));
-                for c in 0..3 {
+                for (c, row) in jacobian.iter().enumerate() {
                     let difference = (plus[c] - minus[c]) / 2e-3 + f64::from(u8::from(c == by));
-                    let off = (difference - jacobian[c][by]).abs();
+                    let off = (difference - row[by]).abs();
                     assert!(off < 2e-10, "{chain} d{c}/d{by}: {off}");
                 }
             }

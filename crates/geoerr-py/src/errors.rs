@@ -10,7 +10,7 @@ use geoerr_core::line::LineError;
 use geoerr_core::newton::NewtonError;
 use geoerr_core::straightness::StraightnessError;
 use geoerr_core::triangulate::TriangulateError;
-use geoerr_core::volumetric::VolumetricError;
+use geoerr_core::volumetric::{MachineError, MachineInverseError, VolumetricError};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
@@ -179,6 +179,29 @@ impl From<VolumetricError> for CoreError {
             E::Expression(error) => error.into(),
             E::Kinematics(error) => error.into(),
             E::LeastSquares(error) => error.into(),
+        }
+    }
+}
+
+impl From<MachineError> for CoreError {
+    fn from(error: MachineError) -> Self {
+        use MachineError as E;
+        let message = error.to_string();
+        match error {
+            E::MissingConditions { .. } | E::NoValue { .. } => Self(GeoerrError::new_err(message)),
+            E::VariableCount { .. } => Self(ShapeError::new_err(message)),
+            E::Kinematics(error) => error.into(),
+            E::Basis(error) => error.into(),
+            E::Volumetric(error) => error.into(),
+        }
+    }
+}
+
+impl From<MachineInverseError> for CoreError {
+    fn from(error: MachineInverseError) -> Self {
+        match error {
+            MachineInverseError::Rows(error) => error.into(),
+            MachineInverseError::Newton(error) => error.into(),
         }
     }
 }

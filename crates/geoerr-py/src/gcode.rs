@@ -2,8 +2,9 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use geoerr_core::gcode::{Firmware, GcodeError, OnUnsupported, Options, Rewriter};
+use geoerr_core::gcode::{Firmware, GcodeError, OnUnsupported, Options, PathMap, Rewriter, TermPath};
 use geoerr_core::kinematics::MachineModel;
+use geoerr_core::volumetric::{Approach, MotionNeeds};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -11,17 +12,74 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::kinematics::PyMachineModel;
+use crate::term_machine::PyTermMachine;
+
+/// A machine on its way in: of tables, or of terms.
+#[derive(FromPyObject)]
+enum AnyMachine<'py> {
+    Tables(PyRef<'py, PyMachineModel>),
+    Terms(PyRef<'py, PyTermMachine>),
+}
+
+/// What a rewriter corrects for.
+#[derive(Debug)]
+enum Map {
+    Tables(Box<MachineModel>),
+    Terms(TermPath),
+}
+
+impl PathMap for Map {
+    fn command_for(
+        &self,
+        ideal_mm: &[f64; 3],
+        approach: &Approach,
+        tolerance_mm: f64,
+    ) -> Result<[f64; 3], f64> {
+        match self {
+            Self::Tables(machine) => PathMap::command_for(machine.as_ref(), ideal_mm, approach, tolerance_mm),
+            Self::Terms(machine) => machine.command_for(ideal_mm, approach, tolerance_mm),
+        }
+    }
+
+    fn actual(&self, command_mm: &[f64; 3], approach: &Approach) -> [f64; 3] {
+        match self {
+            Self::Tables(machine) => machine.actual(command_mm, approach),
+            Self::Terms(machine) => machine.actual(command_mm, approach),
+        }
+    }
+
+    fn knots(&self, axis: usize) -> &[f64] {
+        match self {
+            Self::Tables(machine) => PathMap::knots(machine.as_ref(), axis),
+            Self::Terms(machine) => machine.knots(axis),
+        }
+    }
+
+    fn is_nominal(&self) -> bool {
+        match self {
+            Self::Tables(machine) => machine.is_nominal(),
+            Self::Terms(machine) => machine.is_nominal(),
+        }
+    }
+
+    fn needs(&self) -> MotionNeeds {
+        match self {
+            Self::Tables(machine) => machine.needs(),
+            Self::Terms(machine) => machine.needs(),
+        }
+    }
+}
 
 /// A program on its way through the core.
 #[pyclass(frozen, name = "GcodeRewriter", module = "geoerr._core")]
 pub struct PyGcodeRewriter {
     /// Boxed: Python gives its objects 16-byte boundaries, and the rewriter holds vector registers that need 32.
-    rewriter: Box<Mutex<Rewriter<MachineModel>>>,
+    rewriter: Box<Mutex<Rewriter<Map>>>,
 }
 
 impl PyGcodeRewriter {
     /// Waiting here, with the interpreter held, for a thread that waits for the interpreter would never end.
-    fn lock(&self) -> PyResult<MutexGuard<'_, Rewriter<MachineModel>>> {
+    fn lock(&self) -> PyResult<MutexGuard<'_, Rewriter<Map>>> {
         self.rewriter.try_lock().map_err(|_| PyRuntimeError::new_err("another thread uses this stream"))
     }
 }
@@ -38,7 +96,8 @@ impl PyGcodeRewriter {
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords on the Python side")]
     fn new(
-        model: &PyMachineModel,
+        py: Python<'_>,
+        model: AnyMachine<'_>,
         work_offset_mm: [f64; 3],
         tolerance_mm: f64,
         digits: u8,
@@ -72,7 +131,14 @@ impl PyGcodeRewriter {
             measured_mm,
             model_name,
         };
-        let rewriter = Rewriter::new(model.core().clone(), options).map_err(CoreError::from)?;
+        let map = match model {
+            AnyMachine::Tables(model) => Map::Tables(Box::new(model.core().clone())),
+            AnyMachine::Terms(model) => {
+                let machine = model.core().clone();
+                Map::Terms(py.detach(|| TermPath::new(machine, &range_mm)))
+            }
+        };
+        let rewriter = Rewriter::new(map, options).map_err(CoreError::from)?;
         Ok(Self { rewriter: Box::new(Mutex::new(rewriter)) })
     }
 

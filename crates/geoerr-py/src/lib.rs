@@ -15,6 +15,7 @@ mod kinematics;
 mod least_squares;
 mod line;
 mod straightness;
+mod term_machine;
 mod triangulate;
 mod volumetric;
 
@@ -32,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     least_squares::register(module)?;
     line::register(module)?;
     straightness::register(module)?;
+    term_machine::register(module)?;
     triangulate::register(module)?;
     volumetric::register(module)?;
     Ok(())
