@@ -30,6 +30,9 @@ struct RowDesign<'a> {
     n_rhs: usize,
 }
 
+/// Rows that are turned into columns together: a cache line of each column.
+const TILE: usize = 8;
+
 impl Design for RowDesign<'_> {
     type Error = LeastSquaresError;
 
@@ -49,9 +52,13 @@ impl Design for RowDesign<'_> {
         let height = rows.len();
         let (a, b) = block.as_mut_slice().split_at_mut(height * self.n_columns);
         for (source, width, target) in [(self.a, self.n_columns, a), (self.b, self.n_rhs, b)] {
-            for (at, row) in rows.clone().enumerate() {
-                for (column, value) in source[row * width..][..width].iter().enumerate() {
-                    target[column * height + at] = *value;
+            let rows = &source[rows.start * width..rows.end * width];
+            for (tile, rows) in rows.chunks(TILE * width.max(1)).enumerate() {
+                for column in 0..width {
+                    let target = &mut target[column * height + tile * TILE..];
+                    for (target, row) in target.iter_mut().zip(rows.chunks_exact(width)) {
+                        *target = row[column];
+                    }
                 }
             }
         }

@@ -1,6 +1,7 @@
 //! A tall system `[A | b]` that nobody holds as a whole: its rows come block by block.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::join;
 
@@ -177,13 +178,39 @@ impl Design for StoredDesign<'_> {
     }
 }
 
-/// One block of a design, every entry of it finite.
-pub(super) fn filled<D: Design + ?Sized>(design: &D, rows: Range<usize>) -> Result<Matrix, D::Error> {
-    let mut block = Matrix::zeros(rows.len(), design.n_columns() + design.n_rhs());
-    design.fill(rows.clone(), &mut block)?;
+/// Memory of blocks that are done, for the next ones: a fresh block costs as much as a pass over it in page faults.
+#[derive(Default)]
+pub(super) struct Spares(Mutex<Vec<Vec<f64>>>);
+
+impl Spares {
+    /// Fills a block of a design and hands it to `work`.
+    pub fn with_block<D: Design + ?Sized, T>(
+        &self,
+        design: &D,
+        rows: Range<usize>,
+        work: impl FnOnce(&mut Matrix) -> Result<T, D::Error>,
+    ) -> Result<T, D::Error> {
+        let width = design.n_columns() + design.n_rhs();
+        let mut values = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        if values.capacity() < rows.len() * width {
+            values = vec![0.0; rows.len() * width];
+        } else {
+            values.clear();
+            values.resize(rows.len() * width, 0.0);
+        }
+        let mut block = Matrix::of_values(rows.len(), width, values);
+        design.fill(rows, &mut block)?;
+        let result = work(&mut block);
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(block.into_values());
+        result
+    }
+}
+
+/// Refuses a block with an entry that is not finite, by its row in the whole system.
+pub(super) fn check_finite(block: &Matrix, first_row: usize) -> Result<(), LeastSquaresError> {
     match block.first_non_finite() {
-        Some((row, column)) => Err(LeastSquaresError::NonFinite { row: rows.start + row, column }.into()),
-        None => Ok(block),
+        Some((row, column)) => Err(LeastSquaresError::NonFinite { row: first_row + row, column }),
+        None => Ok(()),
     }
 }
 

@@ -76,6 +76,13 @@ pub fn leading_product(block: &Matrix, right: &Matrix) -> Matrix {
 
 /// `matrixᵀ · matrix`, both triangles.
 pub fn gram(matrix: &Matrix) -> Matrix {
+    let mut result = lower_gram(matrix);
+    mirror_lower(&mut result);
+    result
+}
+
+/// `matrixᵀ · matrix`, the lower triangle; zeros above it.
+pub fn lower_gram(matrix: &Matrix) -> Matrix {
     let n = matrix.n_columns();
     let mut result = Matrix::zeros(n, n);
     triangular::matmul(
@@ -89,11 +96,11 @@ pub fn gram(matrix: &Matrix) -> Matrix {
         1.0,
         Par::Seq,
     );
-    mirror_lower(&mut result);
     result
 }
 
-fn mirror_lower(matrix: &mut Matrix) {
+/// Copies the lower triangle to the upper one.
+pub fn mirror_lower(matrix: &mut Matrix) {
     for column in 1..matrix.n_columns() {
         for row in 0..column {
             matrix[(row, column)] = matrix[(column, row)];
@@ -115,13 +122,13 @@ fn householder(matrix: MatMut<'_, f64>) -> (usize, Mat<f64>) {
 
 /// The upper triangle that Householder reflections leave of `matrix`, `n_columns × n_columns` whatever its height.
 ///
-/// A column whose part across the earlier ones is below 16·n_rows·ε of it counts as their combination (faer); the part is
+/// The matrix is used up. A column whose part across the earlier ones is below 16·n_rows·ε of it counts as their combination (faer); the part is
 /// dropped, a change of the matrix within what Householder reflections may round.
-pub fn triangle(mut matrix: Matrix) -> Matrix {
+pub fn triangle(matrix: &mut Matrix) -> Matrix {
     let (n_rows, n) = (matrix.n_rows(), matrix.n_columns());
     let mut result = Matrix::zeros(n, n);
     if n_rows > 0 && n > 0 {
-        householder(view_mut(&mut matrix));
+        householder(view_mut(matrix));
     }
     for column in 0..n {
         let height = n_rows.min(column + 1);

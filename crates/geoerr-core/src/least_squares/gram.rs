@@ -11,7 +11,7 @@
 //! # Verified
 //! `tests/least_squares/`: x against QR, and both against double-double arithmetic, at conditions 1 to 10¹²; standard errors.
 
-use super::blocks::{Design, filled, tree};
+use super::blocks::{Design, Spares, check_finite, tree};
 use super::dense;
 use super::error::LeastSquaresError;
 use super::matrix::{Matrix, norm};
@@ -79,20 +79,24 @@ pub fn fit<D: Design + ?Sized>(design: &D, options: &Options, method: Method) ->
     Ok(Fit { solution, is_from_normal_equations: false })
 }
 
-/// `[A | b]ᵀ [A | b]`, block by block, summed in a fixed tree.
+/// `[A | b]ᵀ [A | b]`, block by block, summed in a fixed tree; not finite where an entry is not.
 fn gram_of<D: Design + ?Sized>(design: &D) -> Result<Matrix, D::Error> {
     let n = design.n_columns() + design.n_rhs();
     let blocks = design.blocks();
+    let spares = Spares::default();
     let make = |block: usize| {
-        let block = filled(design, blocks.rows(block))?;
-        let in_use = columns_in_use(&block);
-        Ok::<_, D::Error>(if in_use.len() == n {
-            dense::gram(&block)
-        } else {
-            scattered(&dense::gram(&block.with_columns(in_use.iter().copied())), &in_use, n)
+        spares.with_block(design, blocks.rows(block), |block| {
+            let in_use = columns_in_use(block);
+            Ok(if in_use.len() == n {
+                dense::lower_gram(block)
+            } else {
+                scattered(&dense::lower_gram(&block.with_columns(in_use.iter().copied())), &in_use, n)
+            })
         })
     };
-    Ok(tree(0..blocks.len(), &make, &sum)?.unwrap_or_else(|| Matrix::zeros(n, n)))
+    let mut whole = tree(0..blocks.len(), &make, &sum)?.unwrap_or_else(|| Matrix::zeros(n, n));
+    dense::mirror_lower(&mut whole);
+    Ok(whole)
 }
 
 fn sum(mut left: Matrix, right: Matrix) -> Matrix {
@@ -184,14 +188,20 @@ pub fn residual_products<D: Design + ?Sized>(design: &D, x: &Matrix) -> Result<M
         return Err(LeastSquaresError::ColumnsDiffer { expected: k, found: x.n_columns() }.into());
     }
     let blocks = design.blocks();
+    let spares = Spares::default();
     let make = |block: usize| {
-        let block = filled(design, blocks.rows(block))?;
-        let residual = dense::residuals(&block, x);
-        let gradient = dense::leading_transposed_product(&block, n, &residual);
-        Ok::<_, D::Error>(Matrix::from_fn(n + 1, k, |row, rhs| match row {
-            row if row < n => gradient[(row, rhs)],
-            _ => residual.column(rhs).iter().map(|r| r * r).sum(),
-        }))
+        let rows = blocks.rows(block);
+        spares.with_block(design, rows.clone(), |block| {
+            let residual = dense::residuals(block, x);
+            let gradient = dense::leading_transposed_product(block, n, &residual);
+            if gradient.first_non_finite().is_some() {
+                check_finite(block, rows.start)?;
+            }
+            Ok(Matrix::from_fn(n + 1, k, |row, rhs| match row {
+                row if row < n => gradient[(row, rhs)],
+                _ => residual.column(rhs).iter().map(|r| r * r).sum(),
+            }))
+        })
     };
     Ok(tree(0..blocks.len(), &make, &sum)?.unwrap_or_else(|| Matrix::zeros(n + 1, k)))
 }

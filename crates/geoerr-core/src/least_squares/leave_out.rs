@@ -23,7 +23,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::blocks::{Blocks, Design, filled};
+use super::blocks::{Blocks, Design, Spares, check_finite};
 use super::dense;
 use super::error::LeastSquaresError;
 use super::matrix::Matrix;
@@ -126,24 +126,28 @@ fn left_out<D: Design + ?Sized>(
     }
     let limit = 1.0 - NOT_DETERMINED.max(ERRORS_OF_ROOT * solution.root_error);
     let groups = grouped(blocks);
+    let spares = Spares::default();
+    let x = x.map(|x| Matrix::from_column(x.to_vec()));
     let of_group = |group: &Range<usize>| -> Result<LeftOut, D::Error> {
         let rows = blocks.rows(group.start).start..blocks.rows(group.end - 1).end;
-        let block = filled(design, rows.clone())?;
-        let w = dense::leading_product(&block, &solution.root);
-        let b = block.column(n_columns + rhs);
-        let residual: Vec<f64> = match x {
-            None => b.to_vec(),
-            Some(x) => {
-                let fitted = dense::leading_product(&block, &Matrix::from_column(x.to_vec()));
-                b.iter().zip(fitted.as_slice()).map(|(b, fitted)| b - fitted).collect()
+        spares.with_block(design, rows.clone(), |made| {
+            check_finite(made, rows.start)?;
+            let w = dense::leading_product(made, &solution.root);
+            let b = made.column(n_columns + rhs);
+            let residual: Vec<f64> = match &x {
+                None => b.to_vec(),
+                Some(x) => {
+                    let fitted = dense::leading_product(made, x);
+                    b.iter().zip(fitted.as_slice()).map(|(b, fitted)| b - fitted).collect()
+                }
+            };
+            let mut result = LeftOut::default();
+            for block in group.clone() {
+                let at = blocks.rows(block).start - rows.start..blocks.rows(block).end - rows.start;
+                result.append(of_block(&w, &residual[at.clone()], at, limit, own[block])?);
             }
-        };
-        let mut result = LeftOut::default();
-        for block in group.clone() {
-            let at = blocks.rows(block).start - rows.start..blocks.rows(block).end - rows.start;
-            result.append(of_block(&w, &residual[at.clone()], at, limit, own[block])?);
-        }
-        Ok(result)
+            Ok(result)
+        })
     };
     let parts: Vec<Result<LeftOut, D::Error>> = groups.par_iter().map(of_group).collect();
     let mut result = LeftOut::default();
@@ -179,7 +183,7 @@ fn of_block(
     let leverage: Vec<f64> = (0..height).map(|row| part.column(row).iter().map(|w| w * w).sum()).collect();
     let right = Matrix::from_column(residual.to_vec());
     // (I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ: the smaller of the two is decomposed. Columns of `spread` are the directions
-    // of H in the block, of length λ; residuals have no part in those of length 1.
+    // of H in the block, of squared length λ; residuals have no part in those of length 1.
     let (values, spread) = if height <= rank {
         let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part))?;
         let root = |j: usize| values[j].max(0.0).sqrt();

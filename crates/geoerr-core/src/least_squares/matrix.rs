@@ -41,6 +41,11 @@ impl Matrix {
         (n_rows.checked_mul(n_columns) == Some(values.len())).then_some(Self { n_rows, n_columns, values })
     }
 
+    /// Columns laid one after another, as many values as that takes.
+    pub(super) fn of_values(n_rows: usize, n_columns: usize, values: Vec<f64>) -> Self {
+        Self { n_rows, n_columns, values }
+    }
+
     /// One column.
     #[must_use]
     pub fn from_column(values: Vec<f64>) -> Self {

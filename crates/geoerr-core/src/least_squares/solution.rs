@@ -153,11 +153,11 @@ impl Reduced {
     fn restrict(&mut self, basis: Matrix) {
         let (n, m, k) = (basis.n_rows(), basis.n_columns(), self.qtb.n_columns());
         let restricted = dense::product(&self.triangle, &basis);
-        let both = Matrix::from_fn(n, m + k, |row, column| match column.checked_sub(m) {
+        let mut both = Matrix::from_fn(n, m + k, |row, column| match column.checked_sub(m) {
             None => restricted[(row, column)],
             Some(rhs) => self.qtb[(row, rhs)],
         });
-        let whole = dense::triangle(both);
+        let whole = dense::triangle(&mut both);
         self.triangle = Matrix::from_fn(m, m, |row, column| whole[(row, column)]);
         self.qtb = Matrix::from_fn(m, k, |row, rhs| whole[(row, m + rhs)]);
         for (rhs, sum) in self.residual_ss.iter_mut().enumerate() {
@@ -423,8 +423,8 @@ impl Solution {
                 return Ok(None);
             }
         }
-        let along = dense::transposed_product(&self.root, functionals);
-        let spread = dense::triangle(along);
+        let mut along = dense::transposed_product(&self.root, functionals);
+        let spread = dense::triangle(&mut along);
         let q = functionals.n_columns();
         let sizes = (0..q).map(|column| norm(spread.column(column)));
         let is_dependent =

@@ -1,6 +1,6 @@
 //! What a tall system leaves behind when its rows have passed: a triangle.
 
-use super::blocks::{Design, StoredDesign, filled, tree};
+use super::blocks::{Design, Spares, StoredDesign, check_finite, tree};
 use super::dense;
 use super::error::LeastSquaresError;
 use super::matrix::{Matrix, norm};
@@ -42,7 +42,14 @@ impl Triangle {
             return Err(LeastSquaresError::NoColumns.into());
         }
         let blocks = design.blocks();
-        let make = |block: usize| Ok::<_, D::Error>(of_block(filled(design, blocks.rows(block))?));
+        let spares = Spares::default();
+        let make = |block: usize| {
+            let rows = blocks.rows(block);
+            spares.with_block(design, rows.clone(), |block| {
+                check_finite(block, rows.start)?;
+                Ok(of_block(block))
+            })
+        };
         let whole = tree(0..blocks.len(), &make, &dense::merged_triangle)?;
         let Some(whole) = whole else { return Ok(Self::empty(n_columns, n_rhs)) };
         if let Some((_, column)) = whole.first_non_finite() {
@@ -124,14 +131,14 @@ impl Triangle {
     }
 }
 
-/// The triangle of one block; columns of zeros are left out of the work.
-fn of_block(block: Matrix) -> Matrix {
+/// The triangle of one block, which is used up; columns of zeros are left out of the work.
+fn of_block(block: &mut Matrix) -> Matrix {
     let n = block.n_columns();
-    let in_use = columns_in_use(&block);
+    let in_use = columns_in_use(block);
     if in_use.len() == n {
         return dense::triangle(block);
     }
-    let small = dense::triangle(block.with_columns(in_use.iter().copied()));
+    let small = dense::triangle(&mut block.with_columns(in_use.iter().copied()));
     scattered(&small, &in_use, n)
 }
 
