@@ -255,11 +255,6 @@ def test_where_a_bed_with_one_target_leaves_the_prediction_open() -> None:
     assert model.is_determined_at(q).tolist() == [True, True, False, False]
 
 
-@pytest.mark.xfail(
-    reason="Model.is_determined_at holds derivatives at the fitted errors against a null space at none: it is off by "
-    "angles, a ten-thousandth, and allows a millionth",
-    strict=True,
-)
 def test_where_one_tool_point_leaves_the_prediction_open() -> None:
     """Nowhere for that point; everywhere but at the first position for another."""
     machine = machine_of(CHAIN, (30.0, -20.0, -80.0))
