@@ -25,7 +25,7 @@ enum AnyMachine<'py> {
 #[derive(Debug)]
 enum Map {
     Tables(Box<MachineModel>),
-    Terms(TermPath),
+    Terms(Box<TermPath>),
 }
 
 impl PathMap for Map {
@@ -135,7 +135,7 @@ impl PyGcodeRewriter {
             AnyMachine::Tables(model) => Map::Tables(Box::new(model.core().clone())),
             AnyMachine::Terms(model) => {
                 let machine = model.core().clone();
-                Map::Terms(py.detach(|| TermPath::new(machine, &range_mm)))
+                Map::Terms(Box::new(py.detach(|| TermPath::new(machine, &range_mm))))
             }
         };
         let rewriter = Rewriter::new(map, options).map_err(CoreError::from)?;
@@ -172,6 +172,7 @@ impl PyGcodeRewriter {
         dict.set_item("lines_not_followed", summary.lines_not_followed)?;
         dict.set_item("largest_correction_mm", summary.largest_correction_mm)?;
         dict.set_item("largest_correction_line", summary.largest_correction_line)?;
+        dict.set_item("box_mm", summary.box_mm)?;
         dict.set_item("extrusion_in", summary.extrusion_in)?;
         dict.set_item("extrusion_out", summary.extrusion_out)?;
         Ok(dict)

@@ -20,6 +20,8 @@ Conditions: TypeAlias = Mapping[str, npt.ArrayLike | str]
 
 # What a row's own position and offset give.
 OF_POSITION = (*AXES, *(f"t{axis}" for axis in AXES), *PLACE_NAMES)
+# What a move of a program tells, in the order of the core's `motion`.
+OF_MOTION = (*(f"{name}_{axis}" for name in ("d", "s", "v") for axis in AXES), "feed")
 _MEANING = {
     "d": "the direction of approach, 1 or -1",
     "s": "the travel since the last reversal, mm",
@@ -72,7 +74,7 @@ def variables_of(
             given.setdefault(f"mean_v_{axis}", given[f"v_{axis}"])
     missing = [name for name in names if name not in OF_POSITION and name not in given]
     if missing:
-        raise GeoerrError(_refusal(missing, machine))
+        raise GeoerrError(refusal(missing, machine))
     n_rows = len(q_mm)
     place_mm = offset_mm if carrier == "work" else q_mm + offset_mm
     positions = dict(zip(OF_POSITION, (*q_mm.T, *offset_mm.T, *place_mm.T[:2]), strict=True))
@@ -93,6 +95,35 @@ def constants_of(machine: Machine, at: Conditions | None) -> dict[str, float]:
     return {name: float(_row(name, value, machine, 1)[0]) for name, value in ({} if at is None else at).items()}
 
 
+def bound_conditions(
+    names: Sequence[str], machine: Machine, at: Conditions | None, n_rows: int
+) -> tuple[dict[str, float], Numbers | None]:
+    """Give conditions as the core's `TermMachine` takes them: numbers for all rows, and each row's motion (n, 10).
+
+    Raises
+    ------
+    GeoerrError
+        naming every condition of `names` that is needed and not given.
+    ShapeError
+        for a condition that is neither a number nor, for direction, travel, speed or feed, one number a row.
+    """
+    given = {} if at is None else dict(at)
+    moving = {name: given.pop(name) for name in OF_MOTION if np.ndim(given.get(name, 0.0)) == 1}
+    constants = constants_of(machine, given)
+    for axis in AXES:
+        if f"v_{axis}" in constants:
+            constants.setdefault(f"mean_v_{axis}", constants[f"v_{axis}"])
+    missing = [name for name in names if name not in constants and name not in moving]
+    if missing:
+        raise GeoerrError(refusal(missing, machine))
+    if not moving:
+        return constants, None
+    columns = [
+        _row(name, moving[name], machine, n_rows) if name in moving else np.zeros(n_rows) for name in OF_MOTION
+    ]
+    return constants, np.ascontiguousarray(np.column_stack(columns))
+
+
 def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -> Numbers:
     if isinstance(value, str):
         if value != REFERENCE or not is_temperature(name):
@@ -107,7 +138,8 @@ def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -
     return np.broadcast_to(numbers, (n_rows,))
 
 
-def _refusal(missing: Sequence[str], machine: Machine) -> str:
+def refusal(missing: Sequence[str], machine: Machine) -> str:
+    """Say which conditions are needed, what they are, and how to give them."""
     wanted = "; ".join(f"{name} ({_meaning(name, machine)})" for name in missing)
     example = ", ".join(f"{name}={REFERENCE if is_temperature(name) else '...'}" for name in missing)
     return (

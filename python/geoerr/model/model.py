@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, contiguous, offsets, points
 from geoerr.model.commands import STATUS, Commands
 from geoerr.model.compile import Compiled, compile_terms, start_values
-from geoerr.model.conditions import OF_POSITION, Conditions, constants_of, variables_of
+from geoerr.model.conditions import OF_POSITION, Conditions, bound_conditions, constants_of, variables_of
 from geoerr.model.gauge import N_ENTRIES, MeanScale, mean_scales, tables_of_terms
 from geoerr.model.leave_out import names_left_out, terms_without
 from geoerr.model.parameters import (
@@ -40,6 +40,8 @@ from geoerr.model.tables import squareness_of_li_rad, terms_of_errors
 from geoerr.terms import JOINT_CHANNELS, SQUARENESS_CHANNELS, EffectReference, Parameter, Term
 
 Carrier = Literal["tool", "work", "base", "relative"]
+# A machine as it is compiled: of tables, or of terms.
+AnyMachine: TypeAlias = _core.MachineModel | _core.TermMachine
 
 # Products of parameters and columns cancel to about this part of their sizes where a direction has no effect: the
 # null space is known to the square root of the rounding, times the condition that still counts as determined.
@@ -100,12 +102,7 @@ class Model:
 
     @cached_property
     def _core(self) -> _core.MachineModel:
-        """The compiled machine, as the inverse and the G-code binding take it."""
-        if self.terms:
-            raise GeoerrError(
-                "commands, derivatives and corrected programs are computed from tables, and this model has terms\n"
-                "hint: Model(machine, model.error_functions()) is this model's tables"
-            )
+        """The compiled machine of a model without terms."""
         functions = {} if self.errors is None else self.errors.functions
         tables = [
             (name, contiguous(function.position_mm), contiguous(function.value))
@@ -306,12 +303,47 @@ class Model:
         rows = self._rows(q_mm, offset_mm, carrier, at)
         return self._seen.core.displacements(*rows, *self._values, threads)
 
-    def jacobian(self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None = None, *, threads: int = 0) -> Numbers:
-        """Give d tool_from_work / d q, (n, 3, 3): row by component, column by axis; right-hand at a kink."""
-        rows = points(q_mm, "q_mm")
-        return self._core.jacobian(rows, offsets(offset_mm, len(rows)), threads)
+    def compiled_at(self, conditions: Mapping[str, float]) -> AnyMachine:
+        """Give the compiled machine with conditions put in, as the inverse and the G-code binding take it.
 
-    def commands_for(self, p_mm: npt.ArrayLike, tolerance_mm: float = 1e-6, threads: int = 0) -> Numbers:
+        Directions, travels, speeds and feed may be left out where each move tells them.
+
+        Raises
+        ------
+        GeoerrError
+            naming conditions that are needed and not given, and parameters that have no value yet.
+        """
+        if not self.terms:
+            return self._core
+        return _core.TermMachine(self._seen.core, *self._values, self._seen.variables, dict(conditions))
+
+    def jacobian(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        at: Conditions | None = None,
+        threads: int = 0,
+    ) -> Numbers:
+        """Give d tool_from_work / d q, (n, 3, 3): row by component, column by axis; right-hand at a kink.
+
+        Conditions are held; only direction, travel and speed may differ from row to row.
+        """
+        rows = points(q_mm, "q_mm")
+        offset = offsets(offset_mm, len(rows))
+        if not self.terms:
+            return self._core.jacobian(rows, offset, threads)
+        conditions, motion = bound_conditions(self.conditions, self.machine, at, len(rows))
+        return _terms(self.compiled_at(conditions)).jacobian(rows, offset, threads, motion)
+
+    def commands_for(
+        self,
+        p_mm: npt.ArrayLike,
+        tolerance_mm: float = 1e-6,
+        threads: int = 0,
+        *,
+        at: Conditions | None = None,
+    ) -> Numbers:
         """Give the commands that put the tool point where it should be: the inverse of `tool_from_work`.
 
         Parameters
@@ -321,6 +353,9 @@ class Model:
             `nominal_mm(q)`: the same numbers where the machine has no tool offset.
         tolerance_mm
             Largest distance that may remain, by the model.
+        at
+            Conditions by name, where terms follow some. They are held while a command is searched; only direction,
+            travel and speed may differ from row to row.
 
         Returns
         -------
@@ -340,7 +375,7 @@ class Model:
         -----
         Li et al. 2023, Eqs. 24 to 27, iterated.
         """
-        commands = self.try_commands_for(p_mm, tolerance_mm, threads)
+        commands = self.try_commands_for(p_mm, tolerance_mm, threads, at=at)
         failed = np.flatnonzero(~commands.is_converged)
         if failed.size:
             row = failed[0]
@@ -353,10 +388,21 @@ class Model:
             )
         return commands.command_mm
 
-    def try_commands_for(self, p_mm: npt.ArrayLike, tolerance_mm: float = 1e-6, threads: int = 0) -> Commands:
+    def try_commands_for(
+        self,
+        p_mm: npt.ArrayLike,
+        tolerance_mm: float = 1e-6,
+        threads: int = 0,
+        *,
+        at: Conditions | None = None,
+    ) -> Commands:
         """Do the same, row by row: a row without a command is NaN, has its status, and disturbs no other."""
         targets = points(p_mm, "p_mm") - np.asarray(self.machine.tool_offset_mm)
-        return Commands(*self._core.commands_for(targets, tolerance_mm, threads))
+        if not self.terms:
+            return Commands(*self._core.commands_for(targets, tolerance_mm, threads))
+        conditions, motion = bound_conditions(self.conditions, self.machine, at, len(targets))
+        compiled = _terms(self.compiled_at(conditions))
+        return Commands(*compiled.commands_for(targets, tolerance_mm, threads, motion))
 
     def prediction_covariance_mm2(
         self,
@@ -647,6 +693,11 @@ class Model:
 
 
 _N_MACHINE_CHANNELS = len(JOINT_CHANNELS) + len(SQUARENESS_CHANNELS) + 9
+
+
+def _terms(compiled: AnyMachine) -> _core.TermMachine:
+    assert isinstance(compiled, _core.TermMachine)
+    return compiled
 
 
 def _range(places: slice) -> range:

@@ -119,7 +119,7 @@ impl Warnings {
 }
 
 /// Figures of a whole program.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     /// Lines read.
     pub lines: u64,
@@ -139,10 +139,31 @@ pub struct Summary {
     pub largest_correction_mm: f64,
     /// Its line, 1-based; 0 where there is none.
     pub largest_correction_line: u64,
+    /// Box of the ends of corrected moves, machine coordinates, (low, high); low above high where there are none.
+    pub box_mm: [(f64, f64); 3],
     /// Extruded length read, in units of `10^-18` mm.
     pub extrusion_in: i128,
     /// Extruded length written, in units of `10^-18` mm.
     pub extrusion_out: i128,
+}
+
+impl Default for Summary {
+    fn default() -> Self {
+        Self {
+            lines: 0,
+            moves_in: 0,
+            moves_out: 0,
+            moves_corrected: 0,
+            untouched_position_unknown: 0,
+            untouched_unsupported: 0,
+            lines_not_followed: 0,
+            largest_correction_mm: 0.0,
+            largest_correction_line: 0,
+            box_mm: [(f64::INFINITY, f64::NEG_INFINITY); 3],
+            extrusion_in: 0,
+            extrusion_out: 0,
+        }
+    }
 }
 
 /// The line as a message shows it: printable, short, between backquotes.

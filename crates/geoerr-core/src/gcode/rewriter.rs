@@ -343,6 +343,9 @@ impl<M: PathMap> Rewriter<M> {
         summary.moves_out += nodes.as_slice().len() as u64;
         summary.moves_corrected += 1;
         summary.extrusion_out += written.extrusion;
+        for ((low_mm, high_mm), end_mm) in summary.box_mm.iter_mut().zip(a_move.end_mm) {
+            (*low_mm, *high_mm) = (low_mm.min(end_mm), high_mm.max(end_mm));
+        }
         for node in nodes.as_slice() {
             let correction_mm = distance(&node.command_mm, &node.ideal_mm);
             if correction_mm > summary.largest_correction_mm {
