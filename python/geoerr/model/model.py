@@ -440,7 +440,9 @@ class Model:
     ) -> npt.NDArray[np.bool_]:
         """Tell for each row whether the data determine its displacement, (n,).
 
-        It is determined where no direction of the null space moves the point: the row's columns are orthogonal to it.
+        It is determined where no direction of the null space moves the point. A direction that moves all points as
+        one rigid body is the set-up of the work: where that stands no measurement of the machine tells, and every
+        part is set up anew. It does not count.
 
         Raises
         ------
@@ -448,11 +450,42 @@ class Model:
             where the model has no record of a fit.
         """
         null_space = self._record_of_machine.null_space
-        blocks = [
-            (np.abs(columns @ null_space) <= _NO_EFFECT * (np.abs(columns) @ np.abs(null_space))).all(axis=(1, 2))
-            for columns in self._columns(q_mm, offset_mm, carrier, at, threads)
-        ]
-        return np.concatenate([np.empty(0, dtype=np.bool_), *blocks])
+        rows = points(q_mm, "q_mm")
+        offset = np.broadcast_to(offsets(offset_mm, len(rows)), rows.shape)
+        still = np.concatenate(
+            [np.empty((0, null_space.shape[1]), dtype=np.bool_)]
+            + [
+                (np.abs(columns @ null_space) <= _NO_EFFECT * (np.abs(columns) @ np.abs(null_space))).all(axis=1)
+                for columns in self._columns(rows, offset, carrier, at, threads)
+            ]
+        )
+        open_rows = ~still.all(axis=1)
+        # Rigid motions are told on a grid: one set of conditions does, for they only scale what a term can do.
+        typical = {
+            name: value if isinstance(value, str) else float(np.mean(np.asarray(value, dtype=np.float64)))
+            for name, value in (at or {}).items()
+        }
+        for own in np.unique(offset[open_rows], axis=0):
+            rows_of_offset = open_rows & (offset == own).all(axis=1)
+            still[rows_of_offset] |= ~self._bends(own, carrier, typical, null_space, threads)
+        return np.asarray(still.all(axis=1))
+
+    def _bends(
+        self, offset: Numbers, carrier: Carrier, at: Conditions | None, directions: Numbers, threads: int
+    ) -> npt.NDArray[np.bool_]:
+        """Tell which directions (m, k) of the parameters move points of the measured range not as one rigid body."""
+        measured = self.measured_range_mm
+        spans = [measured[axis] or self.machine.axes[axis].range_mm for axis in AXES]
+        # Uneven, so that no wave hides between the places.
+        shares = (0.0, 0.31, 0.74, 1.0)
+        grids = np.meshgrid(*([low + share * (high - low) for share in shares] for low, high in spans), indexing="ij")
+        grid = np.ascontiguousarray(np.stack([values.ravel() for values in grids], axis=1))
+        columns = np.concatenate(list(self._columns(grid, offset, carrier, at, threads)))
+        moved = (columns @ directions).reshape(3 * len(grid), -1)
+        rigid = _rigid_columns(grid + offset)
+        left = moved - rigid @ np.linalg.lstsq(rigid, moved, rcond=None)[0]
+        reach = (np.abs(columns) @ np.abs(directions)).max(axis=(0, 1))
+        return np.asarray(np.abs(left).max(axis=0) > _NO_EFFECT * reach)
 
     def contributions(
         self,
@@ -702,3 +735,19 @@ def _terms(compiled: AnyMachine) -> _core.TermMachine:
 
 def _range(places: slice) -> range:
     return range(places.start, places.stop)
+
+
+def _rigid_columns(points_mm: Numbers) -> Numbers:
+    """Give how a shift and a small turn about the origin move points (n, 3): (3n, 6)."""
+    x, y, z = points_mm.T
+    zero = np.zeros_like(x)
+    turned = np.stack(
+        [
+            np.stack([zero, z, -y], axis=1),
+            np.stack([-z, zero, x], axis=1),
+            np.stack([y, -x, zero], axis=1),
+        ],
+        axis=1,
+    )
+    shift = np.broadcast_to(np.eye(3), (len(points_mm), 3, 3))
+    return np.concatenate([shift, turned], axis=2).reshape(3 * len(points_mm), 6)
