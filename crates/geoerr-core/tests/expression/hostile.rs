@@ -34,6 +34,21 @@ fn chains_of_definitions_are_bounded() {
 }
 
 #[test]
+fn a_small_stack_is_enough() {
+    // The deepest brackets, signs, powers and calls that are read, in each of the longest chain of definitions.
+    let worst = ["(", "-", "2^", "exp(", "lag(x, "].map(|opening| {
+        let closing = if opening.contains('(') { ")" } else { "" };
+        format!("{}x{}", opening.repeat(62), closing.repeat(62))
+    });
+    let pairs: Vec<(String, String)> =
+        (0..63).map(|k| (format!("n{k}"), format!("n{} + {}", k + 1, worst[k % 5]))).collect();
+    let definitions: Definitions = pairs.into_iter().chain([("n63".to_owned(), "x".to_owned())]).collect();
+    let parse = move || Expression::parse("k*n0", &symbols("x", "k", ""), &definitions).map(|_| ());
+    let thread = std::thread::Builder::new().stack_size(256 * 1024).spawn(parse).unwrap();
+    assert_eq!(thread.join().unwrap(), Ok(()));
+}
+
+#[test]
 fn many_operations_are_bounded() {
     // Every definition scales all coefficients anew: 60 · 8 · 200 distinct operations.
     let coefficients: Vec<String> = (0..200).map(|k| format!("c{k}")).collect();
