@@ -17,12 +17,14 @@ from geoerr.cli import identify as verb
 from geoerr.error_functions import ALL_NAMES, read_errors
 from geoerr.errors import GeometryError, InputFileError
 from geoerr.identify import identify_nine_line
+from geoerr.identify.joint import identify_joint
 from geoerr.machine import write_machine
 from geoerr.observations import Observations, read_observations, write_observations
 from geoerr.vision.rig import Rig, RightFromLeft, write_rig
 from geoerr.vision.sensitivity import project_to_both
 
 MACHINE = machine_of("wZbXYt")
+NINE_LINE = ("--method", "nine-line")
 
 
 @pytest.fixture
@@ -48,7 +50,7 @@ def run(folder: Path, *arguments: str, observations: str = "observations.csv"): 
 
 
 def test_table_of_the_21_fits_and_errors_are_written(folder: Path) -> None:
-    result = run(folder, "-o", str(folder / "errors.json"))
+    result = run(folder, *NINE_LINE, "-o", str(folder / "errors.json"))
     assert result.exit_code == 0
     lines = result.stdout.splitlines()
     assert max(map(len, lines)) <= 100
@@ -68,7 +70,7 @@ def test_quiet_says_nothing_beside_the_result(folder: Path) -> None:
 
 
 def test_json_is_one_document(folder: Path) -> None:
-    result = run(folder, "--json", "--straightness", "integrated", "--roll", "li")
+    result = run(folder, *NINE_LINE, "--json", "--straightness", "integrated", "--roll", "li")
     document = json.loads(result.stdout)
     assert set(document["alternatives"]) == {"straightness-direct", "roll-linear"}
     assert [line["number"] for line in document["lines"]] == [1, 4, 5, 2, 6, 7, 3, 8, 9]
@@ -83,7 +85,7 @@ def test_missing_line_is_named_with_its_cost(folder: Path) -> None:
     moves = [move for move in li_nine_lines(MACHINE) if move.line != "line 5"]
     observations = observe(MACHINE, draw_truth(rng, "wZbXYt"), moves, {"0": camera(rng)})
     write_observations(folder / "eight.csv", observations)
-    result = run(folder, observations="eight.csv")
+    result = run(folder, *NINE_LINE, observations="eight.csv")
     assert result.exit_code == 0
     assert "  ECX (ε_zx): line 5 (X, target offset along y) is missing" in result.stdout.splitlines()
     assert "note: of Li's nine lines the data lack 5" in result.stderr
@@ -100,10 +102,59 @@ def test_rows_that_cannot_be_used_are_named(folder: Path) -> None:
     assert "broken.csv:4: mx:" in result.stderr
 
 
-def test_joint_is_refused(folder: Path) -> None:
-    result = run(folder, "--method", "joint")
+def test_joint_is_the_default_and_says_what_it_fitted(folder: Path) -> None:
+    result = run(folder, "-o", str(folder / "errors.json"))
+    assert result.exit_code == 0, result.exception
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert lines[0].endswith("18 of 18 error functions and 3 of 3 squarenesses, method joint")
+    assert [line.split()[0] for line in lines[3:24]] == list(ALL_NAMES)
+    assert all(line.endswith(" free") for line in lines[3:21])
+    assert sum("follows, as far as can be told" in line for line in lines) == 6
+    assert any(line.startswith("what is left is noise, as far as can be told") for line in lines)
+    assert "not determined" not in result.stdout
+    assert "note: the calibration's uncertainty is not included" in result.stderr
+    written, expected = (
+        read_errors(folder / "errors.json"),
+        identify_joint(read_observations(folder / "observations.csv"), MACHINE),
+    )
+    assert written.method == "joint"
+    for name, table in expected.errors.functions.items():
+        assert np.allclose(written.functions[name].value, table.value, rtol=1e-12, atol=1e-15)
+        assert np.allclose(written.functions[name].std, table.std, rtol=1e-12, atol=1e-15)
+
+
+def test_json_of_joint_is_one_document(folder: Path) -> None:
+    result = run(folder, "--json", "--straightness", "integrated")
+    document = json.loads(result.stdout)
+    assert document["method"] == "joint"
+    assert set(document["alternatives"]) == {"straightness-direct"}
+    assert {item["name"] for item in document["straightness"]} == {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}
+    assert document["fit"]["converged"] is True
+    assert document["fit"]["not_determined"] == document["not_determined"] == []
+    assert set(document["fit"]["bases"]) == set(ALL_NAMES[:18]) - {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}
+    assert str(folder / "observations.csv") in document["provenance"]["inputs"]
+
+
+def test_joint_has_no_root_for_roll(folder: Path) -> None:
+    result = run(folder, "--roll", "li")
     assert result.exit_code == 2
-    assert "not part of this version" in " ".join(result.stderr.split())
+    assert "--method nine-line" in " ".join(result.stderr.replace("│", " ").split())
+
+
+def test_too_few_lines_for_anything_are_still_answered(folder: Path) -> None:
+    """One line along X with one target: its positioning; nothing about the other axes, and that is said."""
+    rng = np.random.default_rng(63)
+    moves, covariance_mm2 = li_nine_lines(MACHINE)[:1], np.eye(3) * 1e-6
+    view, truth = {"0": camera(rng)}, draw_truth(rng, "wZbXYt")
+    observations = observe(MACHINE, truth, moves, view, covariance_mm2=covariance_mm2, rng=rng)
+    write_observations(folder / "one.csv", observations)
+    result = run(folder, "--json", observations="one.csv")
+    assert result.exit_code == 0, result.exception
+    document = json.loads(result.stdout)
+    lost = {item["name"] for item in document["not_determined"]}
+    assert set(document["errors"]) == {"EXX", "EYX", "EZX"}
+    assert lost == set(ALL_NAMES) - {"EXX", "EYX", "EZX"}
 
 
 def test_an_input_is_never_replaced(folder: Path) -> None:
@@ -120,7 +171,8 @@ def stereo_rig(covariance: np.ndarray | None) -> Rig:
     return Rig(matrix, np.zeros(5), matrix, np.zeros(5), pose, (2448, 2048), covariance)
 
 
-def test_rig_adds_the_calibrations_uncertainty(folder: Path) -> None:
+@pytest.mark.parametrize("method", ["nine-line", "joint"])
+def test_rig_adds_the_calibrations_uncertainty(folder: Path, method: str) -> None:
     """A baseline known to 1 in 10⁴ makes every length uncertain by 1 in 10⁴."""
     rng = np.random.default_rng(62)
     plain = stereo_rig(None)
@@ -136,7 +188,8 @@ def test_rig_adds_the_calibrations_uncertainty(folder: Path) -> None:
     frame = observations.frame.with_columns(**{name: pl.Series(pixels[:, i]) for i, name in enumerate(names)})
     write_observations(folder / "pixels.csv", Observations(frame, observations.sources))
     write_rig(folder / "rig.json", rig)
-    result = run(folder, "--rig", str(folder / "rig.json"), "-o", str(folder / "e.json"), observations="pixels.csv")
+    arguments = ("--method", method, "--rig", str(folder / "rig.json"), "-o", str(folder / "e.json"))
+    result = run(folder, *arguments, observations="pixels.csv")
     assert result.exit_code == 0, result.exception
     assert "the calibration's uncertainty is not included" not in result.stderr
     table = read_errors(folder / "e.json").functions["EXX"]
@@ -144,13 +197,14 @@ def test_rig_adds_the_calibrations_uncertainty(folder: Path) -> None:
     assert np.allclose(table.std[1:], 1e-4 * table.position_mm[1:], rtol=0.02)
 
 
-def test_rig_without_covariance_or_pixels_is_refused(folder: Path) -> None:
+@pytest.mark.parametrize("method", ["nine-line", "joint"])
+def test_rig_without_covariance_or_pixels_is_refused(folder: Path, method: str) -> None:
     write_rig(folder / "rig.json", stereo_rig(None))
-    result = run(folder, "--rig", str(folder / "rig.json"))
+    result = run(folder, "--method", method, "--rig", str(folder / "rig.json"))
     assert isinstance(result.exception, InputFileError)
     assert "states no covariance" in str(result.exception)
     n_parameters = len(stereo_rig(None).parameter_names)
     write_rig(folder / "rig.json", stereo_rig(np.eye(n_parameters) * 1e-8))
-    result = run(folder, "--rig", str(folder / "rig.json"))
+    result = run(folder, "--method", method, "--rig", str(folder / "rig.json"))
     assert isinstance(result.exception, GeometryError)
     assert "no pixels" in str(result.exception)

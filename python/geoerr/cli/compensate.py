@@ -15,7 +15,6 @@ from geoerr.cli.program_options import (
     FirmwareCorrects,
     Home,
     WorkOffset,
-    check_conditions,
     conditions,
     names,
     triple,
@@ -52,7 +51,7 @@ def register(app: typer.Typer) -> None:
 
 
 def compensate(
-    model: Annotated[Path, typer.Argument(help="errors.json, or machine.toml (no errors).")],
+    model: Annotated[Path, typer.Argument(help="model.json, errors.json, or machine.toml (no errors).")],
     program: Annotated[Path, typer.Argument(metavar="IN", help="The program; - is standard input.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="OUT", help="The corrected program; - is standard output.")
@@ -83,7 +82,7 @@ def compensate(
     """Rewrite the program IN so that the machine of MODEL follows the path that IN means."""
     if as_json and str(output) == "-":
         raise typer.BadParameter("--json has standard output for itself", param_hint="-o -")
-    check_conditions((), conditions(at))
+    given = conditions(at)
     options = CompensationOptions(
         work_offset_mm=triple(work_offset, "--work-offset"),
         tolerance_mm=tolerance,
@@ -104,12 +103,15 @@ def compensate(
             program,
             output,
             options,
+            at=given,
             model_name=digest(model)[:_MODEL_NAME_DIGITS],
             threads=threads,
             on_progress=lambda n_bytes: advance(n_bytes, max(size, n_bytes)),
         )
     for warning in result.warnings:
         note(f"warning: {warning}", quiet)
+    for sentence in result.notes:
+        note(f"note: {sentence}", quiet)
     if result.moves_in and not result.moves_corrected:
         note("warning: no move was corrected: the position is nowhere known", quiet)
     if as_json:
@@ -127,6 +129,10 @@ def _report(result: CompensationResult) -> str:
         f"largest correction {result.largest_correction_um:.1f} µm"
         + (f", line {result.largest_correction_line}" if result.largest_correction_line else ""),
     ]
+    if result.correction_rms_um is not None:
+        lines.append(
+            f"typically {result.correction_rms_um:.1f} ± {result.correction_std_um:.1f} µm where the program works"
+        )
     untouched = {
         "moves before the position is known": result.untouched_position_unknown,
         "lines that are not corrected": result.untouched_unsupported,

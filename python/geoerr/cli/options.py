@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from geoerr.errors import InputFileError
+
+if TYPE_CHECKING:
+    from geoerr.observations import Observations
+    from geoerr.tables import RowProblem
+
+_MOST_ROWS_NAMED = 5
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no notes on standard error.")]
@@ -23,7 +33,57 @@ def print_json(document: Any) -> None:
     sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
+def null_for_nan(document: Any) -> Any:
+    """Give a document with null where a number is not computable."""
+    if isinstance(document, dict):
+        return {key: null_for_nan(value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [null_for_nan(value) for value in document]
+    return None if isinstance(document, float) and not math.isfinite(document) else document
+
+
 def note(text: str, quiet: bool) -> None:
     """Say something to the person at the terminal: standard error, so that results can be piped."""
     if not quiet:
         typer.echo(text, err=True)
+
+
+def note_set_aside(problems: Sequence[RowProblem], quiet: bool) -> None:
+    """Name the first rows that could not be used, and count the rest."""
+    for problem in problems[:_MOST_ROWS_NAMED]:
+        note(f"set aside: {problem}", quiet)
+    if len(problems) > _MOST_ROWS_NAMED:
+        note(f"set aside: {len(problems) - _MOST_ROWS_NAMED} more rows", quiet)
+
+
+def check_output(output: Path | None, inputs: Sequence[Path]) -> None:
+    """Refuse an output that would replace an input."""
+    if output is not None and any(output.resolve() == path.resolve() for path in inputs):
+        raise InputFileError(output, "is an input of this command", remedy="name another output")
+
+
+def calibration(rig: Path | None, points: Observations | None) -> tuple[Any, Any]:
+    """Give how the calibration moves the points (n, 3, p), and its covariance (p, p); None where no rig is given.
+
+    Raises
+    ------
+    InputFileError
+        for a rig whose file states no covariance.
+    GeometryError
+        where the points have no pixels.
+    """
+    if rig is None or points is None:
+        return None, None
+    # OpenCV comes with these: only a verb that was given a rig pays for it.
+    from geoerr.vision.rig import read_rig
+    from geoerr.vision.sensitivity import rig_sensitivity
+
+    described = read_rig(rig)
+    if described.covariance is None:
+        raise InputFileError(
+            rig,
+            "states no covariance, which --rig is for",
+            column="covariance",
+            remedy="calibrate again with `geoerr calibrate`, or leave --rig out",
+        )
+    return rig_sensitivity(described, points), described.covariance

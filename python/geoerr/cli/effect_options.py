@@ -1,0 +1,98 @@
+"""`--effects own.toml` and `--add ID[:AXIS][@COVARIATE]`: references on the command line become terms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from geoerr.effects import Effect, load_catalogue
+from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
+from geoerr.errors import InputFileError
+from geoerr.fit import Components, Sightings
+from geoerr.fit.classic import names_of
+from geoerr.fit.variables import times_s
+from geoerr.machine import Machine
+from geoerr.terms import SQUARENESS_CHANNELS, EffectReference, Term
+
+
+def terms_to_add(
+    references: Sequence[str],
+    effect_files: Sequence[Path],
+    machine: Machine,
+    sightings: Sightings,
+    components: Components,
+) -> list[Term]:
+    """Give the terms that references name, their values unknown.
+
+    Parameters
+    ----------
+    references
+        As the user wrote them.
+    effect_files
+        A user's own effects, beside the built-in ones.
+    machine
+        For ranges, sides and the reference temperature.
+    sightings
+        The data: they must hold the columns that an effect needs.
+    components
+        Classic errors of the model: one of them is not added a second time.
+
+    Raises
+    ------
+    InputFileError
+        for a reference that names no effect, or a column that the data do not have, or what the model holds already.
+    """
+    known = load_catalogue(effect_files)
+    held = {*names_of(components), *(() if components == "none" else SQUARENESS_CHANNELS)}
+    terms: list[Term] = []
+    for text in references:
+        effect, reference = known.resolve(text)
+        _refuse_wanting(effect, reference, sightings)
+        added = _terms(effect, reference, machine, sightings)
+        for term in added:
+            if effect.is_classic and held.issuperset(term.channels):
+                raise InputFileError(
+                    text,
+                    f"is in the model already: {', '.join(term.channels)} is one of its {components} components",
+                    remedy="leave it out, or fit it with --components none",
+                )
+            if term.id in {other.id for other in terms}:
+                raise InputFileError(text, "is added twice", remedy="name it once")
+        terms += added
+    return terms
+
+
+def _terms(effect: Effect, reference: EffectReference, machine: Machine, sightings: Sightings) -> tuple[Term, ...]:
+    if effect.is_smooth:
+        return effect.terms(reference.axis, reference.covariate, machine)
+    times = times_s(sightings)
+    span = (float(times.min()), float(times.max())) if len(times) else DEFAULT_TIME_RANGE_S
+    return (
+        effect.term(
+            reference.axis,
+            reference.covariate,
+            machine,
+            time_range_s=span if span[1] > span[0] else DEFAULT_TIME_RANGE_S,
+            n_sessions=len(sightings.sessions),
+        ),
+    )
+
+
+def _refuse_wanting(effect: Effect, reference: EffectReference, sightings: Sightings) -> None:
+    columns = sightings.covariate_columns
+    wanting = effect.wanting(
+        columns,
+        n_sessions=len(sightings.sessions),
+        is_circular=bool(np.isin("circle", sightings.frames)),
+    )
+    if wanting is not None:
+        raise InputFileError(str(reference), f"cannot be fitted to these data: {wanting}")
+    absent = [name for name in reference.covariate_columns if name not in columns]
+    if absent:
+        raise InputFileError(
+            str(reference),
+            f"the data have no column {absent[0]}",
+            remedy=f"their columns of numbers are {', '.join(sightings.covariate_columns)}",
+        )

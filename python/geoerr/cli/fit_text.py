@@ -1,0 +1,213 @@
+"""A fit in words and tables that fit the terminal: shared by the verbs that fit."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from geoerr.effects import plausible_words
+from geoerr.error_functions import (
+    LI_NAMES,
+    ErrorFunction,
+    ErrorFunctions,
+    NotDetermined,
+    Squareness,
+    is_angular,
+)
+from geoerr.fit import Fitted
+from geoerr.machine import AXES
+from geoerr.model import MeanScale
+from geoerr.terms import Parameter, Term
+
+WIDTH = 96
+_MICRO = 1e6
+_UM_PER_MM = 1e3
+# Below this probability, what a model leaves over is not noise.
+_SIGNIFICANCE = 0.01
+_KINDS = {"bspline": "spline", "fourier": "waves", "linear": "linear elements", "quadratic": "quadratic elements"}
+_DEGREES = {1: "line", 2: "parabola", 3: "cubic"}
+_FIGURES = {
+    "held out, rms": "held_out_rmse_um",
+    "held out, as a right model would have it": "expected_held_out_rmse_um",
+    "noise floor (what repeats scatter)": "noise_floor_um",
+    "noise (repeats, or as stated)": "noise_um",
+    "lack of fit (residual beyond the noise)": "lack_of_fit_um",
+}
+_ALWAYS_SHOWN = ("held_out_rmse_um", "noise_floor_um")
+# Units in which a linear coefficient is read.
+_READ_IN = {"mm": ("µm", _UM_PER_MM), "rad": ("µrad", _MICRO), "1": ("×10⁻⁶", _MICRO)}
+
+
+def wrapped(text: str, indent: str = "  ") -> list[str]:
+    """Break a sentence into lines, the first indented, the next ones more."""
+    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False)
+
+
+def freedom_of(fitted: Fitted) -> dict[str, str]:
+    """Say for each error function what was fitted: `spline, 9 free`."""
+    chosen = {choice.name: choice.n_free for choice in fitted.choices}
+    words = {}
+    for term in fitted.terms:
+        basis = term.parts[0].basis
+        if basis is None:
+            continue
+        kind = _KINDS.get(basis.kind) or _DEGREES.get(basis.degree or 0, f"polynomial of degree {basis.degree}")
+        words[term.id] = f"{kind}, {chosen[term.id]} free" if term.id in chosen else kind
+    return words
+
+
+def error_rows(errors: ErrorFunctions, names: Iterable[str], last: Mapping[str, str], title: str) -> Iterator[str]:
+    """Give the table of error functions and squarenesses.
+
+    Parameters
+    ----------
+    errors
+        What was found.
+    names
+        ISO names of the rows.
+    last
+        Name to the text of the last column; where there is none, what a table of points is over.
+    title
+        Of that column.
+    """
+    yield f"{'ISO':<6}{'Li':<8}{'from':>10}{'to':>10}{'peak-to-peak':>15}{'typical ±':>14}   {title}"
+    for name in names:
+        yield _error_row(errors, name, last.get(name, "")).rstrip()
+
+
+def _error_row(errors: ErrorFunctions, name: str, last: str) -> str:
+    head = f"{name:<6}{LI_NAMES[name]:<8}"
+    unit, factor = ("µrad", _MICRO) if is_angular(name) else ("µm", _UM_PER_MM)
+    table = errors.functions.get(name)
+    if table is not None:
+        value = table.value * factor
+        low, high = float(value.min()), float(value.max())
+        place = (
+            last or f"{name[2].lower()} {table.position_mm[0]:g} to {table.position_mm[-1]:g} mm, {len(value)} points"
+        )
+        peak = f"{high - low:.1f} {unit}"
+        return f"{head}{low:>10.1f}{high:>10.1f}{peak:>15}{_typical(table, factor, unit):>14}   {place}"
+    one = errors.squareness.get(name)
+    if one is not None:
+        return f"{head}{one.value_rad * factor:>10.1f}{'':>10}{unit:>15}{_uncertainty(one, factor, unit):>14}"
+    return f"{head}{'–':>10}{'–':>10}{'not determined':>15}"
+
+
+def _typical(table: ErrorFunction, factor: float, unit: str) -> str:
+    """Root mean square of the standard uncertainties (the first point, 0 by convention, left out)."""
+    if table.std is None or len(table.std) < 2 or not np.isfinite(table.std).all():
+        return "–"
+    return f"{float(np.sqrt(np.mean(table.std[1:] ** 2))) * factor:.1f} {unit}"
+
+
+def _uncertainty(one: Squareness, factor: float, unit: str) -> str:
+    return "–" if one.std_rad is None or not math.isfinite(one.std_rad) else f"{one.std_rad * factor:.1f} {unit}"
+
+
+def figure_rows(columns: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Give error figures side by side: title of a column (`before`, `after`) to the figures of a fit."""
+    documents = list(columns.values())
+    has_points = any(any(figures["n_components"]) for figures in documents)
+    has_radii = any(figures.get("n_radial") for figures in documents)
+    yield _figure_row("figures in µm", list(columns))
+    if has_points:
+        yield _figure_row("residual, rms", [_figure(figures["rmse_um"]) for figures in documents])
+        for place, axis in enumerate(AXES):
+            each = [_figure(figures["rms_per_component_um"][place]) for figures in documents]
+            yield _figure_row(f"  along {axis}", each)
+    if has_radii:
+        yield _figure_row(
+            "residual of the radii, rms", [_figure(figures.get("radial_rms_um")) for figures in documents]
+        )
+    for name, key in _FIGURES.items():
+        values = [figures.get(key) for figures in documents]
+        if key in _ALWAYS_SHOWN or any(value is not None for value in values):
+            yield _figure_row(name, [_figure(value) for value in values])
+
+
+def _figure_row(name: str, cells: Sequence[str]) -> str:
+    return f"{name:<44}" + "".join(f"{cell:>12}" for cell in cells)
+
+
+def _figure(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
+
+
+def quality_in_words(fitted: Fitted) -> list[str]:
+    """Say what the residual is: noise, or more."""
+    split, sightings = fitted.split, fitted.sightings
+    sentences = []
+    if split.lack_of_fit_p is None:
+        sentences.append(
+            "whether the model lacks anything cannot be told: nothing was measured twice, no uncertainty is stated"
+        )
+    elif split.lack_of_fit_p < _SIGNIFICANCE:
+        against = "repeats scatter" if split.is_from_repeats else "the stated uncertainties allow"
+        sentences.append(
+            f"the model lacks something: the residual is more than {against} (p = {split.lack_of_fit_p:.2g})"
+        )
+    else:
+        sentences.append(f"what is left is noise, as far as can be told (p = {split.lack_of_fit_p:.2g})")
+    if sightings.is_stated and fitted.scale > 1.0:
+        sentences.append(
+            f"the scatter is {fitted.scale:.2f} times what is stated: standard uncertainties are multiplied by that"
+        )
+    if fitted.held_out.n_not_computable:
+        sentences.append(
+            f"{fitted.held_out.n_not_computable} rows could not be predicted with their pass left out: "
+            "the other passes do not determine them"
+        )
+    if not fitted.solved.converged:
+        sentences.append("the fit has not settled: its numbers are not to be used")
+    return sentences
+
+
+def scale_sentence(scales: Mapping[str, MeanScale]) -> str | None:
+    """Say the mean scale of each axis; None where none is known."""
+    texts = [
+        f"{axis} {with_std(scale.value * _MICRO, None if scale.std is None else scale.std * _MICRO)}"
+        for axis, scale in scales.items()
+    ]
+    return f"mean scale, ×10⁻⁶: {', '.join(texts)}" if texts else None
+
+
+def parameter_rows(terms: Sequence[Term]) -> Iterator[str]:
+    """Give the parameters of effects with their uncertainties and what is plausible about them."""
+    for term in terms:
+        yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""))
+        for parameter in term.coefficients:
+            unit, factor = _READ_IN.get(parameter.unit, (parameter.unit, 1.0))
+            yield from wrapped(_parameter(parameter, unit, factor), "    ")
+        for parameter in term.inner:
+            yield from wrapped(_parameter(parameter, parameter.unit, 1.0), "    ")
+
+
+def _parameter(parameter: Parameter, unit: str, factor: float) -> str:
+    text = f"{parameter.name} = {with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
+    words = plausible_words(parameter)
+    return text if words is None else f"{text} ({words})"
+
+
+def with_std(value: float, std: float | None) -> str:
+    """Write a value to the second figure of its standard uncertainty."""
+    if std is None or not (math.isfinite(std) and std > 0.0):
+        return f"{value:.4g}".replace("-", "−")
+    digits = 1 - math.floor(math.log10(std))
+    if abs(value) < 1e-3 or digits > 6 or digits < -3:
+        behind = max(digits + (math.floor(math.log10(abs(value))) if value else 0), 1)
+        return f"{value:.{min(behind, 12)}e} ± {std:.1e}".replace("-", "−")
+    return f"{value:.{max(digits, 0)}f} ± {std:.{max(digits, 0)}f}".replace("-", "−")
+
+
+def not_determined_rows(items: Iterable[NotDetermined]) -> Iterator[str]:
+    """Give what the data do not determine, grouped by reason."""
+    reasons: dict[str, list[str]] = {}
+    for item in items:
+        li = LI_NAMES.get(item.name)
+        reasons.setdefault(item.why, []).append(item.name if li is None else f"{item.name} ({li})")
+    for why, names in reasons.items():
+        yield from wrapped(f"{', '.join(names)}: {why}")
