@@ -130,9 +130,8 @@ def _report(result: CompensationResult) -> str:
         + (f", line {result.largest_correction_line}" if result.largest_correction_line else ""),
     ]
     if result.correction_rms_um is not None:
-        lines.append(
-            f"typically {result.correction_rms_um:.1f} ± {result.correction_std_um:.1f} µm where the program works"
-        )
+        std = f"{result.correction_std_um:.1f}"
+        lines.append(f"typically {result.correction_rms_um:.1f} ± {std} µm over the box of the program's moves")
     untouched = {
         "moves before the position is known": result.untouched_position_unknown,
         "lines that are not corrected": result.untouched_unsupported,

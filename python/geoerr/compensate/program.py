@@ -14,10 +14,13 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from geoerr import _core
-from geoerr.errors import GcodeError, InputFileError
+from geoerr.compensate.benefit import Benefit, benefit_of
+from geoerr.compensate.conditions import beyond_the_data, program_conditions
+from geoerr.errors import GcodeError, GeoerrError, InputFileError
 from geoerr.files import refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
+from geoerr.model.conditions import Conditions
 
 Triple = tuple[float, float, float]
 Firmware = Literal["marlin", "klipper", "reprapfirmware"]
@@ -110,8 +113,15 @@ class CompensationResult:
         Largest distance of a command from the programmed position, and its line (0 where nothing was corrected).
     extrusion_in_mm, extrusion_out_mm
         Net extruded length.
+    correction_rms_um, correction_std_um
+        Typical correction over the box of the program's moves, and its own standard uncertainty; None where the model
+        has no record of a fit.
+    left_out
+        Terms of the measuring rig, by id: they explain measurements, and the machine does not have them.
     warnings
         One for each kind.
+    notes
+        Sentences about the model and the conditions.
     """
 
     lines: int
@@ -125,11 +135,15 @@ class CompensationResult:
     largest_correction_line: int
     extrusion_in_mm: float
     extrusion_out_mm: float
+    correction_rms_um: float | None
+    correction_std_um: float | None
+    left_out: tuple[str, ...]
     warnings: tuple[ProgramWarning, ...]
+    notes: tuple[str, ...]
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""
-        document = {name: value for name, value in vars(self).items() if name != "warnings"}
+        document = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()}
         document["warnings"] = [vars(warning) for warning in self.warnings]
         return document
 
@@ -140,6 +154,7 @@ def compensate_program(
     target: str | Path,
     options: CompensationOptions | None = None,
     *,
+    at: Conditions | None = None,
     model_name: str = "unnamed",
     threads: int = 0,
     on_progress: Callable[[int], None] | None = None,
@@ -157,6 +172,9 @@ def compensate_program(
         Files; they must not be the same.
     options
         None for the defaults.
+    at
+        Conditions that the model's terms follow, by name; a temperature may be `"reference"`. Direction of approach,
+        travel, speed and feed come from the program's moves.
     model_name
         Names the model in the mark that says the program is corrected: the first twelve digits of its file's SHA-256.
     threads
@@ -168,15 +186,24 @@ def compensate_program(
     ------
     GcodeError
         for a line that cannot be corrected safely, with its number, text and remedy.
+    GeoerrError
+        for conditions that are needed and not given, by name, or given and not needed; for a model of nothing but the
+        measuring rig.
     InputFileError
         for a file that cannot be read, or an output that would replace the input.
 
     Notes
     -----
     Li et al. 2023, Eqs. 24 to 27, one solve a move end; a move is split where its path would leave the tolerance.
+
+    Direction, travel and speed are those of the move, held while a command is solved. Where a reversal makes the
+    command jump by more than half of the tolerance, the move that follows begins with a piece that takes up the jump
+    and extrudes nothing. An axis that rests in the program keeps its last direction, whatever its correction does:
+    where the correction turns back, play may swallow it, at most as far as it turns back.
     """
     _refuse_same_file(source, target)
-    rewriter = _rewriter(model, options or CompensationOptions(), model_name)
+    job = _job(model, options or CompensationOptions(), model_name, at)
+    rewriter = job.rewriter
     with contextlib.ExitStack() as stack:
         chunks = _chunks(_opened(source, stack), on_progress)
         if str(target) == "-":
@@ -191,7 +218,7 @@ def compensate_program(
             temporary = stack.enter_context(whole_or_absent(target))
             with temporary.open("wb") as stream:
                 _rewrite(rewriter, source, chunks, stream, threads)
-    return _result(rewriter)
+    return _result(job, threads)
 
 
 def compensate_bytes(
@@ -199,24 +226,41 @@ def compensate_bytes(
     program: bytes,
     options: CompensationOptions | None = None,
     *,
+    at: Conditions | None = None,
     model_name: str = "unnamed",
     threads: int = 0,
 ) -> tuple[bytes, CompensationResult]:
     """Correct a program in memory; everything else as `compensate_program`."""
-    rewriter = _rewriter(model, options or CompensationOptions(), model_name)
+    job = _job(model, options or CompensationOptions(), model_name, at)
     written: list[bytes] = []
     starts = range(0, len(program), CHUNK_BYTES)
     chunks = (program[start : start + CHUNK_BYTES] for start in starts)
-    for block in _blocks(rewriter, "program", chunks, threads):
+    for block in _blocks(job.rewriter, "program", chunks, threads):
         written.append(block)
-    return b"".join(written), _result(rewriter)
+    return b"".join(written), _result(job, threads)
 
 
-def _rewriter(model: Model, options: CompensationOptions, model_name: str) -> _core.GcodeRewriter:
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """A program's rewriter, and what it corrects."""
+
+    rewriter: _core.GcodeRewriter
+    corrected: Model
+    at: dict[str, float]
+
+
+def _job(model: Model, options: CompensationOptions, model_name: str, at: Conditions | None) -> _Job:
     corrected = model.without(options.firmware_corrects)
+    if model.rig_terms and model.errors is None and not model.machine_terms:
+        ids = ", ".join(term.id for term in model.rig_terms)
+        raise GeoerrError(
+            f"the model has nothing to compensate: {ids} explain measurements, and the machine does not have them\n"
+            "hint: they belong to the cameras; a program needs a model with errors of the machine"
+        )
+    given = program_conditions(corrected, at)
     measured = corrected.measured_range_mm
-    return _core.GcodeRewriter(
-        corrected._core,
+    rewriter = _core.GcodeRewriter(
+        corrected.compiled_at(given),
         work_offset_mm=options.work_offset_mm,
         tolerance_mm=options.tolerance_mm,
         digits=options.digits,
@@ -230,6 +274,7 @@ def _rewriter(model: Model, options: CompensationOptions, model_name: str) -> _c
         measured_mm=[measured[axis] or (-np.inf, np.inf) for axis in AXES],
         model_name=model_name,
     )
+    return _Job(rewriter, corrected, given)
 
 
 def _rewrite(
@@ -293,8 +338,10 @@ def _refuse_folder(target: str | Path) -> None:
         raise InputFileError(target, "is a folder", remedy="name a file in it")
 
 
-def _result(rewriter: _core.GcodeRewriter) -> CompensationResult:
-    summary = rewriter.summary()
+def _result(job: _Job, threads: int) -> CompensationResult:
+    summary = job.rewriter.summary()
+    benefit = benefit_of(job.corrected, summary["box_mm"], job.at, threads)
+    left_out = tuple(term.id for term in job.corrected.rig_terms)
     return CompensationResult(
         lines=summary["lines"],
         moves_in=summary["moves_in"],
@@ -307,5 +354,16 @@ def _result(rewriter: _core.GcodeRewriter) -> CompensationResult:
         largest_correction_line=summary["largest_correction_line"],
         extrusion_in_mm=summary["extrusion_in"] / _EXTRUSION_UNITS_PER_MM,
         extrusion_out_mm=summary["extrusion_out"] / _EXTRUSION_UNITS_PER_MM,
-        warnings=tuple(ProgramWarning(*row) for row in rewriter.warnings()),
+        correction_rms_um=None if benefit is None else benefit.rms_um,
+        correction_std_um=None if benefit is None else benefit.std_um,
+        left_out=left_out,
+        warnings=tuple(ProgramWarning(*row) for row in job.rewriter.warnings()),
+        notes=_notes(job, benefit, left_out),
     )
+
+
+def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tuple[str, ...]:
+    notes = []
+    if left_out:
+        notes.append(f"not compensated, for the cameras have it and not the machine: {', '.join(left_out)}")
+    return (*notes, *beyond_the_data(job.corrected, job.at), *(() if benefit is None else benefit.notes))
