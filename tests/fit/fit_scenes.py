@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 from numpy.polynomial import Legendre, Polynomial
-from virtual_machine import AXES, LENGTH_MM, Camera, Truth, place, rotation
+from virtual_machine import AXES, LENGTH_MM, Camera, Truth, camera, nine_lines, observe, place, rotation
 
 from geoerr.bases import basis_of
 from geoerr.error_functions import LINEAR_AND_ANGULAR
@@ -51,6 +51,21 @@ def cubic_truth(
     return Truth(dict.fromkeys(AXES, q), tables, s)
 
 
+def covariance_columns(observations: Observations) -> dict[str, Numbers]:
+    """Give the stated covariances column by column."""
+    return {name: observations.numbers(name)[:, 0] for name in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")}
+
+
+def nine_lines_seen(
+    rng: np.random.Generator, machine: Machine, *, has_noise: bool = True, n_repeats: int = 1
+) -> tuple[Truth, Observations]:
+    """Three targets on each body of a machine with cubic errors, one camera anywhere."""
+    truth = cubic_truth(rng)
+    moves = [move for repeat in range(n_repeats) for move in nine_lines(machine, repeat=repeat)]
+    exact = observe(machine, truth, moves, {"0": camera(rng)}, covariance_mm2=COVARIANCE_MM2)
+    return truth, measured_again(exact, rng.normal(size=(len(exact), 3)) @ ROOT_MM.T) if has_noise else exact
+
+
 def no_errors(n: int = 9) -> Truth:
     q = np.linspace(0.0, LENGTH_MM, n)
     return Truth(dict.fromkeys(AXES, q), {name: np.zeros(n) for name in LINEAR_AND_ANGULAR})
@@ -81,7 +96,8 @@ def points(
     """Make observations; a component that is NaN was not measured."""
     table: dict[str, object] = {name: q_mm[:, index] for index, name in enumerate("xyz")}
     table |= {f"t{name}": offset_mm[:, index] for index, name in enumerate("xyz")}
-    table |= {f"m{name}": measured_mm[:, index] for index, name in enumerate("xyz")}
+    for index, name in enumerate("xyz"):
+        table[f"m{name}"] = [None if np.isnan(value) else float(value) for value in measured_mm[:, index]]
     if covariance_mm2 is not None:
         for name, i, j in (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2)):
             table[f"c{name}"] = np.full(len(q_mm), covariance_mm2[i, j])

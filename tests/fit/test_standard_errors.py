@@ -7,18 +7,18 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from fit_scenes import (
-    COVARIANCE_MM2,
     ROOT_MM,
     Numbers,
-    cubic_truth,
+    covariance_columns,
     curve_of,
     fitted,
     measured_again,
+    nine_lines_seen,
     replaced,
     value_of,
 )
 from scipy import stats
-from virtual_machine import Truth, camera, machine_of, nine_lines, observe
+from virtual_machine import Truth, machine_of
 
 from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.fit import Fitted, result_of
@@ -34,10 +34,9 @@ CHANCE = 1e-6
 def scene(seed: int) -> tuple[Truth, Observations, Numbers]:
     """Nine lines without noise; roots of the rows' covariances: every third row three times as uncertain."""
     rng = np.random.default_rng(seed)
-    truth = cubic_truth(rng)
-    exact = observe(MACHINE, truth, nine_lines(MACHINE), {"0": camera(rng)}, covariance_mm2=COVARIANCE_MM2)
+    truth, exact = nine_lines_seen(rng, MACHINE, has_noise=False)
     size = np.where(np.arange(len(exact)) % 3 == 1, 3.0, 1.0)
-    columns = {name: exact.numbers(name)[:, 0] * size**2 for name in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")}
+    columns = {name: values * size**2 for name, values in covariance_columns(exact).items()}
     return truth, replaced(exact, **columns), size[:, None, None] * ROOT_MM
 
 

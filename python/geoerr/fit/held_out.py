@@ -13,12 +13,15 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.fit.figures import ErrorFigures, figures_of
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.start import N_UNKNOWNS
 from geoerr.fit.variables import times_s
 
 MOST_FOLDS = 20
 BLOCKS_OF_ONE_PASS = 10
 LEAST_FOLDS = 3
+# Points nearer to a line than this share of its length see no turn about it: errors are a thousandth at most.
+_ON_A_LINE = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,16 +135,31 @@ def projected_rows(
 
 
 def _own_unknowns(sightings: Sightings, rows: np.ndarray, used: np.ndarray, shared: Numbers | None) -> int:
-    """Count unknowns that act in these rows only: frames of sessions and shared unknowns that lie wholly in them."""
-    unknowns = {"free": 6, "parallel": 3, "circle": 4}
+    """Count unknowns that act in these rows only: frames of sessions and shared unknowns that lie wholly in them.
+
+    One that moves no measured component, as the turn of a frame about the one line of its points, is none.
+    """
     inside = np.bincount(sightings.session[rows], minlength=len(sightings.sessions))
     whole = np.bincount(sightings.session[used], minlength=len(sightings.sessions))
     count = sum(
-        unknowns[kind]
-        for kind, number, total in zip(sightings.frames, inside, whole, strict=True)
-        if number and number == total
+        _frame_unknowns(sightings, rows[sightings.session[rows] == number])
+        for number in np.flatnonzero((inside > 0) & (inside == whole))
     )
     if shared is not None:
-        acts = np.abs(shared).max(axis=1) > 0.0
+        acts = (np.abs(shared) * sightings.is_measured[:, :, None]).max(axis=1) > 0.0
         count += int((acts[rows].any(axis=0) & (acts[rows].sum(axis=0) == acts[used].sum(axis=0))).sum())
     return count
+
+
+def _frame_unknowns(sightings: Sightings, rows: np.ndarray) -> int:
+    """Count the unknowns of a session's frame that its rows can see."""
+    kind = sightings.frames[sightings.session[rows[0]]]
+    if kind == "circle":
+        # The centre leaves the plane of the circle unnoticed.
+        return N_UNKNOWNS[kind] - 1
+    if kind == "parallel":
+        return int(sightings.is_measured[rows].any(axis=0).sum())
+    complete = sightings.measured_mm[rows[sightings.is_measured[rows].all(axis=1)]]
+    size = np.linalg.svd(complete - complete.mean(axis=0), compute_uv=False)
+    n_dimensions = int((size > _ON_A_LINE * max(float(size[0]), SAME_POSITION_MM)).sum())
+    return N_UNKNOWNS[kind] - {0: 3, 1: 1}.get(n_dimensions, 0)

@@ -133,10 +133,13 @@ class Sightings:
 def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     """Join measurements of points and circular tests.
 
+    A circular test states the uncertainty of its radii in a column `sr` (mm), if at all. One that does not is weighed
+    like the other tables' components, and a note says so.
+
     Raises
     ------
     GeometryError
-        where nothing is measured, or some tables state uncertainties and others do not.
+        where nothing is measured, or some tables of points state uncertainties and others do not.
     """
     parts = [_of_points(table) if isinstance(table, Observations) else _of_circle(table) for table in tables]
     parts = [part for part in parts if len(part)]
@@ -208,8 +211,10 @@ def _of_circle(test: CircularTest) -> Sightings:
     _, pass_number = np.unique(
         np.column_stack([session, np.nan_to_num(repeat), np.nan_to_num(sense)]), axis=0, return_inverse=True
     )
+    std_mm = frame["sr"].cast(pl.Float64).to_numpy() if "sr" in frame.columns else np.full(n_rows, np.nan)
+    is_stated = bool((np.isfinite(std_mm) & (std_mm >= _LEAST_STD_MM)).all())
     whitening = np.zeros((n_rows, 3, 3))
-    whitening[:, 0, 0] = 1.0
+    whitening[:, 0, 0] = 1.0 / std_mm if is_stated else 1.0
     return Sightings(
         table=frame,
         commanded_mm=np.ascontiguousarray(commanded, dtype=np.float64),
@@ -217,7 +222,7 @@ def _of_circle(test: CircularTest) -> Sightings:
         measured_mm=measured,
         is_measured=is_measured,
         whitening=whitening,
-        is_stated=False,
+        is_stated=is_stated,
         carrier=np.full(n_rows, CARRIERS.index("relative"), dtype=np.uint8),
         session=session,
         sessions=names,
@@ -231,6 +236,7 @@ def _of_circle(test: CircularTest) -> Sightings:
 
 
 def _joined(parts: Sequence[Sightings]) -> Sightings:
+    parts = _with_weights_of_circles(parts)
     if len({part.is_stated for part in parts}) > 1:
         raise GeometryError(
             "some measurements state their uncertainty and others do not, so that they cannot be weighed together\n"
@@ -260,6 +266,22 @@ def _joined(parts: Sequence[Sightings]) -> Sightings:
         left_out=left_out,
         notes=tuple(sentence for part in parts for sentence in part.notes),
     )
+
+
+def _with_weights_of_circles(parts: Sequence[Sightings]) -> Sequence[Sightings]:
+    """Weigh radii that state no uncertainty like the components of the tables that do."""
+    stated = [part for part in parts if part.is_stated]
+    if not stated:
+        return parts
+    variances = [(np.linalg.pinv(part.whitening) ** 2).sum(axis=2)[part.is_measured] for part in stated]
+    std_mm = float(np.sqrt(np.concatenate(variances).mean()))
+    note = f"a circular test states no uncertainty (column sr, mm): its radii got that of the points, {std_mm:.2g} mm"
+    return [
+        replace(part, whitening=part.whitening / std_mm, is_stated=True, notes=(*part.notes, note))
+        if not part.is_stated and set(part.frames) == {"circle"}
+        else part
+        for part in parts
+    ]
 
 
 def _whitening(

@@ -14,6 +14,7 @@ from scipy import stats
 
 from geoerr import _core
 from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
 _SETTLED = 1e-4
@@ -95,6 +96,8 @@ def solve(
         Whether no inner parameter is free.
     """
     n_numbers = sightings.is_measured.sum(axis=1)
+    first_frame_column = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
+    gauge = np.vstack([gauge, planes_of_circles(sightings, first_frame_column, problem.n_columns)])
     scale_of_rows = np.ones(len(sightings))
     rounds = _HUBER_ROUNDS + _MAX_ROUNDS if robust else 1
     state, found = start, None

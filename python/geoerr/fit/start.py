@@ -18,6 +18,7 @@ import numpy as np
 from geoerr import _core
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import Machine
+from geoerr.observations import CARRIERS
 
 # Second singular value below this share of the first: points on a line.
 _LINE = 1e-9
@@ -49,6 +50,8 @@ class Frames:
 
 
 KINDS = {"free": 0, "parallel": 1, "circle": 2}
+# Unknowns of each: a rotation and a translation, a translation, a centre and what is added to every radius.
+N_UNKNOWNS = {"free": 6, "parallel": 3, "circle": 4}
 
 
 def nominal_mm(machine: Machine, sightings: Sightings) -> Numbers:
@@ -111,17 +114,16 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     names = np.asarray(sightings.texts("target")) if "target" in sightings.table.columns else np.full(len(static), "")
     keys = np.round(offsets / SAME_POSITION_MM).astype(np.int64).tolist()
     carriers = sightings.carrier.tolist()
-    known: dict[tuple[object, ...], list[int]] = {}
+    known: dict[tuple[int, str, str | tuple[int, ...]], list[int]] = {}
     for row, session in enumerate(sightings.session.tolist()):
-        what = ("static", str(names[row])) if static[row] else (carriers[row], *keys[row])
-        known.setdefault((session, *what), []).append(row)
+        what = str(names[row]) if static[row] else tuple(keys[row])
+        known.setdefault((session, CARRIERS[carriers[row]], what), []).append(row)
     has_first: set[int] = set()
     free = []
-    for (session, what, *_), rows in known.items():
-        assert isinstance(session, int)
+    for (session, carrier, _), rows in known.items():
         if sightings.frames[session] == "circle":
             continue
-        if what == "static":
+        if carrier == "base":
             rotation, translation = frames.rotations[session], frames.translations_mm[session]
             offsets[rows] = _mean_of_measured(sightings, rows, translation) @ rotation
         elif session not in has_first:
@@ -165,6 +167,24 @@ def _smallest_turn(start: Numbers, end: Numbers) -> Numbers:
         return np.asarray(2.0 * np.outer(half, half) - np.eye(3))
     cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
+
+
+def planes_of_circles(sightings: Sightings, first_frame_column: int, n_columns: int) -> Numbers:
+    """Give rows C (k, n_columns), C x = 0: the centre of a circle stays in the plane of its commanded points.
+
+    To first order no radius notices it leave, so that round-off would decide how far.
+    """
+    rows = []
+    first = first_frame_column
+    for number, kind in enumerate(sightings.frames):
+        if kind == "circle":
+            points = sightings.commanded_mm[sightings.session == number]
+            _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)
+            row = np.zeros(n_columns)
+            row[first : first + 3] = axes[2]
+            rows.append(row)
+        first += N_UNKNOWNS[kind]
+    return np.array(rows).reshape(len(rows), n_columns)
 
 
 def _centre(points: Numbers) -> Numbers:
