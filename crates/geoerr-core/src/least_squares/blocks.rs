@@ -11,7 +11,8 @@ use super::matrix::Matrix;
 /// A tall least-squares system, generated row block by row block.
 ///
 /// Weights belong in the rows: divide each by its standard deviation, or multiply a group by the inverse root of its
-/// covariance.
+/// covariance. Rows 10⁶ times heavier than others cost the others digits: what must hold exactly is a
+/// [`Restriction`](super::Restriction), not a heavy row.
 pub trait Design: Sync {
     /// What generating a block may fail with.
     type Error: From<LeastSquaresError> + Send;
