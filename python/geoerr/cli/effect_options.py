@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,23 @@ from geoerr.machine import Machine
 from geoerr.terms import SQUARENESS_CHANNELS, EffectReference, Term
 
 
-def terms_to_add(
+@dataclass(frozen=True)
+class Addition:
+    """An effect that was asked for: its reference as reports write it, its title, its terms."""
+
+    reference: str
+    title: str
+    terms: tuple[Term, ...]
+
+
+def additions(
     references: Sequence[str],
     effect_files: Sequence[Path],
     machine: Machine,
     sightings: Sightings,
     components: Components,
-) -> list[Term]:
-    """Give the terms that references name, their values unknown.
+) -> list[Addition]:
+    """Give the effects that references name, as terms whose values are unknown.
 
     Parameters
     ----------
@@ -46,22 +56,23 @@ def terms_to_add(
     """
     known = load_catalogue(effect_files)
     held = {*names_of(components), *(() if components == "none" else SQUARENESS_CHANNELS)}
-    terms: list[Term] = []
+    added: list[Addition] = []
     for text in references:
         effect, reference = known.resolve(text)
         _refuse_wanting(effect, reference, sightings)
-        added = _terms(effect, reference, machine, sightings)
-        for term in added:
-            if effect.is_classic and held.issuperset(term.channels):
-                raise InputFileError(
-                    text,
-                    f"is in the model already: {', '.join(term.channels)} is one of its {components} components",
-                    remedy="leave it out, or fit it with --components none",
-                )
-            if term.id in {other.id for other in terms}:
-                raise InputFileError(text, "is added twice", remedy="name it once")
-        terms += added
-    return terms
+        one = Addition(str(reference), effect.title, _terms(effect, reference, machine, sightings))
+        channels = [channel for term in one.terms for channel in term.channels]
+        if effect.is_classic and held.issuperset(channels):
+            raise InputFileError(
+                text,
+                f"is in the model already, among its {components} components: {', '.join(channels)}",
+                remedy="leave it out, or fit it with --components none",
+            )
+        names = {term.id for other in added for term in other.terms}
+        if names.intersection(term.id for term in one.terms):
+            raise InputFileError(text, "is added twice", remedy="name it once")
+        added.append(one)
+    return added
 
 
 def _terms(effect: Effect, reference: EffectReference, machine: Machine, sightings: Sightings) -> tuple[Term, ...]:

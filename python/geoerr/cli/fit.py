@@ -10,8 +10,9 @@ from typing import Annotated, Any
 
 import typer
 
-from geoerr.cli.effect_options import terms_to_add
+from geoerr.cli.effect_options import Addition, additions
 from geoerr.cli.fit_text import (
+    counted,
     error_rows,
     figure_rows,
     freedom_of,
@@ -43,7 +44,6 @@ from geoerr.machine import read_machine
 from geoerr.model import HistoryEntry, write_model
 from geoerr.report.comparison import comparison_document
 from geoerr.report.provenance import provenance_of_command
-from geoerr.terms import Term
 
 _MOST_OUTLIERS_NAMED = 8
 # What `model.json` remembers of the errors before and after an effect was added.
@@ -102,29 +102,29 @@ def fit(
     described = read_machine(machine)
     measured = read_measurements(observations)
     sensitivity, covariance = calibration(rig, measured.points)
-    terms = terms_to_add(add or [], effect_files, described, sightings_of(*measured.tables), components.value)
+    added = additions(add or [], effect_files, described, sightings_of(*measured.tables), components.value)
     options = FitOptions(components=components.value, follows_tangent=tangent, threads=threads)
     with progress_bar("fit", quiet) as advance:
-        n_steps = 2 + len(terms)
+        n_steps = 2 + len(added)
         advance(0, n_steps)
         fitted = fit_terms(
             described,
             measured.tables,
-            effects=terms,
+            effects=[term for one in added for term in one.terms],
             options=options,
             rig_sensitivity=sensitivity,
             rig_covariance=covariance,
         )
         steps = [fitted]
-        for number in range(max(len(terms), 1)):
+        for number in range(max(len(added), 1)):
             advance(1 + number, n_steps)
-            steps.insert(-1, _before(fitted, terms, number, threads))
+            steps.insert(-1, _before(fitted, added, number, threads))
         before = steps[0]
-        result = result_of(fitted, _history(steps, terms))
+        result = result_of(fitted, _history(steps, added))
         advance(n_steps, n_steps)
     if output is not None:
         write_model(output, result.model)
-    outcome = _Outcome(result, before, measured, terms)
+    outcome = _Outcome(result, before, measured, added)
     if as_json:
         print_json(null_for_nan(_document(outcome, output, inputs)))
         return
@@ -142,7 +142,7 @@ class _Outcome:
     result: FitResult
     before: Fitted
     measured: Measurements
-    added: Sequence[Term]
+    added: Sequence[Addition]
 
     @property
     def meaning_of_before(self) -> str:
@@ -150,28 +150,28 @@ class _Outcome:
         return "the same model without the effects" if self.added else "a machine without errors"
 
 
-def _before(fitted: Fitted, added: Sequence[Term], number: int, threads: int) -> Fitted:
+def _before(fitted: Fitted, added: Sequence[Addition], number: int, threads: int) -> Fitted:
     """Fit the same rows with the first effects only; where none was added, with a machine without errors."""
     if not added:
         return refit(fitted, (), threads=threads)
-    left_out = {term.id for term in added[number:]}
+    left_out = {term.id for one in added[number:] for term in one.terms}
     return refit(fitted, [term for term in fitted.terms if term.id not in left_out], threads=threads)
 
 
-def _history(steps: Sequence[Fitted], added: Sequence[Term]) -> list[HistoryEntry]:
+def _history(steps: Sequence[Fitted], added: Sequence[Addition]) -> list[HistoryEntry]:
     """Give an entry for each effect, in the order in which they were asked for: `steps` are the fits between them."""
     if not added:
         return []
     found = {term.id: term for term in steps[-1].terms}
     return [
         HistoryEntry(
-            reference=term.id,
-            title=term.title,
+            reference=one.reference,
+            title=one.title,
             figures_before=_remembered(before),
             figures_after=_remembered(after),
-            parameters=(*found[term.id].coefficients, *found[term.id].inner),
+            parameters=tuple(p for term in one.terms for p in (*found[term.id].coefficients, *found[term.id].inner)),
         )
-        for term, before, after in zip(added, steps[:-1], steps[1:], strict=True)
+        for one, before, after in zip(added, steps[:-1], steps[1:], strict=True)
     ]
 
 
@@ -226,11 +226,10 @@ def _outlier_places(outcome: _Outcome) -> list[str]:
 def _text(outcome: _Outcome, components: Components) -> list[str]:
     result, fitted = outcome.result, outcome.result.fitted
     machine = fitted.machine
-    n_effects = len(fitted.terms) - sum(term.kind == "classic" for term in fitted.terms)
     lines = [
         f"{machine.name} ({machine.chain}): {'no' if components == 'none' else components} components, "
-        f"{n_effects} {'effect' if n_effects == 1 else 'effects'}; {len(fitted.sightings)} rows in "
-        f"{fitted.sightings.n_passes} passes, {fitted.n_parameters} parameters",
+        f"{counted(len(outcome.added), 'effect')}; {counted(len(fitted.sightings), 'row')} in "
+        f"{counted(fitted.sightings.n_passes, 'pass')}, {counted(fitted.n_parameters, 'parameter')}",
         "",
         *figure_rows({"before": comparison_document(outcome.before), "after": comparison_document(fitted)}),
         f"(before: {outcome.meaning_of_before})",

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from geoerr.cli.fit_text import (
+    counted,
     error_rows,
     figure_rows,
     freedom_of,
@@ -178,8 +179,8 @@ def _fit_in_words(result: JointResult) -> list[str]:
     fitted = result.result.fitted
     sightings = fitted.sightings
     lines = wrapped(
-        f"{len(sightings)} rows in {sightings.n_passes} passes and {len(sightings.sessions)} "
-        f"{'session' if len(sightings.sessions) == 1 else 'sessions'}, {fitted.problem.n_columns} unknowns, of which "
+        f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')} and "
+        f"{counted(len(sightings.sessions), 'session')}; {fitted.problem.n_columns} unknowns, of which "
         f"{fitted.solved.solution.rank} are determined",
         "",
     )
