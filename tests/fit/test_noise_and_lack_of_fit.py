@@ -1,0 +1,173 @@
+"""The residual in parts: repeats say the noise, and lack of fit is what is beyond it."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from fit_scenes import Numbers, camera_near_base, fitted, measured_again, no_errors, replaced, seen
+from scipy import stats
+from virtual_machine import machine_of
+
+from geoerr.effects import catalogue
+from geoerr.fit import Fitted
+from geoerr.observations import Observations
+
+MACHINE = machine_of("wZbXYt")
+STD_MM = np.array([2e-3, 3e-3, 5e-3])
+SIDE = np.linspace(0.0, 400.0, 5)
+GRID = [np.array([x, y, 0.0]) for x in SIDE for y in SIDE]
+
+
+def passes(n_repeats: int, *, gap_mm: float = 0.0, is_stated: bool = True, seed: int = 0) -> Observations:
+    """A grid seen there and back, exact; `gap_mm` is a backlash of x."""
+    rows, line, repeat, direction = [], [], [], []
+    for number, way in itertools.product(range(n_repeats), (1, -1)):
+        for q in GRID[::way]:
+            rows.append(("relative", q, (0.0, 0.0, 0.0)))
+            line.append("grid")
+            repeat.append(number)
+            direction.append(way)
+    exact = seen(
+        MACHINE,
+        no_errors(),
+        camera_near_base(np.random.default_rng(seed)),
+        rows,
+        covariance_mm2=np.diag(STD_MM**2),
+        line=line,
+        repeat=np.array(repeat, dtype=np.float64),
+        dir_x=np.array(direction, dtype=np.float64),
+        dir_y=np.array(direction, dtype=np.float64),
+        dir_z=np.array(direction, dtype=np.float64),
+    )
+    gap = np.zeros((len(rows), 3))
+    gap[:, 0] = -0.5 * gap_mm * np.array(direction)
+    shifted = measured_again(exact, gap)
+    names = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+    return shifted if is_stated else Observations(shifted.frame.drop(*names), shifted.sources)
+
+
+EFFECTS = [
+    catalogue()["scale"].term("x", None, MACHINE),
+    catalogue()["scale"].term("y", None, MACHINE),
+    catalogue()["squareness"].term("xy", None, MACHINE),
+]
+
+
+def small_fit(observations: Observations) -> Fitted:
+    return fitted(MACHINE, observations, effects=EFFECTS, components="none", is_robust=False)
+
+
+def noisy(observations: Observations, rng: np.random.Generator) -> Observations:
+    return measured_again(observations, rng.normal(size=(len(observations), 3)) * STD_MM)
+
+
+def test_floor_is_the_pooled_deviation_of_repeats() -> None:
+    """By hand: variance of each pose and direction, n − 1, pooled, summed over components."""
+    observations = noisy(passes(3), np.random.default_rng(500))
+    result = small_fit(observations)
+    keys = np.column_stack([observations.commanded_mm, observations.numbers("dir_x")])
+    # Seen from the base axes, in which residuals are: the frame is turned by some hundredths.
+    rotation = result.solved.state.rotations[0]
+    measured = observations.measured_mm @ rotation
+    total, dof = np.zeros(3), 0
+    for key in np.unique(keys, axis=0):
+        group = measured[(keys == key).all(axis=1)]
+        total += ((group - group.mean(axis=0)) ** 2).sum(axis=0)
+        dof += len(group) - 1
+    assert dof == 2 * 2 * len(GRID)
+    assert result.repeats.dof.tolist() == [dof] * 3
+    assert np.allclose(result.repeats.variance_mm2, total / dof, rtol=1e-5)
+    assert result.repeats.floor_um == pytest.approx(1e3 * np.sqrt((total / dof).sum()), rel=1e-5)
+    assert result.split.is_from_repeats
+    assert result.split.noise_um == result.repeats.floor_um
+
+
+def test_floor_within_passes_does_not_see_a_pass_that_is_off() -> None:
+    """One pass 50 µm off: the floor across passes knows, that within passes does not."""
+    observations = noisy(passes(4), np.random.default_rng(501))
+    off = np.zeros((len(observations), 3))
+    off[observations.numbers("repeat")[:, 0] == 2.0] = 50e-3
+    result = small_fit(measured_again(observations, off))
+    expected_um = 1e3 * np.sqrt((STD_MM**2).sum())
+    assert result.repeats.floor_um is not None
+    assert result.repeats.within_pass_floor_um is not None
+    assert result.repeats.floor_um > 5.0 * expected_um
+    # 136 degrees of freedom in each component: √(0.5/136) is 6 %.
+    assert result.repeats.within_pass_floor_um == pytest.approx(expected_um, rel=0.2)
+
+
+def test_other_conditions_are_no_repeats() -> None:
+    """Rows whose temperature differs by more than a twentieth of its spread measure another thing."""
+    observations = passes(2)
+    warm = replaced(observations, temp=np.linspace(20.0, 40.0, len(observations)))
+    assert small_fit(warm).repeats.floor_um is None
+    # A sensor's last digit is no other condition: 0.02 K of 400 mm of aluminium are 0.2 µm.
+    rng = np.random.default_rng(507)
+    level = replaced(
+        observations, temp=20.0 + rng.uniform(0.0, 0.02, len(observations)), load=5.0 + 1e-4 * rng.random(100)
+    )
+    assert small_fit(level).repeats.dof.tolist() == small_fit(observations).repeats.dof.tolist()
+
+
+@pytest.mark.parametrize("is_stated", [True, False])
+def test_lack_of_fit_of_a_right_model_is_uniform(is_stated: bool) -> None:
+    """Of 200 fits; Kolmogorov and Smirnov would call a right one wrong once in a thousand."""
+    exact = passes(2, is_stated=is_stated)
+    rng = np.random.default_rng(502)
+    # One weight for all is right only for noise that is alike in all components.
+    std = STD_MM if is_stated else np.full(3, 3e-3)
+    draws = [measured_again(exact, rng.normal(size=(len(exact), 3)) * std) for _ in range(200)]
+    p = [small_fit(draw).split.lack_of_fit_p for draw in draws]
+    assert stats.kstest(np.array(p, dtype=np.float64), "uniform").pvalue > 1e-3
+
+
+def test_lack_of_fit_from_stated_noise_is_uniform() -> None:
+    """Without repeats the stated covariances are what residuals are held against."""
+    exact = passes(1)
+    rng = np.random.default_rng(503)
+    results = [small_fit(noisy(exact, rng)) for _ in range(200)]
+    assert not any(result.split.is_from_repeats for result in results)
+    p = np.array([result.split.lack_of_fit_p for result in results], dtype=np.float64)
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+    assert results[0].split.noise_um == pytest.approx(1e3 * np.sqrt((STD_MM**2).sum()), rel=1e-3)
+
+
+def test_a_missing_term_shows() -> None:
+    """A backlash of 4 µm, twice the noise of x: lack of fit, of the size that it makes."""
+    result = small_fit(noisy(passes(3, gap_mm=4e-3), np.random.default_rng(504)))
+    assert result.split.lack_of_fit_p is not None
+    assert result.split.lack_of_fit_p < 1e-6
+    assert result.split.lack_of_fit_um is not None
+    # Half of 4 µm either way; total and noise are uncertain by 5 % of 6 µm each, and it is the root of a difference.
+    assert result.split.lack_of_fit_um == pytest.approx(2.0, abs=0.8)
+    backlash = catalogue()["backlash"].term("x", None, MACHINE)
+    with_it = fitted(
+        MACHINE,
+        noisy(passes(3, gap_mm=4e-3), np.random.default_rng(504)),
+        effects=[*EFFECTS, backlash],
+        components="none",
+        is_robust=False,
+    )
+    assert with_it.split.lack_of_fit_p is not None
+    assert with_it.split.lack_of_fit_p > 0.01
+
+
+def test_nothing_tells_the_noise() -> None:
+    """No repeats, no stated uncertainty: no noise, no probability, and standard errors from the residual."""
+    observations = noisy(passes(1, is_stated=False), np.random.default_rng(505))
+    result = small_fit(observations)
+    assert (result.split.noise_um, result.split.lack_of_fit_p) == (None, None)
+    assert result.scale > 0.0
+
+
+def residual_of(values: Numbers) -> float:
+    return float(np.sqrt((values**2).mean(axis=0).sum()))
+
+
+def test_figures_are_roots_of_summed_mean_squares() -> None:
+    observations = noisy(passes(2), np.random.default_rng(506))
+    result = small_fit(observations)
+    assert result.figures.rmse_um == pytest.approx(1e3 * residual_of(result.residual_mm), rel=1e-12)
+    assert result.figures.n_components == (100, 100, 100)

@@ -1,0 +1,154 @@
+"""650 holes that a mill drilled in a plate, measured on a CMM in X and Y: what one plane tells, and what it cannot.
+
+The plate lies on the CMM turned by some 70 µrad, which is the measuring frame's and no error of the machine: it is
+fitted along as what it is, a turn of the rig about Z.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import geoerr
+from geoerr.error_functions import LINEAR_AND_ANGULAR, SQUARENESS
+from geoerr.fit import FitResult, Fitted
+from geoerr.terms import Parameter, Part, Term
+
+pytestmark = pytest.mark.real_data
+
+TURN = Term(
+    "set-up-turn",
+    "turn of the plate on the CMM",
+    "effect",
+    "set-up-turn",
+    None,
+    None,
+    (Part("rig-rz", expression="turn"),),
+    (Parameter("turn", "rad"),),
+)
+AFFINE = ("scale:x", "scale:y", "squareness:xy")
+
+
+@pytest.fixture(scope="module")
+def plate(real_data: Path) -> tuple[geoerr.Machine, geoerr.Observations]:
+    folder = real_data / "plates"
+    return geoerr.read_machine(folder / "machine.toml"), geoerr.read_observations(folder / "observations.csv")
+
+
+@pytest.fixture(scope="module")
+def affine(plate: tuple[geoerr.Machine, geoerr.Observations]) -> FitResult:
+    machine, observations = plate
+    return geoerr.fit_model(machine, observations, components="none", effects=(TURN, *AFFINE))
+
+
+@pytest.fixture(scope="module")
+def whole(plate: tuple[geoerr.Machine, geoerr.Observations]) -> FitResult:
+    machine, observations = plate
+    return geoerr.fit_model(machine, observations, components="21", effects=(TURN,))
+
+
+def per_component_um(rms_um: tuple[float | None, float | None, float | None]) -> float:
+    """Pool x and y; z was not measured."""
+    x_um, y_um, z_um = rms_um
+    assert x_um is not None
+    assert y_um is not None
+    assert z_um is None
+    return float(np.hypot(x_um, y_um) / np.sqrt(2.0))
+
+
+def at_random_um(fitted: Fitted, seed: int) -> float:
+    """Hold holes out at random, in ten folds."""
+    fold = np.random.default_rng(seed).permutation(len(fitted.sightings)) % 10
+    return held_out_um(fitted, fold)
+
+
+def by_blocks_um(fitted: Fitted) -> float:
+    """Hold out ten strips across the direction in which the plate is longest."""
+    centred = fitted.sightings.commanded_mm - fitted.sightings.commanded_mm.mean(axis=0)
+    along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
+    fold = np.argsort(np.argsort(along, kind="stable"), kind="stable") * 10 // len(along)
+    return held_out_um(fitted, fold)
+
+
+def held_out_um(fitted: Fitted, fold: np.ndarray) -> float:
+    held = fitted.leave_out(fold)
+    assert held.n_not_computable == 0
+    assert held.figures is not None
+    return per_component_um(held.figures.rms_per_component_um)
+
+
+def test_scale_and_squareness_leave_what_an_affine_map_leaves(
+    plate: tuple[geoerr.Machine, geoerr.Observations], affine: FitResult
+) -> None:
+    """Three axes' worth of linear errors and a rigid motion are the affine maps of the plane: NumPy's answer."""
+    _, observations = plate
+    q, p = observations.commanded_mm[:, :2], observations.measured_mm[:, :2]
+    design = np.column_stack([q, np.ones(len(q))])
+    left = p - design @ np.linalg.lstsq(design, p, rcond=None)[0]
+    expected_um = float(np.sqrt(np.mean(left**2))) * 1e3
+    found_um = per_component_um(affine.fitted.figures.rms_per_component_um)
+    assert found_um == pytest.approx(expected_um, abs=1e-3)
+    assert found_um == pytest.approx(3.7, abs=0.05)
+
+
+def test_scale_and_squareness_have_their_sizes(affine: FitResult) -> None:
+    scale = {axis: affine.model.parameter(f"scale:{axis}.k") for axis in "xy"}
+    mean = 0.5 * (scale["x"].value + scale["y"].value)
+    assert mean == pytest.approx(-34e-6, abs=3e-6)
+    squareness = affine.model.parameter("squareness:xy.S")
+    assert abs(squareness.value) == pytest.approx(64e-6, abs=3.0 * squareness.std)
+    assert squareness.std < 3e-6
+    slopes = affine.model.mean_scales()
+    assert slopes["x"].value == pytest.approx(scale["x"].value, rel=1e-9)
+
+
+def test_functions_of_the_axes_and_yaw_predict_holes_that_they_have_not_seen(
+    affine: FitResult, whole: FitResult
+) -> None:
+    assert np.mean([at_random_um(whole.fitted, seed) for seed in range(3)]) < 3.0
+    assert by_blocks_um(whole.fitted) < 3.4
+    assert by_blocks_um(affine.fitted) > 3.6
+
+
+def test_yaw_of_x_is_worth_something(plate: tuple[geoerr.Machine, geoerr.Observations], whole: FitResult) -> None:
+    machine, observations = plate
+    flat = geoerr.fit_model(machine, observations, components="12", effects=(TURN,))
+    assert at_random_um(whole.fitted, 0) < at_random_um(flat.fitted, 0)
+
+
+def test_mean_scale_of_the_whole_model(whole: FitResult) -> None:
+    """The slope of the curve that the data chose: of both axes together −34 ± 3 in 10⁶."""
+    scales = whole.model.mean_scales()
+    assert 0.5 * (scales["x"].value + scales["y"].value) == pytest.approx(-34e-6, abs=3e-6)
+
+
+def test_what_one_plane_cannot_determine_is_listed(whole: FitResult) -> None:
+    """wXYbZt, both axes under the plate, z parked and not measured. From THEORY's first-order sum:
+
+    - Z never moved: its six, and its two squarenesses (S_xz·z, S_yz·z at one z are a translation).
+    - δ_zx, δ_zy lie along z.
+    - A turn ε acts on (x, y, 0) from X, which carries Y (on (0, y, 0) from Y): ε_x and ε_y move it along z only, so
+      roll and pitch of X and of Y are not seen; ε_zx (−y, x) is: the error along x is a product of x and y, which no
+      other error has.
+    - ε_zy acts on (0, y, 0): −y·ε_zy(y) along x, a function of y as δ_xy is; with ε_zy free, S_xy·y is one more such.
+    """
+    lost = {item.name for item in whole.fitted.not_determined} - {"set-up-turn"}
+    of_z = {f"E{letter}Z" for letter in "XYZABC"}
+    assert lost == of_z | {"EB0Z", "EA0Z", "EZX", "EZY", "EAX", "EBX", "EAY", "EBY", "EXY", "ECY", "EC0Y"}
+    assert set(LINEAR_AND_ANGULAR + SQUARENESS) - lost == {"EXX", "EYX", "ECX", "EYY"}
+    reasons = {item.name: item.why for item in whole.fitted.not_determined}
+    assert all(reasons[name] == "the z axis never moved" for name in of_z)
+    assert "ECY" in reasons["EXY"]
+    assert "EXY" in reasons["ECY"]
+    assert {"EXY", "ECY"} <= set(reasons["EC0Y"].replace(",", "").split())
+
+
+def test_without_angles_squareness_is_determined(plate: tuple[geoerr.Machine, geoerr.Observations]) -> None:
+    machine, observations = plate
+    flat = geoerr.fit_model(machine, observations, components="12", effects=(TURN,))
+    lost = {item.name for item in flat.fitted.not_determined}
+    assert lost == {"EXZ", "EYZ", "EZZ", "EZX", "EZY", "EB0Z", "EA0Z"}
+    squareness = flat.model.parameter("S_xy.S")
+    assert abs(squareness.value) == pytest.approx(64e-6, abs=4.0 * squareness.std)
