@@ -1,0 +1,395 @@
+"""The uncertainty budget: from the pictures to the error at any place of the volume, and to a compensated part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.budget.columns import Predictor, owners_of
+from geoerr.budget.combine import effective_dof, expanded, expanded_length
+from geoerr.budget.estimator import Estimator
+from geoerr.budget.implementation import Implementation
+from geoerr.budget.places import grid_axes_mm, grid_of, stated_places
+from geoerr.budget.source import Source
+from geoerr.budget.sources import (
+    Stage,
+    conditions_of,
+    source_of_record,
+    sources_of_fit,
+    stages_of,
+)
+from geoerr.errors import NotDeterminedError, ShapeError
+from geoerr.fit import FitResult, Fitted
+from geoerr.model import GROUPS, Model
+from geoerr.model.arrays import Numbers, points
+from geoerr.model.conditions import Conditions
+from geoerr.terms import Term
+from geoerr.vision.rig import Rig
+
+Quantity = Literal["prediction", "part"]
+_UM_PER_MM = 1e3
+# Places along each edge of the grid in which the worst place is looked for.
+_SEARCHED = 9
+# A variance below that of a picometre is rounding: at the first point of the range the error is 0 by convention.
+_NOTHING_MM2 = 1e-18
+_ALWAYS_SILENT = (
+    "where the work is clamped: the error counts from the first point of the range, up to the work's rigid set-up",
+    "what stayed the same in all the data: air, lenses beyond their model, targets that are not flat, wear",
+    "lever arms: a target glued on 0.1 mm off changes an angle by a share 0.1 mm / lever, second order",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Contribution:
+    """What a source, or a part of one, contributes at the places of a budget.
+
+    Attributes
+    ----------
+    name
+        Of the source or part.
+    std_um
+        (n,) alone: the root of its own variance, the length of all three components.
+    share
+        (n,) of the variance of the whole, with half of every correlation; negative where it offsets others.
+    """
+
+    name: str
+    std_um: Numbers
+    share: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """How uncertain the error at some places is, and why; made by `uncertainty_budget`.
+
+    The **prediction** is the error that the model predicts; the **part** is what is left of it in a part made with
+    compensation: the prediction's uncertainty, what the machine does not repeat, and what carrying out a correction
+    leaves. Sources are independent of each other; within a source correlations are whole (the calibration is one
+    error for all points and for all places).
+
+    Attributes
+    ----------
+    model
+        The fitted model.
+    place_names, q_mm
+        The places, (n, 3).
+    is_determined
+        (n,) whether the data determine the error there; numbers are NaN where they do not.
+    sources
+        Each once.
+    stages
+        What is uncertain before the parameters: corner, point.
+    not_counted
+        Sentences: what is in none of the numbers.
+    """
+
+    model: Model
+    place_names: tuple[str, ...]
+    q_mm: Numbers
+    is_determined: npt.NDArray[np.bool_]
+    sources: tuple[Source, ...]
+    stages: tuple[Stage, ...]
+    not_counted: tuple[str, ...]
+    predictor: Predictor
+    estimator: Estimator | None
+    rig: Rig | None
+    roots_mm: tuple[Numbers, ...]
+
+    def at_places(self, q_mm: npt.ArrayLike, names: Sequence[str] | None = None) -> Budget:
+        """Give the same budget at other places (n, 3)."""
+        places = points(q_mm, "q_mm")
+        if names is not None and len(names) != len(places):
+            raise ShapeError(f"{len(names)} names are given for {len(places)} places")
+        return replace(
+            self,
+            place_names=tuple(names or (f"({x:g}, {y:g}, {z:g})" for x, y, z in places)),
+            q_mm=places,
+            is_determined=self.model.is_determined_at(places, self.predictor.offset_mm, at=self.predictor.at),
+            roots_mm=_roots(self.sources, self.predictor, places),
+        )
+
+    def chosen(self, of: Quantity) -> list[tuple[Source, Numbers]]:
+        """Give the sources of the prediction or of the part, with their roots (n, 3, k) in mm."""
+        pairs = zip(self.sources, self.roots_mm, strict=True)
+        return [(source, root) for source, root in pairs if of == "part" or not source.is_of_part]
+
+    def covariance_mm2(self, of: Quantity = "prediction") -> Numbers:
+        """Give the covariance of the error, (n, 3, 3); NaN where it is not determined."""
+        total = np.zeros((len(self.q_mm), 3, 3))
+        for _, root in self.chosen(of):
+            total += root @ root.transpose(0, 2, 1)
+        return self._known(total)
+
+    def standard_um(self, of: Quantity = "prediction") -> Numbers:
+        """Give the combined standard uncertainty of x, y, z, (n, 3)."""
+        return np.sqrt(np.diagonal(self.covariance_mm2(of), axis1=1, axis2=2)) * _UM_PER_MM
+
+    def standard_length_um(self, of: Quantity = "prediction") -> Numbers:
+        """Give the root of the sum of the three variances, (n,)."""
+        return np.asarray(np.sqrt(np.trace(self.covariance_mm2(of), axis1=1, axis2=2)) * _UM_PER_MM)
+
+    def dof(self, of: Quantity = "prediction") -> Numbers:
+        """Give the effective degrees of freedom of x, y, z and of the length, (n, 4)."""
+        chosen = self.chosen(of)
+        variances = [(root**2).sum(axis=2) for _, root in chosen]
+        with_length = [np.column_stack([v, v.sum(axis=1)]) for v in variances]
+        return self._known(effective_dof(with_length, [source.dof for source, _ in chosen]))
+
+    def expanded_um(self, of: Quantity = "prediction") -> Numbers:
+        """Give U = k·u of x, y, z at 95 %, (n, 3)."""
+        return expanded(self.standard_um(of), self.dof(of)[:, :3])
+
+    def expanded_length_um(self, of: Quantity = "prediction") -> Numbers:
+        """Give the length (n,) that the error of the statement stays below with 95 %."""
+        return expanded_length(self.covariance_mm2(of), self.dof(of)[:, 3]) * _UM_PER_MM
+
+    def contributions(self, of: Quantity = "part") -> list[Contribution]:
+        """Give one contribution a source; their shares add up to 1."""
+        total = np.trace(self.covariance_mm2(of), axis1=1, axis2=2)
+        found = []
+        for source, root in self.chosen(of):
+            own = self._known((root**2).sum(axis=(1, 2)))
+            found.append(Contribution(source.name, np.sqrt(own) * _UM_PER_MM, _share(own, total)))
+        return found
+
+    def pieces(self, source_name: str) -> list[Contribution]:
+        """Give the parts of a source; their shares of its variance, with correlations, add up to 1."""
+        source = next(source for source in self.sources if source.name == source_name)
+        if not source.pieces:
+            return []
+        by_parameter = self.predictor.by_parameter(self.q_mm)
+        whole = by_parameter @ np.sum([piece.by_parameter for piece in source.pieces.values()], axis=0)
+        parts = {name: by_parameter @ piece.by_parameter for name, piece in source.pieces.items()}
+        return self._parts(parts, whole)
+
+    def parameter_groups(self) -> list[Contribution]:
+        """Give the way of all data through the parameters, by groups: positioning, ..., each effect.
+
+        The same variance as that of the sources that act through parameters, divided another way; shares of it add up
+        to 1, and are negative where groups offset each other (a slope of an angle, and of a squareness).
+        """
+        roots = [source.by_parameter for source in self.sources if source.by_parameter is not None]
+        root = np.concatenate([np.zeros((self.predictor.n_parameters, 0)), *roots], axis=1)
+        by_parameter = self.predictor.by_parameter(self.q_mm)
+        group = np.array([group_of(term) for term in owners_of(self.model.terms)])
+        names = list(dict.fromkeys(group_of(term) for term in self.model.terms if not term.is_rig))
+        parts = {name: by_parameter[:, :, group == name] @ root[group == name] for name in names}
+        return self._parts(parts, by_parameter @ root)
+
+    def worst(self, of: Quantity = "prediction") -> tuple[Numbers, float]:
+        """Give the place (3,) of a grid over the volume with the largest standard uncertainty (length), and it in µm.
+
+        Raises
+        ------
+        NotDeterminedError
+            where the error is determined nowhere.
+        """
+        places = grid_of(*grid_axes_mm(self.model, _SEARCHED))
+        std_um = self.at_places(places).standard_length_um(of)
+        if not np.isfinite(std_um).any():
+            raise NotDeterminedError("the data determine the error at no place of the volume")
+        number = int(np.nanargmax(std_um))
+        return places[number], float(std_um[number])
+
+    def to_document(self) -> dict[str, Any]:
+        """Give everything as plain values, for `--json`; µm, a place a row, null where it is not determined."""
+        places: list[dict[str, Any]] = []
+        groups = self.parameter_groups()
+        columns = {of: self.contributions(of) for of in ("prediction", "part")}
+        numbers = {
+            of: (
+                self.standard_um(of),
+                self.standard_length_um(of),
+                self.dof(of),
+                self.expanded_um(of),
+                self.expanded_length_um(of),
+            )
+            for of in ("prediction", "part")
+        }
+        for row, name in enumerate(self.place_names):
+            entry: dict[str, Any] = {"name": name, **dict(zip("xyz", self.q_mm[row].tolist(), strict=True))}
+            for of, (std, length, dof, wide, wide_length) in numbers.items():
+                entry[of] = {
+                    "std_um": _plain(std[row]),
+                    "std_length_um": _plain(length[row]),
+                    "dof": _plain(dof[row]),
+                    "expanded_um": _plain(wide[row]),
+                    "expanded_length_um": _plain(wide_length[row]),
+                    "contributions": _documents(columns[of], row),
+                }
+            entry["parameter_groups"] = _documents(groups, row)
+            places.append(entry)
+        return {
+            "probability": 0.95,
+            "stages": [
+                {"stage": stage.name, "what": stage.what, "std": _plain(stage.std), "unit": stage.unit}
+                for stage in self.stages
+            ],
+            "sources": [
+                {
+                    "name": source.name,
+                    "what": source.what,
+                    "type": source.kind,
+                    "distribution": source.distribution,
+                    "std": _plain(source.std),
+                    "unit": source.unit,
+                    "dof": _plain(source.dof),
+                    "part_only": source.is_of_part,
+                }
+                for source in self.sources
+            ],
+            "places": places,
+            "not_counted": list(self.not_counted),
+        }
+
+    def _parts(self, parts: Mapping[str, Numbers], whole: Numbers) -> list[Contribution]:
+        total = self._known((whole**2).sum(axis=(1, 2)))
+        return [
+            Contribution(
+                name,
+                np.sqrt(self._known((root**2).sum(axis=(1, 2)))) * _UM_PER_MM,
+                _share(self._known((root * whole).sum(axis=(1, 2))), total),
+            )
+            for name, root in parts.items()
+        ]
+
+    def _known(self, values: Numbers) -> Numbers:
+        result = np.array(values, dtype=np.float64)
+        result[~self.is_determined] = math.nan
+        return result
+
+
+def uncertainty_budget(
+    fit: FitResult | Fitted | Model,
+    q_mm: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None = None,
+    *,
+    offset_mm: npt.ArrayLike | None = None,
+    at: Conditions | None = None,
+    at_std: Mapping[str, float] | None = None,
+    rig: Rig | None = None,
+    calibration_dof: float = math.inf,
+    implementation: Implementation | None = None,
+) -> Budget:
+    """Make the uncertainty budget of a fitted model.
+
+    Parameters
+    ----------
+    fit
+        A fit; or a model that was read from a file, whose record holds no more than the parameters' covariance: all
+        data are then one source, and misfit and repeatability are the figures that it states.
+    q_mm : (n, 3)
+        Places, or places by name; None: corners, centre and the worst place of the volume.
+    offset_mm : (3,)
+        From the machine's tool point to the point that is meant.
+    at, at_std
+        Conditions of the prediction, and their standard uncertainties (type B): `at={"temp": 90.0}`,
+        `at_std={"temp": 1.0}`.
+    rig
+        The camera pair that the points were measured with, with its covariance: the calibration's part is divided by
+        groups, and stated even where the fit was not told of it.
+    calibration_dof
+        Degrees of freedom of the rig's covariance.
+    implementation
+        How corrections are carried out; the defaults are those of `geoerr compensate`.
+
+    Raises
+    ------
+    NotDeterminedError
+        where the model has no record of a fit.
+    GeoerrError
+        for conditions that are needed and not given, or uncertain and not given.
+    ShapeError
+        for places that are not (n, 3).
+
+    Notes
+    -----
+    GUM (JCGM 100): propagation with correlations (5.2), Welch and Satterthwaite's degrees of freedom (G.4), U = k·u
+    with k from Student's t. Where the scatter exceeds what is stated, its excess is a source of its own and does not
+    enlarge the calibration's part, as `FitRecord.covariance` does. Verified in tests/budget by Monte-Carlo, and by
+    `validation/budget.py` against true errors.
+    """
+    fitted = fit.fitted if isinstance(fit, FitResult) else fit if isinstance(fit, Fitted) else None
+    model = _model_of(fit)
+    if model.record is None:
+        raise NotDeterminedError(
+            "the model has no covariance of its parameters to propagate: it was not fitted here\n"
+            "hint: fit it to measurements with `geoerr fit`"
+        )
+    predictor = Predictor(model, offset_mm, at)
+    if fitted is None:
+        estimator, sources, silent, stages = None, [source_of_record(model.record.covariance)], [], []
+        silent.append("misfit and repeatability: a model file does not hold the data that would tell")
+    else:
+        estimator = Estimator(fitted)
+        sources, silent = sources_of_fit(fitted, estimator, rig, calibration_dof)
+        stages = stages_of(fitted, rig)
+    how = implementation or Implementation()
+    sources += [*conditions_of(at_std or {}), *how.sources()]
+    if how.controller_step_mm is None:
+        silent.append("the controller's step: not stated")
+    budget = Budget(
+        model,
+        (),
+        np.empty((0, 3)),
+        np.empty(0, dtype=np.bool_),
+        tuple(sources),
+        tuple(stages),
+        (*silent, *_ALWAYS_SILENT),
+        predictor,
+        estimator,
+        rig,
+        (),
+    )
+    if q_mm is None:
+        budget = budget.at_places(np.empty((0, 3)))
+        places = stated_places(model)
+        places["worst"] = budget.worst()[0]
+        return budget.at_places(np.array(list(places.values())), list(places))
+    if isinstance(q_mm, Mapping):
+        return budget.at_places(np.array([np.asarray(place) for place in q_mm.values()]), list(q_mm))
+    return budget.at_places(q_mm)
+
+
+def group_of(term: Term) -> str:
+    """Name the group of a term: that of a classic error, the id of another."""
+    if term.kind != "classic":
+        return term.id
+    names = ("positioning", "straightness", "pitch-yaw", "roll")
+    return next((name for name in names if term.id in GROUPS[name]), "squareness")
+
+
+def _model_of(fit: FitResult | Fitted | Model) -> Model:
+    if isinstance(fit, Fitted):
+        from geoerr.fit import result_of
+
+        return result_of(fit).model
+    return fit.model if isinstance(fit, FitResult) else fit
+
+
+def _roots(sources: Sequence[Source], predictor: Predictor, q_mm: Numbers) -> tuple[Numbers, ...]:
+    by_parameter = predictor.by_parameter(q_mm)
+    return tuple(source.root_mm(predictor, q_mm, by_parameter) for source in sources)
+
+
+def _share(own: Numbers, total: Numbers) -> Numbers:
+    share: Numbers = np.divide(own, total, out=np.full(len(total), math.nan), where=total > _NOTHING_MM2)
+    return share
+
+
+def _documents(contributions: Sequence[Contribution], row: int) -> list[dict[str, Any]]:
+    return [
+        {"name": one.name, "std_um": _plain(one.std_um[row]), "share": _plain(one.share[row])}
+        for one in contributions
+    ]
+
+
+def _plain(value: Any) -> Any:
+    """Give plain numbers; null for what is not finite."""
+    if np.ndim(value):
+        return [_plain(one) for one in value]
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,48 @@
+"""Places of the volume: corners, centre, and a grid."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from geoerr.errors import GeometryError
+from geoerr.machine import AXES
+from geoerr.model import Model
+from geoerr.model.arrays import Numbers
+
+
+def volume_mm(model: Model) -> tuple[Numbers, Numbers]:
+    """Give the box (low (3,), high (3,)) that is inside the machine's range and the measured one."""
+    measured = model.measured_range_mm
+    low, high = np.empty(3), np.empty(3)
+    for number, axis in enumerate(AXES):
+        first, last = model.machine.axes[axis].range_mm
+        own = measured[axis] or (first, last)
+        low[number], high[number] = max(first, own[0]), min(last, own[1])
+    if (low > high).any():
+        raise GeometryError("the measured ranges of the errors do not overlap: there is no volume")
+    return low, high
+
+
+def stated_places(model: Model) -> dict[str, Numbers]:
+    """Give the eight corners and the centre of the volume by name."""
+    low, high = volume_mm(model)
+    corners = {}
+    for ends in itertools.product((0, 1), repeat=3):
+        name = "corner " + "".join("+" if end else "−" for end in ends)
+        corners[name] = np.where(np.array(ends) == 1, high, low)
+    return {**corners, "centre": 0.5 * (low + high)}
+
+
+def grid_axes_mm(model: Model, n: int | tuple[int, int, int]) -> tuple[Numbers, Numbers, Numbers]:
+    """Give positions along X, Y and Z, spread evenly over the volume."""
+    low, high = volume_mm(model)
+    counts = (n, n, n) if isinstance(n, int) else n
+    x, y, z = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
+    return x, y, z
+
+
+def grid_of(x_mm: Numbers, y_mm: Numbers, z_mm: Numbers) -> Numbers:
+    """Give all places (n, 3) of a grid; z changes fastest."""
+    return np.stack(np.meshgrid(x_mm, y_mm, z_mm, indexing="ij"), axis=-1).reshape(-1, 3)
