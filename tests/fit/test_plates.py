@@ -14,7 +14,7 @@ import pytest
 import geoerr
 from geoerr.error_functions import LINEAR_AND_ANGULAR, SQUARENESS
 from geoerr.fit import FitResult, Fitted
-from geoerr.terms import Parameter, Part, Term
+from geoerr.terms import BasisSpec, Parameter, Part, Term
 
 pytestmark = pytest.mark.real_data
 
@@ -64,12 +64,19 @@ def at_random_um(fitted: Fitted, seed: int) -> float:
     return held_out_um(fitted, fold)
 
 
-def by_blocks_um(fitted: Fitted) -> float:
-    """Hold out ten strips across the direction in which the plate is longest."""
+def by_strips_um(fitted: Fitted) -> float:
+    """Hold out ten strips across the direction in which the plate is longest: the outer two are extrapolated."""
     centred = fitted.sightings.commanded_mm - fitted.sightings.commanded_mm.mean(axis=0)
     along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
     fold = np.argsort(np.argsort(along, kind="stable"), kind="stable") * 10 // len(along)
     return held_out_um(fitted, fold)
+
+
+def by_squares_um(fitted: Fitted) -> float:
+    """Hold out squares of a 4 by 4 grid."""
+    x, y, _ = fitted.sightings.commanded_mm.T
+    edges = np.linspace(-330.0, 330.0, 5)[1:-1]
+    return held_out_um(fitted, 4 * np.digitize(x, edges) + np.digitize(y, edges))
 
 
 def held_out_um(fitted: Fitted, fold: np.ndarray) -> float:
@@ -108,8 +115,28 @@ def test_functions_of_the_axes_and_yaw_predict_holes_that_they_have_not_seen(
     affine: FitResult, whole: FitResult
 ) -> None:
     assert np.mean([at_random_um(whole.fitted, seed) for seed in range(3)]) < 3.0
-    assert by_blocks_um(whole.fitted) < 3.4
-    assert by_blocks_um(affine.fitted) > 3.6
+    assert by_squares_um(whole.fitted) < 3.4
+    assert by_squares_um(affine.fitted) > 3.6
+
+
+def test_polynomials_of_the_axes_and_yaw_predict_strips_at_the_rim(
+    plate: tuple[geoerr.Machine, geoerr.Observations],
+) -> None:
+    """Cubics may be extrapolated a little; splines, whose outer functions only the rim's holes determine, may not."""
+    machine, observations = plate
+    range_mm = {
+        axis: (values.min(), values.max()) for axis, values in zip("xy", observations.commanded_mm.T, strict=False)
+    }
+    bases = {
+        f"E{letter}{axis.upper()}": BasisSpec("polynomial", axis, degree=3, low_mm=float(low), high_mm=float(high))
+        for axis, (low, high) in range_mm.items()
+        for letter in "XYZABC"
+    }
+    options = geoerr.FitOptions(bases=bases)
+    cubics = geoerr.fit_model(machine, observations, effects=(TURN,), options=options).fitted
+    assert by_strips_um(cubics) < 3.4
+    assert by_squares_um(cubics) < 3.4
+    assert np.mean([at_random_um(cubics, seed) for seed in range(3)]) == pytest.approx(3.0, abs=0.05)
 
 
 def test_yaw_of_x_is_worth_something(plate: tuple[geoerr.Machine, geoerr.Observations], whole: FitResult) -> None:
