@@ -6,6 +6,8 @@ from geoerr.budget.monte_carlo import Propagated, propagate_distributions
 from geoerr.budget.refits import refit_with_noise
 from geoerr.budget.source import Piece, Source
 from geoerr.budget.sources import Stage
+from geoerr.budget.text import budget_text
+from geoerr.budget.volume import UncertaintyMap, uncertainty_map
 
 __all__ = [
     "Budget",
@@ -15,7 +17,10 @@ __all__ = [
     "Propagated",
     "Source",
     "Stage",
+    "UncertaintyMap",
+    "budget_text",
     "propagate_distributions",
     "refit_with_noise",
     "uncertainty_budget",
+    "uncertainty_map",
 ]

@@ -22,6 +22,7 @@ from geoerr.budget.sources import (
     source_of_record,
     sources_of_fit,
     stages_of,
+    stages_of_parameters,
 )
 from geoerr.errors import NotDeterminedError, ShapeError
 from geoerr.fit import FitResult, Fitted
@@ -83,7 +84,7 @@ class Budget:
     sources
         Each once.
     stages
-        What is uncertain before the parameters: corner, point.
+        What is uncertain before the prediction: corner, point, parameters.
     not_counted
         Sentences: what is in none of the numbers.
     """
@@ -328,6 +329,7 @@ def uncertainty_budget(
         estimator = Estimator(fitted)
         sources, silent = sources_of_fit(fitted, estimator, rig, calibration_dof)
         stages = stages_of(fitted, rig)
+    stages += stages_of_parameters(model, predictor.at)
     how = implementation or Implementation()
     sources += [*conditions_of(at_std or {}), *how.sources()]
     if how.controller_step_mm is None:

@@ -29,9 +29,9 @@ def calibration_source(estimator: Estimator, rig: Rig | None, dof: float) -> Sou
         Degrees of freedom of its covariance.
     """
     if rig is None:
-        if estimator.held.stop == estimator.held.start:
+        if not estimator.is_calibration.any():
             return None
-        return Source("calibration", _WHAT, "A", "normal", math.nan, "", dof, by_parameter=estimator.of_held())
+        return Source("calibration", _WHAT, "A", "normal", math.nan, "", dof, by_parameter=estimator.of_calibration())
     if rig.covariance is None:
         raise GeometryError("the rig states no covariance: what its calibration leaves uncertain is not known")
     fitted = estimator.fitted

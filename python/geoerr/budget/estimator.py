@@ -15,7 +15,8 @@ Two kinds of errors matter, and they are independent:
 Where it was told (h fitted along), `K⁻¹ = Aᵀ Wᵀ W A + P` on the determined directions, P the unit matrix on h and 0
 elsewhere. Hence `K_θ Aᵀ Wᵀ W A K_θᵀ = K_θθ − K_θh K_θhᵀ` and, since the columns A_h are S F with Σ = F Fᵀ and
 `(K Aᵀ Wᵀ W A)_θh = −K_θh`, `T Σ Tᵀ = K_θh K_θhᵀ`: the two parts add up to the fit's covariance. This is the law of
-total variance: what is uncertain at a given calibration, and what the calibration adds.
+total variance: what is uncertain at a given calibration, and what the calibration adds. Functions that a prior holds
+smooth have rows D in P too: `K_θ Dᵀ D K_θᵀ` is a third part, what a curvature unknown but for its size leaves.
 
 Verified in tests/budget: both identities, and both parts by Monte-Carlo with exact refits.
 """
@@ -30,6 +31,8 @@ from geoerr.model.arrays import Numbers, contiguous
 
 # Directions of a covariance below this share of the largest are round-off of its making.
 _ROUNDING = 1e-13
+# Places are all lengths: directions that are this much more certain than the worst are those that are free together.
+_PLACES = 1e-10
 _BLOCK_ROWS = 2048
 
 
@@ -50,10 +53,8 @@ class Estimator:
         self.state = fitted.solved.state if free else fitted.problem.start
         self.is_linear = not free
         self.row_scale = fitted.solved.used.astype(np.float64)
-        n_numbers = int(fitted.sightings.is_measured[fitted.solved.used].sum())
-        n_held = fitted.dof - n_numbers + fitted.solved.solution.rank
-        first = fitted.problem.first_shared_column
-        self.held = slice(first, first + n_held)
+        self.prior = np.zeros((0, len(self.covariance))) if fitted.prior is None else fitted.prior
+        self.is_calibration = self.prior[:, fitted.problem.first_shared_column :].any(axis=1)
 
     def of_displacements(self, displacement_mm: Numbers) -> Numbers:
         """Give what displacements (n, 3, k) of the measured points do to the parameters, (m, k)."""
@@ -64,19 +65,36 @@ class Estimator:
         ]
         return self._in_record(self.gain @ np.array(gradients).reshape(len(gradients), -1).T)
 
-    def of_noise(self) -> Numbers:
-        """Give a root (m, k) of the parameters' covariance by the points' own, stated covariances."""
-        n_rows, total = len(self.fitted.sightings), np.zeros((len(self.gain),) * 2)
+    def of_noise(self) -> tuple[Numbers, Numbers]:
+        """Give two roots (m, k) of the parameters' covariance by the points' own, stated covariances.
+
+        Returns
+        -------
+        apart, with_places
+            The two covariances add up. The second is what goes together with the places of targets that the fit has
+            to find (`C_θp C_pp⁺ C_pθ`), the first what would be left if those places were known.
+        """
+        fitted = self.fitted
+        n_rows, total = len(fitted.sightings), np.zeros_like(self.covariance)
         for first in range(0, n_rows, _BLOCK_ROWS):
             last = min(first + _BLOCK_ROWS, n_rows)
-            design = self.fitted.problem.design(self.state, self.row_scale, first, last, self.fitted.threads)
-            part = self.gain @ design.T
-            total += part @ part.T
-        return self._in_record(root_of(total))
+            design = fitted.problem.design(self.state, self.row_scale, first, last, fitted.threads)
+            total += design.T @ design
+        first_place = fitted.problem.first_shared_column + int(self.is_calibration.sum())
+        own, places = slice(len(self.places)), slice(first_place, None)
+        noise = self.covariance @ total @ self.covariance
+        follows = noise[own, places] @ np.linalg.pinv(noise[places, places], rcond=_PLACES, hermitian=True)
+        with_places = follows @ noise[places, own]
+        apart = noise[own, own] - with_places
+        return self._in_record(root_of(apart)), self._in_record(root_of(with_places))
 
-    def of_held(self) -> Numbers:
+    def of_calibration(self) -> Numbers:
         """Give a root (m, k) of the parameters' covariance by the calibration, as the fit was told of it."""
-        return self._in_record(self.gain[:, self.held])
+        return self._in_record(self.gain @ self.prior[self.is_calibration].T)
+
+    def of_smoothness(self) -> Numbers:
+        """Give a root (m, k) of the parameters' covariance by what is known of curvatures only, (m, 0) without."""
+        return self._in_record(self.gain @ self.prior[~self.is_calibration].T)
 
     def _in_record(self, rows: Numbers) -> Numbers:
         result = np.zeros((self.n_parameters, rows.shape[1]))

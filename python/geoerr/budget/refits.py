@@ -46,8 +46,8 @@ def refit_with_noise(
     Notes
     -----
     The truth is the fitted machine. A trial sees its points through a rig that is off by a draw of its covariance:
-    the pixels of the true points, triangulated by the wrong rig; adds noise by the points' covariances (times the fit's
-    scale); and iterates from the truth until the correction is settled.
+    the pixels of the true points, triangulated by the wrong rig; adds noise by the points' covariances (times the
+    fit's scale); and iterates from the truth until the correction is settled.
     """
     estimator = budget.estimator
     if estimator is None:
@@ -100,13 +100,12 @@ def _refitted(estimator: Estimator, moved_mm: Numbers) -> Numbers:
     """Give the parameters (m,) that the fit finds where the points are the fitted machine's, moved (n, 3)."""
     fitted, problem = estimator.fitted, estimator.fitted.problem
     start = fitted.solved.state
-    state, held = start, estimator.held
+    state, centre = start, _unknowns(estimator, start)
     spread = np.sqrt(np.diagonal(estimator.covariance))
     for _ in range(_MAX_STEPS):
         residual = problem.residuals(state, fitted.threads) - fitted.solved.residual_mm + moved_mm
         gradient = problem.gradient(estimator.state, residual, estimator.row_scale, fitted.threads)
-        n_held = held.stop - held.start
-        gradient[held] -= state.shared[:n_held] - start.shared[:n_held]
+        gradient -= estimator.prior.T @ (estimator.prior @ (_unknowns(estimator, state) - centre))
         step = estimator.covariance @ gradient
         state = problem.corrected(state, step)
         if float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0)) < _SETTLED:
@@ -116,3 +115,12 @@ def _refitted(estimator: Estimator, moved_mm: Numbers) -> Numbers:
 
 def _parameters(state: _core.FitState) -> Numbers:
     return np.concatenate([state.coefficients, state.inner])
+
+
+def _unknowns(estimator: Estimator, state: _core.FitState) -> Numbers:
+    """Give the unknowns that a prior can hold; 0 for inner parameters and frames."""
+    problem = estimator.fitted.problem
+    unknowns = np.zeros(problem.n_columns)
+    unknowns[: len(state.coefficients)] = state.coefficients
+    unknowns[problem.first_shared_column :] = state.shared
+    return unknowns

@@ -7,21 +7,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from geoerr.budget.calibration import calibration_source, point_in_pixels
 from geoerr.budget.estimator import Estimator, root_of
-from geoerr.budget.source import Source
+from geoerr.budget.repeatability import SIGNIFICANCE, repeatability_source
+from geoerr.budget.source import Piece, Source
 from geoerr.fit import Fitted
-from geoerr.fit.noise import repeats_of
+from geoerr.model import GROUPS, Model
 from geoerr.model.arrays import Numbers
-from geoerr.observations import CARRIERS
+from geoerr.model.conditions import Conditions
 from geoerr.vision.rig import Rig
 
-# Scatter beyond what is stated, and misfit beyond the noise, count where chance makes so much less often than this:
-# below it their estimates are the root of a difference that is as often negative.
-SIGNIFICANCE = 0.05
 _UM_PER_MM = 1e3
+_URAD = 1e6
+_N_ENTRIES = 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +43,41 @@ def sources_of_fit(
         silent.append("calibration of the measuring device: the fit was not told of it")
     else:
         sources.append(calibration)
-    for found in (_misfit(fitted), _repeatability(fitted)):
+    smoothness = estimator.of_smoothness()
+    if smoothness.shape[1]:
+        what = "curvature of the functions where the points do not hold it"
+        sources.append(Source("smoothness", what, "A", "normal", math.nan, "", by_parameter=smoothness))
+    for found in (_misfit(fitted), repeatability_source(fitted)):
         if isinstance(found, Source):
             sources.append(found)
         else:
             silent.append(found)
     return sources, silent
+
+
+def stages_of_parameters(model: Model, at: Conditions) -> list[Stage]:
+    """Give the standard uncertainties of the errors as tables, by groups: medians over the measured range."""
+    tables = model.error_functions(_N_ENTRIES, at=at)
+    stages = []
+    for group in ("positioning", "straightness", "pitch-yaw", "roll"):
+        known = [tables.functions[name] for name in GROUPS[group] if name in tables.functions]
+        std = [np.asarray(function.std)[1:] for function in known if function.std is not None]
+        if std:
+            is_angle = group in ("pitch-yaw", "roll")
+            size = float(np.median(np.concatenate(std)))
+            stages.append(
+                Stage("parameters", group, size * (_URAD if is_angle else _UM_PER_MM), "µrad" if is_angle else "µm")
+            )
+    squareness = [one.std_rad for one in tables.squareness.values() if one.std_rad is not None]
+    if squareness:
+        stages.append(Stage("parameters", "squareness", float(np.median(squareness)) * _URAD, "µrad"))
+    stages += [
+        Stage("parameters", f"{term.id}.{parameter.name}", parameter.std, parameter.unit)
+        for term in model.machine_terms
+        if term.kind != "classic"
+        for parameter in (*term.coefficients, *term.inner)
+    ]
+    return stages
 
 
 def stages_of(fitted: Fitted, rig: Rig | None) -> list[Stage]:
@@ -96,29 +124,22 @@ def source_of_record(covariance: Numbers) -> Source:
 
 
 def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
-    root = estimator.of_noise()
+    parts = estimator.of_noise()
+    root = np.concatenate(parts, axis=1)
     if not fitted.sightings.is_stated:
-        yield Source(
-            "data",
-            "scatter of the measured points (nothing stated)",
-            "A",
-            "normal",
-            fitted.scale * _UM_PER_MM,
-            "µm",
-            float(max(fitted.dof, 1)),
-            by_parameter=fitted.scale * root,
-        )
+        root, std, dof = fitted.scale * root, fitted.scale * _UM_PER_MM, float(max(fitted.dof, 1))
+        yield Source("data", "scatter of the measured points", "A", "normal", std, "µm", dof, by_parameter=root)
         return
     stage = stages_of(fitted, None)[-1]
-    yield Source(
-        "pixels",
-        "noise of the pictures, by the points' stated covariances",
-        "A",
-        "normal",
-        stage.std,
-        stage.unit,
-        by_parameter=root,
-    )
+    pieces = {}
+    if parts[1].shape[1]:
+        is_first = np.arange(root.shape[1]) < parts[0].shape[1]
+        pieces = {
+            "places of targets known": Piece(root * is_first, math.nan, ""),
+            "with their unknown places": Piece(root * ~is_first, math.nan, ""),
+        }
+    what = "noise of the pictures, by the points' stated covariances"
+    yield Source("pixels", what, "A", "normal", stage.std, stage.unit, by_parameter=root, pieces=pieces)
     if fitted.scale > 1.0:
         beyond = math.sqrt(fitted.scale**2 - 1.0)
         yield Source(
@@ -150,49 +171,4 @@ def _misfit(fitted: Fitted) -> Source | str:
         "µm",
         dof,
         everywhere_mm=np.eye(3) * split.lack_of_fit_um / _UM_PER_MM / math.sqrt(3.0),
-    )
-
-
-def _repeatability(fitted: Fitted) -> Source | str:
-    """Give what repeats scatter beyond the stated noise, tool and work added: the machine does not come back better.
-
-    The degrees of freedom are those of a difference of which one member is known: ν (s²/v)² (Welch, Satterthwaite).
-    """
-    sightings, nothing = fitted.sightings, "repeatability of the machine: no row was measured again"
-    stated = np.zeros((len(sightings), 3))
-    if sightings.is_stated:
-        inverse = np.linalg.pinv(sightings.whitening)
-        for column in np.moveaxis(inverse, 2, 0):
-            in_base = fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(column))
-            stated += in_base**2
-    variance, doubt, n_seen = np.zeros(3), np.zeros(3), 0
-    is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session]
-    bodies = ("relative",) if (sightings.carrier == CARRIERS.index("relative")).any() else ("tool", "work")
-    for body in bodies:
-        rows = fitted.solved.used & (sightings.carrier == CARRIERS.index(body)) & ~is_circle
-        repeats = repeats_of(sightings, fitted.residual_mm, rows)
-        for component in np.flatnonzero(repeats.dof > 0):
-            n_seen += 1
-            seen = rows & sightings.is_measured[:, component]
-            again = seen & (np.bincount(repeats.group[seen], minlength=len(seen))[repeats.group] > 1)
-            noise, dof = float(stated[again, component].mean()), float(repeats.dof[component])
-            total = float(repeats.variance_mm2[component])
-            if noise > 0.0 and stats.chi2.sf(dof * total / noise, dof) > SIGNIFICANCE:
-                continue
-            variance[component] += total - noise
-            doubt[component] += total**2 / dof
-    if not n_seen:
-        return nothing
-    if not variance.any():
-        return "repeatability of the machine: repeats scatter no more than their stated noise"
-    return Source(
-        "repeatability",
-        "what the machine does not repeat" + ("" if sightings.is_stated else " (with the noise of measuring)"),
-        "A",
-        "normal",
-        math.sqrt(float(variance.sum())) * _UM_PER_MM,
-        "µm",
-        float(variance.sum() ** 2 / doubt.sum()),
-        everywhere_mm=np.diag(np.sqrt(variance)),
-        is_of_part=True,
     )

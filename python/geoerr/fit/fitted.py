@@ -56,6 +56,9 @@ class Fitted:
         Degrees of freedom of the residual.
     shared
         (n, 3, p) derivative of measured points by unknowns that rows share, or None.
+    prior
+        (r, n_columns) rows P with P u = 0 ± 1 that were known besides the measurements, or None: the calibration's
+        (on shared unknowns) and curvatures (on coefficients).
     choices
         How each function's basis was chosen.
     """
@@ -70,9 +73,10 @@ class Fitted:
     null_space: Numbers
     not_determined: tuple[NotDetermined, ...]
     scale: float
-    dof: int
+    dof: float
     shared: Numbers | None
     choices: tuple[KnotChoice, ...] = ()
+    prior: Numbers | None = None
     threads: int = 0
 
     @cached_property
