@@ -62,6 +62,13 @@ impl PathMap for Map {
         }
     }
 
+    fn most_crossings(&self) -> usize {
+        match self {
+            Self::Tables(machine) => machine.most_crossings(),
+            Self::Terms(machine) => machine.most_crossings(),
+        }
+    }
+
     fn needs(&self) -> MotionNeeds {
         match self {
             Self::Tables(machine) => machine.needs(),

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from enum import StrEnum
 from typing import Annotated
 
 import typer
 
 from geoerr.compensate.program import Triple
-from geoerr.errors import GeoerrError
 
 
 class FirmwareName(StrEnum):
@@ -77,20 +75,3 @@ def conditions(given: list[str] | None) -> dict[str, float | str]:
             raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--at")
         read[name] = number
     return read
-
-
-def check_conditions(model_needs: Iterable[str], given: dict[str, float | str]) -> None:
-    """Refuse conditions (`--at`) that the model does not need, and name those that it needs and nobody gave.
-
-    Raises
-    ------
-    GeoerrError
-        naming the condition.
-    """
-    needed = set(model_needs)
-    for name in given:
-        if name not in needed:
-            has = f"it needs {', '.join(sorted(needed))}" if needed else "it needs no conditions"
-            raise GeoerrError(f"the model does not depend on {name!r}\nhint: leave --at {name} out; {has}")
-    for name in sorted(needed - set(given)):
-        raise GeoerrError(f"the model needs {name!r}\nhint: give it as --at {name}=VALUE, or --at {name}=reference")

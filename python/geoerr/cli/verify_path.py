@@ -14,7 +14,6 @@ from geoerr.cli.program_options import (
     FirmwareCorrects,
     Home,
     WorkOffset,
-    check_conditions,
     conditions,
     names,
     triple,
@@ -32,7 +31,7 @@ def register(sub: typer.Typer) -> None:
 
 
 def path(
-    model: Annotated[Path, typer.Argument(help="errors.json, or machine.toml (no errors).")],
+    model: Annotated[Path, typer.Argument(help="model.json, errors.json, or machine.toml (no errors).")],
     before: Annotated[Path, typer.Argument(metavar="IN", help="The program as it was written.")],
     after: Annotated[Path, typer.Argument(metavar="OUT", help="The program that compensate made of it.")],
     at: At = None,
@@ -49,13 +48,13 @@ def path(
     threads: Threads = 0,
 ) -> None:
     """Path error of a program before and after compensation, from dense samples, by a reader of its own."""
-    check_conditions((), conditions(at))
     machine = load_model(model).without(names(firmware_corrects))
     with progress_bar("verify path", quiet) as advance:
         result = compare_paths(
             machine,
             before,
             after,
+            at=conditions(at),
             work_offset_mm=triple(work_offset, "--work-offset"),
             home_mm=None if home is None else triple(home, "--home"),
             firmware=None if firmware is None else firmware.value,

@@ -15,12 +15,12 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.compensate.benefit import Benefit, benefit_of
-from geoerr.compensate.conditions import beyond_the_data, program_conditions
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
 from geoerr.files import refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
+from geoerr.model.program_conditions import beyond_the_data, program_conditions
 
 Triple = tuple[float, float, float]
 Firmware = Literal["marlin", "klipper", "reprapfirmware"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from geoerr import _core
 from geoerr.model import Model
-from geoerr.verify.path_matching import Run, paired_runs, piece_counts
+from geoerr.model.conditions import Conditions
+from geoerr.model.program_conditions import program_conditions
+from geoerr.verify.path_matching import END_MM, Run, further_pieces, paired_runs, piece_counts
 from geoerr.verify.program_reader import ProgramReader, Triple
 
 Numbers = npt.NDArray[np.float64]
@@ -19,6 +23,8 @@ Numbers = npt.NDArray[np.float64]
 # Moves that are compared together, and samples that are evaluated together: what bounds the memory.
 _BATCH_MOVES = 50_000
 _BATCH_SAMPLES = 500_000
+# Each leaves as much of the last change as errors change by a millimetre of travel: under a hundredth.
+_PLACE_STEPS = 4
 
 
 @dataclass(frozen=True)
@@ -70,12 +76,14 @@ class PathResult:
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Straight pieces of the corrected program: commanded ends, intended ends, lines; all (n, ...)."""
+    """Straight pieces of the corrected program: commanded and intended ends, motion, lines; all (n, ...)."""
 
     command_begin_mm: Numbers
     command_end_mm: Numbers
     ideal_begin_mm: Numbers
     ideal_end_mm: Numbers
+    motion_begin: Numbers
+    motion_end: Numbers
     line: npt.NDArray[np.int64]
 
 
@@ -98,11 +106,28 @@ class _Figures:
         return float(np.sqrt(self.weighted_square / self.weight)) if self.weight > 0.0 else 0.0
 
 
+class _Machine:
+    """The machine that runs the programs, under their conditions."""
+
+    def __init__(self, model: Model, at: Conditions | None, threads: int) -> None:
+        self._compiled = model.compiled_at(program_conditions(model, at))
+        self._threads = threads
+        self.follows_motion = isinstance(self._compiled, _core.TermMachine) and bool(self._compiled.motion_names)
+
+    def error_mm(self, q_mm: Numbers, motion: Numbers) -> Numbers:
+        """Give actual minus nominal position of the tool point, (n, 3)."""
+        origin = np.zeros((1, 3))
+        if isinstance(self._compiled, _core.TermMachine):
+            return self._compiled.error_mm(q_mm, origin, self._threads, motion)
+        return self._compiled.error_mm(q_mm, origin, self._threads)
+
+
 def compare_paths(
     model: Model,
     before: str | Path,
     after: str | Path,
     *,
+    at: Conditions | None = None,
     work_offset_mm: Triple = (0.0, 0.0, 0.0),
     home_mm: Triple | None = None,
     firmware: str | None = None,
@@ -118,6 +143,9 @@ def compare_paths(
         The machine that runs them.
     before, after
         The program as it was written and as it was corrected.
+    at
+        Conditions by name, as they were given when the program was corrected. Direction, travel and speed are those
+        of the moves of `before`.
     work_offset_mm, home_mm, firmware
         As they were given when the program was corrected.
     sample_step_mm
@@ -138,16 +166,17 @@ def compare_paths(
     InputFileError
         where a file cannot be read.
     """
+    machine = _Machine(model, at, threads)
     options = (work_offset_mm, home_mm, firmware)
     reader_in, reader_out = ProgramReader(before, *options), ProgramReader(after, *options)
     in_figures, out_figures = _Figures(), _Figures()
     n_compared = n_other = 0
     for batch in _batches(paired_runs(reader_in, reader_out)):
-        pieces, n_moves, n_differ = _pieces(model, batch, threads)
+        pieces, n_moves, n_differ = _pieces(machine, batch)
         n_compared += n_moves
         n_other += n_differ
         for part in _parts(pieces, sample_step_mm):
-            _sample(model, part, sample_step_mm, threads, in_figures, out_figures)
+            _sample(machine, part, sample_step_mm, in_figures, out_figures)
         last_line = batch[-1][0].next_line
         if on_progress is not None and last_line is not None:
             on_progress(last_line.number)
@@ -182,45 +211,106 @@ def _batches(runs: Iterator[tuple[Run, Run]]) -> Iterator[list[tuple[Run, Run]]]
         yield batch
 
 
-def _pieces(model: Model, batch: list[tuple[Run, Run]], threads: int) -> tuple[_Pieces, int, int]:
+def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, int, int]:
     """Match the moves of a batch; give their pieces, the number of moves, and of those with another extrusion."""
     commands = _rows([move.end_mm for _, run_out in batch for move in run_out.moves])
-    actual_mm = commands + model.error_mm(commands, threads=threads)
+    actual_mm = commands
+    if not machine.follows_motion:
+        actual_mm = commands + machine.error_mm(commands, np.zeros((1, 10)))
     rows: list[tuple[Triple, Triple, Triple, Triple, int]] = []
+    motions: list[Numbers] = []
     n_moves = n_differ = at = 0
     for run_in, run_out in batch:
         n_out = len(run_out.moves)
-        counts = piece_counts(run_in, run_out, actual_mm[at : at + n_out])
+        own_mm = actual_mm[at : at + n_out]
+        if machine.follows_motion:
+            counts, shares = _counts_and_shares(machine, run_in, run_out, own_mm)
+        else:
+            counts = piece_counts(run_in, run_out, own_mm)
+            shares = _shares(run_in, counts, own_mm)
         first = 0
         for move, count in zip(run_in.moves, counts, strict=True):
             own = run_out.moves[first : first + count]
             n_differ += sum(piece.extrusion for piece in own) != move.extrusion
             if move.start_mm is not None and own[0].start_mm is not None:
                 n_moves += 1
-                ideal = move.start_mm
+                ideal, before = move.start_mm, 0.0
                 for number, piece in enumerate(own):
+                    share = shares[first + number]
                     is_last = number + 1 == count
-                    end = (
-                        move.end_mm if is_last else _foot(move.start_mm, move.end_mm, actual_mm[at + first + number])
-                    )
+                    end = move.end_mm if is_last else _between(move.start_mm, move.end_mm, share)
                     begin = piece.start_mm or move.start_mm
                     rows.append((begin, piece.end_mm, ideal, end, run_out.numbers[first + number]))
-                    ideal = end
+                    motions.append(move.course.motion_at([before, share]))
+                    ideal, before = end, share
             first += count
         at += n_out
     begins, ends, ideal_begins, ideal_ends, lines = ([row[column] for row in rows] for column in range(5))
+    motion = np.array(motions, dtype=np.float64).reshape(-1, 2, 10)
     pieces = _Pieces(
-        _rows(begins), _rows(ends), _rows(ideal_begins), _rows(ideal_ends), np.array(lines, dtype=np.int64)
+        _rows(begins),
+        _rows(ends),
+        _rows(ideal_begins),
+        _rows(ideal_ends),
+        motion[:, 0],
+        motion[:, 1],
+        np.array(lines, dtype=np.int64),
     )
     return pieces, n_moves, n_differ
 
 
-def _foot(begin: Triple, end: Triple, point: Numbers) -> Triple:
-    """Give the point of a segment that is nearest to `point`: where the program means a piece to end."""
+def _shares(run_in: Run, counts: list[int], actual_mm: Numbers) -> list[float]:
+    """Give the share of its move at which the program means each piece to end."""
+    shares = []
+    at = 0
+    for move, count in zip(run_in.moves, counts, strict=True):
+        begin = move.start_mm or move.end_mm
+        shares += [_foot(begin, move.end_mm, point) for point in actual_mm[at : at + count - 1]]
+        shares.append(1.0)
+        at += count
+    return shares
+
+
+def _counts_and_shares(
+    machine: _Machine, run_in: Run, run_out: Run, commands_mm: Numbers
+) -> tuple[list[int], list[float]]:
+    """Do the same as `piece_counts` and `_shares` where the tool's place depends on the motion of the move."""
+    counts: list[int] = []
+    shares: list[float] = []
+    slack, at = len(run_out.moves) - len(run_in.moves), 0
+    for number, move in enumerate(run_in.moves):
+        begin = move.start_mm or move.end_mm
+        count = 1
+        if number + 1 == len(run_in.moves):
+            count += slack
+        elif slack and move.start_mm is not None:
+            some = commands_mm[at : at + slack + 1]
+            count += further_pieces(some + machine.error_mm(some, move.course.motion_at(1.0)), move.end_mm)
+        own = np.full(count, 1.0)
+        inner = commands_mm[at : at + count - 1]
+        # Where errors follow the travel, the place says the travel and the travel the place.
+        for _ in range(_PLACE_STEPS if count > 1 else 0):
+            actual_mm = inner + machine.error_mm(inner, move.course.motion_at(own[:-1]))
+            own[:-1] = [_foot(begin, move.end_mm, point) for point in actual_mm]
+        if count > 1 and math.dist(begin, move.end_mm) * own[0] < END_MM:
+            # The piece takes up play at the begin of the move.
+            own[0] = 0.0
+        shares += own.tolist()
+        counts.append(count)
+        slack -= count - 1
+        at += count
+    return counts, shares
+
+
+def _foot(begin: Triple, end: Triple, point: Numbers) -> float:
+    """Give the share of a segment at which it is nearest to `point`: where the program means a piece to end."""
     along = np.subtract(end, begin)
     length2 = float(along @ along)
-    share = 0.0 if length2 == 0.0 else float(np.clip((point - np.asarray(begin)) @ along / length2, 0.0, 1.0))
-    x, y, z = (np.asarray(begin) + share * along).tolist()
+    return 0.0 if length2 == 0.0 else float(np.clip((point - np.asarray(begin)) @ along / length2, 0.0, 1.0))
+
+
+def _between(begin: Triple, end: Triple, share: float) -> Triple:
+    x, y, z = (np.asarray(begin) + share * np.subtract(end, begin)).tolist()
     return x, y, z
 
 
@@ -237,6 +327,8 @@ def _parts(pieces: _Pieces, step_mm: float) -> Iterator[_Pieces]:
             pieces.command_end_mm[part],
             pieces.ideal_begin_mm[part],
             pieces.ideal_end_mm[part],
+            pieces.motion_begin[part],
+            pieces.motion_end[part],
             pieces.line[part],
         )
         begin = end
@@ -247,23 +339,25 @@ def _intervals(pieces: _Pieces, step_mm: float) -> npt.NDArray[np.int64]:
     return np.asarray(np.maximum(4, np.ceil(length_mm / step_mm)), dtype=np.int64)
 
 
-def _sample(
-    model: Model, pieces: _Pieces, step_mm: float, threads: int, in_figures: _Figures, out_figures: _Figures
-) -> None:
-    """Sample every piece from end to end, evenly; a sample stands for the path half-way to its neighbours."""
+def _sample(machine: _Machine, pieces: _Pieces, step_mm: float, in_figures: _Figures, out_figures: _Figures) -> None:
+    """Sample every piece from end to end, evenly; a sample stands for the path half-way to its neighbours.
+
+    A piece that the program means to have no length takes up play: its end counts.
+    """
     n_intervals = _intervals(pieces, step_mm)
     n_samples = n_intervals + 1
     piece = np.repeat(np.arange(len(n_samples)), n_samples)
     number = np.arange(len(piece)) - np.repeat(np.cumsum(n_samples) - n_samples, n_samples)
-    share = (number / n_intervals[piece])[:, None]
+    length_mm = np.linalg.norm(pieces.ideal_end_mm - pieces.ideal_begin_mm, axis=1)
+    share = np.where(length_mm[piece] > 0.0, number / n_intervals[piece], 1.0)[:, None]
     command = pieces.command_begin_mm[piece] * (1.0 - share) + pieces.command_end_mm[piece] * share
     ideal = pieces.ideal_begin_mm[piece] * (1.0 - share) + pieces.ideal_end_mm[piece] * share
-    length_mm = np.linalg.norm(pieces.ideal_end_mm - pieces.ideal_begin_mm, axis=1)
+    motion = pieces.motion_begin[piece] * (1.0 - share) + pieces.motion_end[piece] * share
     is_end = (number == 0) | (number == n_intervals[piece])
     weight = (length_mm / n_intervals)[piece] * np.where(is_end, 0.5, 1.0)
     line = pieces.line[piece]
-    before = np.linalg.norm(model.error_mm(ideal, threads=threads), axis=1)
-    after = np.linalg.norm((command - ideal) + model.error_mm(command, threads=threads), axis=1)
+    before = np.linalg.norm(machine.error_mm(ideal, motion), axis=1)
+    after = np.linalg.norm((command - ideal) + machine.error_mm(command, motion), axis=1)
     in_figures.add(before, weight, line)
     out_figures.add(after, weight, line)
 

@@ -21,7 +21,7 @@ MARK = b"corrected by geoerr: model "
 # A piece ends a move where the tool, by the model, is this close to the move's end. Pieces of a corrected move are
 # far longer: where errors change by less than 0.01 mm a millimetre, a piece shorter than this times ten cannot leave
 # a tolerance of a tenth of a micrometre.
-_END_MM = 1e-3
+END_MM = 1e-3
 
 # No move has more pieces: what bounds the search where the tool never comes close.
 _MOST_PIECES = 1000
@@ -94,21 +94,21 @@ def piece_counts(run_in: Run, run_out: Run, actual_mm: Numbers) -> list[int]:
         if number + 1 == n_moves:
             count += slack
         elif slack and move.start_mm is not None:
-            count += _further_pieces(actual_mm[at : at + min(slack, _MOST_PIECES) + 1], move.end_mm)
+            count += further_pieces(actual_mm[at : at + slack + 1], move.end_mm)
         counts.append(count)
         slack -= count - 1
         at += count
     return counts
 
 
-def _further_pieces(actual_mm: Numbers, end_mm: Triple) -> int:
+def further_pieces(actual_mm: Numbers, end_mm: Triple) -> int:
     """Give the number of pieces behind the first until the tool reaches the end of the move."""
     x, y, z = end_mm
     nearest, nearest_mm = 0, math.inf
     # Row by row: the first is nearly always the one.
-    for number, (actual_x, actual_y, actual_z) in enumerate(actual_mm):
+    for number, (actual_x, actual_y, actual_z) in enumerate(actual_mm[: _MOST_PIECES + 1]):
         off_mm = math.hypot(actual_x - x, actual_y - y, actual_z - z)
-        if off_mm <= _END_MM:
+        if off_mm <= END_MM:
             return number
         if off_mm < nearest_mm:
             nearest, nearest_mm = number, off_mm

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeGuard
 
 from geoerr.errors import InputFileError
+from geoerr.verify.program_motion import Course, Past
 from geoerr.verify.program_words import Kind, Statement, read_statement
 
 Triple = tuple[float, float, float]
@@ -23,7 +24,8 @@ _LINE_END = re.compile(rb"\r\n|\n|\r")
 # The form that nearly all lines of a sliced program have; read without taking the line apart in general.
 _NUMBER = rb"([-+]?(?:\d+\.?\d*|\.\d+))"
 _PLAIN_MOVE = re.compile(
-    rb"G[01](?: X%b)?(?: Y%b)?(?: Z%b)?(?: E%b)?(?: F[\d.]+)? ?(?:;.*)?" % (_NUMBER, _NUMBER, _NUMBER, _NUMBER)
+    rb"G([01])(?: X%b)?(?: Y%b)?(?: Z%b)?(?: E%b)?(?: F(\d+\.?\d*|\.\d+))? ?(?:;.*)?"
+    % (_NUMBER, _NUMBER, _NUMBER, _NUMBER)
 )
 _LETTERS = (b"X", b"Y", b"Z")
 _OTHER_AXES = frozenset((b"A", b"B", b"C", b"U", b"V", b"W"))
@@ -54,11 +56,14 @@ class Move(NamedTuple):
         Where it ends.
     extrusion
         What its E word extrudes, in units of 1e-9 mm.
+    course
+        Direction, travel and speed.
     """
 
     start_mm: Triple | None
     end_mm: Triple
     extrusion: int
+    course: Course
 
 
 class Line(NamedTuple):
@@ -107,6 +112,9 @@ class _Modes:
     motion: Motion | None = None
     transforms: set[float] = field(default_factory=set)
     is_inverse_time: bool = False
+    is_feed_a_turn: bool = False
+    is_rapid: bool = False
+    feed_mm_min: float = 0.0
     tool_length: float | None = None
     has_saved_place: bool = False
     system: int = 1
@@ -142,6 +150,7 @@ class ProgramReader:
         self._modes = _Modes()
         self._place: Place = _UNKNOWN
         self._is_on_path = False
+        self._past = Past()
         self._shift: Place = (0.0, 0.0, 0.0)
         self._systems: dict[int, Place] = {1: work_offset_mm}
         self._zero: Place = work_offset_mm
@@ -195,7 +204,9 @@ class ProgramReader:
 
     def _plain_move(self, plain: re.Match[bytes]) -> Move | None:
         self._modes.motion = "straight"
-        x, y, z, e = plain.groups()
+        digit, x, y, z, e, feed = plain.groups()
+        self._modes.is_rapid = digit == b"0"
+        self._take_feed(_number(feed))
         extrusion = 0 if e is None else self._extruder.move(float(e))
         if x is None and y is None and z is None:
             return None
@@ -209,6 +220,8 @@ class ProgramReader:
         if _motions_disagree(statement.codes) or not statement.is_readable:
             # Which of two motion codes holds, controllers do not agree on; nor what stands behind an odd byte.
             self._forget()
+        if not owners:
+            self._take_feed(words.get(b"F"))
         if owners:
             self._owned(owners, statement, words)
         elif statement.is_readable:
@@ -250,7 +263,23 @@ class ProgramReader:
             return self._arrive(end, extrusion)
         self.n_moves += 1
         self._place, self._is_on_path = end, False
+        self._forget_past([True, True, True])
         return None
+
+    def _take_feed(self, feed: float | None) -> None:
+        if feed is not None:
+            self._modes.feed_mm_min = feed * self._modes.unit_mm
+
+    def _speed_mm_min(self) -> float:
+        """Give the speed along the path; 0 where it is not told: a mill's rapids have a speed of their own."""
+        modes = self._modes
+        is_told = not modes.is_feed_a_turn and (not modes.is_rapid or self._firmware is not None)
+        return modes.feed_mm_min if is_told else 0.0
+
+    def _forget_past(self, named: list[bool]) -> None:
+        for axis in range(3):
+            if named[axis]:
+                self._past.forget(axis)
 
     def _is_placed(self, statement: Statement) -> bool:
         """Tell whether the coordinate systems that a line selects, if it does, have places that are known."""
@@ -262,10 +291,11 @@ class ProgramReader:
         self.n_moves += 1
         begin, was_on_path = self._place, self._is_on_path
         self._place = end
+        course = self._past.straight(begin, end, self._speed_mm_min())
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             return None
-        return Move(begin if was_on_path and _is_known(begin) else None, end, extrusion)
+        return Move(begin if was_on_path and _is_known(begin) else None, end, extrusion, course)
 
     def _origin(self) -> Place:
         """Give the machine coordinates from which axis words count."""
@@ -305,6 +335,8 @@ class ProgramReader:
             self._find_zero()
         elif code in (93.0, 94.0, 95.0):
             modes.is_inverse_time = code == 93.0
+            if code != 93.0:
+                modes.is_feed_a_turn = code == 95.0
         else:
             return self._take_geometry(code, words)
         return True
@@ -334,6 +366,7 @@ class ProgramReader:
         motion = _motion_of(code)
         if motion is not None:
             self._modes.motion = None if motion == "none" else motion
+            self._modes.is_rapid = code == 0.0
         if motion == "ends somewhere":
             self._forget()
         return motion is not None
@@ -346,6 +379,7 @@ class ProgramReader:
         elif code == 43.0 and modes.tool_length is None:
             self._place = (self._place[0], self._place[1], None)
             self._is_on_path = False
+            self._forget_past([False, False, True])
         if code == 43.0:
             modes.tool_length = length
 
@@ -417,6 +451,7 @@ class ProgramReader:
                 if self._firmware is not None:
                     shift[axis] = 0.0
         self._place = (place[0], place[1], place[2])
+        self._forget_past([name or not any(named) for name in named])
         self._shift = (shift[0], shift[1], shift[2])
         self._is_on_path = False
 
@@ -433,10 +468,12 @@ class ProgramReader:
         place = [None if letter in words else here for letter, here in zip(_LETTERS, self._place, strict=True)]
         self._place = (place[0], place[1], place[2])
         self._is_on_path = False
+        self._forget_past([letter in words for letter in _LETTERS])
 
     def _forget(self) -> None:
         self._place = _UNKNOWN
         self._is_on_path = False
+        self._forget_past([True, True, True])
 
     def _lose(self) -> None:
         """Lose track for good: which line comes next is not known."""

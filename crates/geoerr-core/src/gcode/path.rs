@@ -28,6 +28,12 @@ pub trait PathMap: Sync {
     /// Whether the machine has no errors.
     fn is_nominal(&self) -> bool;
 
+    /// A piece with more crossings of knots than this is halved where it is over the limit, not cut where it is worst: a
+    /// wave is as bad at each of its crests, and looking for the worst again and again costs the square of their number.
+    fn most_crossings(&self) -> usize {
+        usize::MAX
+    }
+
     /// What of an approach the errors depend on.
     fn needs(&self) -> MotionNeeds {
         MotionNeeds::default()
@@ -208,6 +214,7 @@ impl<M: PathMap> Moved<'_, M> {
         crossings.push(1.0);
         let mut over: Option<Worst> = None;
         let mut largest_mm = limit_mm;
+        let halves = crossings.len() > self.map.most_crossings();
         // The ends are solved: what remains there is orders below the limit.
         let mut left = 0.0;
         let mut at_left = at_start;
@@ -220,6 +227,9 @@ impl<M: PathMap> Moved<'_, M> {
             let bound_mm = sizes[0].max(sizes[1]).max(sizes[2]) + 0.25 * norm(&bend);
             if bound_mm > largest_mm || bound_mm.is_nan() {
                 largest_mm = bound_mm;
+                if halves {
+                    return Some(Worst { deviation_mm: bound_mm, at: crossings[crossings.len() / 2] });
+                }
                 let at = if right < 1.0 && sizes[2] > sizes[1] { right } else { middle };
                 over = Some(Worst { deviation_mm: bound_mm, at });
             }

@@ -12,6 +12,9 @@ pub struct TermPath {
     knots_mm: [Vec<f64>; 3],
 }
 
+/// Tables of a usual machine have fewer entries than this: they are cut as ever.
+const MOST_CROSSINGS: usize = 64;
+
 /// Where smoothness is tested: shares of the ranges of the other two axes. Odd numbers, that no period divides.
 const ELSEWHERE: [f64; 3] = [0.137, 0.521, 0.943];
 
@@ -46,6 +49,10 @@ impl PathMap for TermPath {
 
     fn is_nominal(&self) -> bool {
         self.machine.is_nominal()
+    }
+
+    fn most_crossings(&self) -> usize {
+        MOST_CROSSINGS
     }
 
     fn needs(&self) -> MotionNeeds {

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
-from geoerr.model import Model
 from geoerr.model.conditions import OF_MOTION, Conditions, constants_of, refusal
+from geoerr.model.model import Model
 
 # Every move of a program moves.
 _TOLD = frozenset((*OF_MOTION, "moving"))

@@ -1,0 +1,276 @@
+"""Programs corrected by models with terms: conditions, direction of approach, play simulated by itself, refusals."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+from gcode_machines import printer as table_printer
+from term_models import machine, printer, term
+from typer.testing import CliRunner
+
+from geoerr.cli.main import app
+from geoerr.compensate.program import CompensationOptions, compensate_bytes, compensate_program
+from geoerr.errors import GeoerrError
+from geoerr.model import FitRecord, Model, write_model
+from geoerr.verify.path import compare_paths
+
+HOT = {"temp_bed": 90.0}
+# Half a printed digit on two axes beside the tolerance: what the program's own rounding adds.
+TOLERANCE_MM = 0.005
+
+
+def drawn_program(n_moves: int = 60, *, feed: bool = True) -> str:
+    """Short and long moves in every direction, each behind a comment, as `M117 n`."""
+    rng = np.random.default_rng(20)
+    at = np.array([50.0, 60.0])
+    lines = ["G90", "M83", f"G1 X50 Y60 Z5{' F3000' if feed else ''}", "M117 -1", "G1 X55 Y66 E.1"]
+    at = np.array([55.0, 66.0])
+    for number in range(n_moves):
+        step = rng.choice([3.0, 30.0, 200.0]) * rng.uniform(-1.0, 1.0, 2) * (rng.random(2) < 0.8)
+        at = np.round(np.clip(at + step, 20.0, 380.0), 3)
+        lines += [f"M117 {number}", f"G1 X{at[0]:.3f} Y{at[1]:.3f} E.05"]
+    return "\n".join(lines) + "\n"
+
+
+def groups(text: str) -> list[np.ndarray]:
+    """Read commands (n, 3) of each group behind an `M117`; the one before the first too."""
+    at = np.full(3, np.nan)
+    found: list[list[np.ndarray]] = [[]]
+    for line in text.splitlines():
+        if line.startswith("M117"):
+            found.append([])
+        elif line.startswith("G1"):
+            at = at.copy()
+            for letter, number in re.findall(r"([XYZ])(-?[\d.]+)", line):
+                at["XYZ".index(letter)] = float(number)
+            found[-1].append(at)
+    return [np.array(group) for group in found]
+
+
+class PlayMachine:
+    """Axes with real play: a carriage follows its drive only when the drive has crossed the play.
+
+    The rest is written down from the formulas: a belt tooth on X, growth of Y.
+    """
+
+    def __init__(self, play_mm: tuple[float, float], temp_degc: float) -> None:
+        self.half = np.array([*play_mm, 0.0]) / 2.0
+        self.carriage = np.full(3, np.nan)
+        self.growth = 1.7e-5 * (temp_degc - 20.0)
+
+    def at(self, drive: np.ndarray) -> np.ndarray:
+        start = np.where(np.isnan(self.carriage), drive, self.carriage)
+        self.carriage = np.clip(start, drive - self.half, drive + self.half)
+        x, y, _ = drive
+        return self.carriage + np.array([0.02 * np.sin(2 * np.pi * x / 2.0), self.growth * (y - 200.0), 0.0])
+
+
+def off_segment(point: np.ndarray, begin: np.ndarray, end: np.ndarray) -> float:
+    along = end - begin
+    length2 = along @ along
+    share = np.clip((point - begin) @ along / length2, 0.0, 1.0) if length2 > 0.0 else 0.0
+    return float(np.linalg.norm(point - begin - share * along))
+
+
+def straight_printer() -> Model:
+    """The printer without its leaning axis: Y's moves do not move X by correction."""
+    return printer("wbXYZt").without("squareness:xy")
+
+
+def test_a_machine_with_play_follows_the_program():
+    program = drawn_program(15)
+    written, result = compensate_bytes(straight_printer(), program.encode(), at=HOT)
+    assert {warning.kind for warning in result.warnings} <= {"direction-unknown", "position-unknown"}
+    ideal, commanded = groups(program), groups(written.decode())
+    assert len(ideal) == len(commanded)
+    for corrected, expected in ((commanded, TOLERANCE_MM), (ideal, None)):
+        run = PlayMachine((0.05, 0.03), HOT["temp_bed"])
+        drive, worst = corrected[0][-1], 0.0
+        run.at(drive)
+        for number, group in enumerate(corrected[1:]):
+            begin, end = ideal[number][-1], ideal[number + 1][-1]
+            for command in group:
+                for share in np.linspace(0.0, 1.0, 40)[1:]:
+                    actual = run.at(drive + share * (command - drive))
+                    # The first move of all takes up play from an unknown side.
+                    if number:
+                        worst = max(worst, off_segment(actual, begin, end))
+                drive = command
+        if expected is None:
+            assert worst > 0.1
+        else:
+            # The sampled play differs from the model's step only while it is taken up, on the way that is programmed.
+            assert worst < expected + 1e-4, worst
+
+
+def test_the_checker_agrees_and_finds_other_conditions_out(tmp_path):
+    for model in (printer(), straight_printer()):
+        source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+        source.write_text(drawn_program())
+        result = compensate_program(model, source, target, at=HOT)
+        path = compare_paths(model, source, target, at=HOT)
+        assert path.max_error_um_after < 1e3 * TOLERANCE_MM
+        assert path.max_error_um_before > 100.0
+        assert path.moves_with_other_extrusion == 0
+        assert path.extrusion_in_mm == path.extrusion_out_mm == result.extrusion_out_mm
+        cold = compare_paths(model, source, target, at={"temp_bed": "reference"})
+        # 70 K of 17e-6 over 180 mm from the fixed point.
+        assert cold.max_error_um_after > 150.0
+        no_play = Model(model.machine, None, tuple(t for t in model.terms if t.effect != "backlash"))
+        assert compare_paths(no_play, source, target, at=HOT).max_error_um_after > 20.0
+
+
+def test_a_reversal_begins_with_a_piece_that_extrudes_nothing():
+    of = machine("wbXYZt")
+    model = Model(of, None, (term(of, "backlash:x", b=0.05),))
+    program = b"M83\nG1 X10 Y10 Z5\nG1 X100 E1\nG1 X50 E1 ; back\nG1 Y20 E1\nG1 X60 E1\n"
+    written, result = compensate_bytes(model, program)
+    lines = [line for line in written.decode().splitlines() if "geoerr" not in line]
+    assert lines == [
+        "M83",
+        "G1 X10 Y10 Z5",
+        # From here X is known to come from below, 25 µm behind its drive. The first corrected move names every axis.
+        "G1 X10.0250 Y10.0000 Z5.0000 E0.00000",
+        "G1 X100.0250 E1.00000",
+        "G1 X99.9750 E0.00000 ; back",
+        "G1 X49.9750 E1.00000",
+        "G1 Y20 E1",
+        "G1 X50.0250 E0.00000",
+        "G1 X60.0250 E1.00000",
+    ]
+    assert result.extrusion_in_mm == result.extrusion_out_mm == 4.0
+    assert [warning.kind for warning in result.warnings] == ["direction-unknown"]
+
+
+def test_wind_up_is_followed_along_the_move(tmp_path):
+    of = machine()
+    model = Model(of, None, (term(of, "reversal-windup:x", b=0.06, **{"lambda": 4.0}),))
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text("G1 X10 Y10 Z5\nG1 X200\nG1 X20\nG1 X22\nG1 X21\nG1 X300 Y40\n")
+    compensate_program(model, source, target)
+    path = compare_paths(model, source, target)
+    assert path.max_error_um_before == pytest.approx(30.0, abs=0.5)
+    assert path.max_error_um_after < 5.0
+
+
+def test_following_error_takes_its_speed_from_the_feed(tmp_path):
+    of = machine("wbXYZt")
+    model = Model(of, None, (term(of, "lag:x", tau=1e-3),))
+    written, result = compensate_bytes(model, b"G1 X10 Y10 Z5 F6000\nG1 X110\nG1 F600 X210\nG0 X10\n")
+    lines = [line for line in written.decode().splitlines() if "geoerr" not in line]
+    # 100 mm/s for 1 ms is 0.1 mm, 10 mm/s 0.01 mm; a rapid's speed is not told.
+    assert lines[1:] == [
+        "G1 X10.1000 Y10.0000 Z5.0000",
+        "G1 X110.1000",
+        "G1 F600 X110.0100",
+        "G1 X210.0100",
+        "G0 X210.0000",
+        "G0 X10.0000",
+    ]
+    kinds = {warning.kind: warning.count for warning in result.warnings}
+    assert kinds == {"speed-from-feed": 3, "speed-unknown": 1}
+    still, _ = compensate_bytes(model, b"G1 X10 Y10 Z5 F6000\nG1 X110\n", at={"v_x": 0.0})
+    assert still == b"G1 X10 Y10 Z5 F6000\nG1 X110\n"
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_the_same_bytes_from_any_number_of_threads(threads):
+    program = drawn_program(400).encode()
+    one, _ = compensate_bytes(printer(), program, at=HOT, threads=1)
+    assert compensate_bytes(printer(), program, at=HOT, threads=threads)[0] == one
+
+
+def test_tables_as_terms_give_the_bytes_of_tables():
+    tables = table_printer()
+    terms = Model(tables.machine, None, tables.all_machine_terms)
+    program = drawn_program(200).encode()
+    written, result = compensate_bytes(terms, program)
+    assert written == compensate_bytes(tables, program)[0]
+    assert not result.notes
+
+
+def test_conditions_are_refused_by_name():
+    of = machine()
+    acceleration = term(of, "acceleration:y", c=1e-5)
+    model = Model(of, None, (*printer().terms, acceleration))
+    with pytest.raises(GeoerrError, match=r"temp_bed .*°C.*a_y .*acceleration.*0 leaves") as refused:
+        compensate_bytes(model, b"G1 X1 Y1 Z1\n")
+    assert "d_x" not in str(refused.value)
+    assert compensate_bytes(model, b"G1 X1 Y1 Z1\n", at={**HOT, "a_y": 0.0})[1].moves_corrected == 1
+    with pytest.raises(GeoerrError, match="does not depend on 'temp'"):
+        compensate_bytes(printer(), b"G1 X1\n", at={**HOT, "temp": 3.0})
+    with pytest.raises(GeoerrError, match="only temperatures have a 'reference'"):
+        compensate_bytes(model, b"G1 X1\n", at={**HOT, "a_y": "reference"})
+    with pytest.raises(GeoerrError, match="b: no value yet"):
+        compensate_bytes(Model(of) + "backlash:x", b"G1 X1\n")
+
+
+def test_the_rig_is_left_out_and_said_or_refused():
+    of = machine()
+    rig = term(of, "rig-scale", k=1e-4)
+    both = Model(of, None, (term(of, "backlash:x", b=0.05), rig))
+    program = b"G1 X10 Y10 Z5\nG1 X20\nG1 X15\n"
+    written, result = compensate_bytes(both, program)
+    assert result.left_out == ("rig-scale",)
+    assert "rig-scale" in result.notes[0]
+    assert written == compensate_bytes(Model(of, None, both.terms[:1]), program)[0]
+    with pytest.raises(GeoerrError, match=r"nothing to compensate: rig-scale .* machine does not have them"):
+        compensate_bytes(Model(of, None, (rig,)), program)
+
+
+def with_record(model: Model, std: float) -> Model:
+    n = sum(len(t.coefficients) + len(t.inner) for t in model.terms)
+    record = FitRecord(std**2 * np.eye(n), np.zeros((n, 0)), covariate_spans={"temp_bed": (20.0, 80.0)})
+    return dataclasses.replace(model, record=record)
+
+
+def test_a_correction_is_shown_beside_its_uncertainty():
+    of = machine("wbXYZt")
+    model = Model(of, None, (term(of, "thermal-drift:z@temp_bed", k=1e-3),))
+    program = b"G1 X10 Y10 Z5\nG1 X20\n"
+    _, sure = compensate_bytes(with_record(model, 1e-4), program, at={"temp_bed": 70.0})
+    # 50 K of 1 µm/K, to 0.1 µm/K.
+    assert (sure.correction_rms_um, sure.correction_std_um) == pytest.approx((50.0, 5.0))
+    assert not sure.notes
+    _, unsure = compensate_bytes(with_record(model, 2e-3), program, at={"temp_bed": 90.0})
+    beyond, harm = unsure.notes
+    assert "temp_bed = 90" in beyond
+    assert "20 to 80" in beyond
+    assert "more harm than good" in harm
+    with pytest.raises(GeoerrError, match="the data had temp_bed 20 to 80"):
+        compensate_bytes(with_record(model, 1e-4), program)
+
+
+def test_the_verbs(tmp_path):
+    model, source, target = tmp_path / "model.json", tmp_path / "in.gcode", tmp_path / "out.gcode"
+    write_model(model, printer())
+    source.write_text(drawn_program())
+    files = [str(model), str(source)]
+    refused = CliRunner().invoke(app, ["compensate", *files, "-o", str(target)])
+    assert refused.exit_code == 1
+    assert not target.exists()
+    at = ["--at", "temp_bed=90"]
+    done = CliRunner().invoke(app, ["compensate", *files, "-o", str(target), *at, "--json"])
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    assert document["left_out"] == []
+    assert document["correction_std_um"] is None
+    checked = CliRunner().invoke(app, ["verify", "path", *files, str(target), *at, "--tolerance", "0.005", "--json"])
+    assert checked.exit_code == 0, checked.output
+    assert json.loads(checked.stdout)["max_error_um_after"] < 5.0
+    cold = [*files, str(target), "--at", "temp_bed=reference", "--tolerance", "0.005"]
+    assert CliRunner().invoke(app, ["verify", "path", *cold]).exit_code == 1
+
+
+def test_options_do_not_change_what_is_taken_up():
+    of = machine("wbXYZt")
+    model = Model(of, None, (term(of, "backlash:x", b=0.002),))
+    program = b"G1 X10 Y10 Z5\nG1 X100\nG1 X50\n"
+    coarse, _ = compensate_bytes(model, program)
+    assert coarse.count(b"\n") == 4, "a jump below half of the tolerance is taken up along the move"
+    fine, _ = compensate_bytes(model, program, CompensationOptions(tolerance_mm=0.001))
+    assert fine.count(b"\n") == 6
