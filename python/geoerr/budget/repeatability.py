@@ -17,9 +17,9 @@ from geoerr.machine import AXES
 from geoerr.model.arrays import Numbers
 from geoerr.observations import CARRIERS
 
-# Scatter beyond what is stated counts where chance makes so much less often than this: otherwise its estimate is the
-# root of a difference that is as often negative.
-SIGNIFICANCE = 0.05
+# Scatter beyond what is stated counts where chance makes so much less often than this (as the fit's own scale does):
+# otherwise its estimate is the root of a difference that is as often negative.
+SIGNIFICANCE = 0.01
 _UM_PER_MM = 1e3
 
 
