@@ -32,7 +32,7 @@ from geoerr.model.arrays import Numbers, contiguous
 # Directions of a covariance below this share of the largest are round-off of its making.
 _ROUNDING = 1e-13
 # Places are all lengths: directions that are this much more certain than the worst are those that are free together.
-_PLACES = 1e-10
+_PLACES = 1e-7
 _BLOCK_ROWS = 2048
 
 
@@ -75,18 +75,19 @@ class Estimator:
             to find (`C_θp C_pp⁺ C_pθ`), the first what would be left if those places were known.
         """
         fitted = self.fitted
-        n_rows, total = len(fitted.sightings), np.zeros_like(self.covariance)
+        n_rows, n_own = len(fitted.sightings), len(self.places)
+        first_place = fitted.problem.first_shared_column + int(self.is_calibration.sum())
+        gain = np.concatenate([self.gain, self.covariance[first_place:]])
+        triangle: Numbers = np.zeros((0, len(gain)))
         for first in range(0, n_rows, _BLOCK_ROWS):
             last = min(first + _BLOCK_ROWS, n_rows)
             design = fitted.problem.design(self.state, self.row_scale, first, last, fitted.threads)
-            total += design.T @ design
-        first_place = fitted.problem.first_shared_column + int(self.is_calibration.sum())
-        own, places = slice(len(self.places)), slice(first_place, None)
-        noise = self.covariance @ total @ self.covariance
-        follows = noise[own, places] @ np.linalg.pinv(noise[places, places], rcond=_PLACES, hermitian=True)
-        with_places = follows @ noise[places, own]
-        apart = noise[own, own] - with_places
-        return self._in_record(root_of(apart)), self._in_record(root_of(with_places))
+            triangle = np.linalg.qr(np.concatenate([triangle, design @ gain.T])).R
+        own, places = triangle[:, :n_own].T, triangle[:, n_own:]
+        left, size, _ = np.linalg.svd(places, full_matrices=False)
+        along = left[:, size > _PLACES * float(size.max(initial=0.0))]
+        with_places = own @ along
+        return self._in_record(own - with_places @ along.T), self._in_record(with_places)
 
     def of_calibration(self) -> Numbers:
         """Give a root (m, k) of the parameters' covariance by the calibration, as the fit was told of it."""

@@ -7,6 +7,7 @@ from geoerr.report.figures.error_field import error_field
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.path import path_error
+from geoerr.report.figures.uncertainty import uncertainty_slices
 
 __all__ = [
     "CalibrationView",
@@ -19,4 +20,5 @@ __all__ = [
     "measurement_residuals",
     "nine_lines",
     "path_error",
+    "uncertainty_slices",
 ]
