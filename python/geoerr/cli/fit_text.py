@@ -61,7 +61,7 @@ def freedom_of(fitted: Fitted) -> dict[str, str]:
         if basis is None:
             continue
         kind = _KINDS.get(basis.kind) or _DEGREES.get(basis.degree or 0, f"polynomial of degree {basis.degree}")
-        words[term.id] = f"{kind}, {chosen[term.id]} free" if term.id in chosen else kind
+        words[term.id] = f"{kind}, {chosen[term.id]:.3g} free" if term.id in chosen else kind
     return words
 
 
