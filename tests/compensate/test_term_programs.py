@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from geoerr.cli.main import app
 from geoerr.compensate.program import CompensationOptions, compensate_bytes, compensate_program
+from geoerr.effects import load_effects
 from geoerr.errors import GeoerrError
 from geoerr.model import FitRecord, Model, write_model
 from geoerr.verify.path import compare_paths
@@ -220,6 +221,48 @@ def test_the_rig_is_left_out_and_said_or_refused():
     assert written == compensate_bytes(Model(of, None, both.terms[:1]), program)[0]
     with pytest.raises(GeoerrError, match=r"nothing to compensate: rig-scale .* machine does not have them"):
         compensate_bytes(Model(of, None, (rig,)), program)
+
+
+OWN = """
+[[effect]]
+id = "my-growth"
+title = "Growth of the bed, as I write it"
+channel = "along"
+axes = ["y"]
+expression = "growth*(temp_bed - 20)*(q - zero)"
+covariates = ["temp_bed"]
+[effect.coefficients.growth]
+unit = "1/K"
+[effect.inner.zero]
+unit = "mm"
+range = "axis"
+[[effect]]
+id = "my-play"
+title = "Play, as I write it"
+channel = "along"
+axes = ["x"]
+expression = "-0.5*play*d_x"
+[effect.coefficients.play]
+unit = "mm"
+"""
+
+
+def test_a_users_own_effect_is_compensated_as_a_built_in_one(tmp_path):
+    (tmp_path / "own.toml").write_text(OWN)
+    of = machine()
+    own = {effect.id: effect for effect in load_effects(tmp_path / "own.toml")}
+    growth, play = own["my-growth"].term("y", "temp_bed", of), own["my-play"].term("x", None, of)
+    written = Model(of, None, (growth.with_values([1.7e-5], [200.0]), play.with_values([0.05])))
+    built_in = Model(
+        of,
+        None,
+        (
+            term(of, "thermal-expansion:y@temp_bed", alpha=1.7e-5, q_fixed=200.0),
+            term(of, "backlash:x", b=0.05),
+        ),
+    )
+    program = drawn_program().encode()
+    assert compensate_bytes(written, program, at=HOT)[0] == compensate_bytes(built_in, program, at=HOT)[0]
 
 
 def with_record(model: Model, std: float) -> Model:

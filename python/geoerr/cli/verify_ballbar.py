@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.program_options import At, conditions
 from geoerr.errors import InputFileError
 from geoerr.model import load_model
 from geoerr.observations import CircularTest, read_circular_test
@@ -49,6 +50,7 @@ def ballbar(
         Path | None,
         typer.Option("--truth", help="Machine that carries out the commands (truth.json of a simulation)."),
     ] = None,
+    at: At = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write the circle plot as an HTML page.")] = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
@@ -61,7 +63,7 @@ def ballbar(
     measured = None if trace is None else read_circular_test(trace)
     plane, center_mm, radius_mm = _circle_asked_for(plane, center, radius, trace, measured)
     circle = circle_to_test(loaded, plane, center_mm, radius_mm)
-    result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured)
+    result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured, at=conditions(at))
     provenance = provenance_of_command([model, trace, truth])
     if report is not None:
         write_ballbar_report(report, result, provenance)

@@ -17,9 +17,11 @@ import polars as pl
 from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
 from geoerr.model import Model
+from geoerr.model.conditions import Conditions
 from geoerr.observations import CircularTest
 from geoerr.tables import RowProblem
 from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, fit_circle, fit_set_up, what_fits
+from geoerr.verify.circle_motion import conditions_on_circle, refuse_unneeded
 from geoerr.verify.remaining import compensate_positions
 
 Numbers = npt.NDArray[np.float64]
@@ -232,11 +234,20 @@ def usable_range_mm(model: Model) -> tuple[Numbers, Numbers]:
 
 
 def predict_trace(
-    model: Model, circle: CircleOfCommands, *, clockwise: bool = False, n_points: int = N_POINTS
+    model: Model,
+    circle: CircleOfCommands,
+    *,
+    clockwise: bool = False,
+    n_points: int = N_POINTS,
+    at: Conditions | None = None,
 ) -> Trace:
-    """Predict the path of the tool, seen from the work, for a commanded circle (whole model, squareness included)."""
+    """Predict the path of the tool, seen from the work, for a commanded circle (whole model, squareness included).
+
+    Conditions that terms follow are in `at`; direction and travel follow from the sense, speeds from `feed`.
+    """
     positions = circle.positions_mm(n_points, clockwise=clockwise)
-    return _trace(circle, positions, positions + model.error_mm(positions))
+    conditions = conditions_on_circle(model, circle, positions, -1 if clockwise else 1, at)
+    return _trace(circle, positions, positions + model.error_mm(positions, at=conditions))
 
 
 def predict_compensated_trace(
@@ -246,10 +257,19 @@ def predict_compensated_trace(
     truth: Model | None = None,
     clockwise: bool = False,
     n_points: int = N_POINTS,
+    at: Conditions | None = None,
 ) -> Trace:
     """Predict the path when the circle's commands are compensated by `model` and carried out by `truth`."""
     positions = circle.positions_mm(n_points, clockwise=clockwise)
-    return _trace(circle, positions, positions + compensate_positions(model, positions, truth=truth).error_mm)
+    sense = -1 if clockwise else 1
+    compensated = compensate_positions(
+        model,
+        positions,
+        truth=truth,
+        at=conditions_on_circle(model, circle, positions, sense, at),
+        truth_at=None if truth is None else conditions_on_circle(truth, circle, positions, sense, at),
+    )
+    return _trace(circle, positions, positions + compensated.error_mm)
 
 
 def li_eq23_trace(model: Model, circle: CircleOfCommands, *, n_points: int = N_POINTS) -> Trace:
@@ -290,6 +310,7 @@ def run_circular_test(
     truth: Model | None = None,
     with_eq23: bool = False,
     measured: CircularTest | None = None,
+    at: Conditions | None = None,
 ) -> CircularTestResult:
     """Run the whole circular test of a model.
 
@@ -305,17 +326,23 @@ def run_circular_test(
         Reproduce Li's Eq. 23 beside the whole model.
     measured
         A measured circular test to compare with.
+    at
+        Conditions that terms follow, by name; `feed` in mm/min where they follow speeds.
 
     Raises
     ------
+    GeoerrError
+        for conditions that are needed and not given, or given and not needed.
     GeometryError, NotDeterminedError
         from `li_eq23_trace`.
     InputFileError
         if no run of the measured test can be used.
     """
     machine = model if truth is None else truth
+    refuse_unneeded(at, model, machine)
     positions = circle.positions_mm(N_POINTS)
-    out_of_range = compensate_positions(model, positions).out_of_range(model.machine)
+    conditions = conditions_on_circle(model, circle, positions, 1, at)
+    out_of_range = compensate_positions(model, positions, at=conditions).out_of_range(model.machine)
     notes = []
     if out_of_range:
         notes.append(
@@ -326,12 +353,12 @@ def run_circular_test(
     runs: tuple[MeasuredRun, ...] = ()
     set_aside: tuple[RowProblem, ...] = ()
     if measured is not None:
-        runs, set_aside = compare_with_measured(model, measured)
+        runs, set_aside = compare_with_measured(model, measured, at=at)
     return CircularTestResult(
-        before=(predict_trace(machine, circle), predict_trace(machine, circle, clockwise=True)),
+        before=(predict_trace(machine, circle, at=at), predict_trace(machine, circle, clockwise=True, at=at)),
         after=(
-            predict_compensated_trace(model, circle, truth=truth),
-            predict_compensated_trace(model, circle, truth=truth, clockwise=True),
+            predict_compensated_trace(model, circle, truth=truth, at=at),
+            predict_compensated_trace(model, circle, truth=truth, clockwise=True, at=at),
         ),
         eq23=li_eq23_trace(model, circle) if with_eq23 else None,
         runs=runs,
@@ -342,7 +369,7 @@ def run_circular_test(
 
 
 def compare_with_measured(
-    model: Model, measured: CircularTest
+    model: Model, measured: CircularTest, *, at: Conditions | None = None
 ) -> tuple[tuple[MeasuredRun, ...], tuple[RowProblem, ...]]:
     """Compare each run of a measured circular test with the model at the same commands.
 
@@ -362,7 +389,7 @@ def compare_with_measured(
     runs: list[MeasuredRun] = []
     problems = list(measured.set_aside)
     for name, frame in _runs(measured.frame):
-        run, found = _compare_run(model, name, frame, path)
+        run, found = _compare_run(model, name, frame, path, at)
         problems.extend(found)
         if run is not None:
             runs.append(run)
@@ -436,7 +463,7 @@ def _runs(frame: pl.DataFrame) -> list[tuple[str, pl.DataFrame]]:
 
 
 def _compare_run(
-    model: Model, name: str, frame: pl.DataFrame, path: str
+    model: Model, name: str, frame: pl.DataFrame, path: str, at: Conditions | None
 ) -> tuple[MeasuredRun | None, list[RowProblem]]:
     circle, commanded, radius, rows, problems = _checked_run(frame, path)
     if circle is None:
@@ -452,7 +479,8 @@ def _compare_run(
     if covered < _LEAST_ARC_RAD:
         problem = f"{name} covers {np.rad2deg(covered):.0f}° of the circle, at least 90° are needed"
         return None, [*problems, RowProblem(path, rows[0], "x y z", problem)]
-    actual = commanded + model.error_mm(commanded)
+    conditions = conditions_on_circle(model, circle, commanded, _direction(frame, angle) or 1, at)
+    actual = commanded + model.error_mm(commanded, at=conditions)
     predicted = _trace(circle, commanded, actual)
     points = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     measured = Trace(circle, angle, points, fit_circle(points))

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from geoerr.machine import AXES, Machine
 from geoerr.model import Model
+from geoerr.model.conditions import Conditions
 
 Numbers = npt.NDArray[np.float64]
 
@@ -46,6 +47,8 @@ def compensate_positions(
     positions_mm: npt.ArrayLike,
     *,
     truth: Model | None = None,
+    at: Conditions | None = None,
+    truth_at: Conditions | None = None,
     tolerance_mm: float = COMMAND_TOLERANCE_MM,
 ) -> Compensated:
     """Compensate positions by one model and see what another makes of the commands.
@@ -59,6 +62,8 @@ def compensate_positions(
     truth
         The machine that carries the commands out (a simulation's truth); `model` itself where None, and then what
         is left is the tolerance of the iteration, not an estimate of the machine's error.
+    at, truth_at
+        Conditions that the terms of each follow, by name.
     tolerance_mm
         Where the iteration may stop.
 
@@ -68,6 +73,6 @@ def compensate_positions(
         if the iteration does not reach the tolerance.
     """
     positions = np.ascontiguousarray(positions_mm, dtype=np.float64)
-    commands = model.commands_for(model.nominal_mm(positions), tolerance_mm)
-    machine = model if truth is None else truth
-    return Compensated(commands, machine.tool_from_work(commands) - machine.nominal_mm(positions))
+    commands = model.commands_for(model.nominal_mm(positions), tolerance_mm, at=at)
+    machine, conditions = (model, at) if truth is None else (truth, truth_at)
+    return Compensated(commands, machine.tool_from_work(commands, at=conditions) - machine.nominal_mm(positions))
