@@ -1,7 +1,8 @@
 //! Blocks left out, against refits that never saw them.
 
 use geoerr_core::least_squares::{
-    Blocks, LeastSquaresError, Matrix, Options, Restriction, StoredDesign, leave_blocks_out, solve,
+    Blocks, LeastSquaresError, Matrix, Options, Restriction, StoredDesign, leave_blocks_out,
+    leave_blocks_out_of_residuals, solve,
 };
 use rayon::ThreadPoolBuilder;
 
@@ -58,6 +59,51 @@ fn a_block_that_alone_sees_an_unknown_is_said_to() {
     assert!((left.largest_eigenvalue[10] - 1.0).abs() < 1e-12);
     let refit = solved(&without(&a, 0..3), &without(&b, 0..3)).x;
     assert!((left.held_out[1] - residual(&a, &b, &refit, 1)).abs() < 1e-12);
+}
+
+#[test]
+fn a_prediction_is_as_uncertain_as_the_rest_leaves_it() {
+    let mut draw = Draw::new(6);
+    let (a, b) = (draw.matrix(80, 7), draw.matrix(80, 1));
+    let blocks = Blocks::starting_at(&[0, 3, 30], 80).unwrap();
+    let left = leave_blocks_out(&StoredDesign::new(&a, &b).unwrap(), &solved(&a, &b), &blocks, 0).unwrap();
+    for block in 0..3 {
+        let refit = solved(&without(&a, blocks.rows(block)), &without(&b, blocks.rows(block)));
+        for row in blocks.rows(block) {
+            let c: Vec<f64> = (0..7).map(|j| a[(row, j)]).collect();
+            let variance = refit.functional(&c, 0).unwrap().unwrap().variance;
+            assert!((left.prediction_variance[row] / variance - 1.0).abs() < 1e-11, "{row}");
+        }
+    }
+}
+
+#[test]
+fn a_blocks_own_unknown_stays_at_its_best() {
+    // Rows 30..42 have an unknown of their own: left out, they are predicted across the direction in which it moves them.
+    let mut draw = Draw::new(7);
+    let mut a = draw.matrix(90, 6);
+    for i in (0..90).filter(|i| !(30..42).contains(i)) {
+        a[(i, 4)] = 0.0;
+    }
+    let b = draw.matrix(90, 1);
+    let solution = solved(&a, &b);
+    let residuals = Matrix::from_fn(90, 1, |i, _| residual(&a, &b, &solution.x, i));
+    let design = StoredDesign::new(&a, &residuals).unwrap();
+    let blocks = Blocks::starting_at(&[0, 30, 42], 90).unwrap();
+    let left = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0, 1, 0]).unwrap();
+    assert_eq!(left.is_determined, [true; 3]);
+    let refit = solved(&without(&a, 30..42), &without(&b, 30..42)).x;
+    let predicted: Vec<f64> = (30..42).map(|row| residual(&a, &b, &refit, row)).collect();
+    let own: Vec<f64> = (30..42).map(|row| a[(row, 4)]).collect();
+    let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+    let best = dot(&own, &predicted) / dot(&own, &own);
+    for (at, row) in (30..42).enumerate() {
+        assert!((left.held_out[row] - (predicted[at] - best * own[at])).abs() < 1e-12, "{row}");
+    }
+    let strict = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 3]).unwrap();
+    assert_eq!(strict.is_determined, [true, false, true]);
+    let refused = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 2]);
+    assert_eq!(refused, Err(LeastSquaresError::RowsDiffer { expected: 3, found: 2 }));
 }
 
 #[test]
