@@ -186,7 +186,7 @@ fn constraints_hold_and_restore_what_was_not_determined() {
     let b = draw.matrix(m, 1);
     assert_eq!(solved(&a, &b).rank.rank, 8);
     // The middle of 0, 3 and 6 is the gauge; stated twice, in other units.
-    let row = |i: usize, j: usize| if j % 3 == 0 { [1.0, -250.0][i] } else { 0.0 };
+    let row = |i: usize, j: usize| if j.is_multiple_of(3) { [1.0, -250.0][i] } else { 0.0 };
     let restriction = Restriction::Constraints(Matrix::from_fn(2, n, row));
     let options = Options { restriction, ..Options::default() };
     let solution = solve(&triangle_of(&a, &b), &options).unwrap();
