@@ -30,8 +30,8 @@ def expanded_length(covariance: Numbers, dof: npt.ArrayLike) -> Numbers:
     """Give the length (n,) that an error with covariance (n, 3, 3) stays below with 95 %.
 
     |e|² is a sum of three chi-squared variables weighted by the eigenvalues λ; it is taken as tr V · F(h, ν) with
-    `h = (Σλ)² / Σλ²` (Satterthwaite), which is exact for one component (t² = F(1, ν)) and for equal ones. At 95 % the
-    square root of this is within 1 % of the exact quantile for any three eigenvalues (tests/budget).
+    `h = (Σλ)² / Σλ²` (Satterthwaite), which is exact for one component (t² = F(1, ν)) and for equal ones. At 95 % its
+    root is within 1 % of the exact quantile for any three eigenvalues (tests/budget).
     """
     trace = np.trace(covariance, axis1=1, axis2=2)
     squares = np.einsum("nij,nij->n", covariance, covariance)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 from geoerr.budget.source import Source
 from geoerr.fit import Fitted
@@ -17,9 +16,6 @@ from geoerr.machine import AXES
 from geoerr.model.arrays import Numbers
 from geoerr.observations import CARRIERS
 
-# Scatter beyond what is stated counts where chance makes so much less often than this (as the fit's own scale does):
-# otherwise its estimate is the root of a difference that is as often negative.
-SIGNIFICANCE = 0.01
 _UM_PER_MM = 1e3
 
 
@@ -41,12 +37,13 @@ def repeatability_source(fitted: Fitted) -> Source | str:
             again = seen & (np.bincount(repeats.group[seen], minlength=len(seen) + 1)[repeats.group] > 1)
             noise, dof = float(stated[again, component].mean()), float(repeats.dof[component])
             total = float(repeats.variance_mm2[component])
-            if noise > 0.0 and stats.chi2.sf(dof * total / noise, dof) > SIGNIFICANCE:
-                continue
             variance[component] += total - noise
             doubt[component] += total**2 / dof
     if not n_seen:
         return "repeatability of the machine: no row was measured again"
+    # A difference that does not exceed its own standard deviation √(2 Σ v²/ν) tells nothing.
+    is_told = variance > np.sqrt(2.0 * doubt)
+    variance, doubt = np.where(is_told, variance, 0.0), np.where(is_told, doubt, 0.0)
     if not variance.any():
         return "repeatability of the machine: repeats scatter no more than their stated noise"
     return Source(

@@ -10,7 +10,7 @@ import numpy as np
 
 from geoerr.budget.calibration import calibration_source, point_in_pixels
 from geoerr.budget.estimator import Estimator, root_of
-from geoerr.budget.repeatability import SIGNIFICANCE, repeatability_source
+from geoerr.budget.repeatability import repeatability_source
 from geoerr.budget.source import Piece, Source
 from geoerr.fit import Fitted
 from geoerr.model import GROUPS, Model
@@ -18,6 +18,8 @@ from geoerr.model.arrays import Numbers
 from geoerr.model.conditions import Conditions
 from geoerr.vision.rig import Rig
 
+# Less probable than this, what the residual has beyond the noise is not chance (as for the fit's own scale).
+_SIGNIFICANCE = 0.01
 _UM_PER_MM = 1e3
 _URAD = 1e6
 _N_ENTRIES = 21
@@ -159,7 +161,7 @@ def _misfit(fitted: Fitted) -> Source | str:
     split = fitted.split
     if split.lack_of_fit_um is None or split.lack_of_fit_p is None:
         return "misfit of the model: neither repeats nor stated uncertainties tell it from noise"
-    if split.lack_of_fit_p > SIGNIFICANCE:
+    if split.lack_of_fit_p > _SIGNIFICANCE:
         return f"misfit of the model: none is seen (p = {split.lack_of_fit_p:.2g})"
     dof = float(max(split.dof[0] - split.dof[1], 1))
     return Source(
