@@ -35,7 +35,17 @@ from geoerr.simulate.scene import Scene
 from geoerr.simulate.truth import truth_of
 
 HERE = Path(__file__).parent
-CARRIAGES = {"follows the tangent": "tangent", "150 mm long": "length"}
+CARRIAGES = {"carriage follows the tangent": "tangent", "carriage 150 mm long": "length"}
+# Sizes of errors: those of a machine tool, and the demo's printer.
+MACHINES = {
+    "Machine tool (25 µm, 60 µrad)": {
+        "positioning_um": 25.0,
+        "straightness_um": 25.0,
+        "pitch_yaw_urad": 60.0,
+        "roll_urad": 60.0,
+    },
+    "Printer (300 µm, 500 µrad, roll 400 µrad)": {},
+}
 CHAINS = ("wZbXYt", "wbXYZt", "wXYbZt", "wYbZXt")
 SETTING = NineLines(n_points=21, repeats=1, both_directions=False, carriage_length_mm=150.0)
 NOISE_PX = 0.01
@@ -98,10 +108,11 @@ def covariance_mm2(scene: Scene, place_mm: np.ndarray) -> np.ndarray:
     return np.linalg.inv(information)
 
 
-def identified(seed: int, carriage: str) -> dict[str, ErrorFunctions]:
+def identified(seed: int, machine_name: str, carriage: str) -> dict[str, ErrorFunctions]:
     """Go from a seed to the truth and to both estimates under both assumptions."""
     chain = CHAINS[seed % len(CHAINS)]
-    scene = Scene(nine_line_plan(replace(SETTING, seed=seed, carriage=carriage, chain=chain)))
+    setting = replace(SETTING, seed=seed, carriage=carriage, chain=chain, **MACHINES[machine_name])
+    scene = Scene(nine_line_plan(setting))
     observations = observed(scene, np.random.default_rng([seed, 20]))
     machine = scene.plan.machine
     found = {"truth": truth_of(scene).errors}
@@ -175,18 +186,19 @@ def _share(tally: Tally) -> str:
     return f"{100 * tally.shares.mean():.1f} ± {spread:.1f} %"
 
 
-def study(carriage: str, seeds: range, pool: ProcessPoolExecutor) -> list[str]:
-    """Run all seeds for one kind of carriage; give the lines of its tables."""
+def study(machine_name: str, carriage: str, seeds: range, pool: ProcessPoolExecutor) -> list[str]:
+    """Run all seeds for one kind of machine and carriage; give the lines of its tables."""
     tallies: dict[tuple[str, str], Tally] = defaultdict(Tally)
-    for seed, found in zip(seeds, pool.map(identified, seeds, [carriage] * len(seeds)), strict=True):
+    names = [machine_name] * len(seeds)
+    for seed, found in zip(seeds, pool.map(identified, seeds, names, [carriage] * len(seeds)), strict=True):
         truth = {**found["truth"].functions, **found["truth"].squareness}
         for method, errors in found.items():
             tables = {**errors.functions, **errors.squareness}
-            for kind, names in KINDS.items():
-                for name in names:
+            for kind, members in KINDS.items():
+                for name in members:
                     if method != "truth":
                         tallies[kind, method].add(*deviations(tables[name], truth[name]))
-        print(f"{carriage}: seed {seed} done", flush=True)
+        print(f"{machine_name}, {carriage}: seed {seed} done", flush=True)
     lines = ["Straightness from the points:", "", *table(tallies, [(kind, "direct") for kind in KINDS])]
     lines += ["", "Tangent-following assumed:", "", *table(tallies, [(kind, "integrated") for kind in KINDS])]
     return lines
@@ -209,8 +221,9 @@ def main() -> None:
         "pictures. RMS over all values of all machines.",
     ]
     with ProcessPoolExecutor(arguments.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for title, carriage in CARRIAGES.items():
-            lines += ["", f"## Carriage {title}", "", *study(carriage, seeds, pool)]
+        for machine_name in MACHINES:
+            for title, carriage in CARRIAGES.items():
+                lines += ["", f"## {machine_name}, {title}", "", *study(machine_name, carriage, seeds, pool)]
     write_text(arguments.output, "\n".join(lines) + "\n")
 
 

@@ -467,6 +467,9 @@ class FitProblem:
         row_scale: npt.NDArray[np.float64],
         threads: int,
     ) -> npt.NDArray[np.float64]: ...
+    def first_order_mm(
+        self, state: FitState, correction: npt.NDArray[np.float64], threads: int
+    ) -> npt.NDArray[np.float64]: ...
     def leave_out(
         self,
         state: FitState,

@@ -479,6 +479,22 @@ impl PyFitProblem {
         Ok(from_numbers(py, gradient))
     }
 
+    /// How a correction of all unknowns moves the measured points, to first order, mm (n, 3).
+    fn first_order_mm<'py>(
+        &self,
+        py: Python<'py>,
+        state: &PyFitState,
+        correction: PyReadonlyArray1<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let correction = numbers(&correction, "correction")?;
+        if correction.len() != self.problem.n_columns() {
+            return Err(CoreError::shape("a correction has one number for each unknown").into());
+        }
+        let (problem, state) = (&self.problem, &state.state);
+        from_rows(py, enter_core(py, threads, || problem.first_order_mm(state, correction))?)
+    }
+
     /// Leaves blocks of rows out in turn. `order` are the rows block by block, `starts` where blocks begin in it, `own`
     /// how many unknowns belong to each block alone. Rows of the answer are in that order.
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]

@@ -153,9 +153,9 @@ class _Outcome:
 def _before(fitted: Fitted, added: Sequence[Addition], number: int, threads: int) -> Fitted:
     """Fit the same rows with the first effects only; where none was added, with a machine without errors."""
     if not added:
-        return refit(fitted, (), threads=threads)
+        return refit(fitted, ())
     left_out = {term.id for one in added[number:] for term in one.terms}
-    return refit(fitted, [term for term in fitted.terms if term.id not in left_out], threads=threads)
+    return refit(fitted, [term for term in fitted.terms if term.id not in left_out])
 
 
 def _history(steps: Sequence[Fitted], added: Sequence[Addition]) -> list[HistoryEntry]:

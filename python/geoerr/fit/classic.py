@@ -130,12 +130,15 @@ def gauge_rows(terms: Sequence[Term]) -> Numbers:
     return np.array(rows).reshape(len(rows), total)
 
 
-def rich_basis(axis: str, position_mm: Numbers, *, most: int = 24) -> BasisSpec | None:
+def rich_basis(axis: str, position_mm: Numbers, *, is_stated: bool = True, most: int = 24) -> BasisSpec | None:
     """Give the richest basis that the distinct positions (k,) of an axis support; None where it never moved.
 
-    Cubic splines with breakpoints at quantiles of the positions, never more functions than positions.
+    Cubic splines with breakpoints at quantiles of the positions, never more functions than positions; a quarter fewer
+    where nothing is stated of the noise, so that some of the positions are left to tell it.
     """
     count = len(position_mm)
+    if not is_stated:
+        count = min(count, max(2, 3 * count // 4))
     if count < 2:
         return None
     low, high = float(position_mm[0]), float(position_mm[-1])

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy import stats
@@ -31,8 +32,10 @@ from geoerr.fit.inner import has_unknown_inner, started
 from geoerr.fit.knots import KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
+from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Solved, solve
 from geoerr.fit.start import Frames, nominal_mm, start_frames, target_places
+from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES, Machine
@@ -40,6 +43,10 @@ from geoerr.model.compile import Compiled, compile_terms
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import BasisSpec, Term
 
+Freedom = Literal["knots", "smooth"]
+
+# A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
+_ABSURD = {"mm": 3.0, "rad": 0.02}
 # Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
 _SIGNIFICANCE = 0.01
 
@@ -56,6 +63,10 @@ class FitOptions:
         Whether straightness is held to be the integral of the angle (Li Eq. 19).
     bases
         Bases by ISO name; what is not named is chosen by the data.
+    freedom
+        How functions whose bases are not named are held: `knots` (few splines, their number by evidence; a model
+        that is to be tested must not lean on a prior) or `smooth` (as many splines as positions, curvature by
+        evidence: the least error, for tables).
     is_robust
         Whether gross outliers are found and left out.
     threads
@@ -65,6 +76,7 @@ class FitOptions:
     components: Components = "21"
     follows_tangent: bool = False
     bases: Mapping[str, BasisSpec] | None = None
+    freedom: Freedom = "knots"
     is_robust: bool = True
     threads: int = 0
 
@@ -109,17 +121,35 @@ def fit_terms(
     given = dict(options.bases or {})
     rich = dict(given)
     for name in names_of(options.components):
-        basis = given.get(name) or rich_basis(name[2].lower(), positions[name[2].lower()])
+        places = positions[name[2].lower()]
+        basis = given.get(name) or rich_basis(name[2].lower(), places, is_stated=sightings.is_stated)
         if basis is not None:
             rich[name] = basis
     posed = _Posed(machine, sightings, shared, options)
     classic = classic_terms(machine, options.components, rich, follows_tangent=options.follows_tangent)
     choices: tuple[KnotChoice, ...] = ()
-    fitted = posed.fit((*classic, *(effect for effect in effects if not has_unknown_inner(effect))))
+    undecided = [term for term in classic if term.id in rich and term.id not in given]
+    known = tuple(effect for effect in effects if not has_unknown_inner(effect))
+    fitted = posed.fit((*classic, *known))
+    # Where something is hardly determined its value runs away, and drags along its products with others. To choose by,
+    # the first step is enough: at that order what is not seen has no effect.
+    one_step = bool(undecided) and _has_run_away(fitted)
+    if one_step:
+        fitted = posed.fit((*classic, *known), one_step=True)
     for effect in effects:
         if has_unknown_inner(effect):
-            fitted = posed.fit((*fitted.terms, started(fitted, effect, threads=options.threads)))
-    undecided = [term for term in classic if term.id in rich and term.id not in given]
+            fitted = posed.fit((*fitted.terms, started(fitted, effect, threads=options.threads)), one_step=one_step)
+    if undecided and options.freedom == "smooth" and math.isfinite(fitted.scale):
+        smoothness = choose_smoothness(undecided, fitted.terms, fitted.covariance, fitted.null_space)
+        # Rows of the whitened system: where the noise is not stated, its unit is the scale that was found.
+        smooth = posed.fit(fitted.terms, [replace(one, rows=one.rows * fitted.scale) for one in smoothness])
+        # What is determined is for the data to say, not for a prior.
+        return replace(
+            smooth,
+            null_space=fitted.null_space,
+            not_determined=fitted.not_determined,
+            choices=tuple(KnotChoice(one.name, one.basis, one.n_free, ()) for one in smoothness),
+        )
     if undecided:
         choices = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions)
         chosen = {**rich, **{choice.name: choice.basis for choice in choices}}
@@ -131,10 +161,19 @@ def fit_terms(
     return replace(fitted, choices=choices)
 
 
-def refit(fitted: Fitted, terms: Sequence[Term], *, threads: int = 0) -> Fitted:
+def _has_run_away(fitted: Fitted) -> bool:
+    """Tell whether some error is less certain than errors of machines are large."""
+    return any(
+        parameter.std > _ABSURD[parameter.unit]
+        for term in fitted.terms
+        if term.kind == "classic"
+        for parameter in term.coefficients
+    )
+
+
+def refit(fitted: Fitted, terms: Sequence[Term]) -> Fitted:
     """Fit other terms to the same data, bases as they are; for adding and removing effects."""
-    posed = _Posed(fitted.machine, fitted.sightings, None, FitOptions(threads=threads))
-    return replace(posed.fit(tuple(terms)), choices=fitted.choices)
+    return replace(fitted.again(tuple(terms)), choices=fitted.choices)
 
 
 def _with_starts(effects: Sequence[Term], fitted: Sequence[Term]) -> list[Term]:
@@ -182,15 +221,19 @@ class _Posed:
         self.options = options
         nominal = nominal_mm(machine, sightings)
         static = is_static(sightings)
-        self.frames: Frames = start_frames(nominal, sightings, static)
+        frames, turns = turned_in_plane(start_frames(nominal, sightings, static), nominal, sightings, static)
+        self.frames: Frames = frames
         places, offsets = target_places(sightings, static, self.frames)
         self.sightings = replace(sightings, offset_mm=offsets)
-        derivative = [part for part in (None if shared is None else shared.derivative, places) if part is not None]
+        parts = (None if shared is None else shared.derivative, places, turns)
+        derivative = [part for part in parts if part is not None]
         self.shared = np.ascontiguousarray(np.concatenate(derivative, axis=2)) if derivative else None
         self.n_held = 0 if shared is None else shared.n_held
 
-    def fit(self, terms: tuple[Term, ...]) -> Fitted:
-        """Fit these terms."""
+    def fit(
+        self, terms: tuple[Term, ...], smoothness: Sequence[Smoothness] = (), *, one_step: bool = False
+    ) -> Fitted:
+        """Fit these terms, with what is known of the smoothness of some; `one_step` stays first order."""
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
         variables = variable_columns(sightings, compiled.variables)
@@ -205,17 +248,31 @@ class _Posed:
         rows = gauge_rows(terms)
         gauge = np.zeros((len(rows), problem.n_columns))
         gauge[:, : compiled.n_coefficients] = rows
+        prior = self._prior(terms, smoothness, problem)
         solved = solve(
             problem,
             sightings,
             problem.start,
             gauge,
-            n_held=self.n_held,
+            prior=prior,
             robust=options.is_robust,
             is_linear=not free,
+            one_step=one_step,
             threads=options.threads,
         )
-        return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared)
+        return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared, prior)
+
+    def _prior(
+        self, terms: Sequence[Term], smoothness: Sequence[Smoothness], problem: _core.FitProblem
+    ) -> Numbers | None:
+        """Give the rows of what is known besides the measurements: the calibration, and curvatures."""
+        calibration = np.zeros((self.n_held, problem.n_columns))
+        first = problem.first_shared_column
+        calibration[:, first : first + self.n_held] = np.eye(self.n_held)
+        rows = np.concatenate(
+            [calibration, prior_rows(terms, {one.name: one for one in smoothness}, problem.n_columns)]
+        )
+        return rows if len(rows) else None
 
     def _problem(
         self,
@@ -256,9 +313,12 @@ class _Posed:
         free: Sequence[int],
         n_model: int,
         shared: Numbers | None,
+        prior: Numbers | None,
     ) -> Fitted:
         n_numbers = int(sightings.is_measured[solved.used].sum())
-        dof = n_numbers + self.n_held - solved.solution.rank
+        # Rows of a prior take their share of the unknowns; what the data do is left.
+        held = 0.0 if prior is None else float(((prior @ solved.solution.covariance_root) ** 2).sum())
+        dof = n_numbers - (solved.solution.rank - held)
         scale = _scale(solved, sightings, dof)
         places = [*range(compiled.n_coefficients), *(compiled.n_coefficients + place for place in free)]
         covariance = np.zeros((compiled.n_coefficients + compiled.n_inner,) * 2)
@@ -285,10 +345,13 @@ class _Posed:
                 n_model,
                 [axis for axis in AXES if len(positions[axis]) < 2],
                 names_of(self.options.components),
+                self.machine,
             ),
             scale=scale,
             dof=dof,
             shared=shared,
+            again=self.fit,
+            prior=prior,
             threads=self.options.threads,
         )
 
@@ -307,7 +370,7 @@ def _complete_rows(
     )
 
 
-def _scale(solved: Solved, sightings: Sightings, dof: int) -> float:
+def _scale(solved: Solved, sightings: Sightings, dof: float) -> float:
     """Give what standard uncertainties are multiplied by: Birge's ratio where the scatter exceeds what is stated."""
     if dof <= 0:
         return 1.0 if sightings.is_stated else math.nan

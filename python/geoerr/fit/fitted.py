@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,6 +60,8 @@ class Fitted:
     prior
         (r, n_columns) rows P with P u = 0 ± 1 that were known besides the measurements, or None: the calibration's
         (on shared unknowns) and curvatures (on coefficients).
+    again
+        Fits other terms to the same data.
     choices
         How each function's basis was chosen.
     """
@@ -75,6 +78,7 @@ class Fitted:
     scale: float
     dof: float
     shared: Numbers | None
+    again: Callable[[tuple[Term, ...]], Fitted]
     choices: tuple[KnotChoice, ...] = ()
     prior: Numbers | None = None
     threads: int = 0

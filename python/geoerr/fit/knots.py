@@ -57,7 +57,7 @@ class KnotChoice:
 
     name: str
     basis: BasisSpec
-    n_free: int
+    n_free: float
     candidates: tuple[Candidate, ...]
 
 
@@ -91,15 +91,23 @@ def choose_bases(
         if term.id in wanted and basis is not None:
             values = np.array([parameter.value for parameter in term.coefficients])
             block = covariance[own, own]
-            choices.append(_choose(term.id, basis, values, block, positions_mm[basis.axis]))
+            loose = null_space[own]
+            choices.append(_choose(term.id, basis, values, block, loose, positions_mm[basis.axis]))
     return tuple(choices)
 
 
 def _choose(
-    name: str, rich: BasisSpec, coefficients: Numbers, covariance: Numbers, positions_mm: Numbers
+    name: str,
+    rich: BasisSpec,
+    coefficients: Numbers,
+    covariance: Numbers,
+    null_space: Numbers,
+    positions_mm: Numbers,
 ) -> KnotChoice:
     places = _places(positions_mm, _PLACES_OF_A_FUNCTION * rich.n_functions)
-    design = basis_of(rich).evaluate(places)
+    # What the data do not determine of the function says nothing of its shape.
+    determined = np.eye(len(coefficients)) - _onto(null_space)
+    design = basis_of(rich).evaluate(places) @ determined
     spread, direction = np.linalg.eigh(design @ covariance @ design.T)
     keep = spread > _RANK * max(float(spread[-1]), 0.0)
     if not keep.any():
@@ -118,6 +126,15 @@ def _choose(
     best = int(np.argmin([candidate.score for candidate in candidates]))
     best = min(best + _BEYOND_THE_BEST, len(candidates) - 1)
     return KnotChoice(name, bases[best], candidates[best].n_free, tuple(candidates))
+
+
+def _onto(directions: Numbers) -> Numbers:
+    """Give the projection (k, k) onto what columns (k, d) span."""
+    if not directions.size or not np.abs(directions).max() > 0.0:
+        return np.zeros((len(directions), len(directions)))
+    left, size, _ = np.linalg.svd(directions, full_matrices=False)
+    kept = left[:, size > _RANK * size[0]]
+    return np.asarray(kept @ kept.T)
 
 
 def _places(positions_mm: Numbers, most: int) -> Numbers:

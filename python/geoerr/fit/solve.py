@@ -73,9 +73,10 @@ def solve(
     start: _core.FitState,
     gauge: Numbers,
     *,
-    n_held: int = 0,
+    prior: Numbers | None = None,
     robust: bool = True,
     is_linear: bool = True,
+    one_step: bool = False,
     threads: int = 0,
 ) -> Solved:
     """Fit all unknowns.
@@ -88,12 +89,14 @@ def solve(
         First unknowns.
     gauge : (k, n_columns)
         Rows C with C x = 0 for every correction x.
-    n_held
-        How many of the shared unknowns, the first ones, are known to be 0 ± 1 (a calibration's uncertainty).
+    prior : (p, n_columns)
+        Rows P with P u = 0 ± 1 for all unknowns u but frames: what is known of them besides the measurements.
     robust
         Whether gross outliers are found and left out.
     is_linear
         Whether no inner parameter is free.
+    one_step
+        Whether to stay first order: one step from the start, residuals by the same columns.
     """
     n_numbers = sightings.is_measured.sum(axis=1)
     first_frame_column = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
@@ -103,7 +106,10 @@ def solve(
     state, found = start, None
     used = np.ones(len(sightings), dtype=bool)
     for number in range(rounds):
-        found = _gauss_newton(problem, state, scale_of_rows, gauge, n_held, is_linear, threads)
+        if one_step:
+            found = _first_order(problem, start, scale_of_rows, gauge, prior, threads)
+        else:
+            found = _gauss_newton(problem, state, scale_of_rows, gauge, prior, is_linear, threads)
         state = found.state
         distance = np.sqrt((found.whitened**2).sum(axis=1))
         sigma = robust_scale(distance, n_numbers)
@@ -171,25 +177,24 @@ def _gauss_newton(
     start: _core.FitState,
     row_scale: Numbers,
     gauge: Numbers,
-    n_held: int,
+    prior: Numbers | None,
     is_linear: bool,
     threads: int,
 ) -> _Iterated:
-    held = slice(problem.first_shared_column, problem.first_shared_column + n_held)
-    prior = np.eye(problem.n_columns)[held] if n_held else None
     state = design_state = start
     residual = problem.residuals(state, threads)
     triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
     solution = triangle.solve(gauge, threads)
     converged, steps = False, 0
-    cost = _cost(problem, residual, row_scale, state.shared[:n_held])
+    cost = _cost(problem, residual, row_scale, _held(problem, state, prior))
     while not converged and steps < _MAX_STEPS:
         if steps and not is_linear:
             design_state = state
             triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
             solution = triangle.solve(gauge, threads)
         gradient = problem.gradient(design_state, residual, row_scale, threads)
-        gradient[held] -= state.shared[:n_held]
+        if prior is not None:
+            gradient -= prior.T @ _held(problem, state, prior)
         step = solution.step(gradient)
         spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
         share = float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0))
@@ -197,7 +202,7 @@ def _gauss_newton(
         while True:
             trial = problem.corrected(state, factor * step)
             trial_residual = problem.residuals(trial, threads)
-            trial_cost = _cost(problem, trial_residual, row_scale, trial.shared[:n_held])
+            trial_cost = _cost(problem, trial_residual, row_scale, _held(problem, trial, prior))
             # A linear model's full step cannot fail; another's is halved until it helps.
             if is_linear or trial_cost <= cost * (1.0 + 1e-9) or factor < 1e-6:
                 break
@@ -206,6 +211,37 @@ def _gauss_newton(
         steps += 1
         converged = factor * share < _SETTLED
     return _Iterated(state, solution, triangle, residual, problem.whitened(residual), converged, steps)
+
+
+def _first_order(
+    problem: _core.FitProblem,
+    start: _core.FitState,
+    row_scale: Numbers,
+    gauge: Numbers,
+    prior: Numbers | None,
+    threads: int,
+) -> _Iterated:
+    residual = problem.residuals(start, threads)
+    triangle = problem.triangle(start, residual, row_scale, prior, threads)
+    solution = triangle.solve(gauge, threads)
+    gradient = problem.gradient(start, residual, row_scale, threads)
+    if prior is not None:
+        gradient -= prior.T @ _held(problem, start, prior)
+    step = solution.step(gradient)
+    left = residual - problem.first_order_mm(start, step, threads)
+    return _Iterated(
+        problem.corrected(start, step), solution, triangle, left, problem.whitened(left), converged=True, steps=1
+    )
+
+
+def _held(problem: _core.FitProblem, state: _core.FitState, prior: Numbers | None) -> Numbers:
+    """Give the residuals of what is known besides the measurements; inner parameters and frames have none."""
+    if prior is None:
+        return np.zeros(0)
+    unknowns = np.zeros(problem.n_columns)
+    unknowns[: len(state.coefficients)] = state.coefficients
+    unknowns[problem.first_shared_column :] = state.shared
+    return np.asarray(prior @ unknowns)
 
 
 def _cost(problem: _core.FitProblem, residual: Numbers, row_scale: Numbers, held: Numbers) -> float:

@@ -36,10 +36,10 @@ class Split:
     is_from_repeats: bool
     lack_of_fit_um: float | None
     lack_of_fit_p: float | None
-    dof: tuple[int, int]
+    dof: tuple[float, int]
 
 
-def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats: Repeats, dof: int) -> Split:
+def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats: Repeats, dof: float) -> Split:
     """Part the residual into noise and lack of fit: by repeats where there are, else by the stated covariances."""
     used = solved.used
     whitened = solved.whitened[used]

@@ -108,7 +108,7 @@ def identify_joint(
         method: fit_model(
             machine,
             *tables,
-            options=FitOptions(follows_tangent=method == "integrated", threads=threads),
+            options=FitOptions(follows_tangent=method == "integrated", freedom="smooth", threads=threads),
             rig_sensitivity=rig_sensitivity,
             rig_covariance=rig_covariance,
         )

@@ -208,6 +208,25 @@ impl Problem {
         residual
     }
 
+    /// How a correction of all unknowns moves the measured points, to first order, mm; 0 where not measured.
+    ///
+    /// # Errors
+    /// As [`Problem::blocks`].
+    pub fn first_order_mm(
+        &self,
+        state: &State,
+        correction: &[f64],
+    ) -> Result<Vec<[f64; 3]>, VolumetricError> {
+        // The design of a problem that is whitened by ones.
+        let mut plain = self.clone();
+        for whitening in &mut plain.sightings.whitening {
+            *whitening = std::array::from_fn(|r| {
+                std::array::from_fn(|c| f64::from(u8::from(r == c && whitening[r][r] != 0.0)))
+            });
+        }
+        Ok(plain.blocks(state)?.first_order(correction))
+    }
+
     /// `W r` of each row, without unit.
     pub fn whitened(&self, residuals_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let rows = self.sightings.whitening.par_iter().zip(residuals_mm).with_min_len(BLOCK_ROWS);
@@ -348,6 +367,25 @@ impl Block<'_> {
             }
         }
         total
+    }
+
+    /// How a correction of all unknowns moves the whitened numbers, to first order.
+    pub fn first_order(&self, correction: &[f64]) -> Vec<[f64; 3]> {
+        let rows: Vec<usize> = (0..self.problem.n_rows()).collect();
+        let row_scale = vec![1.0; rows.len()];
+        let parts: Vec<Vec<[f64; 3]>> = rows
+            .par_chunks(BLOCK_ROWS)
+            .map(|rows| {
+                let mut moved = vec![[0.0; 3]; rows.len()];
+                self.each_entry(rows, &row_scale, |column, at, numbers| {
+                    for (sum, number) in moved[at].iter_mut().zip(numbers) {
+                        *sum += number * correction[column];
+                    }
+                });
+                moved
+            })
+            .collect();
+        parts.concat()
     }
 
     /// Visits the entries of the design that are not 0: column, place among the rows, three whitened numbers. An entry
