@@ -14,20 +14,10 @@ import pytest
 import geoerr
 from geoerr.error_functions import LINEAR_AND_ANGULAR, SQUARENESS
 from geoerr.fit import FitResult, Fitted
-from geoerr.terms import BasisSpec, Parameter, Part, Term
+from geoerr.terms import BasisSpec
 
 pytestmark = pytest.mark.real_data
 
-TURN = Term(
-    "set-up-turn",
-    "turn of the plate on the CMM",
-    "effect",
-    "set-up-turn",
-    None,
-    None,
-    (Part("rig-rz", expression="turn"),),
-    (Parameter("turn", "rad"),),
-)
 AFFINE = ("scale:x", "scale:y", "squareness:xy")
 
 
@@ -40,13 +30,13 @@ def plate(real_data: Path) -> tuple[geoerr.Machine, geoerr.Observations]:
 @pytest.fixture(scope="module")
 def affine(plate: tuple[geoerr.Machine, geoerr.Observations]) -> FitResult:
     machine, observations = plate
-    return geoerr.fit_model(machine, observations, components="none", effects=(TURN, *AFFINE))
+    return geoerr.fit_model(machine, observations, components="none", effects=AFFINE)
 
 
 @pytest.fixture(scope="module")
 def whole(plate: tuple[geoerr.Machine, geoerr.Observations]) -> FitResult:
     machine, observations = plate
-    return geoerr.fit_model(machine, observations, components="21", effects=(TURN,))
+    return geoerr.fit_model(machine, observations, components="21")
 
 
 def per_component_um(rms_um: tuple[float | None, float | None, float | None]) -> float:
@@ -133,7 +123,7 @@ def test_polynomials_of_the_axes_and_yaw_predict_strips_at_the_rim(
         for letter in "XYZABC"
     }
     options = geoerr.FitOptions(bases=bases)
-    cubics = geoerr.fit_model(machine, observations, effects=(TURN,), options=options).fitted
+    cubics = geoerr.fit_model(machine, observations, options=options).fitted
     assert by_strips_um(cubics) < 3.4
     assert by_squares_um(cubics) < 3.4
     assert np.mean([at_random_um(cubics, seed) for seed in range(3)]) == pytest.approx(3.0, abs=0.05)
@@ -141,7 +131,7 @@ def test_polynomials_of_the_axes_and_yaw_predict_strips_at_the_rim(
 
 def test_yaw_of_x_is_worth_something(plate: tuple[geoerr.Machine, geoerr.Observations], whole: FitResult) -> None:
     machine, observations = plate
-    flat = geoerr.fit_model(machine, observations, components="12", effects=(TURN,))
+    flat = geoerr.fit_model(machine, observations, components="12")
     assert at_random_um(whole.fitted, 0) < at_random_um(flat.fitted, 0)
 
 
@@ -161,7 +151,7 @@ def test_what_one_plane_cannot_determine_is_listed(whole: FitResult) -> None:
       other error has.
     - ε_zy acts on (0, y, 0): −y·ε_zy(y) along x, a function of y as δ_xy is; with ε_zy free, S_xy·y is one more such.
     """
-    lost = {item.name for item in whole.fitted.not_determined} - {"set-up-turn"}
+    lost = {item.name for item in whole.fitted.not_determined}
     of_z = {f"E{letter}Z" for letter in "XYZABC"}
     assert lost == of_z | {"EB0Z", "EA0Z", "EZX", "EZY", "EAX", "EBX", "EAY", "EBY", "EXY", "ECY", "EC0Y"}
     assert set(LINEAR_AND_ANGULAR + SQUARENESS) - lost == {"EXX", "EYX", "ECX", "EYY"}
@@ -174,8 +164,8 @@ def test_what_one_plane_cannot_determine_is_listed(whole: FitResult) -> None:
 
 def test_without_angles_squareness_is_determined(plate: tuple[geoerr.Machine, geoerr.Observations]) -> None:
     machine, observations = plate
-    flat = geoerr.fit_model(machine, observations, components="12", effects=(TURN,))
-    lost = {item.name for item in flat.fitted.not_determined} - {"set-up-turn"}
+    flat = geoerr.fit_model(machine, observations, components="12")
+    lost = {item.name for item in flat.fitted.not_determined}
     assert lost == {"EXZ", "EYZ", "EZZ", "EZX", "EZY", "EB0Z", "EA0Z"}
     squareness = flat.model.parameter("S_xy.S")
     assert abs(squareness.value) == pytest.approx(64e-6, abs=4.0 * squareness.std)

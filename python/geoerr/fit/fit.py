@@ -131,8 +131,8 @@ def fit_terms(
     undecided = [term for term in classic if term.id in rich and term.id not in given]
     known = tuple(effect for effect in effects if not has_unknown_inner(effect))
     fitted = posed.fit((*classic, *known))
-    # Where something is hardly determined its value runs away, and drags along its products with others. To choose by,
-    # the first step is enough: at that order what is not seen has no effect.
+    # Where something is hardly determined its value runs away, and drags along its products with others. To choose
+    # by, the first step is enough: at that order what is not seen has no effect.
     one_step = bool(undecided) and _has_run_away(fitted)
     if one_step:
         fitted = posed.fit((*classic, *known), one_step=True)

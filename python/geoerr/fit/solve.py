@@ -22,6 +22,8 @@ _MAX_STEPS = 40
 _MAX_ROUNDS = 12
 # Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
 _GROSS = 1e-7
+# Share of the numbers that must be left over beyond the unknowns: below it medians of residuals tell no scale.
+_LEAST_LEFT_OVER = 0.15
 # Huber's constant: 95 % efficient for Gaussian noise.
 _HUBER = 1.345
 _HUBER_ROUNDS = 5
@@ -113,8 +115,12 @@ def solve(
         state = found.state
         distance = np.sqrt((found.whitened**2).sum(axis=1))
         sigma = robust_scale(distance, n_numbers)
-        if not robust:
+        if not robust or _is_interpolated(found, n_numbers):
             break
+        if sightings.is_stated:
+            # Residuals are smaller than the noise by the unknowns that were fitted; nothing is gross that is not so
+            # against what is stated.
+            sigma = max(sigma, 1.0)
         limit = np.sqrt(stats.chi2.isf(_GROSS, n_numbers)) * sigma
         if number < _HUBER_ROUNDS:
             if number == 0 and not (distance > limit).any():
@@ -141,6 +147,12 @@ def solve(
         found.converged,
         found.steps,
     )
+
+
+def _is_interpolated(found: _Iterated, n_numbers: np.ndarray) -> bool:
+    """Tell whether too little is left over to tell a gross row by: an interpolation leaves 0 but for a few."""
+    total = int(n_numbers.sum())
+    return total - found.solution.rank < _LEAST_LEFT_OVER * total
 
 
 def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:
