@@ -17,7 +17,7 @@ _QUANTITIES: tuple[tuple[Quantity, str], ...] = (("prediction", "predicted error
 def budget_text(budget: Budget) -> str:
     """Give the whole budget: stages, sources with contributions, groups, uncertainties, and what is not counted."""
     shown = _shown(budget)
-    heads = "".join(f"{budget.place_names[row].removeprefix('corner '):>11}" for row in shown)
+    heads = "".join(f"{budget.place_names[row].removeprefix('corner '):>16}" for row in shown)
     lines = ["[[Places]] mm"]
     for row in shown:
         x, y, z = budget.q_mm[row]
@@ -56,7 +56,7 @@ def _combined(budget: Budget, shown: Sequence[int]) -> Iterator[str]:
         yield f"    {what + ', u of the length':<50}" + _values(budget.standard_length_um(of)[shown])
         yield f"    {what + ', length below':<50}" + _values(budget.expanded_length_um(of)[shown])
         dof = budget.dof(of)[shown, 3].tolist()
-        yield f"    {what + ', effective dof':<50}" + "".join(f"{_dof(value):>11}" for value in dof)
+        yield f"    {what + ', effective dof':<50}" + "".join(f"{_dof(value):>16}" for value in dof)
 
 
 def _shown(budget: Budget) -> list[int]:
@@ -67,7 +67,7 @@ def _shown(budget: Budget) -> list[int]:
 
 
 def _values(values: np.ndarray) -> str:
-    return "".join(f"{_number(value):>11}" for value in values.tolist())
+    return "".join(f"{_number(value):>16}" for value in values.tolist())
 
 
 def _share_of(one: Contribution, shown: Sequence[int]) -> str:

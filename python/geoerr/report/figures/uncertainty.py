@@ -152,7 +152,7 @@ def _subtitle(volume: UncertaintyMap) -> str:
         return "the data determine the error at no place of the volume"
     before = style.text_um(float(volume.error_um[known].max()))
     after = style.text_um(float(volume.part_95_um[known].max()))
-    text = f"largest error without compensation {before}; a compensated part stays below {after} at its worst place (95 %)"
+    text = f"largest error without compensation {before}; at its worst place a compensated part stays below {after}"
     share = 100.0 * (1.0 - float(known.mean()))
     return text if known.all() else f"{text}; crosses: not determined, {share:.0f} % of the volume"
 
