@@ -517,9 +517,7 @@ impl PyFitProblem {
             let row_scale = vec![1.0; problem.n_rows()];
             let design = WhitenedDesign::in_order(problem, state, residuals_mm, &row_scale, order)?;
             let blocks = design.blocks_at(&starts)?;
-            Ok::<_, geoerr_core::volumetric::VolumetricError>(leave_blocks_out_of_residuals(
-                &design, solution, &blocks, &own,
-            )?)
+            leave_blocks_out_of_residuals(&design, solution, &blocks, &own)
         })?;
         let by_row = |values: Vec<f64>| {
             let n = values.len() / 3;

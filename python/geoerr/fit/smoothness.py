@@ -26,8 +26,8 @@ from geoerr.terms import BasisSpec, Term
 # Trial values of τ, from nothing but lines to no prior at all.
 _TRIALS = 161
 _DECADES = 8.0
-# The roughest curve whose −2 log likelihood is within this of the best is taken: 1.4 standard errors of τ. A curvature
-# that is lost in the noise has its best guess at 0 in half of the cases; an interval that believed it is too short.
+# The roughest curve whose −2 log likelihood is within this of the best is taken: 1.4 standard errors of τ. A
+# curvature lost in the noise has its best guess at 0 in half of the cases; an interval that believed it is too short.
 _BENEFIT_OF_DOUBT = 2.0
 # What the data do not determine has a variance beyond all others by this factor.
 _UNKNOWN = 1e8
