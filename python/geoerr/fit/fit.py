@@ -39,7 +39,7 @@ from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES, Machine
-from geoerr.model.compile import Compiled, compile_terms
+from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import BasisSpec, Term
 
@@ -47,6 +47,8 @@ Freedom = Literal["knots", "smooth"]
 
 # A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
 _ABSURD = {"mm": 3.0, "rad": 0.02}
+# Why a row is left out of one model and not of another.
+LACKING = "a covariate is empty"
 # Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
 _SIGNIFICANCE = 0.01
 
@@ -125,7 +127,7 @@ def fit_terms(
         basis = given.get(name) or rich_basis(name[2].lower(), places, is_stated=sightings.is_stated)
         if basis is not None:
             rich[name] = basis
-    posed = _Posed(machine, sightings, shared, options)
+    posed = Posed(machine, sightings, shared, options)
     classic = classic_terms(machine, options.components, rich, follows_tangent=options.follows_tangent)
     choices: tuple[KnotChoice, ...] = ()
     undecided = [term for term in classic if term.id in rich and term.id not in given]
@@ -190,6 +192,29 @@ class _Shared:
     n_held: int
 
 
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What is known of every row before anything is fitted.
+
+    Attributes
+    ----------
+    displacement_mm : (n, 3)
+        Actual minus nominal position of the row's point, in the axes of its carrier's chain.
+    falsified_mm : (n, 3)
+        What the rig adds to the measurement, in the measuring frame (of a circle: to the radius).
+    is_used : (n,)
+        Rows that take part.
+    """
+
+    displacement_mm: Numbers
+    falsified_mm: Numbers
+    is_used: np.ndarray
+
+    def select(self, kept: np.ndarray) -> Given:
+        """Give the rows where `kept` (n,) is true."""
+        return Given(self.displacement_mm[kept], self.falsified_mm[kept], self.is_used[kept])
+
+
 def _shared_unknowns(
     tables: Sequence[Observations | CircularTest],
     sightings: Sightings,
@@ -213,8 +238,11 @@ def _shared_unknowns(
     return _Shared(derivative, int(keep.sum()))
 
 
-class _Posed:
-    """The data with everything that does not depend on the terms: frames, reference targets, shared unknowns."""
+class Posed:
+    """The data with everything that does not depend on the terms: frames, reference targets, shared unknowns.
+
+    `given`, where it is set, is what is known of the rows: terms that are fitted come on top of it.
+    """
 
     def __init__(self, machine: Machine, sightings: Sightings, shared: _Shared | None, options: FitOptions) -> None:
         self.machine = machine
@@ -229,6 +257,7 @@ class _Posed:
         derivative = [part for part in parts if part is not None]
         self.shared = np.ascontiguousarray(np.concatenate(derivative, axis=2)) if derivative else None
         self.n_held = 0 if shared is None else shared.n_held
+        self.given: Given | None = None
 
     def fit(
         self, terms: tuple[Term, ...], smoothness: Sequence[Smoothness] = (), *, one_step: bool = False
@@ -237,13 +266,13 @@ class _Posed:
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
         variables = variable_columns(sightings, compiled.variables)
-        sightings, variables, shared = _complete_rows(sightings, variables, self.shared)
+        sightings, variables, shared, given = _complete_rows(sightings, variables, self.shared, self.given)
         if not len(sightings):
             raise GeometryError("no row has all the covariates that the model needs")
         free = [
             place for place, parameter in enumerate(p for term in terms for p in term.inner) if not parameter.is_fixed
         ]
-        problem = self._problem(compiled, terms, sightings, variables, shared, free)
+        problem = self._problem(compiled, terms, sightings, variables, shared, given, free)
         n_model = compiled.n_coefficients + len(free)
         rows = gauge_rows(terms)
         gauge = np.zeros((len(rows), problem.n_columns))
@@ -258,9 +287,17 @@ class _Posed:
             robust=options.is_robust,
             is_linear=not free,
             one_step=one_step,
+            used=None if given is None else given.is_used,
             threads=options.threads,
         )
         return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared, prior)
+
+    def problem_of(self, terms: tuple[Term, ...]) -> _core.FitProblem:
+        """Pose the problem that starts from the values that the terms have; for rows that lack no covariate."""
+        compiled = compile_terms(self.machine, terms)
+        variables = variable_columns(self.sightings, compiled.variables)
+        values, _ = start_values(terms)
+        return self._problem(compiled, terms, self.sightings, variables, self.shared, self.given, (), values)
 
     def _prior(
         self, terms: Sequence[Term], smoothness: Sequence[Smoothness], problem: _core.FitProblem
@@ -281,23 +318,29 @@ class _Posed:
         sightings: Sightings,
         variables: Numbers,
         shared: Numbers | None,
+        given: Given | None,
         free: Sequence[int],
+        values: Numbers | None = None,
     ) -> _core.FitProblem:
         frames = self.frames
+        offset_mm, measured_mm = sightings.offset_mm, sightings.measured_mm
+        if given is not None:
+            # Of a machine without errors, a point that is displaced is one that sits elsewhere.
+            offset_mm, measured_mm = offset_mm + given.displacement_mm, measured_mm - given.falsified_mm
         inner = np.array([p.value for term in terms for p in term.inner], dtype=np.float64)
         return _core.FitProblem(
             compiled.core,
             sightings.carrier,
             np.ascontiguousarray(sightings.commanded_mm),
-            np.ascontiguousarray(sightings.offset_mm),
+            np.ascontiguousarray(offset_mm),
             np.ascontiguousarray(variables),
             sightings.starts,
             times_s(sightings) if compiled.needs_order else None,
-            np.ascontiguousarray(sightings.measured_mm),
+            np.ascontiguousarray(measured_mm),
             np.ascontiguousarray(sightings.whitening),
             sightings.session,
             (frames.kinds, frames.rotations, frames.translations_mm, frames.excess_mm, frames.pivots_mm),
-            np.zeros(compiled.n_coefficients),
+            np.zeros(compiled.n_coefficients) if values is None else values,
             inner,
             list(free),
             shared,
@@ -357,16 +400,17 @@ class _Posed:
 
 
 def _complete_rows(
-    sightings: Sightings, variables: Numbers, shared: Numbers | None
-) -> tuple[Sightings, Numbers, Numbers | None]:
+    sightings: Sightings, variables: Numbers, shared: Numbers | None, given: Given | None
+) -> tuple[Sightings, Numbers, Numbers | None, Given | None]:
     """Leave out, counted, the rows that lack a covariate that the model needs."""
-    known = np.isfinite(variables).all(axis=0)
+    known = np.asarray(np.isfinite(variables).all(axis=0))
     if known.all():
-        return sightings, variables, shared
+        return sightings, variables, shared, given
     return (
-        sightings.select(known, "a covariate is empty"),
+        sightings.select(known, LACKING),
         variables[:, known],
         None if shared is None else shared[known],
+        None if given is None else given.select(known),
     )
 
 

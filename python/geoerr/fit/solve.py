@@ -79,6 +79,7 @@ def solve(
     robust: bool = True,
     is_linear: bool = True,
     one_step: bool = False,
+    used: np.ndarray | None = None,
     threads: int = 0,
 ) -> Solved:
     """Fit all unknowns.
@@ -99,14 +100,17 @@ def solve(
         Whether no inner parameter is free.
     one_step
         Whether to stay first order: one step from the start, residuals by the same columns.
+    used : (n,) or None
+        Rows that take part, where that is known; no other is then looked for.
     """
     n_numbers = sightings.is_measured.sum(axis=1)
     first_frame_column = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
     gauge = np.vstack([gauge, planes_of_circles(sightings, first_frame_column, problem.n_columns)])
-    scale_of_rows = np.ones(len(sightings))
+    robust = robust and used is None
+    used = np.ones(len(sightings), dtype=bool) if used is None else used
+    scale_of_rows = used.astype(np.float64)
     rounds = _HUBER_ROUNDS + _MAX_ROUNDS if robust else 1
     state, found = start, None
-    used = np.ones(len(sightings), dtype=bool)
     for number in range(rounds):
         if one_step:
             found = _first_order(problem, start, scale_of_rows, gauge, prior, threads)

@@ -1,0 +1,184 @@
+"""Fits in which the model is given: only how the measuring devices stand is found, or the model's own numbers anew.
+
+A machine that is known moves every point by a known amount. Of a machine without errors such a point is one that sits
+elsewhere; so the terms need no columns, whatever their number, and what is left to fit is the pose of each session's
+device and the places of the targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from geoerr.errors import GeometryError
+from geoerr.fit.fit import LACKING, FitOptions, Given, Posed
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.variables import times_s, variable_columns
+from geoerr.machine import Machine
+from geoerr.model.compile import compile_terms, start_values
+from geoerr.terms import Term
+
+# Rows on either side that a row is held against.
+_NEIGHBOURS = 2
+# As for the fit's outliers: once in ten million by chance.
+_GROSS = 1e-7
+# The scale of differences is the larger of what their median and their ninth decile say: where most of them are 0, as
+# of a device that counts steps, the median says nothing, and fewer than a tenth of the rows are mistakes.
+_SHARES = (0.5, 0.9)
+# Where the neighbours themselves are far apart the machine is on its way somewhere: no row of it stands alone.
+_TIMES_THE_SPREAD = 2.0
+
+
+def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term]) -> Sightings:
+    """Give the rows that have all the covariates that the terms need; the others are counted.
+
+    Raises
+    ------
+    GeoerrError
+        for a covariate that is no column of the data.
+    GeometryError
+        where no row is left.
+    """
+    compiled = compile_terms(machine, terms)
+    known = np.isfinite(variable_columns(sightings, compiled.variables)).all(axis=0)
+    if not known.any():
+        columns = ", ".join(compiled.variables)
+        raise GeometryError(
+            f"no row has all that the model needs: {columns}\nhint: a row needs a number in each of these columns"
+        )
+    return sightings if known.all() else sightings.select(known, LACKING)
+
+
+def frames_only(machine: Machine, sightings: Sightings, terms: Sequence[Term], *, threads: int = 0) -> Fitted:
+    """Fit how each session's device stands and where targets sit; the terms keep their values.
+
+    Rows that lack a covariate that a term needs are left out, counted. Rows that stand alone among their neighbours
+    (a glint, a wrong marker) take no part; a whole stretch that the model misses does.
+
+    Parameters
+    ----------
+    terms
+        With a value for each of their parameters, of the machine and of the rig.
+
+    Returns
+    -------
+    Fitted
+        Its own terms are none; `again(terms)` fits terms on top of what is given.
+
+    Notes
+    -----
+    Exact: the same residuals as a fit of these terms with gauge rows that hold every coefficient, which a test
+    compares.
+    """
+    rows = complete_rows(machine, sightings, terms)
+    posed = Posed(machine, rows, None, FitOptions(components="none", is_robust=False, threads=threads))
+    machine_terms = tuple(term for term in terms if not term.is_rig)
+    moved = _displacement_mm(machine, posed.sightings, machine_terms, threads)
+    posed.given = Given(moved, np.zeros_like(moved), np.ones(len(rows), dtype=bool))
+    fitted = posed.fit(())
+    rig_terms = tuple(term for term in terms if term.is_rig)
+    if rig_terms:
+        posed.given = replace(posed.given, falsified_mm=_falsified_mm(posed, fitted, rig_terms))
+        fitted = posed.fit(())
+    alone = stand_alone(rows, fitted.solved.whitened)
+    if alone.any():
+        posed.given = replace(posed.given, is_used=~alone)
+        fitted = posed.fit(())
+    return fitted
+
+
+def own_freedom(machine: Machine, sightings: Sightings, terms: Sequence[Term], *, threads: int = 0) -> Fitted:
+    """Fit the terms anew, bases as they are, inner parameters from the values that they have."""
+    return Posed(machine, sightings, None, FitOptions(components="none", threads=threads)).fit(tuple(terms))
+
+
+def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
+    """Tell which rows lie off by themselves, (n,): far from neighbours in the same pass that agree with each other.
+
+    Against the whole of the data an error that the model does not have would count as gross, and be dropped: the rows
+    of a machine that has warmed up, seen with a cold one's model.
+
+    Parameters
+    ----------
+    whitened : (n, 3)
+        Residuals in standard deviations.
+    """
+    keys = np.column_stack(
+        [
+            sightings.pass_number,
+            sightings.carrier,
+            np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64),
+        ]
+    )
+    _, group = np.unique(keys, axis=0, return_inverse=True)
+    difference, spread = np.zeros_like(whitened), np.zeros(len(sightings))
+    is_told = np.zeros(len(sightings), dtype=bool)
+    reach = np.array([*range(-_NEIGHBOURS, 0), *range(1, _NEIGHBOURS + 1)])
+    for number in range(int(group.max(initial=-1)) + 1):
+        rows = np.flatnonzero(group.ravel() == number)
+        if len(rows) <= len(reach):
+            continue
+        # At the ends the nearest rows on the one side that there is.
+        middle = np.clip(np.arange(len(rows)), _NEIGHBOURS, len(rows) - 1 - _NEIGHBOURS)
+        window = middle[:, None] + np.array([0, *reach])
+        own = np.arange(len(rows))[:, None]
+        others = np.sort(np.where(window == own, np.iinfo(np.int64).max, window), axis=1)[:, : len(reach)]
+        beside = whitened[rows[others]]
+        difference[rows] = whitened[rows] - np.median(beside, axis=1)
+        spread[rows] = np.linalg.norm(np.ptp(beside, axis=1), axis=1)
+        is_told[rows] = True
+    n_numbers = sightings.is_measured.sum(axis=1)
+    square = (difference**2).sum(axis=1)
+    scale2 = max(
+        (
+            float(np.quantile(square[rows], share)) / float(stats.chi2.ppf(share, count))
+            for count in np.unique(n_numbers)
+            if (rows := is_told & (n_numbers == count)).any()
+            for share in _SHARES
+        ),
+        default=0.0,
+    )
+    if sightings.is_stated:
+        scale2 = max(scale2, 1.0)
+    if scale2 == 0.0:
+        return np.zeros(len(sightings), dtype=bool)
+    is_far = square > np.maximum(stats.chi2.isf(_GROSS, n_numbers) * scale2, (_TIMES_THE_SPREAD * spread) ** 2)
+    return np.asarray(is_told & is_far)
+
+
+def _displacement_mm(machine: Machine, sightings: Sightings, terms: Sequence[Term], threads: int) -> Numbers:
+    """Give what the machine's errors add to every row's point, (n, 3), in the order of the rows (lags and all)."""
+    if not terms:
+        return np.zeros((len(sightings), 3))
+    compiled = compile_terms(machine, terms)
+    return np.asarray(
+        compiled.core.displacements(
+            sightings.carrier,
+            np.ascontiguousarray(sightings.commanded_mm),
+            np.ascontiguousarray(sightings.offset_mm),
+            np.ascontiguousarray(variable_columns(sightings, compiled.variables)),
+            sightings.starts,
+            times_s(sightings) if compiled.needs_order else None,
+            *start_values(terms),
+            threads,
+        )
+    )
+
+
+def _falsified_mm(posed: Posed, fitted: Fitted, terms: tuple[Term, ...]) -> Numbers:
+    """Give what the rig's errors add to every measurement, (n, 3), with the devices where they were found."""
+    state = fitted.solved.state
+    posed.frames = replace(
+        posed.frames,
+        rotations=np.asarray(state.rotations),
+        translations_mm=np.asarray(state.translations_mm),
+        excess_mm=np.asarray(state.excess_mm),
+    )
+    with_rig = posed.problem_of(terms)
+    without = posed.problem_of(())
+    threads = posed.options.threads
+    return np.asarray(without.residuals(without.start, threads) - with_rig.residuals(with_rig.start, threads))
