@@ -29,7 +29,7 @@ from geoerr.fit.classic import (
 )
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.inner import has_unknown_inner, started
-from geoerr.fit.knots import KnotChoice, choose_bases
+from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
@@ -43,7 +43,7 @@ from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import BasisSpec, Term
 
-Freedom = Literal["knots", "smooth"]
+Freedom = Literal["knots", "smooth", "elements"]
 
 # A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
 _ABSURD = {"mm": 3.0, "rad": 0.02}
@@ -67,8 +67,9 @@ class FitOptions:
         Bases by ISO name; what is not named is chosen by the data.
     freedom
         How functions whose bases are not named are held: `knots` (few splines, their number by evidence; a model
-        that is to be tested must not lean on a prior) or `smooth` (as many splines as positions, curvature by
-        evidence: the least error, for tables).
+        that is to be tested must not lean on a prior), `smooth` (as many splines as positions, curvature by
+        evidence: the least error, for tables) or `elements` (1-D linear or quadratic elements by evidence, Dobariya
+        §4).
     is_robust
         Whether gross outliers are found and left out.
     threads
@@ -153,7 +154,8 @@ def fit_terms(
             choices=tuple(KnotChoice(one.name, one.basis, one.n_free, ()) for one in smoothness),
         )
     if undecided:
-        choices = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions)
+        family: Family = "elements" if options.freedom == "elements" else "splines"
+        choices = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions, family)
         chosen = {**rich, **{choice.name: choice.basis for choice in choices}}
         terms = (
             *classic_terms(machine, options.components, chosen, follows_tangent=options.follows_tangent),

@@ -12,13 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from geoerr.bases import basis_of
+from geoerr.bases import basis_of, candidate_bases
 from geoerr.fit.classic import is_straightness, spline
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import BasisSpec, Term
+
+Family = Literal["splines", "elements"]
 
 # Positions at which functions are compared, for each function of the rich basis: more add nothing.
 _PLACES_OF_A_FUNCTION = 4
@@ -67,6 +70,7 @@ def choose_bases(
     covariance: Numbers,
     null_space: Numbers,
     positions_mm: Mapping[str, Numbers],
+    family: Family = "splines",
 ) -> tuple[KnotChoice, ...]:
     """Choose a basis for each undecided function from the fit with rich ones.
 
@@ -80,6 +84,9 @@ def choose_bases(
         Of its parameters.
     positions_mm
         Distinct positions of each axis.
+    family
+        `splines`: polynomials and cubic splines. `elements`: two-node linear and three-node quadratic elements
+        (Dobariya §4), the kind and the number for each function.
     """
     wanted = {term.id for term in undecided}
     choices = []
@@ -92,7 +99,10 @@ def choose_bases(
             values = np.array([parameter.value for parameter in term.coefficients])
             block = covariance[own, own]
             loose = null_space[own]
-            choices.append(_choose(term.id, basis, values, block, loose, positions_mm[basis.axis]))
+            places = positions_mm[basis.axis]
+            bases = _splines(term.id, basis, places) if family == "splines" else _elements(term.id, basis, places)
+            beyond = _BEYOND_THE_BEST if family == "splines" else 0
+            choices.append(_choose(term.id, basis, values, block, loose, places, bases, beyond))
     return tuple(choices)
 
 
@@ -103,6 +113,8 @@ def _choose(
     covariance: Numbers,
     null_space: Numbers,
     positions_mm: Numbers,
+    bases: Sequence[BasisSpec],
+    beyond: int,
 ) -> KnotChoice:
     places = _places(positions_mm, _PLACES_OF_A_FUNCTION * rich.n_functions)
     # What the data do not determine of the function says nothing of its shape.
@@ -112,11 +124,10 @@ def _choose(
     keep = spread > _RANK * max(float(spread[-1]), 0.0)
     if not keep.any():
         # Nothing is known of the function: the simplest one is enough to say so.
-        simplest = _candidates(name, rich, positions_mm)[0]
-        return KnotChoice(name, simplest, 0, ())
+        return KnotChoice(name, bases[0], 0, ())
     whiten = direction[:, keep].T / np.sqrt(spread[keep])[:, None]
     target = whiten @ (design @ coefficients)
-    candidates, bases = [], _candidates(name, rich, positions_mm)
+    candidates = []
     for spec in bases:
         columns = _gauged_columns(name, spec, places)
         solution, _, rank, _ = np.linalg.lstsq(whiten @ columns, target, rcond=1e-10)
@@ -124,7 +135,7 @@ def _choose(
         chi_squared = float(misfit @ misfit)
         candidates.append(Candidate(int(rank), chi_squared, chi_squared + 2.0 * int(rank)))
     best = int(np.argmin([candidate.score for candidate in candidates]))
-    best = min(best + _BEYOND_THE_BEST, len(candidates) - 1)
+    best = min(best + beyond, len(candidates) - 1)
     return KnotChoice(name, bases[best], candidates[best].n_free, tuple(candidates))
 
 
@@ -143,7 +154,7 @@ def _places(positions_mm: Numbers, most: int) -> Numbers:
     return np.asarray(np.quantile(positions_mm, np.linspace(0.0, 1.0, most)))
 
 
-def _candidates(name: str, rich: BasisSpec, positions_mm: Numbers) -> list[BasisSpec]:
+def _splines(name: str, rich: BasisSpec, positions_mm: Numbers) -> list[BasisSpec]:
     """List polynomials, then cubic splines of growing number, up to the rich basis."""
     low, high = float(positions_mm[0]), float(positions_mm[-1])
     lowest = 2 if is_straightness(name) else 1
@@ -154,6 +165,13 @@ def _candidates(name: str, rich: BasisSpec, positions_mm: Numbers) -> list[Basis
     ]
     bases += [spline(rich.axis, positions_mm, count) for count in range(5, rich.n_functions)]
     return [*bases, rich]
+
+
+def _elements(name: str, rich: BasisSpec, positions_mm: Numbers) -> list[BasisSpec]:
+    """List two- and three-node elements, fewest nodes first; straightness has no line, so two nodes hold nothing."""
+    least = 3 if is_straightness(name) else 2
+    found = candidate_bases(rich.axis, positions_mm, most_functions=min(rich.n_functions, len(positions_mm)))
+    return [spec for spec in found if spec.n_functions >= least] or [rich]
 
 
 def _gauged_columns(name: str, spec: BasisSpec, places_mm: Numbers) -> Numbers:
