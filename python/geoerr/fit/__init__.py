@@ -14,6 +14,7 @@ from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
 from geoerr.fit.sightings import Numbers, Sightings, sightings_of
 from geoerr.fit.split import Split
 from geoerr.machine import Machine
+from geoerr.model import Model
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import EffectReference, Term
 
@@ -39,7 +40,7 @@ __all__ = [
 
 
 def fit_model(
-    machine: Machine,
+    machine: Machine | Model,
     *tables: Observations | CircularTest,
     components: Components | None = None,
     effects: Sequence[Term | EffectReference | str] = (),
@@ -55,10 +56,15 @@ def fit_model(
     >>> geoerr.fit_model(machine, observations, components="12")  # doctest: +SKIP
     >>> geoerr.fit_model(Machine.from_chain("wYbZXt", (400, 300, 250)), observations)  # doctest: +SKIP
 
+    A model is fitted as it is composed, its terms with the bases that they have:
+
+    >>> geoerr.fit_model(result.model + "thermal-expansion:x@temp_bed", observations)  # doctest: +SKIP
+
     Parameters
     ----------
     machine
-        Chain, ranges and tool offset; `Machine.from_chain("wYbZXt", ...)` for one that nobody listed.
+        Chain, ranges and tool offset; `Machine.from_chain("wYbZXt", ...)` for one that nobody listed. Or a model: its
+        terms are fitted, and `components` is not asked.
     tables
         Measured points (any carrier, any components) and circular tests.
     components
@@ -80,10 +86,14 @@ def fit_model(
         for a reference that names no effect, or an axis that it is not for.
     """
     options = options or FitOptions()
+    terms: tuple[Term, ...] = ()
+    if isinstance(machine, Model):
+        terms, components = (*machine.all_machine_terms, *machine.rig_terms), "none"
+        machine = machine.machine
     fitted = fit_terms(
         machine,
         tables,
-        effects=[effect if isinstance(effect, Term) else _term_of(effect, machine) for effect in effects],
+        effects=[*terms, *(e if isinstance(e, Term) else _term_of(e, machine) for e in effects)],
         options=options if components is None else replace(options, components=components),
         rig_sensitivity=rig_sensitivity,
         rig_covariance=rig_covariance,
