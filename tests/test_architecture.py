@@ -32,14 +32,16 @@ ALLOWED: dict[str, set[str]] = {
     "vision": TABLES | CORE,
     "fit": MODEL,
     "identify": MODEL | {"fit"},
+    "diagnose": MODEL | {"fit"},
     "budget": MODEL | {"fit", "vision", "identify"},
     "compensate": MODEL,
     "verify": MODEL,
     "simulate": TABLES | {"vision.patterns", "vision.images"},
-    "report": MODEL | {"vision", "fit", "identify", "budget", "compensate", "verify", "simulate"},
-    "demo": MODEL | {"vision", "fit", "identify", "budget", "compensate", "verify", "simulate", "report"},
+    "report": MODEL | {"vision", "fit", "diagnose", "identify", "budget", "compensate", "verify", "simulate"},
+    "demo": MODEL | {"vision", "fit", "diagnose", "identify", "budget", "compensate", "verify", "simulate", "report"},
     "__main__": {"cli"},
-    "cli": MODEL | {"vision", "fit", "identify", "budget", "compensate", "verify", "simulate", "report", "demo"},
+    "cli": MODEL
+    | {"vision", "fit", "diagnose", "identify", "budget", "compensate", "verify", "simulate", "report", "demo"},
 }
 
 

@@ -9,7 +9,7 @@ from geoerr.effects import catalogue
 from geoerr.fit.classic import Components
 from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
-from geoerr.fit.given import complete_rows, frames_only, own_freedom
+from geoerr.fit.given import complete_rows, frames_only, has_covariates, own_freedom
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
 from geoerr.fit.sightings import Numbers, Sightings, sightings_of
 from geoerr.fit.split import Split
@@ -32,6 +32,7 @@ __all__ = [
     "fit_model",
     "fit_terms",
     "frames_only",
+    "has_covariates",
     "own_freedom",
     "refit",
     "result_of",

@@ -294,12 +294,15 @@ class Posed:
         )
         return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared, prior)
 
-    def problem_of(self, terms: tuple[Term, ...]) -> _core.FitProblem:
-        """Pose the problem that starts from the values that the terms have; for rows that lack no covariate."""
+    def problem_of(self, terms: tuple[Term, ...], free: Sequence[int] = ()) -> _core.FitProblem:
+        """Pose the problem that starts from the values that the terms have; for rows that lack no covariate.
+
+        `free` are the places of the inner parameters that have columns.
+        """
         compiled = compile_terms(self.machine, terms)
         variables = variable_columns(self.sightings, compiled.variables)
         values, _ = start_values(terms)
-        return self._problem(compiled, terms, self.sightings, variables, self.shared, self.given, (), values)
+        return self._problem(compiled, terms, self.sightings, variables, self.shared, self.given, free, values)
 
     def _prior(
         self, terms: Sequence[Term], smoothness: Sequence[Smoothness], problem: _core.FitProblem

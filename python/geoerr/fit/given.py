@@ -13,12 +13,14 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from geoerr import _core
 from geoerr.errors import GeometryError
 from geoerr.fit.fit import LACKING, FitOptions, Given, Posed
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.start import Frames
 from geoerr.fit.variables import times_s, variable_columns
-from geoerr.machine import Machine
+from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
 from geoerr.terms import Term
 
@@ -33,6 +35,18 @@ _SHARES = (0.5, 0.9)
 _TIMES_THE_SPREAD = 2.0
 
 
+def has_covariates(machine: Machine, sightings: Sightings, terms: Sequence[Term]) -> np.ndarray:
+    """Tell which rows have all the covariates that the terms need, (n,).
+
+    Raises
+    ------
+    GeoerrError
+        for a covariate that is no column of the data.
+    """
+    variables = variable_columns(sightings, compile_terms(machine, terms).variables)
+    return np.asarray(np.isfinite(variables).all(axis=0))
+
+
 def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term]) -> Sightings:
     """Give the rows that have all the covariates that the terms need; the others are counted.
 
@@ -43,12 +57,11 @@ def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term])
     GeometryError
         where no row is left.
     """
-    compiled = compile_terms(machine, terms)
-    known = np.isfinite(variable_columns(sightings, compiled.variables)).all(axis=0)
+    known = has_covariates(machine, sightings, terms)
     if not known.any():
-        columns = ", ".join(compiled.variables)
+        names = ", ".join(name for name in compile_terms(machine, terms).variables if name not in AXES)
         raise GeometryError(
-            f"no row has all that the model needs: {columns}\nhint: a row needs a number in each of these columns"
+            f"no row has all that the model needs: {names}\nhint: a row needs a number in each of these columns"
         )
     return sightings if known.all() else sightings.select(known, LACKING)
 
@@ -169,16 +182,30 @@ def _displacement_mm(machine: Machine, sightings: Sightings, terms: Sequence[Ter
     )
 
 
+def with_terms(machine: Machine, fitted: Fitted, terms: tuple[Term, ...]) -> _core.FitProblem:
+    """Pose the problem in which the terms have columns, where a fit of the frames alone has ended.
+
+    Every inner parameter has a column, also one that is fixed; frames stand where the fit found them.
+    """
+    posed = Posed(machine, fitted.sightings, None, FitOptions(components="none", threads=fitted.threads))
+    posed.frames = _found(posed, fitted)
+    return posed.problem_of(terms, range(sum(len(term.inner) for term in terms)))
+
+
 def _falsified_mm(posed: Posed, fitted: Fitted, terms: tuple[Term, ...]) -> Numbers:
     """Give what the rig's errors add to every measurement, (n, 3), with the devices where they were found."""
+    posed.frames = _found(posed, fitted)
+    with_rig = posed.problem_of(terms)
+    without = posed.problem_of(())
+    threads = posed.options.threads
+    return np.asarray(without.residuals(without.start, threads) - with_rig.residuals(with_rig.start, threads))
+
+
+def _found(posed: Posed, fitted: Fitted) -> Frames:
     state = fitted.solved.state
-    posed.frames = replace(
+    return replace(
         posed.frames,
         rotations=np.asarray(state.rotations),
         translations_mm=np.asarray(state.translations_mm),
         excess_mm=np.asarray(state.excess_mm),
     )
-    with_rig = posed.problem_of(terms)
-    without = posed.problem_of(())
-    threads = posed.options.threads
-    return np.asarray(without.residuals(without.start, threads) - with_rig.residuals(with_rig.start, threads))

@@ -30,6 +30,8 @@ class Split:
         Probability of so much by chance, for independent noise; None where nothing tells the noise.
     dof
         Degrees of freedom of the residual, and of the repeats in it.
+    noise_ss
+        Sum of squares of the repeats about their means, whitened; 0 without repeats.
     """
 
     noise_um: float | None
@@ -37,6 +39,7 @@ class Split:
     lack_of_fit_um: float | None
     lack_of_fit_p: float | None
     dof: tuple[float, int]
+    noise_ss: float = 0.0
 
 
 def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats: Repeats, dof: float) -> Split:
@@ -66,7 +69,7 @@ def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats
         # The residual of a right model is smaller than the noise by the parameters that it was fitted with.
         n_numbers = int(sightings.is_measured[used].sum())
         lack = math.sqrt(max(size**2 * n_numbers / max(dof, 1) - noise**2, 0.0))
-    return Split(noise, noise_dof > 0, lack, p_value, (dof, noise_dof))
+    return Split(noise, noise_dof > 0, lack, p_value, (dof, noise_dof), noise_ss if noise_dof > 0 else 0.0)
 
 
 def _scatter_in_groups(values: Numbers, group: np.ndarray, seen: np.ndarray) -> tuple[float, int]:

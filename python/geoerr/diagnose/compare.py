@@ -1,0 +1,284 @@
+"""Any model held against any measurements: how far it is off, and where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from geoerr.diagnose.components import Component, components_of
+from geoerr.diagnose.document import document_of
+from geoerr.diagnose.lengths import LengthComparison, compare_lengths
+from geoerr.diagnose.own_uncertainty import OwnUncertainty, own_uncertainty
+from geoerr.diagnose.parts import Part, by_carrier, by_direction, by_session, by_text
+from geoerr.diagnose.regions import Region, regions_of
+from geoerr.diagnose.set_up import SetUp, set_up_of
+from geoerr.diagnose.trends import Trend, trends_of
+from geoerr.errors import GeoerrError, ShapeError
+from geoerr.fit import (
+    Fitted,
+    Sightings,
+    complete_rows,
+    digest_of,
+    frames_only,
+    has_covariates,
+    own_freedom,
+    sightings_of,
+)
+from geoerr.fit.figures import ErrorFigures, figures_of
+from geoerr.fit.sightings import Numbers
+from geoerr.model import Model
+from geoerr.model.tables import terms_of_errors
+from geoerr.observations import CircularTest, Lengths, Observations
+from geoerr.terms import Term
+
+# `own`: these are the data that the model was fitted to, and its coefficients are fitted anew; `refit`: others, and
+# they are fitted anew because that was asked for; `held`: others, and they stay as they are.
+Freedom = Literal["own", "refit", "held"]
+
+_OTHER_ROWS = "another model lacks a covariate"
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A model held against measurements; arrays are in the order of `fitted.sightings`.
+
+    Attributes
+    ----------
+    model
+        As it was given.
+    freedom
+        Whether its coefficients took part (`own`, `refit`) or only the measuring frames did (`held`).
+    fitted
+        The fit behind the figures: residuals, frames, repeats, held-out passes. None where there are lengths only.
+    lengths
+        Measured lengths and the model's; None where there are none.
+    """
+
+    model: Model
+    freedom: Freedom
+    fitted: Fitted | None
+    lengths: LengthComparison | None = None
+
+    @property
+    def points(self) -> Fitted:
+        """The fit behind the figures of points and radii.
+
+        Raises
+        ------
+        GeoerrError
+            where there are measured lengths only.
+        """
+        if self.fitted is None:
+            raise GeoerrError("there are measured lengths only: these have no place, line or direction")
+        return self.fitted
+
+    @property
+    def residual_mm(self) -> Numbers:
+        """Measured minus predicted in base axes, (n, 3); a radius in the first component."""
+        return self.points.residual_mm
+
+    @property
+    def figures(self) -> ErrorFigures:
+        """How large the residuals are, over the rows that take part."""
+        return self.points.figures
+
+    @property
+    def rmse_um(self) -> float:
+        """The headline: of positions, or of radii, or of lengths, the first that there is."""
+        headline = None if self.fitted is None else self.fitted.figures.headline_um
+        if headline is not None:
+            return headline
+        return math.nan if self.lengths is None else self.lengths.rms_um
+
+    @cached_property
+    def components(self) -> tuple[Component, ...]:
+        """Residuals component by component, NaN where there is none."""
+        return components_of(self.points)
+
+    @cached_property
+    def by_line(self) -> tuple[Part, ...]:
+        """Figures of each line of the plan."""
+        return by_text(self.points, "line")
+
+    @cached_property
+    def by_session(self) -> tuple[Part, ...]:
+        """Figures of each session and circular run."""
+        return by_session(self.points)
+
+    @cached_property
+    def by_direction(self) -> tuple[Part, ...]:
+        """Figures of each direction of approach."""
+        return by_direction(self.points)
+
+    @cached_property
+    def by_carrier(self) -> tuple[Part, ...]:
+        """Figures of each body that carries targets."""
+        return by_carrier(self.points)
+
+    @cached_property
+    def regions(self) -> tuple[Region, ...]:
+        """Mean, spread and count in 3 × 3 × 3 cells of the volume."""
+        return regions_of(self.points)
+
+    @cached_property
+    def trends(self) -> tuple[Trend, ...]:
+        """What the residual follows, the largest trend first."""
+        return trends_of(self.points)
+
+    @cached_property
+    def set_up(self) -> SetUp | None:
+        """What of the disagreement is the measuring frame's; None for cameras and circles."""
+        return set_up_of(self.points)
+
+    @cached_property
+    def worst(self) -> np.ndarray:
+        """Rows from the worst on, (n,): by the length of the residual, of all rows that were measured."""
+        fitted = self.points
+        square = (np.where(fitted.sightings.is_measured, fitted.residual_mm, 0.0) ** 2).sum(axis=1)
+        return np.argsort(-square, kind="stable")
+
+    @cached_property
+    def own_uncertainty(self) -> OwnUncertainty | None:
+        """What the model's covariance does to the residuals; None where its coefficients took part, or have none."""
+        return own_uncertainty(self.model, self.points) if self.freedom == "held" else None
+
+    @property
+    def lack_of_fit_p(self) -> float | None:
+        """Probability of so much residual by chance, for independent noise; None where nothing tells the noise.
+
+        Of a model that is held, what its own covariance accounts for is no lack of fit.
+        """
+        split = self.points.split
+        doubt = self.own_uncertainty
+        if split.lack_of_fit_p is None or doubt is None:
+            return split.lack_of_fit_p
+        dof, noise_dof = split.dof
+        total = self.points.solved.chi_squared
+        if not split.is_from_repeats:
+            return float(stats.chi2.sf(total - doubt.explained(1.0), dof))
+        noise_ss = split.noise_ss
+        sigma2 = noise_ss / noise_dof
+        if sigma2 == 0.0:
+            return split.lack_of_fit_p
+        ratio = (total - doubt.explained(sigma2) - noise_ss) / (dof - noise_dof) / sigma2
+        return float(stats.f.sf(max(ratio, 0.0), dof - noise_dof, noise_dof))
+
+    @property
+    def expected_rmse_um(self) -> float | None:
+        """What a right model with this covariance would show: √(noise² + mean tr Cov); None where nothing tells."""
+        doubt, noise_um = self.own_uncertainty, self.points.split.noise_um
+        return None if doubt is None or noise_um is None else math.sqrt(noise_um**2 + doubt.variance_um2)
+
+    def figures_on(self, rows: np.ndarray) -> ErrorFigures:
+        """Give the figures over some rows (n,), of those that take part: for models on their common rows."""
+        fitted = self.points
+        return figures_of(fitted.sightings, fitted.residual_mm, np.asarray(rows, dtype=bool) & fitted.solved.used)
+
+    def to_document(self) -> dict[str, object]:
+        """Give plain values for `compare --json`."""
+        return document_of(self)
+
+
+def compare(
+    model: Model,
+    *tables: Observations | CircularTest | Lengths,
+    refit: bool = False,
+    rows: np.ndarray | None = None,
+    threads: int = 0,
+) -> Comparison:
+    """Hold a model against measurements.
+
+    Where the measurements are the data that the model was fitted to (its digest says), its own freedom takes part.
+    Where they are not, its coefficients stay as they are, and only the pose of each session's measuring frame (and
+    the places of targets) is fitted: so that a hot machine's growth is not fitted away.
+
+    Parameters
+    ----------
+    model
+        A fitted model, tables of errors, or a nominal machine.
+    tables
+        Measured points, circular tests, lengths.
+    refit
+        Fit the model's coefficients to data that are not its own, too.
+    rows : (n,) or None
+        Which of the measured rows take part, as `common_rows` gives them: to compare models on the same rows.
+    threads
+        0 = all cores.
+
+    Raises
+    ------
+    GeoerrError
+        for a column or a parameter's value that the model needs and that is not there, by name.
+    GeometryError
+        where nothing can be compared.
+    """
+    lengths = [table for table in tables if isinstance(table, Lengths)]
+    others = [table for table in tables if not isinstance(table, Lengths)]
+    if not tables:
+        raise GeoerrError("no measurements were given\nhint: name at least one table")
+    if refit and not others:
+        raise GeoerrError(
+            "no model is fitted to measured lengths\nhint: leave the refit out, or give measured points"
+        )
+    terms = all_terms(model)
+    compared = None if not lengths else compare_lengths(_refusing_unknown(model), lengths, threads=threads)
+    if not others:
+        return Comparison(model, "held", None, compared)
+    sightings = sightings_of(*others)
+    is_own = _is_own_data(model, sightings, terms)
+    if rows is not None:
+        sightings = _selected(sightings, rows)
+    if is_own or refit:
+        fitted = own_freedom(model.machine, sightings, terms, threads=threads)
+    else:
+        fitted = frames_only(_refusing_unknown(model).machine, sightings, terms, threads=threads)
+    return Comparison(model, "own" if is_own else "refit" if refit else "held", fitted, compared)
+
+
+def common_rows(models: Iterable[Model], *tables: Observations | CircularTest) -> np.ndarray:
+    """Tell which measured rows have the covariates of all models, (n,): models are compared on these."""
+    sightings = sightings_of(*tables)
+    masks = [has_covariates(model.machine, sightings, all_terms(model)) for model in models]
+    return np.asarray(np.all(masks, axis=0)) if masks else np.ones(len(sightings), dtype=bool)
+
+
+def all_terms(model: Model) -> tuple[Term, ...]:
+    """Give everything that a model has as terms: its tables (as polygons), its terms, those of the rig."""
+    return terms_of_errors(model.errors) + model.terms
+
+
+def _is_own_data(model: Model, sightings: Sightings, terms: Sequence[Term]) -> bool:
+    """Tell whether these are the data of the model's fit, by the digest of the rows that it could use."""
+    if model.record is None or not model.record.data_digest:
+        return False
+    return digest_of(complete_rows(model.machine, sightings, terms)) == model.record.data_digest
+
+
+def _selected(sightings: Sightings, rows: np.ndarray) -> Sightings:
+    mask = np.asarray(rows)
+    if mask.dtype != np.bool_ or mask.shape != (len(sightings),):
+        raise ShapeError(f"rows must be ({len(sightings)},) of true and false, not {mask.shape} of {mask.dtype}")
+    return sightings.select(mask, _OTHER_ROWS)
+
+
+def _refusing_unknown(model: Model) -> Model:
+    """Refuse a model with parameters that have no value yet, by name."""
+    unknown = [
+        f"{term.id}.{parameter.name}"
+        for term in model.terms
+        for parameter in (*term.coefficients, *term.inner)
+        if math.isnan(parameter.value)
+    ]
+    if unknown:
+        more = f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
+        raise GeoerrError(
+            f"{', '.join(unknown[:3])}{more}: no value yet\n"
+            "hint: fit the model to measurements, or leave the term out"
+        )
+    return model

@@ -1,0 +1,54 @@
+"""Residuals component by component: x, y, z of the base frame, and radii of circular tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.fit import Fitted
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
+
+RADIUS = "radius"
+UM_PER_MM = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """One component of the residuals.
+
+    Attributes
+    ----------
+    name
+        `x`, `y`, `z` or `radius`.
+    residual_um : (n,)
+        Measured minus predicted; NaN where it was not measured or the row takes no part.
+    """
+
+    name: str
+    residual_um: Numbers
+
+    @property
+    def is_known(self) -> np.ndarray:
+        """Rows that have it, (n,)."""
+        return np.asarray(np.isfinite(self.residual_um))
+
+
+def is_circle(fitted: Fitted) -> np.ndarray:
+    """Tell which rows are radii of circular tests, (n,)."""
+    sightings = fitted.sightings
+    return np.asarray(np.array([kind == "circle" for kind in sightings.frames])[sightings.session])
+
+
+def components_of(fitted: Fitted) -> tuple[Component, ...]:
+    """Give the components that were measured in any row that takes part."""
+    circle = is_circle(fitted)
+    used = fitted.solved.used
+    residual_um = fitted.residual_mm * UM_PER_MM
+    found = []
+    for index, axis in enumerate(AXES):
+        seen = fitted.sightings.is_measured[:, index] & used & ~circle
+        found.append(Component(axis, np.where(seen, residual_um[:, index], np.nan)))
+    found.append(Component(RADIUS, np.where(circle & used, residual_um[:, 0], np.nan)))
+    return tuple(component for component in found if component.is_known.any())

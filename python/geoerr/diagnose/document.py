@@ -1,0 +1,164 @@
+"""How far, and where, a model is off: the figures of `compare --json`, as plain values."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geoerr.diagnose.components import UM_PER_MM
+from geoerr.diagnose.lengths import LengthComparison
+from geoerr.diagnose.parts import Part, by_text
+from geoerr.fit import Fitted, figures_document
+from geoerr.machine import AXES
+
+if TYPE_CHECKING:
+    from geoerr.diagnose.compare import Comparison
+
+_MOST_WORST = 10
+_NO_POINTS: dict[str, Any] = {
+    "rmse_um": None,
+    "rms_per_component_um": [None, None, None],
+    "n_components": [0, 0, 0],
+    "n": 0,
+    "held_out_rmse_um": None,
+    "expected_held_out_rmse_um": None,
+    "held_out_not_computable": 0,
+    "noise_floor_um": None,
+    "within_pass_floor_um": None,
+    "noise_um": None,
+    "lack_of_fit_um": None,
+    "lack_of_fit_p": None,
+    "worst": [],
+    "by_line": {},
+    "by_axis": {axis: {"rms_um": None} for axis in AXES},
+}
+
+
+def comparison_document(fitted: Fitted) -> dict[str, Any]:
+    """Give a fit's figures as FORMATS names them: overall, the worst rows, by line, by axis of the base frame.
+
+    Residuals are measured minus predicted in base axes, µm; a component that was not measured is null. The worst rows
+    are of all rows, those that the fit left out as gross outliers too (`is_outlier`).
+    """
+    overall = figures_document(fitted)
+    each = overall["rms_per_component_um"]
+    return {
+        **overall,
+        "worst": worst_rows(fitted),
+        "by_line": _parts(by_text(fitted, "line")),
+        "by_axis": {axis: {"rms_um": value} for axis, value in zip(AXES, each, strict=True)},
+    }
+
+
+def document_of(comparison: Comparison) -> dict[str, Any]:
+    """Give a comparison as `compare --json` has it: FORMATS' keys, then where and along what the model fails."""
+    lengths = comparison.lengths
+    if comparison.fitted is None:
+        document = dict(_NO_POINTS)
+    else:
+        document = comparison_document(comparison.fitted) | {"lack_of_fit_p": comparison.lack_of_fit_p}
+    document |= {"model_takes_part": comparison.freedom != "held", "is_own_data": comparison.freedom == "own"}
+    if lengths is not None:
+        document["lengths"] = _lengths(lengths)
+        if comparison.fitted is None:
+            document |= {
+                "rmse_um": lengths.rms_um,
+                "noise_floor_um": lengths.noise_floor_um,
+                "noise_um": lengths.noise_floor_um,
+                "n": len(lengths),
+            }
+    if comparison.fitted is not None:
+        document |= _where(comparison, comparison.fitted)
+    return document
+
+
+def _where(comparison: Comparison, fitted: Fitted) -> dict[str, Any]:
+    set_up = comparison.set_up
+    return {
+        "expected_rmse_um": comparison.expected_rmse_um,
+        "set_up": None
+        if set_up is None
+        else {
+            "as_measured_rms_um": set_up.as_measured_um,
+            "shifted_rms_um": set_up.shifted_um,
+            "turned_rms_um": set_up.turned_um,
+        },
+        "by_direction": _parts(comparison.by_direction),
+        "by_session": _parts(comparison.by_session),
+        "by_carrier": _parts(comparison.by_carrier),
+        "by_region": [
+            {
+                "low_mm": list(region.low_mm),
+                "high_mm": list(region.high_mm),
+                "n": region.n,
+                "rmse_um": region.rmse_um,
+                "mean_um": region.mean_um,
+                "std_um": region.std_um,
+            }
+            for region in comparison.regions
+        ],
+        "trends": [
+            {
+                "variable": trend.variable,
+                "component": trend.component,
+                "worth_um": trend.worth_um,
+                "bins": [
+                    {
+                        "low": one.low,
+                        "high": one.high,
+                        "n": one.n,
+                        "mean_um": one.mean_um,
+                        "std_error_um": one.std_error_um,
+                    }
+                    for one in trend.bins
+                ],
+            }
+            for trend in comparison.trends
+        ],
+        "n_outliers": int((~fitted.solved.used).sum()),
+        "left_out": dict(fitted.sightings.left_out),
+        "notes": list(fitted.sightings.notes),
+    }
+
+
+def _parts(parts: tuple[Part, ...]) -> dict[str, Any]:
+    return {part.name: {"rmse_um": part.rmse_um, "n": part.figures.n, "mean_um": part.mean_um} for part in parts}
+
+
+def _lengths(lengths: LengthComparison) -> dict[str, Any]:
+    order = np.argsort(-np.abs(lengths.residual_um), kind="stable")[:_MOST_WORST]
+    names = [str(name or "") for name in lengths.frame["feature"].to_list()]
+    return {
+        "rms_um": lengths.rms_um,
+        "n": len(lengths),
+        "noise_floor_um": lengths.noise_floor_um,
+        "left_out": lengths.n_lacking,
+        "by_group": {name: {"rms_um": rms, "n": n} for name, (rms, n) in lengths.by("group").items()},
+        "worst": [
+            {
+                "feature": names[row],
+                "nominal_mm": float(lengths.nominal_mm[row]),
+                "residual_um": float(lengths.residual_um[row]),
+            }
+            for row in order
+        ],
+    }
+
+
+def worst_rows(fitted: Fitted, most: int = _MOST_WORST) -> list[dict[str, Any]]:
+    """Give the rows with the longest residuals: line, commanded position, residual, whether the fit left it out."""
+    sightings = fitted.sightings
+    lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
+    residual_um = np.where(sightings.is_measured, fitted.residual_mm * UM_PER_MM, np.nan)
+    size = np.sqrt(np.nansum(residual_um**2, axis=1))
+    order = np.argsort(-size, kind="stable")[:most]
+    return [
+        {
+            "line": lines[row],
+            **dict(zip(AXES, sightings.commanded_mm[row].tolist(), strict=True)),
+            "residual_um": [None if np.isnan(value) else float(value) for value in residual_um[row]],
+            "is_outlier": bool(~fitted.solved.used[row]),
+        }
+        for row in order
+    ]

@@ -1,0 +1,94 @@
+"""How uncertain a given model is where it is held against other data.
+
+Its coefficients have a covariance C = F Fᵀ from the data that they were fitted to. With G = (I − H) W J F, J the
+derivative of the measured points by the parameters, W the whitening and H the projection on the unknowns that are
+fitted here (frames, places of targets), the residual of a right model has the covariance σ²(I − H) + G Gᵀ. So
+
+    r' (σ² + G G')⁻¹ r · σ² = r'r − r'G (σ² + G'G)⁻¹ G'r     (Woodbury)
+
+is what lies beyond both the noise and the model's own doubt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.fit import Fitted
+from geoerr.fit.given import with_terms
+from geoerr.fit.sightings import Numbers
+from geoerr.model import Model
+
+_BLOCK_ROWS = 2048
+_UM_PER_MM = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class OwnUncertainty:
+    """What the model's covariance does to the residuals of these data.
+
+    Attributes
+    ----------
+    gram : (k, k)
+        GᵀG.
+    moment : (k,)
+        Gᵀr.
+    variance_um2
+        Mean trace of the covariance of the prediction, after the frames were fitted.
+    """
+
+    gram: Numbers
+    moment: Numbers
+    variance_um2: float
+
+    def explained(self, sigma2: float) -> float:
+        """Give how much of the residual's sum of squares (whitened) the model's uncertainty accounts for."""
+        if not len(self.moment):
+            return 0.0
+        system = self.gram + sigma2 * np.eye(len(self.gram))
+        return float(self.moment @ np.linalg.solve(system, self.moment))
+
+
+def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
+    """Bring the model's covariance to the rows that a fit of the frames alone used; None where it has none."""
+    record = model.record
+    if record is None or not record.covariance.any():
+        return None
+    value, vector = np.linalg.eigh(_unitless(record.covariance))
+    scale = np.sqrt(np.diagonal(record.covariance))
+    keep = value > 1e-12 * max(float(value.max()), 0.0)
+    root = scale[:, None] * vector[:, keep] * np.sqrt(value[keep])
+    problem = with_terms(model.machine, fitted, model.terms)
+    state = problem.start
+    row_scale = fitted.solved.used.astype(np.float64)
+    whitened = fitted.solved.whitened * row_scale[:, None]
+    n_model, n_columns = len(record.covariance), problem.n_columns
+    k = root.shape[1]
+    total = np.zeros((k + n_columns - n_model + 1,) * 2)
+    for block in _blocks(len(row_scale)):
+        design = problem.design(state, row_scale, block.start, block.stop, fitted.threads)
+        rows = np.column_stack([design[:, :n_model] @ root, design[:, n_model:], whitened[block].ravel()])
+        total += rows.T @ rows
+    own, frames = slice(0, k), slice(k, len(total) - 1)
+    taken = np.linalg.pinv(total[frames, frames], rcond=1e-12, hermitian=True) @ total[frames, own]
+    gram = total[own, own] - total[own, frames] @ taken
+    moment = total[own, -1] - taken.T @ total[frames, -1]
+    unwhitening = np.linalg.pinv(fitted.sightings.whitening)
+    squares = np.zeros(3)
+    for block in _blocks(len(row_scale)):
+        design = problem.design(state, row_scale, block.start, block.stop, fitted.threads)
+        left = (design[:, :n_model] @ root - design[:, n_model:] @ taken).reshape(-1, 3, k)
+        squares += (np.einsum("nij,njk->nik", unwhitening[block], left) ** 2).sum(axis=(0, 2))
+    count = np.maximum(fitted.sightings.is_measured[fitted.solved.used].sum(axis=0), 1)
+    return OwnUncertainty(gram, moment, float((squares / count).sum()) * _UM_PER_MM**2)
+
+
+def _unitless(covariance: Numbers) -> Numbers:
+    std = np.sqrt(np.diagonal(covariance))
+    inverse = np.divide(1.0, std, out=np.zeros_like(std), where=std > 0.0)
+    return np.asarray(covariance * inverse[:, None] * inverse[None, :])
+
+
+def _blocks(n_rows: int) -> list[slice]:
+    return [slice(first, min(first + _BLOCK_ROWS, n_rows)) for first in range(0, n_rows, _BLOCK_ROWS)]

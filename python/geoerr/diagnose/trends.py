@@ -1,0 +1,152 @@
+"""What the residual follows: its mean over each variable of the data, in bins, the largest trend first.
+
+A table to look at, not a test: `diagnose` says what is beyond chance over all that was tried.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.diagnose.components import Component, components_of
+from geoerr.fit import Fitted, Sightings
+from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import times_s, variable_columns
+from geoerr.machine import AXES
+
+# A variable of at most so many values has a bin for each, another this many with as many rows in each.
+MOST_VALUES = 12
+BINS = 10
+# Columns that are measured, or say how well, or where a row stands in its file; directions come as d_x, d_y, d_z.
+_NO_VARIABLES = {
+    *("mx", "my", "mz", "sx", "sy", "sz", "cxx", "cxy", "cxz", "cyy", "cyz", "czz", "r", "sr"),
+    *("file_row", "dir_x", "dir_y", "dir_z"),
+}
+# Values nearer than this share of the span are one.
+_ALIKE = 1e-9
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Rows whose variable lies from `low` to `high`: mean of a residual and its standard error, µm.
+
+    The standard error counts rows of one pass as what they have in common, where the bin holds several passes; never
+    less than that of independent rows. NaN of a single row.
+    """
+
+    low: float
+    high: float
+    n: int
+    mean_um: float
+    std_error_um: float
+
+
+@dataclass(frozen=True)
+class Trend:
+    """The mean of one component of the residual over one variable.
+
+    Attributes
+    ----------
+    variable
+        A column, or `d_x` (direction), `s_x` (travel since the last reversal), `v_x` (speed), `row` (number of the
+        row in its session, where there is no time).
+    component
+        `x`, `y`, `z` or `radius`.
+    bins
+        In the order of the variable.
+    worth_um
+        How much the means differ, as a root mean square over the rows and beyond what their standard errors would
+        make of nothing: √(Σ n_b ((m_b − m)² − s_b²) / N), 0 where that is negative.
+    """
+
+    variable: str
+    component: str
+    bins: tuple[Bin, ...]
+    worth_um: float
+
+
+def variables_of(fitted: Fitted) -> dict[str, Numbers]:
+    """Give every variable (n,) that takes more than one value: positions, offsets, directions, time, covariates."""
+    sightings = fitted.sightings
+    found: dict[str, Numbers] = {
+        name: sightings.numbers(name) for name in sightings.covariate_columns if name not in _NO_VARIABLES
+    }
+    if "t" not in found:
+        found["row"] = times_s(sightings)
+    moved = [axis for index, axis in enumerate(AXES) if np.ptp(sightings.commanded_mm[:, index]) > 0.0]
+    names = [f"{name}_{axis}" for name in ("d", "s", "v") for axis in moved]
+    found |= dict(zip(names, variable_columns(sightings, names), strict=True))
+    return {name: values for name, values in found.items() if _varies(values[fitted.solved.used])}
+
+
+def trends_of(fitted: Fitted) -> tuple[Trend, ...]:
+    """Give all trends, the largest first."""
+    components = components_of(fitted)
+    trends = [
+        trend_of(fitted.sightings, name, values, component)
+        for name, values in variables_of(fitted).items()
+        for component in components
+    ]
+    kept = [trend for trend in trends if len(trend.bins) > 1]
+    return tuple(sorted(kept, key=lambda trend: -trend.worth_um))
+
+
+def trend_of(sightings: Sightings, name: str, values: Numbers, component: Component) -> Trend:
+    """Bin one component (n,) over one variable (n,); rows that lack either are left out."""
+    known = np.isfinite(values) & component.is_known
+    own, residual_um = values[known], component.residual_um[known]
+    number, spans = bins_of(own)
+    bins = tuple(
+        _bin(low, high, residual_um[number == place], sightings.pass_number[known][number == place])
+        for place, (low, high) in enumerate(spans)
+    )
+    return Trend(name, component.name, bins, _worth_um(bins))
+
+
+def bins_of(values: Numbers) -> tuple[np.ndarray, list[tuple[float, float]]]:
+    """Cut values (n,) into bins: the bin of each, (n,), and from where to where each bin's values reach."""
+    if not values.size:
+        return np.zeros(0, dtype=np.int64), []
+    ordered = np.unique(values)
+    is_new = np.concatenate(([True], np.diff(ordered) > _ALIKE * max(float(np.ptp(ordered)), 1e-300)))
+    distinct = ordered[is_new]
+    is_few = len(distinct) <= MOST_VALUES
+    edges = distinct if is_few else np.unique(np.quantile(values, np.arange(BINS) / BINS))
+    number = np.maximum(np.searchsorted(edges, values, side="right") - 1, 0)
+    kept, number = np.unique(number, return_inverse=True)
+    number = number.ravel()
+    spans = [
+        (float(values[number == place].min()), float(values[number == place].max())) for place in range(len(kept))
+    ]
+    return number, spans
+
+
+def _bin(low: float, high: float, residual_um: Numbers, pass_number: np.ndarray) -> Bin:
+    n = len(residual_um)
+    mean = float(residual_um.mean())
+    deviation = residual_um - mean
+    if n < 2:
+        return Bin(low, high, n, mean, math.nan)
+    variance = float(deviation @ deviation) / (n - 1) / n
+    _, place = np.unique(pass_number, return_inverse=True)
+    sums = np.bincount(place.ravel(), weights=deviation)
+    if len(sums) > 1:
+        variance = max(variance, len(sums) / (len(sums) - 1) * float(sums @ sums) / n**2)
+    return Bin(low, high, n, mean, math.sqrt(variance))
+
+
+def _worth_um(bins: tuple[Bin, ...]) -> float:
+    n = np.array([one.n for one in bins], dtype=np.float64)
+    mean_um = np.array([one.mean_um for one in bins])
+    error_um = np.array([one.std_error_um for one in bins])
+    whole = float((n * mean_um).sum() / max(n.sum(), 1.0))
+    # A bin of one row tells nothing of its own error: it counts as explained by chance.
+    squares = np.where(np.isfinite(error_um), (mean_um - whole) ** 2 - error_um**2, 0.0)
+    return math.sqrt(max(float((n * squares).sum()) / max(float(n.sum()), 1.0), 0.0))
+
+
+def _varies(values: Numbers) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size and np.ptp(known) > 0.0)
