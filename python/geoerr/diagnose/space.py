@@ -1,0 +1,235 @@
+"""What a fit leaves, in the metric of its noise: the space in which candidates are judged.
+
+Whitened rows, an orthonormal basis Q of everything that the fit is free to do there, the residual r off Q, and the
+residual of each pass as the rest predicts it, (I − H_pp)⁻¹ r_p with H = Q Qᵀ: the fit did not see that pass, and so
+its scores do not shrink by what the fit has absorbed of them (Bell & McCaffrey 2002, CR3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+from geoerr import _core
+from geoerr.diagnose.noise import WINSOR, NoiseModel, blocks_of, fit_noise
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.held_out import projected_rows
+from geoerr.fit.sightings import Numbers
+from geoerr.fit.start import KINDS
+from geoerr.model.compile import compile_terms
+from geoerr.terms import Parameter, Part, Term
+
+# A direction of a pass that the rest determines by less than this share is the pass's own, and says nothing.
+_OWN = 1e-3
+# Columns whose part off the others is below this share of them are inside already.
+_INSIDE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """Whitened rows of a fit.
+
+    Attributes
+    ----------
+    fitted
+        The fit.
+    noise
+        Its noise.
+    rows : (n, 3)
+        1 where a number counts, else 0.
+    basis : (n, 3, r)
+        Q, whitened.
+    residual : (n, 3)
+        r, whitened, off Q, winsorised.
+    """
+
+    fitted: Fitted
+    noise: NoiseModel
+    rows: Numbers
+    basis: Numbers
+    residual: Numbers
+
+    @property
+    def pass_number(self) -> np.ndarray:
+        """Pass of each row, (n,)."""
+        return self.fitted.sightings.pass_number
+
+    @property
+    def n_passes(self) -> int:
+        """Number of passes."""
+        return self.fitted.sightings.n_passes
+
+    @property
+    def n_numbers(self) -> int:
+        """Number of measured numbers that count."""
+        return int(self.rows.sum())
+
+    @cached_property
+    def basis_back(self) -> Numbers:
+        """V^(-T/2) Q, (n, 3, r): its products with raw columns are those of Q with whitened ones."""
+        return self.noise.whiten_transposed(self.basis)
+
+    @cached_property
+    def residual_back(self) -> Numbers:
+        """V^(-T/2) r, (n, 3)."""
+        return self.noise.whiten_transposed(self.residual)
+
+    @cached_property
+    def unseen(self) -> Numbers:
+        """Residual of every pass as the others predict it, (n, 3), whitened."""
+        return unseen_residual(self.basis, self.residual, self.pass_number, self.n_passes)
+
+    def with_columns(self, columns: Numbers) -> Space:
+        """Give the space in which these whitened columns (n, 3, k) are the model's own too."""
+        flat = self.basis.reshape(-1, self.basis.shape[2])
+        own = columns.reshape(-1, columns.shape[2])
+        own = own - flat @ (flat.T @ own)
+        own = own - flat @ (flat.T @ own)
+        new = orthonormal(own)
+        residual = self.residual.reshape(-1)
+        residual = residual - new @ (new.T @ residual)
+        return replace(
+            self,
+            basis=np.concatenate([self.basis, new.reshape(*self.basis.shape[:2], -1)], axis=2),
+            residual=residual.reshape(self.residual.shape),
+        )
+
+
+def space_of(fitted: Fitted, *, threads: int = 0) -> Space:
+    """Fit the noise of a fit's residual, whiten by it, and project."""
+    sightings, solved = fitted.sightings, fitted.solved
+    scale = solved.used.astype(np.float64)
+    raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
+    rows = (sightings.is_measured & solved.used[:, None]).astype(np.float64)
+    raw_basis = orthonormal(raw.reshape(-1, raw.shape[2])).reshape(*rows.shape, -1)
+    noise = fit_noise(blocks_of(sightings), offset_weights(fitted), solved.whitened * rows, raw_basis)
+    return whitened_space(fitted, noise, rows, raw_basis)
+
+
+def whitened_space(fitted: Fitted, noise: NoiseModel, rows: Numbers, raw_basis: Numbers) -> Space:
+    """Bring a fit's residual and basis (n, 3, r) into the metric of a noise model."""
+    basis = orthonormal(noise.whiten(raw_basis).reshape(-1, raw_basis.shape[2]))
+    flat = noise.whiten(fitted.solved.whitened * rows).reshape(-1)
+    flat = flat - basis @ (basis.T @ flat)
+    # The middle of absolute values knows no tails; 0.6745 makes it a standard deviation.
+    counts = rows.reshape(-1) > 0.0
+    spread = float(np.median(np.abs(flat[counts]))) / 0.6745 if counts.any() else 1.0
+    limit = WINSOR * max(spread, 1e-300)
+    clipped = np.clip(flat, -limit, limit)
+    clipped = clipped - basis @ (basis.T @ clipped)
+    return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), clipped.reshape(rows.shape))
+
+
+def offset_weights(fitted: Fitted) -> Numbers:
+    """Give what an offset of the device does to each whitened number, (n, 3): 1 on the average, 0 where none counts."""
+    sightings = fitted.sightings
+    weights = np.einsum("nii->ni", sightings.whitening) * sightings.is_measured * fitted.solved.used[:, None]
+    mean = weights.sum(axis=0) / np.maximum((weights > 0.0).sum(axis=0), 1)
+    return np.asarray(weights / np.where(mean > 0.0, mean, 1.0))
+
+
+def orthonormal(columns: Numbers) -> Numbers:
+    """Give an orthonormal basis of columns (n, k); columns inside the others, and 0, are left out.
+
+    Twice by the Gram matrix, which a second time is good to rounding.
+    """
+    for tolerance in (_INSIDE, 0.5):
+        if not columns.shape[1]:
+            return columns
+        size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
+        size = np.where(size > 0.0, size, 1.0)
+        value, vector = np.linalg.eigh(columns.T @ columns / np.outer(size, size))
+        keep = value > tolerance
+        columns = columns @ (vector[:, keep] / size[:, None] / np.sqrt(value[keep]))
+    return columns
+
+
+def unseen_residual(basis: Numbers, residual: Numbers, pass_number: np.ndarray, n_passes: int) -> Numbers:
+    """Give (I − H_pp)⁻¹ r_p of each pass, (n, 3); what only the pass itself determines is left out of it."""
+    result = np.zeros_like(residual)
+    order = np.argsort(pass_number, kind="stable")
+    starts = np.searchsorted(pass_number[order], np.arange(n_passes + 1))
+    r = basis.shape[2]
+    for number in range(n_passes):
+        rows = order[starts[number] : starts[number + 1]]
+        own, left = basis[rows].reshape(-1, r), residual[rows].reshape(-1)
+        result[rows] = _unseen(own, left).reshape(-1, 3)
+    return result
+
+
+def _unseen(own: Numbers, left: Numbers) -> Numbers:
+    if len(own) > own.shape[1]:
+        # (I − Q Qᵀ)⁻¹ r = r + Q (I − QᵀQ)⁻¹ Qᵀ r: the smaller of the two systems.
+        inside = own.T @ left
+        return np.asarray(left + own @ _inverse_times(np.eye(own.shape[1]) - own.T @ own, inside))
+    return _inverse_times(np.eye(len(own)) - own @ own.T, left)
+
+
+def _inverse_times(matrix: Numbers, right: Numbers) -> Numbers:
+    factor, info = linalg.lapack.dpotrf(matrix, lower=1)
+    if info == 0 and float(np.diag(factor).min()) ** 2 > 4.0 * _OWN:
+        return np.asarray(linalg.cho_solve((factor, True), right, check_finite=False))
+    value, vector = np.linalg.eigh(matrix)
+    inverse = np.where(value > _OWN, 1.0 / np.maximum(value, _OWN), 0.0)
+    return np.asarray(vector @ (inverse * (vector.T @ right)))
+
+
+class Channels:
+    """Whitened displacement of each row by one unit on a channel, made once for each channel."""
+
+    def __init__(self, fitted: Fitted, rows: Numbers, *, threads: int = 0) -> None:
+        self.fitted, self.rows, self.threads = fitted, rows, threads
+        self.known: dict[str, Numbers] = {}
+
+    def need(self, names: Sequence[str]) -> None:
+        """Make what is not known yet."""
+        new = [name for name in dict.fromkeys(names) if name not in self.known]
+        if not new:
+            return
+        terms = [
+            Term(
+                id=f"unit-{number}",
+                title="",
+                kind="effect",
+                effect=None,
+                axis=None,
+                covariate=None,
+                parts=(Part(name, "u"),),
+                coefficients=(Parameter("u", ""),),
+                inner=(),
+                source="user",
+            )
+            for number, name in enumerate(new)
+        ]
+        compiled = compile_terms(self.fitted.machine, terms)
+        sightings, state = self.fitted.sightings, self.fitted.solved.state
+        kinds = np.array([KINDS[kind] for kind in sightings.frames], dtype=np.uint8)
+        problem = _core.FitProblem(
+            compiled.core,
+            sightings.carrier,
+            np.ascontiguousarray(sightings.commanded_mm),
+            np.ascontiguousarray(sightings.offset_mm),
+            np.zeros((0, len(sightings))),
+            sightings.starts,
+            None,
+            np.ascontiguousarray(sightings.measured_mm),
+            np.ascontiguousarray(sightings.whitening),
+            sightings.session,
+            (kinds, state.rotations, state.translations_mm, state.excess_mm, np.zeros((len(kinds), 3))),
+            np.zeros(len(new)),
+            np.zeros(0),
+            [],
+            None,
+        )
+        design = problem.design(problem.start, self.rows.max(axis=1), 0, len(sightings), self.threads)
+        unit = design[:, : len(new)].reshape(len(sightings), 3, len(new))
+        for number, name in enumerate(new):
+            self.known[name] = np.ascontiguousarray(unit[:, :, number])
+
+    def __getitem__(self, name: str) -> Numbers:
+        self.need([name])
+        return self.known[name]
