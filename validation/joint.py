@@ -6,8 +6,8 @@ Each seed draws its own 21 errors (`geoerr.simulate`, whose kinematics share no 
 with a camera pair of Li's Table 2 from where the whole travel is in view, and draws each target's place from the
 covariance that 0.01 px in every coordinate of both pictures gives it. Nine lines and joint fit get the same
 observations and make the same assumption: straightness from the points, or from the angles (tangent-following).
-The second carriage is 150 mm long and does not follow the tangent. Values are compared at the measured positions, except
-the first, which is 0 by convention.
+The second carriage is 150 mm long and does not follow the tangent. Values are compared at the measured positions,
+except the first, which is 0 by convention.
 """
 
 from __future__ import annotations
@@ -172,8 +172,8 @@ def table(tallies: dict[tuple[str, str], Tally], kinds: list[tuple[str, str]]) -
         is_length = kind == "positioning" or kind.startswith("straightness")
         factor, unit = (1e3, "µm") if is_length else (1e6, "µrad")
         lines.append(
-            f"| {kind} | {factor * nine.rms:.2f} {unit} | {factor * joint.rms:.2f} {unit} | {joint.rms / nine.rms:.2f} "
-            f"| {factor * joint.stated:.2f} {unit} | {_share(nine)} | {_share(joint)} |"
+            f"| {kind} | {factor * nine.rms:.2f} {unit} | {factor * joint.rms:.2f} {unit} "
+            f"| {joint.rms / nine.rms:.2f} | {factor * joint.stated:.2f} {unit} | {_share(nine)} | {_share(joint)} |"
         )
     pooled = [tallies[kind, f"joint, {method}"] for kind, method in kinds]
     shares = np.concatenate([tally.shares for tally in pooled])
@@ -216,9 +216,9 @@ def main() -> None:
     lines = [
         "# The joint fit against the nine lines' arithmetic",
         "",
-        f"`python validation/joint.py --seeds {arguments.seeds} --first {arguments.first}`: {arguments.seeds} virtual "
-        f"machines of {len(CHAINS)} chains, {SETTING.n_points} points a line, {NOISE_PX} px in each coordinate of both "
-        "pictures. RMS over all values of all machines.",
+        f"`python validation/joint.py --seeds {arguments.seeds} --first {arguments.first}`: {arguments.seeds} "
+        f"virtual machines of {len(CHAINS)} chains, {SETTING.n_points} points a line, {NOISE_PX} px in each coordinate "
+        "of both pictures. RMS over all values of all machines.",
     ]
     with ProcessPoolExecutor(arguments.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         for machine_name in MACHINES:
