@@ -217,8 +217,8 @@ def main() -> None:
         "# The joint fit against the nine lines' arithmetic",
         "",
         f"`python validation/joint.py --seeds {arguments.seeds} --first {arguments.first}`: {arguments.seeds} "
-        f"virtual machines of {len(CHAINS)} chains, {SETTING.n_points} points a line, {NOISE_PX} px in each coordinate "
-        "of both pictures. RMS over all values of all machines.",
+        f"virtual machines of {len(CHAINS)} chains, {SETTING.n_points} points a line, {NOISE_PX} px in each "
+        "coordinate of both pictures. RMS over all values of all machines.",
     ]
     with ProcessPoolExecutor(arguments.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         for machine_name in MACHINES:
