@@ -195,7 +195,7 @@ class Channels:
                 id=f"unit-{number}",
                 title="",
                 kind="effect",
-                effect=None,
+                effect="unit",
                 axis=None,
                 covariate=None,
                 parts=(Part(name, "u"),),
