@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr import _core
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
@@ -24,6 +24,8 @@ _MAX_ROUNDS = 12
 _GROSS = 1e-7
 # Share of the numbers that must be left over beyond the unknowns: below it medians of residuals tell no scale.
 _LEAST_LEFT_OVER = 0.15
+# More rows in a row than this, each once in ten million by chance, are no mistakes.
+_LONGEST_MISTAKE = 2
 # Huber's constant: 95 % efficient for Gaussian noise.
 _HUBER = 1.345
 _HUBER_ROUNDS = 5
@@ -133,7 +135,7 @@ def solve(
             knee = _HUBER * np.sqrt(n_numbers) * sigma
             scale_of_rows = np.sqrt(np.minimum(1.0, knee / np.maximum(distance, 1e-300)))
             continue
-        now = distance <= limit
+        now = ~_single(sightings, distance > limit)
         if number > _HUBER_ROUNDS and (now == used).all():
             break
         used = now
@@ -157,6 +159,24 @@ def _is_interpolated(found: _Iterated, n_numbers: np.ndarray) -> bool:
     """Tell whether too little is left over to tell a gross row by: an interpolation leaves 0 but for a few."""
     total = int(n_numbers.sum())
     return total - found.solution.rank < _LEAST_LEFT_OVER * total
+
+
+def _single(sightings: Sightings, is_far: np.ndarray) -> np.ndarray:
+    """Leave out of the far rows (n,) those in runs: a mistake stands alone, what the model lacks goes on.
+
+    Runs are counted along the rows of one session and target, in the order of measurement.
+    """
+    places = np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64)
+    keys = np.column_stack([sightings.session, sightings.carrier, places])
+    order = np.lexsort((np.arange(len(keys)), *keys.T[::-1]))
+    ordered = keys[order]
+    begins = np.ones(len(keys), dtype=bool)
+    begins[1:] = (ordered[1:] != ordered[:-1]).any(axis=1) | (is_far[order][1:] != is_far[order][:-1])
+    run = np.cumsum(begins) - 1
+    length = np.bincount(run, minlength=1)
+    single = np.zeros_like(is_far)
+    single[order] = is_far[order] & (length[run] <= _LONGEST_MISTAKE)
+    return single
 
 
 def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:

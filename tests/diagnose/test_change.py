@@ -1,0 +1,141 @@
+"""Effects added to a model and taken away: figures on the same rows, history, and the verbs."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import geoerr
+from geoerr.cli.main import app
+from geoerr.diagnose.change import add_terms, remove_terms
+from geoerr.effects import catalogue
+from geoerr.errors import GeoerrError
+from geoerr.machine import Machine
+from geoerr.model import Model, load_model, write_model
+from geoerr.observations import Observations, observations_from_columns
+from geoerr.terms import Term
+
+MACHINE = Machine.from_chain("wZbXYt", (400.0, 400.0, 400.0))
+NOISE_MM = 2e-3
+PLAY_MM = 0.02
+GROWTH_PER_K = 12e-6
+
+
+def heated(rng: np.random.Generator) -> Observations:
+    """Along X there and back five times while the bed warms up: play, and growth from the far end of the axis."""
+    q = np.concatenate([np.linspace(0.0, 400.0, 21), np.linspace(400.0, 0.0, 21)])
+    rows = {name: [] for name in ("x", "y", "z", "mx", "my", "mz", "temp_bed", "repeat", "dir_x")}  # type: ignore[var-annotated]
+    for repeat in range(5):
+        temperature = 20.0 + 8.0 * repeat
+        direction = np.repeat([1.0, -1.0], 21)
+        error = -0.5 * PLAY_MM * direction + GROWTH_PER_K * (temperature - 20.0) * (q - 400.0)
+        noise = NOISE_MM * rng.normal(size=(len(q), 3))
+        rows["x"] += list(q)
+        rows["y"] += [0.0] * len(q)
+        rows["z"] += [0.0] * len(q)
+        rows["mx"] += list(q + error + noise[:, 0])
+        rows["my"] += list(noise[:, 1])
+        rows["mz"] += list(noise[:, 2])
+        rows["temp_bed"] += [temperature] * len(q)
+        rows["repeat"] += [repeat] * len(q)
+        rows["dir_x"] += list(direction)
+    columns = {name: np.asarray(values, dtype=np.float64) for name, values in rows.items()}
+    stated = {name: np.full(len(rows["x"]), NOISE_MM) for name in ("sx", "sy", "sz")}
+    texts = {"line": ["X"] * len(rows["x"]), "carrier": ["relative"] * len(rows["x"])}
+    return observations_from_columns({**texts, **columns, **stated})
+
+
+def terms_of(reference: str) -> list[Term]:
+    effect, resolved = catalogue().resolve(reference)
+    return [effect.term(resolved.axis, resolved.covariate, MACHINE)]
+
+
+@pytest.fixture(scope="module")
+def observations() -> Observations:
+    return heated(np.random.default_rng(1))
+
+
+def added(model: Model, observations: Observations, reference: str) -> Model:
+    return add_terms(model, [observations], terms_of(reference), reference, "").result.model
+
+
+def test_the_error_falls_with_each_effect(observations: Observations) -> None:
+    first = add_terms(Model(MACHINE), [observations], terms_of("backlash:x"), "backlash:x", "Backlash")
+    growth = "thermal-expansion:x@temp_bed"
+    second = add_terms(first.result.model, [observations], terms_of(growth), growth, "Growth")
+    record = second.result.model.record
+    assert record is not None
+    falls = [(entry.figures_before["rmse_um"], entry.figures_after["rmse_um"]) for entry in record.history]
+    assert [entry.reference for entry in record.history] == ["backlash:x", growth]
+    assert falls[0][0] > falls[0][1] > falls[1][1]
+    assert falls[0][1] == pytest.approx(falls[1][0], rel=1e-9)
+    # What is left is the noise of three components, less what was fitted.
+    assert falls[1][1] == pytest.approx(1e3 * NOISE_MM * np.sqrt(3.0), rel=0.1)
+    play = second.result.model.parameter("backlash:x.b")
+    alpha = second.result.model.parameter(f"{growth}.alpha")
+    assert abs(play.value - PLAY_MM) < 4.0 * play.std
+    assert abs(alpha.value - GROWTH_PER_K) < 4.0 * alpha.std
+
+
+def test_taking_away_undoes_adding(observations: Observations) -> None:
+    base = added(Model(MACHINE), observations, "backlash:x")
+    more = added(base, observations, "thermal-expansion:x@temp_bed")
+    change = remove_terms(more, [observations], "thermal-expansion:x@temp_bed")
+    found, expected = change.result.model.parameter("backlash:x.b"), base.parameter("backlash:x.b")
+    assert found.value == pytest.approx(expected.value, rel=1e-9)
+    record = change.result.model.record
+    assert record is not None
+    assert [entry.action for entry in record.history] == ["added", "added", "removed"]
+
+
+def test_refusals(observations: Observations) -> None:
+    base = added(Model(MACHINE), observations, "backlash:x")
+    with pytest.raises(GeoerrError, match="already"):
+        add_terms(base, [observations], terms_of("backlash:x"), "backlash:x", "")
+    with pytest.raises(GeoerrError, match="it has backlash:x"):
+        remove_terms(base, [observations], "lag:x")
+
+
+def test_verbs_write_what_they_say(observations: Observations, tmp_path: Path) -> None:
+    table, first, second = tmp_path / "obs.csv", tmp_path / "1.json", tmp_path / "2.json"
+    geoerr.write_observations(table, observations)
+    write_model(first, added(Model(MACHINE), observations, "backlash:x"))
+    runner = CliRunner()
+    arguments = ["add", str(first), str(table), "thermal-expansion:x@temp_bed", "-o", str(second), "--json"]
+    outcome = runner.invoke(app, arguments)
+    assert outcome.exit_code == 0, outcome.output
+    document = json.loads(outcome.stdout)
+    assert document["before"]["rmse_um"] > document["after"]["rmse_um"]
+    assert [entry["effect"] for entry in document["history"]] == ["backlash:x", "thermal-expansion:x@temp_bed"]
+    model = load_model(second)
+    assert model.record is not None
+    assert len(model.record.history) == 2
+    text = runner.invoke(app, ["remove", str(second), str(table), "thermal-expansion:x@temp_bed"])
+    assert text.exit_code == 0, text.output
+    assert "− thermal-expansion:x@temp_bed" in text.stdout
+    assert max(len(line) for line in text.stdout.splitlines()) <= 110
+    assert runner.invoke(app, ["add", str(first), "backlash:y"]).exit_code == 2
+
+
+@pytest.mark.real_data
+def test_the_voron_told_from_its_sensors() -> None:
+    """Constant 80 µm, frame temperature 37, frame and bed 4.7: the figures known of these data."""
+    folder = Path(os.environ["GEOERR_TEST_DATA"]) / "thermal"
+    observations = geoerr.read_observations(folder / "observations.csv")
+    machine = geoerr.read_machine(folder / "machine.toml")
+    model = Model(machine)
+    figures = []
+    for reference in ("thermal-drift:z@temp_frame", "thermal-drift:z@temp_bed"):
+        effect, resolved = catalogue().resolve(reference)
+        term = effect.term(resolved.axis, resolved.covariate, machine)
+        change = add_terms(model, [observations], [term], reference, effect.title)
+        model = change.result.model
+        figures.append((change.before.figures.rmse_um, change.after.figures.rmse_um))
+    assert figures[0][0] == pytest.approx(80.0, abs=0.5)
+    assert figures[0][1] == pytest.approx(37.0, abs=0.5)
+    assert figures[1][1] == pytest.approx(4.7, abs=0.3)
