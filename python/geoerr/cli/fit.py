@@ -36,13 +36,13 @@ from geoerr.cli.options import (
     print_json,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.diagnose import comparison_document
 from geoerr.effects import plausible_match
 from geoerr.error_functions import ALL_NAMES
 from geoerr.fit import Components, FitOptions, FitResult, Fitted, fit_terms, refit, result_of, sightings_of
 from geoerr.fit.undetermined import iso_name
 from geoerr.machine import read_machine
 from geoerr.model import HistoryEntry, write_model
-from geoerr.report.comparison import comparison_document
 from geoerr.report.provenance import provenance_of_command
 
 _MOST_OUTLIERS_NAMED = 8

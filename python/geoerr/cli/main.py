@@ -18,7 +18,20 @@ from geoerr.errors import GeoerrError
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Each module has `register(app: typer.Typer) -> None`; the order is that of `geoerr --help`.
-VERBS = ("demo", "calibrate", "measure", "identify", "fit", "compensate", "verify", "simulate", "target")
+VERBS = (
+    "demo",
+    "calibrate",
+    "measure",
+    "identify",
+    "fit",
+    "compare",
+    "add",
+    "remove",
+    "compensate",
+    "verify",
+    "simulate",
+    "target",
+)
 
 
 class _Verbs(typer.core.TyperGroup):

@@ -11,9 +11,11 @@ import numpy as np
 from geoerr.errors import InputFileError
 from geoerr.observations import (
     CircularTest,
+    Lengths,
     Observations,
     kind_of,
     read_circular_test,
+    read_lengths,
     read_observations,
 )
 from geoerr.tables import RowProblem, read_raw
@@ -32,12 +34,15 @@ class Measurements:
         All files of measured points as one table; None where there is none.
     circles
         Each circular test.
+    lengths
+        Each table of measured lengths; none where a model is to be fitted.
     point_files
         Where the points came from.
     """
 
     points: Observations | None
     circles: tuple[CircularTest, ...] = ()
+    lengths: tuple[Lengths, ...] = ()
     point_files: tuple[Path, ...] = field(default=())
 
     @property
@@ -48,7 +53,7 @@ class Measurements:
     @property
     def set_aside(self) -> tuple[RowProblem, ...]:
         """Rows that could not be used."""
-        return tuple(problem for table in self.tables for problem in table.set_aside)
+        return tuple(problem for table in (*self.tables, *self.lengths) for problem in table.set_aside)
 
     def place(self, file_row: int, numbers: Sequence[float]) -> str:
         """Say where a row of points stands: `file:row`, or the row alone where no one file has it.
@@ -69,27 +74,37 @@ class Measurements:
         return f"row {file_row}"
 
 
-def read_measurements(paths: Sequence[Path]) -> Measurements:
+def read_measurements(paths: Sequence[Path], *, with_lengths: bool = False) -> Measurements:
     """Read OBS; `-` is a table of points on standard input.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    with_lengths
+        Whether measured lengths can be used.
 
     Raises
     ------
     InputFileError
-        for a file of measured lengths, and as the readers of points and circular tests.
+        for a file of measured lengths where they cannot be used, and as the readers of each kind.
     """
     points: list[Path] = []
     circles: list[CircularTest] = []
+    lengths: list[Lengths] = []
     for path in paths:
         kind = "points" if str(path) == "-" else kind_of(read_raw(path).columns)
-        if kind == "lengths":
+        if kind == "lengths" and not with_lengths:
             raise InputFileError(
                 path,
                 "holds measured lengths, which no model is fitted to",
                 remedy="give measured points (x, y, z, mx, my, mz); `geoerr verify workpiece` takes lengths",
             )
-        if kind == "circle":
+        if kind == "lengths":
+            lengths.append(read_lengths(path))
+        elif kind == "circle":
             circles.append(read_circular_test(path))
         else:
             points.append(path)
     table = read_observations(*points) if points else None
-    return Measurements(table, tuple(circles), tuple(points))
+    return Measurements(table, tuple(circles), tuple(lengths), tuple(points))

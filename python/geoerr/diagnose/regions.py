@@ -85,7 +85,7 @@ def regions_of(fitted: Fitted, cells: int = CELLS) -> tuple[Region, ...]:
 def region_name(region: Region) -> str:
     """Say where a region is: the spans of the axes that moved."""
     spans = [
-        f"{axis} {low:g} to {high:g}"
+        f"{axis} {low:.4g} to {high:.4g}".replace("-", "−")
         for axis, low, high in zip(AXES, region.low_mm, region.high_mm, strict=True)
         if high > low
     ]

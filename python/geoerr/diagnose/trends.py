@@ -73,8 +73,9 @@ def variables_of(fitted: Fitted) -> dict[str, Numbers]:
     found: dict[str, Numbers] = {
         name: sightings.numbers(name) for name in sightings.covariate_columns if name not in _NO_VARIABLES
     }
-    if "t" not in found:
-        found["row"] = times_s(sightings)
+    rows = times_s(sightings)
+    if "t" not in found and not any(np.array_equal(values, rows) for values in found.values()):
+        found["row"] = rows
     moved = [axis for index, axis in enumerate(AXES) if np.ptp(sightings.commanded_mm[:, index]) > 0.0]
     names = [f"{name}_{axis}" for name in ("d", "s", "v") for axis in moved]
     found |= dict(zip(names, variable_columns(sightings, names), strict=True))

@@ -1,0 +1,206 @@
+"""A comparison in words and tables that fit the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from geoerr.cli.fit_text import counted, figure_rows, quality_in_words, wrapped
+from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
+from geoerr.diagnose.regions import region_name
+
+_MOST_LINES = 12
+_MOST_WORST = 5
+_MOST_TRENDS = 3
+_MOST_REGIONS = 5
+# Below this share of the residual a trend is not worth a table.
+_LEAST_SHARE = 0.1
+_MEANINGS = {
+    "own": "these are the data that the model was fitted to: its own numbers take part",
+    "refit": "the model's numbers were fitted to these data (--refit)",
+    "held": "the model's numbers stay as they are; only where each measuring frame stands is fitted",
+}
+_SIGNIFICANCE = 0.01
+
+
+def comparison_lines(comparison: Comparison, document: Mapping[str, Any], places: Mapping[int, str]) -> list[str]:
+    """Give everything that the verb prints.
+
+    Parameters
+    ----------
+    comparison
+        What is reported.
+    document
+        Its figures, as `to_document` gives them.
+    places
+        Where the worst rows stand, by number of the row.
+    """
+    machine = comparison.model.machine
+    lines = [f"{machine.name} ({machine.chain}): {_data_in_words(comparison)}"]
+    fitted = comparison.fitted
+    if fitted is not None:
+        lines += [*wrapped(_MEANINGS[comparison.freedom], ""), "", *figure_rows({"": document})]
+        lines += [*_expected(comparison), *_set_up(comparison), ""]
+        for sentence in _quality(comparison):
+            lines += wrapped(sentence, "")
+        lines += _part_table("by line, worst first", comparison.by_line, is_sorted=True)
+        lines += _part_table("by direction of approach", comparison.by_direction)
+        lines += _part_table("by what carries the target", comparison.by_carrier)
+        lines += _part_table("by session", comparison.by_session, is_sorted=True)
+        lines += _region_table(comparison.regions)
+        lines += _trend_tables(comparison)
+        lines += ["", "worst places:", *_worst(comparison, places)]
+    if comparison.lengths is not None:
+        lines += _lengths(comparison.lengths)
+    return lines
+
+
+def _data_in_words(comparison: Comparison) -> str:
+    texts = []
+    if comparison.fitted is not None:
+        sightings = comparison.fitted.sightings
+        texts.append(f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')}")
+    if comparison.lengths is not None:
+        texts.append(counted(len(comparison.lengths), "length"))
+    return ", ".join(texts)
+
+
+def _expected(comparison: Comparison) -> Iterator[str]:
+    if comparison.expected_rmse_um is not None:
+        yield f"{'residual, as a right model would have it':<44}{comparison.expected_rmse_um:>12.2f}"
+
+
+def _set_up(comparison: Comparison) -> Iterator[str]:
+    set_up = comparison.set_up
+    if set_up is None:
+        return
+    yield "rms of all numbers, with the measuring frame"
+    yield f"{'  as it is in the file':<44}{set_up.as_measured_um:>12.2f}"
+    yield f"{'  shifted':<44}{set_up.shifted_um:>12.2f}"
+    if not math.isclose(set_up.shifted_um, set_up.turned_um, rel_tol=1e-6):
+        yield f"{'  shifted and turned':<44}{set_up.turned_um:>12.2f}"
+
+
+def _quality(comparison: Comparison) -> list[str]:
+    fitted = comparison.points
+    sentences = quality_in_words(fitted)
+    p_value = comparison.lack_of_fit_p
+    if comparison.own_uncertainty is not None and p_value is not None:
+        # The model is not these data's: what its own uncertainty accounts for is no lack of fit.
+        sentences[0] = (
+            f"the model lacks something: the residual is more than noise and its own uncertainty (p = {p_value:.2g})"
+            if p_value < _SIGNIFICANCE
+            else f"what is left is noise and the model's own uncertainty, as far as can be told (p = {p_value:.2g})"
+        )
+    n_out = int((~fitted.solved.used).sum())
+    if n_out:
+        sentences.append(f"{counted(n_out, 'row')} left out as gross outliers; they are among the worst places")
+    return sentences
+
+
+def _part_table(title: str, parts: Sequence[Part], *, is_sorted: bool = False) -> Iterator[str]:
+    if len(parts) < 2:
+        return
+    ordered = sorted(parts, key=lambda part: -(part.rmse_um or 0.0)) if is_sorted else parts
+    yield ""
+    yield f"{title + ', µm':<30}{'rms':>9}{'rows':>8}   mean"
+    for part in ordered[:_MOST_LINES]:
+        figure = "–" if part.rmse_um is None else f"{part.rmse_um:.2f}"
+        yield f"  {_short(part.name, 27):<28}{figure:>9}{part.figures.n:>8}   {_means(part.mean_um)}"
+    if len(ordered) > _MOST_LINES:
+        yield f"  and {len(ordered) - _MOST_LINES} more"
+
+
+def _region_table(regions: Sequence[Region]) -> Iterator[str]:
+    held = [region for region in regions if region.n]
+    if len(held) < 2:
+        return
+    worst = sorted(held, key=lambda region: -(region.rmse_um or 0.0))
+    yield ""
+    yield f"{'by region, worst first, µm':<46}{'rms':>9}{'rows':>8}   mean"
+    for region in worst[:_MOST_REGIONS]:
+        yield f"  {region_name(region):<44}{region.rmse_um:>9.2f}{region.n:>8}   {_means(region.mean_um)}"
+    rest = [f"{len(worst) - _MOST_REGIONS} more"] if len(worst) > _MOST_REGIONS else []
+    if len(held) < len(regions):
+        rest.append(f"nothing measured in {len(regions) - len(held)} of {len(regions)}")
+    if rest:
+        yield ("  and " if len(worst) > _MOST_REGIONS else "  ") + "; ".join(rest)
+
+
+def _trend_tables(comparison: Comparison) -> Iterator[str]:
+    least = _LEAST_SHARE * comparison.rmse_um
+    shown: list[Trend] = []
+    for trend in comparison.trends:
+        # One table a variable, and one of variables that part the rows alike.
+        known = any(other.variable == trend.variable or _is_same(other, trend) for other in shown)
+        if trend.worth_um >= least and not known:
+            shown.append(trend)
+    yield ""
+    if not shown:
+        yield "the residual follows nothing in these data by more than a tenth of itself"
+        return
+    yield "what the residual follows (mean ± standard error of its bins, µm), the largest first:"
+    for trend in shown[:_MOST_TRENDS]:
+        what = "radius" if trend.component == "radius" else f"along {trend.component}"
+        yield f"  {what} over {trend.variable}: worth {trend.worth_um:.2f} µm"
+        for one in trend.bins:
+            span = f"{one.low:.6g}" if one.low == one.high else f"{one.low:.6g} to {one.high:.6g}"
+            error = "–" if math.isnan(one.std_error_um) else f"{one.std_error_um:.2f}"
+            yield f"    {span:<28}{_signed(one.mean_um, 2):>10} ± {error:<8}{one.n:>8} rows"
+    rest = [f"{trend.component} over {trend.variable} ({trend.worth_um:.1f})" for trend in shown[_MOST_TRENDS:]]
+    if rest:
+        yield from wrapped(f"then {', '.join(rest[:_MOST_LINES])}")
+
+
+def _is_same(one: Trend, other: Trend) -> bool:
+    return [(each.n, each.mean_um) for each in one.bins] == [(each.n, each.mean_um) for each in other.bins]
+
+
+def _worst(comparison: Comparison, places: Mapping[int, str]) -> Iterator[str]:
+    fitted = comparison.points
+    sightings = fitted.sightings
+    lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
+    is_circle = [sightings.frames[number] == "circle" for number in sightings.session]
+    for row in comparison.worst[:_MOST_WORST].tolist():
+        at = ",\u00a0".join(f"{value:g}" for value in sightings.commanded_mm[row]).replace("-", "−")
+        seen = sightings.is_measured[row]
+        values = [value if known else math.nan for value, known in zip(fitted.residual_mm[row], seen, strict=True)]
+        if is_circle[row]:
+            off = f"radius {_signed(1e3 * values[0], 1)} µm"
+        else:
+            off = (
+                "off by ("
+                + ",\u00a0".join("–" if math.isnan(v) else _signed(1e3 * v, 1) for v in values)
+                + ")\u00a0µm"
+            )
+        name = f"line {lines[row]}, " if lines[row] else ""
+        out = "" if fitted.solved.used[row] else " (left out)"
+        text = f"{places.get(row, f'row {row + 1}')}: {name}at ({at}) mm, {off}{out}"
+        yield from (line.replace("\u00a0", " ") for line in wrapped(text))
+
+
+def _lengths(lengths: LengthComparison) -> Iterator[str]:
+    yield ""
+    yield f"{'lengths, figures in µm':<44}"
+    yield f"{'residual, rms':<44}{lengths.rms_um:>12.2f}"
+    floor = "–" if lengths.noise_floor_um is None else f"{lengths.noise_floor_um:.2f}"
+    yield f"{'noise floor (what repeats scatter)':<44}{floor:>12}"
+    for name, (rms_um, n) in lengths.by("group").items():
+        yield f"  {_short(name or 'no group', 40):<42}{rms_um:>12.2f}{n:>8} lengths"
+    order = sorted(range(len(lengths)), key=lambda row: -abs(lengths.residual_um[row]))
+    for row in order[:_MOST_WORST]:
+        feature = str(lengths.frame["feature"][row] or "a length")
+        yield f"  {_short(feature, 40):<42}{_signed(float(lengths.residual_um[row]), 2):>12}"
+
+
+def _means(mean_um: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {_signed(value, 1)}" for name, value in mean_um.items())
+
+
+def _signed(value: float, digits: int) -> str:
+    return f"{value:+.{digits}f}".replace("-", "−")
+
+
+def _short(text: str, width: int) -> str:
+    return text if len(text) <= width else text[: width - 1] + "…"

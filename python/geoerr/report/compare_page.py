@@ -1,0 +1,127 @@
+"""The page of a comparison: how far a model is off, and where, in tables and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from geoerr.diagnose import Comparison, LengthComparison, Part, Trend
+from geoerr.report.figures import residuals, style
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.provenance import Provenance
+
+_MOST_TRENDS = 4
+_MOST_WORST = 20
+_FREEDOM = {
+    "own": "These are the data that the model was fitted to: its own numbers take part.",
+    "refit": "The model's numbers were fitted to these data.",
+    "held": "The model's numbers stay as they are; only where each measuring frame stands is fitted.",
+}
+
+
+def write_comparison_page(
+    path: str | Path, comparison: Comparison, document: Mapping[str, Any], provenance: Provenance
+) -> None:
+    """Write the page, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        HTML to write.
+    comparison
+        What is drawn.
+    document
+        Its figures, as `to_document` gives them.
+    provenance
+        For the last section.
+    """
+    summary = [_FREEDOM[comparison.freedom], f"Residual {style.text_um(comparison.rmse_um)} rms."]
+    for name, key in (("Held out", "held_out_rmse_um"), ("Noise floor", "noise_floor_um")):
+        value = document[key]
+        summary.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
+    sections = [] if comparison.fitted is None else _sections(comparison, document)
+    if comparison.lengths is not None:
+        sections.append(Section("Lengths", (_length_table(comparison.lengths),)))
+    write_report(path, f"{comparison.model.machine.name}: model against measurements", summary, sections, provenance)
+
+
+def _sections(comparison: Comparison, document: Mapping[str, Any]) -> list[Section]:
+    blocks: list[Block] = [
+        Figure(
+            residuals.residual_histogram(comparison), "Residuals component by component, beside the noise of repeats."
+        )
+    ]
+    blocks += [
+        _part_table(title, parts)
+        for title, parts in (
+            ("By line", comparison.by_line),
+            ("By direction of approach", comparison.by_direction),
+            ("By session", comparison.by_session),
+        )
+        if len(parts) > 1
+    ]
+    sections = [Section("How far the model is off", tuple(blocks))]
+    if any(component.name != "radius" for component in comparison.components):
+        where: tuple[Block, ...] = (
+            Figure(residuals.residual_vectors(comparison), "Residuals at their commanded positions, by length."),
+            Figure(residuals.residual_directions(comparison), "The same by direction: clusters are what is missing."),
+            Figure(residuals.residual_by_region(comparison), "Mean, spread and number of rows by region."),
+        )
+        sections.append(Section("Where it is off", where))
+    named = list(dict.fromkeys(trend.variable for trend in comparison.trends))[:_MOST_TRENDS]
+    follows: list[Block] = [
+        Figure(residuals.residual_against(comparison, name), f"The residual over {name}.") for name in named
+    ]
+    if len(named) > 1:
+        follows.append(
+            Figure(
+                residuals.residual_against(comparison, named[0], named[1]),
+                f"The residual over {named[0]}, coloured by {named[1]}.",
+            )
+        )
+    table = _trend_table(comparison.trends) if comparison.trends else Paragraph("Nothing varies in these data.")
+    sections.append(Section("What the residual follows", (table, *follows)))
+    sections.append(Section("Worst places", (_worst_table(document["worst"]),)))
+    return sections
+
+
+def _part_table(title: str, parts: Sequence[Part]) -> Table:
+    rows = tuple(
+        (
+            part.name,
+            "–" if part.rmse_um is None else f"{part.rmse_um:.2f}",
+            str(part.figures.n),
+            ", ".join(f"{name} {_number(value)}" for name, value in part.mean_um.items()),
+        )
+        for part in parts
+    )
+    return Table(title, ("", "rms, µm", "rows", "mean, µm"), rows)
+
+
+def _trend_table(trends: Sequence[Trend]) -> Table:
+    rows = tuple((trend.variable, trend.component, f"{trend.worth_um:.2f}") for trend in trends)
+    return Table("Largest first: how much the means of bins differ, rms", ("over", "component", "worth, µm"), rows)
+
+
+def _worst_table(worst: Sequence[Mapping[str, Any]]) -> Table:
+    rows = tuple(
+        (
+            str(row["line"]),
+            *(f"{row[axis]:.6g}" for axis in ("x", "y", "z")),
+            *("–" if value is None else _number(value) for value in row["residual_um"]),
+        )
+        for row in worst[:_MOST_WORST]
+    )
+    header = ("line", "x, mm", "y, mm", "z, mm", "residual x, µm", "y, µm", "z, µm")
+    return Table("Rows with the longest residuals", header, rows)
+
+
+def _length_table(lengths: LengthComparison) -> Table:
+    groups = lengths.by("group") or {"all": (lengths.rms_um, len(lengths))}
+    rows = tuple((name or "no group", f"{rms_um:.2f}", str(n)) for name, (rms_um, n) in groups.items())
+    return Table("Measured minus predicted length, rms", ("group", "rms, µm", "lengths"), rows)
+
+
+def _number(value: float) -> str:
+    return f"{value:+.1f}".replace("-", "−")

@@ -1,0 +1,311 @@
+"""Where a model fails, in pictures: the residual against any variable, in the volume, by region, as a histogram."""
+
+from __future__ import annotations
+
+import colorsys
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from geoerr.diagnose import Comparison, Component
+from geoerr.diagnose.components import is_circle
+from geoerr.diagnose.regions import region_name
+from geoerr.diagnose.trends import trend_of, variables_of
+from geoerr.errors import GeoerrError
+from geoerr.machine import AXES
+from geoerr.report.figures import style
+from geoerr.report.figures.style import Numbers
+
+_ROW_PX = 230
+_VOLUME_PX = 620
+_REGION_PX = 440
+_HISTOGRAM_PX = 400
+# Share of the volume's diagonal that the largest residual is drawn as.
+_LARGEST_DRAWN = 0.12
+_MOST_POINTS = 20_000
+_MOST_BARS = 60
+_COLORS = {"x": style.BLUE, "y": style.ORANGE, "z": style.GREEN, "radius": style.PURPLE}
+
+
+def residual_against(comparison: Comparison, variable: str, color_by: str | None = None) -> go.Figure:
+    """Draw the residual over one variable, a row for each component, with the mean of its bins.
+
+    Parameters
+    ----------
+    comparison
+        What is drawn.
+    variable
+        A column of the data, or `d_x`, `s_x`, `v_x`, `row`: as `comparison.trends` names them.
+    color_by
+        Another one, as colour: a loop that one variable leaves open closes over the right one.
+
+    Raises
+    ------
+    GeoerrError
+        for a variable that the data do not have, or that never changes, naming those that there are.
+    """
+    fitted = comparison.points
+    variables = variables_of(fitted)
+    for name in (variable, color_by):
+        if name is not None and name not in variables:
+            raise GeoerrError(
+                f"the residual cannot be drawn over {name!r}: no such variable, or it never changes\n"
+                f"hint: there are {', '.join(variables)}"
+            )
+    values = variables[variable]
+    colors = None if color_by is None else variables[color_by]
+    components = comparison.components
+    figure = make_subplots(rows=len(components), cols=1, shared_xaxes=True, vertical_spacing=0.05)
+    for row, component in enumerate(components, start=1):
+        shown = _thinned(component.is_known & np.isfinite(values))
+        marker = {"size": 4, "opacity": 0.6, "color": _COLORS[component.name]}
+        if colors is not None:
+            marker = {"size": 4, "opacity": 0.8, "color": colors[shown], "coloraxis": "coloraxis"}
+        figure.add_trace(
+            go.Scatter(
+                x=values[shown],
+                y=component.residual_um[shown],
+                mode="markers",
+                marker=marker,
+                name="one row",
+                showlegend=row == 1,
+                hovertemplate=f"{variable} %{{x:.6g}}: %{{y:.2f}} µm<extra></extra>",
+            ),
+            row=row,
+            col=1,
+        )
+        bins = trend_of(fitted.sightings, variable, values, component).bins
+        figure.add_trace(
+            go.Scatter(
+                x=[0.5 * (one.low + one.high) for one in bins],
+                y=[one.mean_um for one in bins],
+                error_y={"type": "data", "array": [style.COVERAGE_95 * one.std_error_um for one in bins]},
+                mode="lines+markers",
+                line={"color": style.BLACK, "width": 1.6},
+                marker={"size": 6},
+                name="mean of a bin, 95 %",
+                showlegend=row == 1,
+            ),
+            row=row,
+            col=1,
+        )
+        figure.update_yaxes(title_text=f"{_in_words(component)}, µm", row=row, col=1)
+    figure.update_xaxes(title_text=variable, row=len(components), col=1)
+    if color_by is not None:
+        bar = {"title": {"text": color_by, "side": "top"}, "thickness": 14}
+        figure.update_layout(coloraxis={"colorscale": "Viridis", "colorbar": bar})
+    coloured = "" if color_by is None else f"; colour: {color_by}"
+    return style.finish(
+        figure,
+        f"Residual over {variable}",
+        f"measured minus predicted, base axes{coloured}",
+        max(_ROW_PX * len(components) + 110, 380),
+        legend=True,
+    )
+
+
+def residual_vectors(comparison: Comparison) -> go.Figure:
+    """Draw every residual as a stroke at its commanded position, coloured by its length."""
+    return _volume(comparison, "length")
+
+
+def residual_directions(comparison: Comparison) -> go.Figure:
+    """Draw every residual as a stroke coloured by its direction.
+
+    Clusters of one colour are what a model lacks; noise has every colour everywhere (mrcal's view of directions).
+    """
+    return _volume(comparison, "direction")
+
+
+def _volume(comparison: Comparison, what: str) -> go.Figure:
+    fitted = comparison.points
+    rows = _thinned(fitted.solved.used & ~is_circle(fitted))
+    at = fitted.sightings.commanded_mm[rows] + np.where(
+        (fitted.sightings.carrier == 1)[rows, None], 0.0, fitted.sightings.offset_mm[rows]
+    )
+    error = np.where(fitted.sightings.is_measured, fitted.residual_mm, 0.0)[rows]
+    length = np.linalg.norm(error, axis=1)
+    largest = float(length.max(initial=0.0))
+    diagonal = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 1.0
+    room = diagonal if diagonal > 0.0 else 1.0
+    factor = 1.0 if largest == 0.0 else max(style.round_down_125(_LARGEST_DRAWN * room / largest), 1.0)
+    ends = at + factor * error
+    strokes = np.full((len(at), 3, 3), np.nan)
+    strokes[:, 0], strokes[:, 1] = at, ends
+    line = strokes.reshape(-1, 3)
+    if what == "length":
+        color: object = np.repeat(length * style.UM_PER_MM, 3)
+        look = {
+            "color": color,
+            "colorscale": "Viridis",
+            "cmin": 0.0,
+            "cmax": max(largest * style.UM_PER_MM, 1e-6),
+            "width": 4,
+            "showscale": True,
+            "colorbar": {"title": {"text": "µm", "side": "top"}, "thickness": 14, "len": 0.7},
+        }
+    else:
+        look = {"color": [name for name in direction_colors(error) for _ in range(3)], "width": 4}
+    customdata = np.repeat(np.column_stack([at, error * style.UM_PER_MM]), 3, axis=0)
+    hover = (
+        "at (%{customdata[0]:.1f}, %{customdata[1]:.1f}, %{customdata[2]:.1f}) mm<br>"
+        "residual (%{customdata[3]:.1f}, %{customdata[4]:.1f}, %{customdata[5]:.1f}) µm<extra></extra>"
+    )
+    figure = go.Figure(
+        go.Scatter3d(
+            x=line[:, 0],
+            y=line[:, 1],
+            z=line[:, 2],
+            mode="lines",
+            line=look,
+            customdata=customdata,
+            hovertemplate=hover,
+            name="residual",
+        )
+    )
+    figure.add_trace(
+        go.Scatter3d(
+            x=at[:, 0],
+            y=at[:, 1],
+            z=at[:, 2],
+            mode="markers",
+            marker={"size": 1.5, "color": "#B8B8B8"},
+            hoverinfo="skip",
+            name="commanded",
+        )
+    )
+    title = "Residual in the volume" if what == "length" else "Direction of the residual in the volume"
+    colored = "its length" if what == "length" else "its direction (hue: in the XY plane, light: +Z, dark: −Z)"
+    style.finish(
+        figure,
+        title,
+        f"{len(at)} rows; magnified {factor:,.0f} times; colour: {colored}",
+        _VOLUME_PX,
+        bottom_px=10,
+    )
+    figure.update_scenes(
+        xaxis_title_text="X, mm",
+        yaxis_title_text="Y, mm",
+        zaxis_title_text="Z, mm",
+        aspectmode="data" if float(np.ptp(at, axis=0).min(initial=0.0)) > 0.02 * room else "cube",
+        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+    )
+    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
+    return figure
+
+
+def direction_colors(error_mm: Numbers) -> list[str]:
+    """Give a colour (`#RRGGBB`) for the direction of each vector (n, 3): hue in the XY plane, lightness along Z."""
+    colors = []
+    for x, y, z in error_mm.tolist():
+        size = float(np.sqrt(x * x + y * y + z * z))
+        hue = float(np.arctan2(y, x)) / (2.0 * np.pi) % 1.0
+        up = z / size if size > 0.0 else 0.0
+        level = colorsys.hls_to_rgb(hue, 0.5 + 0.3 * up, float(np.sqrt(max(1.0 - up * up, 0.0))))
+        colors.append("#" + "".join(f"{round(255.0 * part):02X}" for part in level))
+    return colors
+
+
+def residual_by_region(comparison: Comparison) -> go.Figure:
+    """Draw mean ± standard deviation of each component by region, and how many rows each holds."""
+    regions = comparison.regions
+    names = [region_name(region).replace(", ", "<br>") for region in regions]
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.7, 0.3])
+    for component in comparison.components:
+        figure.add_trace(
+            go.Scatter(
+                x=names,
+                y=[region.mean_um.get(component.name) for region in regions],
+                error_y={"type": "data", "array": [region.std_um.get(component.name) for region in regions]},
+                mode="markers",
+                marker={"size": 8, "color": _COLORS[component.name]},
+                name=_in_words(component),
+            ),
+            row=1,
+            col=1,
+        )
+    counts = [region.n for region in regions]
+    figure.add_trace(
+        go.Bar(x=names, y=counts, marker={"color": style.SKY}, name="rows", showlegend=False), row=2, col=1
+    )
+    figure.update_yaxes(title_text="mean ± std, µm", row=1, col=1)
+    figure.update_yaxes(title_text="rows", rangemode="tozero", row=2, col=1)
+    figure.update_xaxes(tickfont={"size": 9}, row=2, col=1)
+    figure.update_layout(scattermode="group")
+    return style.finish(
+        figure,
+        "Residual by region",
+        "a mean that is not 0 is an error that the model does not have; few rows: hardly looked there (mm)",
+        _REGION_PX,
+        bottom_px=90,
+        legend=True,
+    )
+
+
+def residual_histogram(comparison: Comparison) -> go.Figure:
+    """Draw the histogram of each component beside what noise of the repeats' size (or as stated) would give."""
+    fitted = comparison.points
+    components = comparison.components
+    figure = make_subplots(rows=1, cols=len(components), horizontal_spacing=0.07)
+    variance_mm2 = fitted.repeats.variance_mm2
+    has_noise = False
+    for column, component in enumerate(components, start=1):
+        known = component.residual_um[component.is_known]
+        low, high = float(known.min()), float(known.max())
+        n_bars = int(np.clip(np.sqrt(len(known)), 8, _MOST_BARS))
+        edges = np.linspace(low, high, n_bars + 1) if high > low else np.array([low - 0.5, low + 0.5])
+        counts, _ = np.histogram(known, edges)
+        width = float(edges[1] - edges[0])
+        figure.add_trace(
+            go.Bar(
+                x=0.5 * (edges[1:] + edges[:-1]),
+                y=counts,
+                width=width,
+                marker={"color": style.transparent(_COLORS[component.name], 0.6)},
+                name="residual",
+                showlegend=column == 1,
+            ),
+            row=1,
+            col=column,
+        )
+        index = AXES.index(component.name) if component.name in AXES else 0
+        sigma_um = float(np.sqrt(variance_mm2[index])) * style.UM_PER_MM
+        if np.isfinite(sigma_um) and sigma_um > 0.0:
+            reach = max(abs(low), abs(high), 3.0 * sigma_um)
+            at = np.linspace(-reach, reach, 201)
+            density = np.exp(-0.5 * (at / sigma_um) ** 2) / (sigma_um * np.sqrt(2.0 * np.pi))
+            figure.add_trace(
+                go.Scatter(
+                    x=at,
+                    y=np.minimum(density * width * len(known), 2.0 * counts.max()),
+                    mode="lines",
+                    line={"color": style.BLACK, "width": 1.6},
+                    name="noise floor (repeats)",
+                    showlegend=not has_noise,
+                ),
+                row=1,
+                col=column,
+            )
+            has_noise = True
+        figure.update_xaxes(title_text=f"{_in_words(component)}, µm", row=1, col=column)
+    figure.update_yaxes(title_text="rows", rangemode="tozero", row=1, col=1)
+    floor = fitted.repeats.floor_um
+    said = "nothing was measured twice: no noise floor" if floor is None else f"noise floor {style.text_um(floor)}"
+    return style.finish(
+        figure,
+        "Histogram of the residual",
+        f"rms {style.text_um(comparison.rmse_um)}; {said}",
+        _HISTOGRAM_PX,
+        legend=True,
+    )
+
+
+def _in_words(component: Component) -> str:
+    return "radius" if component.name == "radius" else f"along {component.name}"
+
+
+def _thinned(shown: np.ndarray) -> np.ndarray:
+    """Give the rows that are drawn: all, or of very many every k-th."""
+    rows = np.flatnonzero(shown)
+    return rows[:: max(-(-len(rows) // _MOST_POINTS), 1)]
