@@ -46,7 +46,7 @@ class Shapes:
     Attributes
     ----------
     term
-        The term, values unknown.
+        The term, values unknown; None of a probe.
     channels
         Channel of each part, with its factor.
     columns
@@ -63,7 +63,7 @@ class Shapes:
         The formulas.
     """
 
-    term: Term
+    term: Term | None
     channels: tuple[tuple[str, float], ...]
     columns: tuple[tuple[int, int], ...]
     n_coefficients: int

@@ -4,8 +4,8 @@ For each component c of the whitened residual the covariance is
 
     V_c = σ_c² (I + Z C_c Zᵀ),   C_c = a_c² [same pass] + b_c² exp(−|t − t'| / τ_c) [same session],
 
-Z the membership of rows in blocks: runs of neighbouring rows of one pass. The drift is the measuring device's, so that
-rows of a static reference marker share it with the rows of the machine: where there are such rows, generalised least
+Z the membership of rows in blocks: runs of neighbouring rows of one pass. The drift is the device's, so that rows
+of a static reference marker share it with the rows of the machine: where there are such rows, generalised least
 squares takes off what the marker shows.
 
 | symbol | code | what |
@@ -149,6 +149,18 @@ class NoiseModel:
     def whiten_transposed(self, values: Numbers) -> Numbers:
         """Apply the transpose of V^(-1/2) to values (n, 3) or (n, 3, m)."""
         return self._apply(values, transposed=True)
+
+    def unwhiten(self, values: Numbers) -> Numbers:
+        """Undo `whiten` for values (n, 3)."""
+        result = np.empty_like(values)
+        for c in range(3):
+            sums = self.unit[c].T @ values[:, c]
+            more = np.empty_like(sums)
+            for own, less_one in zip(self.blocks.slices, self.transforms[c], strict=True):
+                whole = less_one + np.eye(len(less_one))
+                more[own] = linalg.solve_triangular(whole, sums[own], lower=True) - sums[own]
+            result[:, c] = self.sigma[c] * (values[:, c] + self.unit[c] @ more)
+        return result
 
     def _apply(self, values: Numbers, *, transposed: bool) -> Numbers:
         result = np.empty_like(values)

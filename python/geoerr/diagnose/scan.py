@@ -7,9 +7,9 @@
 | Q, r | `Space` | what the model is free to do, and what it leaves, in the metric of the noise |
 | V^(-1/2) = σ⁻¹(I + U (T − I) Uᵀ) | `NoiseModel` | the whitening |
 
-A candidate's columns are B = Σ_p D_p f_p. With b = UᵀB the information beyond the model is
-BᵀV⁻¹B − (QᵀV^(-1/2)B)ᵀ(…) = Σ f_p (D_p·D_q) f_q − bᵀb + (T b)ᵀ(T b) − …; the gain, by which the sum of squares falls on
-adding B and refitting everything, is sᵀ I⁻¹ s with the scores s = Bᵀ V^(-T/2) r.
+With the columns B = Σ_p D_p f_p of a candidate and b = UᵀB the information beyond the model is
+BᵀV⁻¹B − (QᵀV^(-1/2)B)ᵀ(…) = Σ f_p (D_p·D_q) f_q − bᵀb + (T b)ᵀ(T b) − …; the gain, by which the sum of squares
+falls on adding B and refitting everything, is sᵀ I⁻¹ s with the scores s = Bᵀ V^(-T/2) r.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Scanner:
         self.carried = np.ascontiguousarray(carried.T)
 
     def _sums(self, channel: str) -> tuple[Numbers, Numbers, Numbers, Numbers]:
-        """Give the direction over σ (n, 3), its products with Q (n, r), with r (n,), and with the unseen residual (n,)."""
+        """Give the direction over σ (n, 3), its products with Q (n, r), r (n,) and the unseen residual (n,)."""
         if channel not in self._known:
             space = self.space
             raw = self.channels[channel]
@@ -142,12 +142,10 @@ class Scanner:
             by_pass[:, coefficient] += (pass_sets[part] @ f.T).T
         weights_of: dict[tuple[int, int], Numbers] = {}
         for a, (p, i) in enumerate(shapes.columns):
-            for b, (q, j) in enumerate(shapes.columns):
-                if b < a:
-                    continue
+            for b, (q, j) in enumerate(shapes.columns[a:], start=a):
                 if (p, q) not in weights_of:
                     product = factors[p] * factors[q] * (sums[p][0] * sums[q][0]).sum(axis=1)
-                    weights_of[p, q] = np.bincount(place, product, n_sets)
+                    weights_of[p, q] = np.asarray(np.bincount(place, product, n_sets), dtype=np.float64)
                 both = np.einsum("tn,tn,n->t", values[:, a], values[:, b], weights_of[p, q], optimize=True)
                 raw[:, i, j] += both
                 if b > a:
@@ -190,7 +188,7 @@ def _judged(raw: Numbers, noisy: Numbers, beyond: Numbers, score: Numbers, by_pa
 
 
 def columns_of(space: Space, channels: Channels, shapes: Shapes, values: Numbers) -> Numbers:
-    """Give a group's columns themselves at one trial's values (n_columns, n_sets), whitened, off the model: (n, 3, k)."""
+    """Give a group's columns at one trial's values (n_columns, n_sets), whitened, off the model: (n, 3, k)."""
     raw = raw_columns(channels, shapes, values)
     whitened = space.noise.whiten(raw)
     basis = space.basis.reshape(-1, space.basis.shape[2])

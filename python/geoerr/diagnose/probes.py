@@ -1,0 +1,117 @@
+"""Probes: smooth functions of one variable or two on each axis, for structure that no effect of the catalogue has.
+
+A probe names variables, not causes. It is judged like a candidate, against the same noise and the same kind of null.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from geoerr.diagnose.candidates import Shapes
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.noise import _NOT_CONDITIONS
+from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import times_s, variable_columns
+from geoerr.machine import AXES
+
+# Degrees of the functions of one variable, and of the products of two: the low ones cost less.
+_ONE = (3, 8)
+_TWO = (1, 2, 3)
+# A variable of at most so many values is a list of cases, not a curve.
+_FEW_VALUES = 4
+# Two variables whose ranks agree so far are one.
+_SAME = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """A smooth dependence of one component of the error on one variable or two.
+
+    Attributes
+    ----------
+    component
+        Axis of the base along which it acts.
+    depends_on
+        Names of its variables, sorted.
+    shapes
+        Of rising freedom.
+    """
+
+    component: str
+    depends_on: tuple[str, ...]
+    shapes: tuple[Shapes, ...]
+
+    @property
+    def n_trials(self) -> int:
+        """Number of ways to write it."""
+        return len(self.shapes)
+
+
+def probes_of(fitted: Fitted) -> list[Probe]:
+    """Give all probes that the data can carry."""
+    variables = _variables(fitted)
+    rows = np.arange(len(fitted.sightings))
+    functions = {name: _functions(values) for name, values in variables.items()}
+    bases: list[tuple[tuple[str, ...], list[Numbers]]] = [
+        ((name,), [own[: min(degree, len(own))] for degree in _ONE]) for name, own in functions.items()
+    ]
+    for first, second in itertools.combinations(functions, 2):
+        one, two = functions[first], functions[second]
+        products = [(one[:degree, None] * two[None, :degree]).reshape(-1, len(rows)) for degree in _TWO]
+        bases.append(((first, second), products))
+    found = []
+    for axis in AXES:
+        for names, columns in bases:
+            shapes = [_shapes(f"target-{axis}", own, rows) for own in _different(columns)]
+            found.append(Probe(axis, tuple(sorted(names)), tuple(shapes)))
+    return found
+
+
+def _different(columns: list[Numbers]) -> list[Numbers]:
+    return [own for number, own in enumerate(columns) if number == 0 or len(own) > len(columns[number - 1])]
+
+
+def _shapes(channel: str, values: Numbers, rows: np.ndarray) -> Shapes:
+    n = len(values)
+    return Shapes(None, ((channel, 1.0),), tuple((0, k) for k in range(n)), n, ({},), ((),), rows, values[None])
+
+
+def _variables(fitted: Fitted) -> dict[str, Numbers]:
+    """Give every variable that varies, in units of its own spread; of those that agree the first."""
+    sightings = fitted.sightings
+    names = [*AXES, *(f"d_{axis}" for axis in AXES), *(f"s_{axis}" for axis in AXES)]
+    columns = set(sightings.covariate_columns)
+    if "moving" in columns and columns & {"feed", "t"}:
+        names += [f"v_{axis}" for axis in AXES]
+    found = dict(zip(names, variable_columns(sightings, names), strict=True))
+    found |= {name: sightings.numbers(name) for name in sightings.covariate_columns if name not in _NOT_CONDITIONS}
+    found["t"] = times_s(sightings)
+    kept: dict[str, Numbers] = {}
+    ranks: list[Numbers] = []
+    for name, values in found.items():
+        known = np.isfinite(values)
+        if known.sum() < 2 or np.ptp(values[known]) <= 1e-9 * max(float(np.abs(values[known]).max()), 1e-300):
+            continue
+        filled = np.where(known, values, np.median(values[known]))
+        rank = stats.rankdata(filled)
+        rank = (rank - rank.mean()) / rank.std()
+        if any(abs(float(rank @ other)) > _SAME * len(rank) for other in ranks):
+            continue
+        ranks.append(rank)
+        # Travel, speed and covariates bunch: their ranks are spread evenly.
+        kept[name] = filled if name in AXES or name == "t" else stats.rankdata(filled)
+    return kept
+
+
+def _functions(values: Numbers) -> Numbers:
+    """Give functions without a constant, orthogonal over an even spread, (k, n)."""
+    levels, place = np.unique(values, return_inverse=True)
+    most = len(levels) - 1 if len(levels) <= _FEW_VALUES else min(max(_ONE), len(levels) - 1)
+    if len(levels) <= _FEW_VALUES:
+        values = place.ravel().astype(np.float64)
+    u = 2.0 * (values - values.min()) / np.ptp(values) - 1.0
+    return np.ascontiguousarray(np.polynomial.legendre.legvander(u, most).T[1:])

@@ -1,0 +1,418 @@
+"""The search: candidates and probes judged together, the best added, until chance explains what is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoerr.diagnose.candidates import Candidate, Formulas, Shapes, candidates_of
+from geoerr.diagnose.noise import NoiseModel, blocks_of, fit_noise
+from geoerr.diagnose.null import Null, surprise, turned, turns
+from geoerr.diagnose.probes import Probe, probes_of
+from geoerr.diagnose.scan import Scanned, Scanner, all_channels, columns_of, raw_columns
+from geoerr.diagnose.space import Channels, Space, offset_weights, orthonormal, whitened_space
+from geoerr.effects.collection import Catalogue
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.held_out import projected_rows
+from geoerr.fit.sightings import Numbers
+from geoerr.terms import Term
+
+# Family-wise: one half for the catalogue, the other for probes.
+ALPHA = 0.05
+MOST_EFFECTS = 6
+# A probe has to be this much better than the best name, in the logarithm of the evidence, for there to be no name.
+_IMPOSTOR = 3.0
+# A name that explains this share of what the best probe does is the name of it, if not all of it.
+_MOST_OF_IT = 0.75
+# Candidates of which drift leaves less than this are judged with the drift estimated anew.
+_LIKE_DRIFT = 0.5
+# Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
+_VUONG, _LEAST_CORRELATION = 1.64, 0.5
+TIED_CORRELATION = 0.95
+# Falls of the sum of squares that differ by less than 6 are e^3 in likelihood, which is little; by 20, decided.
+_LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
+# Candidates that are looked at closely.
+_CLOSELY = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A candidate or probe at its best trial.
+
+    Attributes
+    ----------
+    what
+        The candidate or probe.
+    shapes, trial
+        Its best form and trial value.
+    gain, rank
+        Fall of the sum of squares, and its degrees of freedom.
+    surprise
+        −ln of the chance of such a gain, trials counted.
+    evidence
+        Logarithm of the Bayes factor by Schwarz, trials counted.
+    p_value
+        Family-wise over the whole search.
+    share
+        What the model leaves of it; 0: not measurable with this plan.
+    """
+
+    what: Candidate | Probe
+    shapes: Shapes
+    trial: int
+    gain: float
+    rank: int
+    surprise: float
+    evidence: float
+    p_value: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A candidate with its inner parameters refined: values, standard errors, columns.
+
+    Attributes
+    ----------
+    term
+        With values and standard errors.
+    shapes
+        At one trial.
+    gain
+        Fall of the sum of squares.
+    raw : (n, 3, k)
+        Columns in units of the stated uncertainties: coefficients, then inner derivatives.
+    displacement : (n, 3)
+        What it explains, whitened, off the model.
+    visible_um
+        Root mean square of what it explains beyond the model.
+    """
+
+    term: Term | None
+    shapes: Shapes
+    gain: float
+    raw: Numbers
+    displacement: Numbers
+    visible_um: float
+
+
+class Bench:
+    """A fit, the effects added so far, and the space that they leave."""
+
+    def __init__(self, fitted: Fitted, *, threads: int = 0) -> None:
+        self.fitted = fitted
+        solved = fitted.solved
+        scale = solved.used.astype(np.float64)
+        raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
+        self.rows = (fitted.sightings.is_measured & solved.used[:, None]).astype(np.float64)
+        self.base = orthonormal(raw.reshape(-1, raw.shape[2])).reshape(*self.rows.shape, -1)
+        self.blocks = blocks_of(fitted.sightings)
+        self.weights = offset_weights(fitted)
+        self.channels = Channels(fitted, self.rows, threads=threads)
+        self.noise: NoiseModel | None = None
+
+    def basis(self, added: Sequence[Numbers]) -> Numbers:
+        """Give orthonormal columns of the model and of what was added, (n, 3, r)."""
+        if not added:
+            return self.base
+        joined = np.concatenate([self.base, *added], axis=2)
+        return orthonormal(joined.reshape(-1, joined.shape[2])).reshape(*self.rows.shape, -1)
+
+    def fit_noise(self, basis: Numbers, *, restricted: bool = True) -> NoiseModel:
+        """Fit the noise with these columns in the model."""
+        residual = self.fitted.solved.whitened * self.rows
+        return fit_noise(self.blocks, self.weights, residual, basis, restricted=restricted, start=self.noise)
+
+    def space(self, added: Sequence[Numbers]) -> Space:
+        """Give the space that the model and what was added leave, the noise estimated anew."""
+        basis = self.basis(added)
+        noise = self.fit_noise(basis)
+        self.noise = noise
+        return whitened_space(self.fitted, noise, self.rows, basis)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One look at everything: all candidates and probes against what a model leaves.
+
+    Attributes
+    ----------
+    space, scanner
+        What was left.
+    candidates, probes
+        Best first, by evidence; of candidates those that can be seen.
+    invisible
+        Candidates of which the model leaves nothing.
+    """
+
+    space: Space
+    scanner: Scanner
+    candidates: tuple[Judged, ...]
+    probes: tuple[Judged, ...]
+    invisible: tuple[Candidate, ...]
+
+    @property
+    def p_value(self) -> float:
+        """That nothing is missing, for all that was looked at."""
+        smallest = min((one.p_value for one in (*self.candidates, *self.probes)), default=1.0)
+        return min(2.0 * smallest, 1.0)
+
+
+def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Sequence[Probe]) -> Round:
+    """Judge every candidate and probe."""
+    everything: list[Candidate | Probe] = [*candidates, *probes]
+    bench.channels.need(all_channels([one for what in everything for one in what.shapes]))
+    scanner = Scanner(space, bench.channels)
+    signs = turns(space.n_passes)
+    judged: list[list[Judged]] = []
+    invisible: list[Candidate] = []
+    groups: tuple[Sequence[Candidate | Probe], ...] = (candidates, probes)
+    for group in groups:
+        own: list[Judged] = []
+        largest = np.full(signs.shape[1], -math.inf)
+        for what in group:
+            scanned = [scanner.scan(shapes) for shapes in what.shapes]
+            best = _best(space, what, scanned)
+            if best is None:
+                if isinstance(what, Candidate):
+                    invisible.append(what)
+                continue
+            largest = np.maximum(largest, turned(scanned, signs, what.n_trials))
+            own.append(best)
+        null = Null(largest)
+        own = [replace(one, p_value=null.p_value(one.surprise)) for one in own]
+        judged.append(sorted(own, key=lambda one: -one.evidence))
+    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible))
+
+
+def _best(space: Space, what: Candidate | Probe, scanned: Sequence[Scanned]) -> Judged | None:
+    found: Judged | None = None
+    for shapes, one in zip(what.shapes, scanned, strict=True):
+        evidence = _evidence(space, one.gain, one.rank, len(what.shapes) * len(shapes.trials))
+        evidence = np.where(one.rank > 0, evidence, -math.inf)
+        trial = int(np.argmax(evidence))
+        if one.rank[trial] == 0 or (found is not None and evidence[trial] <= found.evidence):
+            continue
+        rank, gain = int(one.rank[trial]), float(one.gain[trial])
+        found = Judged(
+            what,
+            shapes,
+            trial,
+            gain,
+            rank,
+            float(surprise(one.gain[trial : trial + 1], rank, what.n_trials)[0]),
+            float(evidence[trial]),
+            1.0,
+            float(one.share[trial]),
+        )
+    return found
+
+
+def _evidence(space: Space, gain: Numbers, rank: np.ndarray, n_trials: int) -> Numbers:
+    return np.asarray(0.5 * gain - 0.5 * rank * math.log(max(space.n_numbers, 2)) - math.log(max(n_trials, 1)))
+
+
+def settle(space: Space, scanner: Scanner, judged: Judged) -> Settled:
+    """Refine the inner parameters of a candidate, and give its values with standard errors."""
+    shapes, channels = judged.shapes, scanner.channels
+    if shapes.term is None:
+        raw = raw_columns(channels, shapes, shapes.values[judged.trial])
+        scanned = scanner.scan(shapes, shapes.values[judged.trial : judged.trial + 1])
+        columns = columns_of(space, channels, shapes, shapes.values[judged.trial])
+        displacement = columns @ scanned.estimate[0]
+        return Settled(None, shapes, judged.gain, raw, displacement, visible_um(space, displacement))
+    term = shapes.term
+    formulas = Formulas(space.fitted, term)
+    inner = list(shapes.trials[judged.trial])
+    k = len(term.coefficients)
+    single = replace(shapes, columns=formulas.columns, n_coefficients=k, corners=({},), trials=(tuple(inner),))
+    affine = sorted(shapes.corners[0])
+    free = [place for place, one in enumerate(term.inner) if one.low != one.high]
+
+    def values_at(trials: Sequence[Sequence[float]]) -> Numbers:
+        rows = np.stack([formulas.at(trial) for trial in trials])
+        return np.concatenate([rows, np.zeros((*rows.shape[:2], 1))], axis=2)
+
+    def grid(place: int, low: float, high: float, n: int) -> list[float]:
+        is_log = term.inner[place].spacing == "log"
+        return [float(v) for v in (np.geomspace if is_log else np.linspace)(low, high, n)]
+
+    bounds = {}
+    for place in free:
+        low, high = term.inner[place].low, term.inner[place].high
+        assert low is not None
+        assert high is not None
+        tried = sorted({trial[place] for trial in shapes.trials})
+        at = tried.index(inner[place])
+        bounds[place] = (
+            (low, high) if place in affine else (tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)])
+        )
+    for _ in range(7):
+        for place in free:
+            low, high = bounds[place]
+            if not low < high:
+                continue
+            points = grid(place, low, high, 9)
+            trials = [[*inner[:place], value, *inner[place + 1 :]] for value in points]
+            best = int(np.argmax(scanner.scan(single, values_at(trials)).gain))
+            inner[place] = points[best]
+            bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, 8)])
+    values = values_at([inner])
+    single = replace(single, trials=(tuple(inner),), values=values)
+    scanned = scanner.scan(single)
+    estimate = scanned.estimate[0]
+    parts = [raw_columns(channels, single, values[0])]
+    for place in free:
+        low, high = term.inner[place].low or 0.0, term.inner[place].high or 0.0
+        step = 1e-4 * (abs(inner[place]) if term.inner[place].spacing == "log" else high - low)
+        up, down = ([*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0))
+        sides = [raw_columns(channels, single, values_at([side])[0]) @ estimate for side in (up, down)]
+        parts.append(((sides[0] - sides[1]) / (2.0 * step))[:, :, None])
+    joined = np.concatenate(parts, axis=2)
+    whitened = space.noise.whiten(joined).reshape(-1, joined.shape[2])
+    basis = space.basis.reshape(len(whitened), -1)
+    beyond = whitened - basis @ (basis.T @ whitened)
+    size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
+    covariance = np.linalg.pinv(beyond.T @ beyond / np.outer(size, size), rcond=1e-9) / np.outer(size, size)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    inner_std = np.zeros(len(inner))
+    inner_std[free] = std[k:]
+    valued = term.with_values(
+        estimate.tolist(), inner, coefficients_std=std[:k].tolist(), inner_std=inner_std.tolist()
+    )
+    displacement = columns_of(space, channels, single, values[0]) @ estimate
+    return Settled(valued, single, float(scanned.gain[0]), joined, displacement, visible_um(space, displacement))
+
+
+def visible_um(space: Space, displacement: Numbers) -> float:
+    """Give the root mean square of a whitened displacement (n, 3) in µm, components summed as for errors."""
+    sightings = space.fitted.sightings
+    stated = space.noise.unwhiten(displacement)
+    mm = np.einsum("nij,nj->ni", np.linalg.pinv(sightings.whitening), stated)
+    count = np.maximum(space.rows.sum(axis=0), 1.0)
+    return 1e3 * float(np.sqrt(((mm**2 * space.rows).sum(axis=0) / count).sum()))
+
+
+def correlation(first: Settled, other: Judged, space: Space, channels: Channels) -> float:
+    """Give the share, as a cosine, of what one candidate explains that another could have explained."""
+    columns = columns_of(space, channels, other.shapes, other.shapes.values[other.trial])
+    own = orthonormal(columns.reshape(-1, columns.shape[2]))
+    flat = first.displacement.reshape(-1)
+    size = float(np.linalg.norm(flat))
+    return float(np.linalg.norm(own.T @ flat)) / size if size > 0.0 else 0.0
+
+
+def vuong(space: Space, first: Numbers, second: Numbers) -> float:
+    """Give Vuong's statistic by pass: how surely the first displacement (n, 3) is the better of two."""
+    difference = (space.residual - second) ** 2 - (space.residual - first) ** 2
+    by_pass = np.bincount(space.pass_number, weights=difference.sum(axis=1), minlength=space.n_passes)
+    spread = float(np.sqrt(((by_pass - by_pass.mean()) ** 2).sum()))
+    return float(by_pass.sum()) / spread if spread > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A candidate beside the best: how alike they are, and whether these data tell them apart."""
+
+    judged: Judged
+    settled: Settled
+    correlation: float
+    is_tied: bool
+
+
+def rivals_of(looked: Round, best: Settled, others: Sequence[Judged]) -> list[Rival]:
+    """Look closely at the next best candidates."""
+    found = []
+    for other in others[:_CLOSELY]:
+        alike = correlation(best, other, looked.space, looked.scanner.channels)
+        settled = settle(looked.space, looked.scanner, other)
+        difference = best.gain - settled.gain
+        z = vuong(looked.space, best.displacement, settled.displacement)
+        is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
+        tied = alike > TIED_CORRELATION or (alike > _LEAST_CORRELATION and is_near)
+        found.append(Rival(other, settled, alike, tied))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An effect that the search added."""
+
+    judged: Judged
+    settled: Settled
+    rivals: tuple[Rival, ...]
+    looked: Round
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What the search found.
+
+    Attributes
+    ----------
+    first
+        The look at the model as it was.
+    last
+        The look after all that was added.
+    found
+        Effects in the order in which they were added.
+    unknown
+        The probe that no candidate matches, with what it is worth; None where there is none.
+    not_offered
+        Effects that the data cannot carry, and why.
+    """
+
+    first: Round
+    last: Round
+    found: tuple[Found, ...]
+    unknown: tuple[Judged, Settled] | None
+    not_offered: tuple[tuple[str, str], ...]
+
+
+def search(fitted: Fitted, known: Catalogue, *, threads: int = 0) -> Searched:
+    """Add what is missing, best first, until chance explains what is left or a probe beats every name."""
+    bench = Bench(fitted, threads=threads)
+    candidates, not_offered = candidates_of(fitted, known)
+    probes = probes_of(fitted)
+    found: list[Found] = []
+    unknown: tuple[Judged, Settled] | None = None
+    first: Round | None = None
+    while True:
+        looked = look(bench, bench.space([one.settled.raw for one in found]), candidates, probes)
+        first = first or looked
+        best = _passed(looked.candidates)
+        probe = _passed(looked.probes)
+        if probe is not None and (
+            best is None or (probe.evidence > best.evidence + _IMPOSTOR and best.gain < _MOST_OF_IT * probe.gain)
+        ):
+            unknown = (probe, settle(looked.space, looked.scanner, probe))
+            break
+        if best is None or len(found) >= MOST_EFFECTS:
+            break
+        settled = settle(looked.space, looked.scanner, best)
+        others = [one for one in looked.candidates if one is not best]
+        found.append(Found(best, settled, tuple(rivals_of(looked, settled, others)), looked))
+        found = _without_superfluous(bench, found)
+        taken = {id(one.judged.what) for one in found}
+        candidates = [one for one in candidates if id(one) not in taken]
+    return Searched(first, looked, tuple(found), unknown, tuple(not_offered))
+
+
+def _passed(judged: Sequence[Judged]) -> Judged | None:
+    """Give the best that is neither chance nor not worth its freedom."""
+    return next((one for one in judged if one.p_value <= 0.5 * ALPHA and one.evidence > 0.0), None)
+
+
+def _without_superfluous(bench: Bench, found: list[Found]) -> list[Found]:
+    """Drop an earlier effect that a later one makes superfluous."""
+    for place in range(len(found) - 1):
+        others = [one.settled.raw for number, one in enumerate(found) if number != place]
+        space = bench.space(others)
+        one = found[place]
+        scanned = Scanner(space, bench.channels).scan(one.settled.shapes)
+        if float(_evidence(space, scanned.gain, scanned.rank, one.judged.what.n_trials)[0]) <= 0.0:
+            return [other for number, other in enumerate(found) if number != place]
+    return found
