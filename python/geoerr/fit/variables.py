@@ -79,5 +79,7 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         feed,
         np.ascontiguousarray(directions),
         sightings.starts,
+        # Rows of a circular test are one smooth path: speed along its tangent, acceleration towards its centre.
+        is_circle.astype(np.float64),
     )
     return {name: np.asarray(values) for name, values in derived.items()}

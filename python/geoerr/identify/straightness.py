@@ -18,10 +18,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from geoerr.error_functions import LI_NAMES
 from geoerr.geometry import integrate_straightness, remove_line
-from geoerr.identify.chi_squared import chi_squared_p_value
 from geoerr.identify.linear import Curve, Linear, Numbers
 from geoerr.machine import AXES, Machine
 
@@ -132,5 +132,5 @@ def compare(
     if eigenvalue[-1] <= 0.0:
         return TangentVerdict(name, rms, None, None)
     chi_squared = float(np.sum((vector[:, kept].T @ difference.value) ** 2 / eigenvalue[kept]))
-    p_value = chi_squared_p_value(chi_squared, float(kept.sum()))
+    p_value = float(stats.chi2.sf(chi_squared, int(kept.sum())))
     return TangentVerdict(name, rms, p_value, p_value >= _SIGNIFICANCE)

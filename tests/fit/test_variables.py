@@ -1,0 +1,49 @@
+"""What the fit derives of its rows for the effects' formulas."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+import pytest
+
+from geoerr.fit.sightings import sightings_of
+from geoerr.fit.variables import variable_columns
+from geoerr.observations import CircularTest
+
+RADIUS_MM, FEED_MM_MIN = 100.0, 3000.0
+CENTRE_MM = (212.0, 270.0)
+
+
+@pytest.mark.parametrize("n_points", [36, 360])
+def test_speed_and_acceleration_of_a_circular_test(n_points: int) -> None:
+    """Both senses at a constant feed: along the tangent, and v²/R towards the centre, however far apart rows are."""
+    angle = np.linspace(0.0, 2.0 * np.pi, n_points + 1)
+    tables = []
+    for sense in (1, -1):
+        turn = sense * angle
+        tables.append(
+            pl.DataFrame(
+                {
+                    "line": "ccw" if sense > 0 else "cw",
+                    "x": CENTRE_MM[0] + RADIUS_MM * np.cos(turn),
+                    "y": CENTRE_MM[1] + RADIUS_MM * np.sin(turn),
+                    "z": 0.0,
+                    "r": RADIUS_MM,
+                    "dir": sense,
+                    "feed": FEED_MM_MIN,
+                }
+            )
+        )
+    sightings = sightings_of(CircularTest(pl.concat(tables)))
+    v_x, v_y, a_x, a_y, d_x = variable_columns(sightings, ["v_x", "v_y", "a_x", "a_y", "d_x"])
+    v = FEED_MM_MIN / 60.0
+    for run, sense in enumerate((1, -1)):
+        rows = np.flatnonzero(sightings.session == run)
+        cos, sin = np.cos(sense * angle), np.sin(sense * angle)
+        # A circle through three rows on a circle is that circle: round-off alone.
+        assert np.allclose(v_x[rows], -sense * v * sin, rtol=0.0, atol=1e-8 * v)
+        assert np.allclose(v_y[rows], sense * v * cos, rtol=0.0, atol=1e-8 * v)
+        assert np.allclose(a_x[rows], -(v**2) / RADIUS_MM * cos, rtol=0.0, atol=1e-8 * v**2)
+        assert np.allclose(a_y[rows], -(v**2) / RADIUS_MM * sin, rtol=0.0, atol=1e-8 * v**2)
+        moves = np.abs(sin) > 1e-6
+        assert (d_x[rows][moves] == np.sign(-sense * sin[moves])).all()
