@@ -311,11 +311,18 @@ def in_row_six(observations: Observations, value: float) -> dict[str, Numbers]:
     return {name: np.where(sixth, value, own) for name, own in covariance_columns(observations).items()}
 
 
-def test_a_singular_covariance_is_refused_by_row() -> None:
+def test_a_row_with_a_singular_covariance_is_left_out_and_counted() -> None:
     first, _ = two_sessions(412)
-    columns = in_row_six(first, 0.0)
-    with pytest.raises(GeometryError, match="row 6 is not positive"):
-        fitted(MACHINE, replaced(first, **columns))
+    result = fitted(MACHINE, replaced(first, **in_row_six(first, 0.0)))
+    assert result.sightings.left_out == {"its covariance is not positive": 1}
+    assert len(result.sightings) == len(first) - 1
+
+
+def test_where_no_covariance_is_positive_the_data_are_refused() -> None:
+    first, _ = two_sessions(412)
+    none = {name: np.zeros(len(first)) for name in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")}
+    with pytest.raises(GeometryError, match="row 1 is not positive"):
+        fitted(MACHINE, replaced(first, **none))
 
 
 def test_rows_without_a_covariance_get_the_mean_of_the_others() -> None:

@@ -557,6 +557,10 @@ impl PyFitProblem {
 /// determined by the others.
 type LeftOutArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<bool>);
 
+/// Columns of norm 1 that cancel to this are not told apart by measurements: noise in that direction is 100,000 times
+/// that of a single number, and what came out would be no estimate of anything.
+const PRACTICAL_RANK: f64 = 1e-5;
+
 /// What a whitened design leaves behind.
 #[pyclass(frozen, name = "FitTriangle", module = "geoerr._core")]
 pub struct PyFitTriangle {
@@ -581,7 +585,7 @@ impl PyFitTriangle {
         let constraints = constraints.as_array();
         let rows = Matrix::from_fn(constraints.nrows(), constraints.ncols(), |r, c| constraints[[r, c]]);
         let restriction = if rows.n_rows() == 0 { Restriction::None } else { Restriction::Constraints(rows) };
-        let options = Options { restriction, ..Options::default() };
+        let options = Options { restriction, rank_tolerance: Some(PRACTICAL_RANK), ..Options::default() };
         let solution = enter_core(py, threads, || solve(&self.triangle, &options))?;
         Ok(PyFitSolution { solution })
     }

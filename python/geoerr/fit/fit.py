@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy import stats
 
 from geoerr import _core
-from geoerr.errors import GeometryError
+from geoerr.errors import GeoerrError, GeometryError
 from geoerr.fit.classic import (
     Components,
     classic_terms,
@@ -34,7 +34,7 @@ from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Solved, solve
-from geoerr.fit.start import Frames, nominal_mm, start_frames, target_places
+from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import times_s, variable_columns
@@ -82,6 +82,13 @@ class FitOptions:
     freedom: Freedom = "knots"
     is_robust: bool = True
     threads: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what a type checker would: the model would be another one, without a word."""
+        for name, known in (("components", get_args(Components)), ("freedom", get_args(Freedom))):
+            value = getattr(self, name)
+            if value not in known:
+                raise GeoerrError(f"{name} cannot be {value!r}\nhint: write one of {', '.join(map(repr, known))}")
 
 
 def fit_terms(
@@ -163,6 +170,31 @@ def fit_terms(
         )
         fitted = posed.fit(terms)
     return replace(fitted, choices=choices)
+
+
+def _refuse_not_finite(
+    terms: Sequence[Term], compiled: Compiled, problem: _core.FitProblem, sightings: Sightings
+) -> None:
+    """Refuse a formula that gives no number at some row, naming the term and the row."""
+    step = 4096
+    scale = np.ones(len(sightings))
+    if all(part.basis is not None for term in terms for part in term.parts):
+        return
+    for first in range(0, len(sightings), step):
+        last = min(first + step, len(sightings))
+        design = problem.design(problem.start, scale, first, last, 1)[:, : compiled.n_coefficients]
+        bad = np.argwhere(~np.isfinite(design))
+        if len(bad):
+            number, column = first + int(bad[0, 0]) // 3, int(bad[0, 1])
+            term = next(one for one, own in zip(terms, compiled.coefficient_slices, strict=True) if column < own.stop)
+            file_row = sightings.numbers("file_row")[number]
+            place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {number + 1}"
+            at = ", ".join(f"{value:g}" for value in sightings.commanded_mm[number])
+            raise GeometryError(
+                f"{term.id} gives no finite number at ({at}) mm, {place}\n"
+                f"hint: its formula must hold wherever the machine was measured: "
+                f"{next((part.expression for part in term.parts if part.expression), '')}"
+            )
 
 
 def _has_run_away(fitted: Fitted) -> bool:
@@ -253,6 +285,7 @@ class Posed:
         static = is_static(sightings)
         frames, turns = turned_in_plane(start_frames(nominal, sightings, static), nominal, sightings, static)
         self.frames: Frames = frames
+        refuse_strangers(nominal, sightings, static, frames)
         places, offsets = target_places(sightings, static, self.frames)
         self.sightings = replace(sightings, offset_mm=offsets)
         parts = (None if shared is None else shared.derivative, places, turns)
@@ -280,6 +313,7 @@ class Posed:
         gauge = np.zeros((len(rows), problem.n_columns))
         gauge[:, : compiled.n_coefficients] = rows
         prior = self._prior(terms, smoothness, problem)
+        _refuse_not_finite(terms, compiled, problem, sightings)
         solved = solve(
             problem,
             sightings,

@@ -152,6 +152,10 @@ def _of_points(observations: Observations) -> Sightings:
     is_measured = np.isfinite(observations.measured_mm)
     used = is_measured.any(axis=1)
     left_out = {"nothing measured": int((~used).sum())} if not used.all() else {}
+    believable = _has_positive_covariance(observations.covariance_mm2, is_measured)
+    if (used & believable).any() and not believable[used].all():
+        left_out["its covariance is not positive"] = int((used & ~believable).sum())
+        used &= believable
     kept = observations.select(used)
     names = kept.texts("session")
     sessions = tuple(dict.fromkeys(names))
@@ -282,6 +286,17 @@ def _with_weights_of_circles(parts: Sequence[Sightings]) -> Sequence[Sightings]:
         else part
         for part in parts
     ]
+
+
+def _has_positive_covariance(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]) -> np.ndarray:
+    """Tell which rows have a covariance that a measurement can have, (n,); one that is not stated is no obstacle."""
+    if covariance_mm2 is None:
+        return np.ones(len(is_measured), dtype=bool)
+    needed = is_measured[:, :, None] & is_measured[:, None, :]
+    stated = (np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2))
+    padded = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
+    padded = padded + np.eye(3) * (~is_measured)[:, None, :]
+    return np.asarray(~stated | (np.linalg.eigvalsh(padded)[:, 0] >= _LEAST_STD_MM**2))
 
 
 def _whitening(

@@ -16,10 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr import _core
+from geoerr.errors import GeometryError
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import Machine
 from geoerr.observations import CARRIERS
 
+# A machine that is off by this share of its travel in half of what was measured is another machine.
+_STRANGE = 0.05
+# Fewer rows than this say nothing about the motion.
+_FEWEST_STRANGERS = 6
 # Second singular value below this share of the first: points on a line.
 _LINE = 1e-9
 
@@ -143,6 +148,31 @@ def _mean_of_measured(sightings: Sightings, rows: Sequence[int], translation_mm:
     seen = sightings.is_measured[rows]
     from_origin = np.where(seen, sightings.measured_mm[rows] - translation_mm, 0.0)
     return np.asarray(from_origin.sum(axis=0) / np.maximum(seen.sum(axis=0), 1))
+
+
+def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray, frames: Frames) -> None:
+    """Refuse measurements that do not follow the commanded motion at all: of another machine, column or unit.
+
+    Raises
+    ------
+    GeometryError
+        where half of the numbers of a session are off by more than a twentieth of what its points span.
+    """
+    for number, kind in enumerate(sightings.frames):
+        rows = (sightings.session == number) & ~static
+        if kind == "circle" or int(rows.sum()) < _FEWEST_STRANGERS:
+            continue
+        seen = sightings.is_measured[rows]
+        expected = nominal[rows] @ frames.rotations[number].T + frames.translations_mm[number]
+        # Each target stands somewhere else than stated by what its plate is off; that is no matter of motion.
+        off = np.abs(sightings.measured_mm[rows] - expected)[seen]
+        span = float(np.ptp(nominal[rows], axis=0).max(initial=0.0))
+        if span > 0.0 and float(np.median(off)) > _STRANGE * span:
+            raise GeometryError(
+                f"the measured positions of session {sightings.sessions[number]!r} do not follow the commanded ones: "
+                f"half of them are off by more than {float(np.median(off)):.1f} mm over {span:.0f} mm\n"
+                "hint: check that mx, my and mz are what was measured (in mm), the machine's chain, and the carriers"
+            )
 
 
 def _rigid_motion(points: Numbers, seen: Numbers) -> tuple[Numbers, Numbers]:

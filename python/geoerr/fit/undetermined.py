@@ -19,7 +19,7 @@ from geoerr.observations import CARRIERS
 from geoerr.terms import SQUARENESS_CHANNELS, Term
 
 # Entries of a null vector (largest 1) below this are round-off.
-_NOTHING = 1e-6
+_NOTHING = 1e-9
 _MOST_NAMED = 6
 _FRAME = "the pose of the measuring frame"
 _ISO_OF_LI = {li: iso for iso, (li, _) in LI_SQUARENESS.items()}
@@ -66,7 +66,7 @@ def not_determined(
         for name in wanted
         if name not in {term.id for term in terms} and name[2].lower() in never_moved
     ]
-    blocks = _blocks(terms, null_space, first_frame_column)
+    blocks = _blocks(terms, is_determined, null_space, first_frame_column)
     words = _Words(sightings, machine, never_moved)
     for term, own in zip(terms, _spans(terms), strict=True):
         if is_determined[own].all():
@@ -82,12 +82,14 @@ def _spans(terms: Sequence[Term]) -> list[slice]:
     return [slice(int(end) - len(term.coefficients), int(end)) for term, end in zip(terms, ends, strict=True)]
 
 
-def _blocks(terms: Sequence[Term], null_space: Numbers, first_frame_column: int) -> dict[str, Numbers]:
+def _blocks(
+    terms: Sequence[Term], is_determined: np.ndarray, null_space: Numbers, first_frame_column: int
+) -> dict[str, Numbers]:
     """Give the rows of the null space by term; those of frames and places together."""
     rows = {
         iso_name(term.id): null_space[own]
         for term, own in zip(terms, _spans(terms), strict=True)
-        if np.abs(null_space[own]).max(initial=0.0) > _NOTHING
+        if not is_determined[own].all() or np.abs(null_space[own]).max(initial=0.0) > _NOTHING
     }
     frames = null_space[first_frame_column:]
     return rows | ({_FRAME: frames} if np.abs(frames).max(initial=0.0) > _NOTHING else {})

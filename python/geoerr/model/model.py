@@ -153,7 +153,7 @@ class Model:
             for part in term.parts
         )
         coefficients, _ = start_values(self.all_machine_terms)
-        return has_only_terms_in_coefficients and not coefficients.any()
+        return self.has_values and has_only_terms_in_coefficients and not coefficients.any()
 
     @property
     def measured_range_mm(self) -> dict[str, tuple[float, float] | None]:
