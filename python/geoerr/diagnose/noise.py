@@ -22,7 +22,7 @@ Source: Harville, Maximum likelihood approaches to variance component estimation
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -278,18 +278,44 @@ def fit_noise(
         own = found.x[4 * place : 4 * place + 4]
         sigma[c], offset[c], drift[c] = np.exp(0.5 * own[:3])
         memory[c] = np.exp(own[3])
+    return NoiseModel(
+        blocks,
+        sigma,
+        offset,
+        drift,
+        memory,
+        tuple(sums.unit),
+        _transforms(sums, offset, drift, memory),
+        -0.5 * float(found.fun),
+    )
+
+
+def without_drift(noise: NoiseModel, weights: Numbers) -> NoiseModel:
+    """Give a noise model with no drift: to see what drift would hide.
+
+    Parameters
+    ----------
+    weights : (n, 3)
+        As for `fit_noise`.
+    """
+    sums = _Sums(noise.blocks, weights, np.zeros_like(weights), np.zeros((*weights.shape, 0)))
+    none = np.zeros(3)
+    transforms = _transforms(sums, noise.offset, none, noise.memory)
+    return replace(noise, drift=none, transforms=transforms)
+
+
+def _transforms(sums: _Sums, offset: Numbers, drift: Numbers, memory: Numbers) -> tuple[tuple[Numbers, ...], ...]:
+    """Give T − I of each component and session."""
     transforms = []
     for c in range(3):
         rows = []
-        for number, own in enumerate(blocks.slices):
+        for number, own in enumerate(sums.blocks.slices):
             size = own.stop - own.start
             k, _ = sums.covariance(c, number, offset[c] ** 2, drift[c] ** 2, memory[c])
             factor = np.linalg.cholesky(np.eye(size) + k)
             rows.append(linalg.solve_triangular(factor, np.eye(size), lower=True) - np.eye(size))
         transforms.append(tuple(rows))
-    return NoiseModel(
-        blocks, sigma, offset, drift, memory, tuple(sums.unit), tuple(transforms), -0.5 * float(found.fun)
-    )
+    return tuple(transforms)
 
 
 def _minus_twice_log_likelihood(

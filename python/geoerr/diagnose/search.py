@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate, Formulas, Shapes, candidates_of
-from geoerr.diagnose.noise import NoiseModel, blocks_of, fit_noise
+from geoerr.diagnose.noise import NoiseModel, blocks_of, fit_noise, without_drift
 from geoerr.diagnose.null import Null, surprise, turned, turns
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import Scanned, Scanner, all_channels, columns_of, raw_columns
@@ -27,8 +27,9 @@ MOST_EFFECTS = 6
 _IMPOSTOR = 3.0
 # A name that explains this share of what the best probe does is the name of it, if not all of it.
 _MOST_OF_IT = 0.75
-# Candidates of which drift leaves less than this are judged with the drift estimated anew.
-_LIKE_DRIFT = 0.5
+# Functions of time, which a drift can swallow, are judged with the drift estimated anew: so many of the best, and
+# such as would be a surprise if nothing drifted.
+_MOST_LIKE_DRIFT, _LEAST_SURPRISE = 6, 8.0
 # Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
 _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 TIED_CORRELATION = 0.95
@@ -146,6 +147,8 @@ class Round:
         Best first, by evidence; of candidates those that can be seen.
     invisible
         Candidates of which the model leaves nothing.
+    null
+        What chance finds among the candidates.
     """
 
     space: Space
@@ -153,6 +156,7 @@ class Round:
     candidates: tuple[Judged, ...]
     probes: tuple[Judged, ...]
     invisible: tuple[Candidate, ...]
+    null: Null
 
     @property
     def p_value(self) -> float:
@@ -168,6 +172,7 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
     scanner = Scanner(space, bench.channels)
     signs = turns(space.n_passes)
     judged: list[list[Judged]] = []
+    nulls: list[Null] = []
     invisible: list[Candidate] = []
     groups: tuple[Sequence[Candidate | Probe], ...] = (candidates, probes)
     for group in groups:
@@ -183,9 +188,53 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
             largest = np.maximum(largest, turned(scanned, signs, what.n_trials))
             own.append(best)
         null = Null(largest)
+        nulls.append(null)
         own = [replace(one, p_value=null.p_value(one.surprise)) for one in own]
         judged.append(sorted(own, key=lambda one: -one.evidence))
-    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible))
+    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0])
+
+
+def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
+    """Judge functions of time by the likelihood with the drift estimated anew under each of them.
+
+    A drift that was estimated without a jump has learnt the jump, and leaves nothing of it.
+    """
+    like = [one for one in looked.candidates if _is_of_time(one.what)]
+    if not like or not (looked.space.noise.drift > 0.0).any():
+        return looked
+    basis = bench.basis(added)
+    calm = whitened_space(bench.fitted, without_drift(looked.space.noise, bench.weights), bench.rows, basis)
+    scanner = Scanner(calm, bench.channels)
+    tops = [_best(calm, one.what, [scanner.scan(shapes) for shapes in one.what.shapes]) for one in like]
+    clear = sorted((one for one in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
+    if not clear:
+        return looked
+    without = bench.fit_noise(basis, restricted=False).log_likelihood
+    judged = {id(one.what): one for one in looked.candidates}
+    for one in clear[:_MOST_LIKE_DRIFT]:
+        # A drift forgives no jump at the wrong moment: the time is found first.
+        single = settle(calm, scanner, one).shapes
+        columns = raw_columns(bench.channels, single, single.values[0])
+        with_it = bench.fit_noise(bench.basis([*added, columns]), restricted=False).log_likelihood
+        gain = max(2.0 * (with_it - without), 0.0)
+        found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
+        n_ways = len(one.what.shapes) * len(one.shapes.trials)
+        evidence = float(_evidence(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
+        if evidence > judged[id(one.what)].evidence:
+            judged[id(one.what)] = replace(
+                one,
+                shapes=single,
+                trial=0,
+                gain=gain,
+                surprise=found,
+                evidence=evidence,
+                p_value=looked.null.p_value(found),
+            )
+    return replace(looked, candidates=tuple(sorted(judged.values(), key=lambda one: -one.evidence)))
+
+
+def _is_of_time(what: Candidate | Probe) -> bool:
+    return any(shapes.term is not None and "t" in shapes.term.variables for shapes in what.shapes)
 
 
 def _best(space: Space, what: Candidate | Probe, scanned: Sequence[Scanned]) -> Judged | None:
@@ -381,7 +430,8 @@ def search(fitted: Fitted, known: Catalogue, *, threads: int = 0) -> Searched:
     unknown: tuple[Judged, Settled] | None = None
     first: Round | None = None
     while True:
-        looked = look(bench, bench.space([one.settled.raw for one in found]), candidates, probes)
+        added = [one.settled.raw for one in found]
+        looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
         best = _passed(looked.candidates)
         probe = _passed(looked.probes)
