@@ -20,6 +20,7 @@ from geoerr._core import __version__
 if TYPE_CHECKING:
     from geoerr.budget import budget_text, uncertainty_budget, uncertainty_map
     from geoerr.compensate.program import CompensationOptions, compensate_program
+    from geoerr.diagnose import Comparison, common_rows, compare
     from geoerr.dobariya import dobariya_vmc
     from geoerr.effects import catalogue, load_effects
     from geoerr.equations import error_equations
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
         CircularTest,
         Observations,
         read_circular_test,
+        read_lengths,
         read_observations,
         write_observations,
     )
@@ -53,7 +55,10 @@ _HOMES = {
     "calibrate_from_corners": "geoerr.vision.calibrate",
     "catalogue": "geoerr.effects",
     "CircularTest": "geoerr.observations",
+    "common_rows": "geoerr.diagnose",
+    "compare": "geoerr.diagnose",
     "compare_paths": "geoerr.verify.path",
+    "Comparison": "geoerr.diagnose",
     "compensate_program": "geoerr.compensate.program",
     "CompensationOptions": "geoerr.compensate.program",
     "dobariya_vmc": "geoerr.dobariya",
@@ -76,6 +81,7 @@ _HOMES = {
     "Observations": "geoerr.observations",
     "read_circular_test": "geoerr.observations",
     "read_errors": "geoerr.error_functions",
+    "read_lengths": "geoerr.observations",
     "read_machine": "geoerr.machine",
     "read_observations": "geoerr.observations",
     "read_rig": "geoerr.vision.rig",
@@ -94,6 +100,7 @@ _HOMES = {
 
 __all__ = [
     "CircularTest",
+    "Comparison",
     "CompensationOptions",
     "ErrorFunctions",
     "FitOptions",
@@ -109,6 +116,8 @@ __all__ = [
     "calibrate",
     "calibrate_from_corners",
     "catalogue",
+    "common_rows",
+    "compare",
     "compare_paths",
     "compensate_program",
     "dobariya_vmc",
@@ -124,6 +133,7 @@ __all__ = [
     "measure",
     "read_circular_test",
     "read_errors",
+    "read_lengths",
     "read_machine",
     "read_observations",
     "read_rig",

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
-from geoerr.cli.compare_text import comparison_lines
+from geoerr.cli.compare_text import MOST_NAMED, comparison_lines
 from geoerr.cli.measurements import Measurements, read_measurements
 from geoerr.cli.options import (
     JsonFlag,
@@ -96,10 +97,11 @@ def _write_report(report: Path, comparison: Comparison, document: dict[str, Any]
 
 
 def _places(comparison: Comparison, measured: Measurements) -> dict[int, str]:
-    """Say where the worst rows stand: file and row, as an editor shows it."""
+    """Say where the rows that are named stand: file and row, as an editor shows it."""
     if comparison.fitted is None:
         return {}
     sightings = comparison.fitted.sightings
+    left_out = np.flatnonzero(~comparison.fitted.solved.used).tolist()
     file_rows = sightings.numbers("file_row")
     numbers = [sightings.numbers(name) for name in ("x", "y", "z", "mx", "my", "mz")]
     is_circle = [sightings.frames[number] == "circle" for number in sightings.session]
@@ -107,7 +109,7 @@ def _places(comparison: Comparison, measured: Measurements) -> dict[int, str]:
         row: f"row {int(file_rows[row])} of the circle"
         if is_circle[row]
         else measured.place(int(file_rows[row]), [values[row] for values in numbers])
-        for row in comparison.worst[:10].tolist()
+        for row in (*comparison.worst[:MOST_NAMED].tolist(), *left_out[:MOST_NAMED])
     }
 
 

@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from geoerr.cli.fit_text import counted, figure_rows, quality_in_words, wrapped
 from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
 from geoerr.diagnose.regions import region_name
 
 _MOST_LINES = 12
-_MOST_WORST = 5
+MOST_NAMED = 5
 _MOST_TRENDS = 3
 _MOST_REGIONS = 5
 # Below this share of the residual a trend is not worth a table.
@@ -50,7 +52,11 @@ def comparison_lines(comparison: Comparison, document: Mapping[str, Any], places
         lines += _part_table("by session", comparison.by_session, is_sorted=True)
         lines += _region_table(comparison.regions)
         lines += _trend_tables(comparison)
-        lines += ["", "worst places:", *_worst(comparison, places)]
+        lines += ["", "worst places:", *_named(comparison, comparison.worst[:MOST_NAMED].tolist(), places)]
+        left_out = np.flatnonzero(~fitted.solved.used).tolist()
+        if left_out:
+            lines += ["", f"left out as gross errors ({counted(len(left_out), 'row')}):"]
+            lines += _named(comparison, left_out[:MOST_NAMED], places)
     if comparison.lengths is not None:
         lines += _lengths(comparison.lengths)
     return lines
@@ -93,9 +99,6 @@ def _quality(comparison: Comparison) -> list[str]:
             if p_value < _SIGNIFICANCE
             else f"what is left is noise and the model's own uncertainty, as far as can be told (p = {p_value:.2g})"
         )
-    n_out = int((~fitted.solved.used).sum())
-    if n_out:
-        sentences.append(f"{counted(n_out, 'row')} left out as gross outliers; they are among the worst places")
     return sentences
 
 
@@ -157,12 +160,12 @@ def _is_same(one: Trend, other: Trend) -> bool:
     return [(each.n, each.mean_um) for each in one.bins] == [(each.n, each.mean_um) for each in other.bins]
 
 
-def _worst(comparison: Comparison, places: Mapping[int, str]) -> Iterator[str]:
+def _named(comparison: Comparison, rows: Sequence[int], places: Mapping[int, str]) -> Iterator[str]:
     fitted = comparison.points
     sightings = fitted.sightings
     lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
     is_circle = [sightings.frames[number] == "circle" for number in sightings.session]
-    for row in comparison.worst[:_MOST_WORST].tolist():
+    for row in rows:
         at = ",\u00a0".join(f"{value:g}" for value in sightings.commanded_mm[row]).replace("-", "−")
         seen = sightings.is_measured[row]
         values = [value if known else math.nan for value, known in zip(fitted.residual_mm[row], seen, strict=True)]
@@ -175,8 +178,7 @@ def _worst(comparison: Comparison, places: Mapping[int, str]) -> Iterator[str]:
                 + ")\u00a0µm"
             )
         name = f"line {lines[row]}, " if lines[row] else ""
-        out = "" if fitted.solved.used[row] else " (left out)"
-        text = f"{places.get(row, f'row {row + 1}')}: {name}at ({at}) mm, {off}{out}"
+        text = f"{places.get(row, f'row {row + 1}')}: {name}at ({at}) mm, {off}"
         yield from (line.replace("\u00a0", " ") for line in wrapped(text))
 
 
@@ -189,7 +191,7 @@ def _lengths(lengths: LengthComparison) -> Iterator[str]:
     for name, (rms_um, n) in lengths.by("group").items():
         yield f"  {_short(name or 'no group', 40):<42}{rms_um:>12.2f}{n:>8} lengths"
     order = sorted(range(len(lengths)), key=lambda row: -abs(lengths.residual_um[row]))
-    for row in order[:_MOST_WORST]:
+    for row in order[:MOST_NAMED]:
         feature = str(lengths.frame["feature"][row] or "a length")
         yield f"  {_short(feature, 40):<42}{_signed(float(lengths.residual_um[row]), 2):>12}"
 

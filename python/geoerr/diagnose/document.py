@@ -116,7 +116,7 @@ def _where(comparison: Comparison, fitted: Fitted) -> dict[str, Any]:
             }
             for trend in comparison.trends
         ],
-        "n_outliers": int((~fitted.solved.used).sum()),
+        "outliers": _rows(fitted, np.flatnonzero(~fitted.solved.used)),
         "left_out": dict(fitted.sightings.left_out),
         "notes": list(fitted.sightings.notes),
     }
@@ -147,12 +147,16 @@ def _lengths(lengths: LengthComparison) -> dict[str, Any]:
 
 
 def worst_rows(fitted: Fitted, most: int = _MOST_WORST) -> list[dict[str, Any]]:
-    """Give the rows with the longest residuals: line, commanded position, residual, whether the fit left it out."""
+    """Give the rows with the longest residuals, whether the fit used them or not."""
+    square = (np.where(fitted.sightings.is_measured, fitted.residual_mm, 0.0) ** 2).sum(axis=1)
+    return _rows(fitted, np.argsort(-square, kind="stable")[:most])
+
+
+def _rows(fitted: Fitted, rows: np.ndarray) -> list[dict[str, Any]]:
+    """Give rows: line, commanded position, residual, whether the fit left them out."""
     sightings = fitted.sightings
     lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
     residual_um = np.where(sightings.is_measured, fitted.residual_mm * UM_PER_MM, np.nan)
-    size = np.sqrt(np.nansum(residual_um**2, axis=1))
-    order = np.argsort(-size, kind="stable")[:most]
     return [
         {
             "line": lines[row],
@@ -160,5 +164,5 @@ def worst_rows(fitted: Fitted, most: int = _MOST_WORST) -> list[dict[str, Any]]:
             "residual_um": [None if np.isnan(value) else float(value) for value in residual_um[row]],
             "is_outlier": bool(~fitted.solved.used[row]),
         }
-        for row in order
+        for row in rows
     ]

@@ -62,7 +62,7 @@ def _sections(comparison: Comparison, document: Mapping[str, Any]) -> list[Secti
         if len(parts) > 1
     ]
     sections = [Section("How far the model is off", tuple(blocks))]
-    if any(component.name != "radius" for component in comparison.components):
+    if len(comparison.regions) > 1 and any(component.name != "radius" for component in comparison.components):
         where: tuple[Block, ...] = (
             Figure(residuals.residual_vectors(comparison), "Residuals at their commanded positions, by length."),
             Figure(residuals.residual_directions(comparison), "The same by direction: clusters are what is missing."),
@@ -76,8 +76,8 @@ def _sections(comparison: Comparison, document: Mapping[str, Any]) -> list[Secti
     if len(named) > 1:
         follows.append(
             Figure(
-                residuals.residual_against(comparison, named[0], named[1]),
-                f"The residual over {named[0]}, coloured by {named[1]}.",
+                residuals.residual_against(comparison, named[1], named[0]),
+                f"The residual over {named[1]}, coloured by {named[0]}: a loop is what one variable leaves open.",
             )
         )
     table = _trend_table(comparison.trends) if comparison.trends else Paragraph("Nothing varies in these data.")

@@ -7,6 +7,13 @@ from geoerr.report.figures.error_field import error_field
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.path import path_error
+from geoerr.report.figures.residuals import (
+    residual_against,
+    residual_by_region,
+    residual_directions,
+    residual_histogram,
+    residual_vectors,
+)
 from geoerr.report.figures.uncertainty import uncertainty_slices
 
 __all__ = [
@@ -20,5 +27,10 @@ __all__ = [
     "measurement_residuals",
     "nine_lines",
     "path_error",
+    "residual_against",
+    "residual_by_region",
+    "residual_directions",
+    "residual_histogram",
+    "residual_vectors",
     "uncertainty_slices",
 ]

@@ -1,0 +1,255 @@
+"""`geoerr compare`: what it prints, writes and refuses; the pictures; and real data."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from compare_scenes import MACHINE, NOISE_MM, circle, measured, places, term
+from typer.testing import CliRunner
+
+import geoerr
+from geoerr.cli.main import app
+from geoerr.diagnose import Comparison, compare
+from geoerr.diagnose.components import is_circle
+from geoerr.errors import GeoerrError, GeometryError, InputFileError
+from geoerr.machine import write_machine
+from geoerr.model import Model, write_model
+from geoerr.report import figures
+from geoerr.report.figures import style
+from geoerr.report.figures.residuals import direction_colors
+
+STRETCHED = Model(MACHINE, terms=(term("scale", "EXX", "k*x", k=1e-4),))
+# FORMATS.md, `compare --json`.
+KEYS = {
+    *("rmse_um", "rms_per_component_um", "held_out_rmse_um", "noise_floor_um", "noise_um", "n", "worst"),
+    *("by_line", "by_axis", "lack_of_fit_p"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(1)
+    q = places(rng, 90)
+    lines = [f"line {number % 3}" for number in range(90)]
+    observations = measured(
+        q, STRETCHED.tool_from_work(q), rng, line=lines, temp_bed=np.linspace(20.0, 40.0, 90), t=np.arange(90.0)
+    )
+    geoerr.write_observations(tmp_path / "points.csv", observations)
+    circle(STRETCHED, noise_mm=NOISE_MM).frame.write_csv(tmp_path / "circle.csv")
+    lengths = {"feature": ["a", "b"], "x1": [0.0, 0.0], "y1": [0.0, 0.0], "z1": [0.0, 0.0]}
+    lengths |= {"x2": [100.0, 200.0], "y2": [0.0, 0.0], "z2": [0.0, 0.0], "measured": [100.01, 200.02]}
+    pl.DataFrame(lengths).write_csv(tmp_path / "lengths.csv")
+    write_machine(tmp_path / "machine.toml", MACHINE)
+    model = geoerr.fit_model(
+        MACHINE, geoerr.read_observations(tmp_path / "points.csv"), components="none", effects=("scale:x",)
+    ).model
+    write_model(tmp_path / "model.json", model)
+    geoerr.write_errors(tmp_path / "errors.json", model.error_functions())
+    return tmp_path
+
+
+def run(folder: Path, *words: str):  # type: ignore[no-untyped-def]
+    known = {path.name: str(path) for path in folder.iterdir()}
+    return CliRunner().invoke(app, ["compare", *(known.get(word, word) for word in words)])
+
+
+def document(folder: Path, *words: str) -> dict[str, object]:
+    result = run(folder, *words, "--json")
+    assert result.exit_code == 0, result.exception
+    return json.loads(result.stdout)  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("model", ["machine.toml", "errors.json", "model.json"])
+@pytest.mark.parametrize("data", [("points.csv",), ("circle.csv",), ("lengths.csv",), ("points.csv", "circle.csv")])
+def test_any_model_with_any_measurements_gives_the_keys_of_the_contract(
+    folder: Path, model: str, data: tuple[str, ...]
+) -> None:
+    found = document(folder, model, *data)
+    assert set(found) >= KEYS
+    assert isinstance(found["rmse_um"], float)
+    assert isinstance(found["n"], int)
+    assert set(found["by_axis"]) == {"x", "y", "z"}  # type: ignore[call-overload]
+    for row in found["worst"]:  # type: ignore[attr-defined]
+        assert {"line", "x", "y", "z", "residual_um"} <= set(row)
+        assert len(row["residual_um"]) == 3
+    for part in found["by_line"].values():  # type: ignore[attr-defined]
+        assert {"rmse_um", "n"} <= set(part)
+    own = model == "model.json" and data == ("points.csv",)
+    assert (found["is_own_data"], found["model_takes_part"]) == (own, own)
+
+
+def test_the_model_that_knows_the_scale_is_better_and_refit_is_said(folder: Path) -> None:
+    nominal, own = document(folder, "machine.toml", "points.csv"), document(folder, "model.json", "points.csv")
+    assert own["rmse_um"] < 0.3 * nominal["rmse_um"]  # type: ignore[operator]
+    again = document(folder, "model.json", "points.csv", "circle.csv", "--refit")
+    assert again["model_takes_part"]
+    assert not again["is_own_data"]
+    assert again["set_aside"] == []
+    text = run(folder, "model.json", "circle.csv").stdout
+    assert "numbers stay as they are" in text
+    assert "its own numbers take part" in run(folder, "model.json", "points.csv").stdout
+
+
+@pytest.mark.parametrize("data", [("points.csv",), ("circle.csv",), ("lengths.csv",), ("points.csv", "lengths.csv")])
+def test_the_text_fits_the_terminal_and_says_where(folder: Path, data: tuple[str, ...]) -> None:
+    result = run(folder, "machine.toml", *data)
+    assert result.exit_code == 0, result.exception
+    # A path cannot be broken.
+    lines = [line for line in result.stdout.splitlines() if str(folder) not in line]
+    assert max(map(len, lines)) <= 100
+    assert "nan" not in result.stdout
+    if "points.csv" in data:
+        for words in ("by line, worst first", "by region", "along x over x: worth", "worst places:", "points.csv:"):
+            assert words in result.stdout
+    if "lengths.csv" in data:
+        # 10 µm in 100 mm and 20 in 200.
+        assert "15.81" in result.stdout
+
+
+def test_nothing_but_json_on_standard_output_and_the_same_bytes(folder: Path) -> None:
+    words = ("machine.toml", "points.csv", "circle.csv", "--json", "--threads")
+    first, second = run(folder, *words, "1"), run(folder, *words, "2")
+    assert json.loads(first.stdout)["trends"] == json.loads(second.stdout)["trends"]
+    assert first.stdout.splitlines()[0] == "{"
+
+
+def test_refusals(folder: Path) -> None:
+    result = run(folder, "machine.toml", "lengths.csv", "--refit")
+    assert isinstance(result.exception, GeoerrError)
+    assert "measured lengths" in str(result.exception)
+    result = run(folder, "nothing.json", "points.csv")
+    assert isinstance(result.exception, InputFileError)
+    result = run(folder, "machine.toml", "points.csv", "--report", str(folder / "points.csv"))
+    assert isinstance(result.exception, InputFileError)
+    assert "is an input" in str(result.exception)
+    (folder / "empty.csv").write_text("x,y,z,mx,my,mz\n1,2,3,,,\n")
+    result = run(folder, "machine.toml", "empty.csv")
+    assert isinstance(result.exception, GeometryError)
+    assert run(folder, "machine.toml").exit_code == 2
+    warm = Model(MACHINE, terms=(term("growth", "EXX", "a*(temp_spindle-20)*x", a=1e-7),))
+    write_model(folder / "warm.json", warm)
+    result = run(folder, "warm.json", "points.csv")
+    assert "no column 'temp_spindle'" in str(result.exception)
+
+
+def test_the_page_stands_alone(folder: Path) -> None:
+    words = ("machine.toml", "points.csv", "circle.csv", "--report", str(folder / "page.html"))
+    assert run(folder, *words).exit_code == 0
+    first = (folder / "page.html").read_bytes()
+    text = first.decode()
+    for title in ("Histogram of the residual", "Residual in the volume", "Residual by region", "Residual over x"):
+        assert title in text
+    assert "http://" not in text.split("<script")[0]
+    assert run(folder, *words).exit_code == 0
+    assert (folder / "page.html").read_bytes() == first
+
+
+# Pictures.
+
+
+@pytest.fixture(scope="module")
+def scene() -> Comparison:
+    rng = np.random.default_rng(2)
+    q = np.repeat(places(rng, 60), 2, axis=0)
+    observations = measured(q, STRETCHED.tool_from_work(q), rng, temp_bed=np.linspace(20.0, 40.0, 120))
+    return compare(Model(MACHINE), observations, circle(STRETCHED, noise_mm=NOISE_MM))
+
+
+def test_every_picture_has_title_units_and_the_common_look(scene: Comparison) -> None:
+    for figure in (
+        figures.residual_against(scene, "x", "temp_bed"),
+        figures.residual_vectors(scene),
+        figures.residual_directions(scene),
+        figures.residual_by_region(scene),
+        figures.residual_histogram(scene),
+    ):
+        assert figure.layout.title.text
+        assert figure.layout.title.subtitle.text
+        assert figure.layout.template.layout.colorway == style.SERIES
+        assert "µm" in str(figure.to_plotly_json())
+
+
+def test_the_picture_over_a_variable_shows_the_numbers(scene: Comparison) -> None:
+    figure = figures.residual_against(scene, "x", "temp_bed")
+    points = figure.data[0]
+    known = scene.components[0].is_known & np.isfinite(scene.points.sightings.numbers("temp_bed"))
+    np.testing.assert_array_equal(points.x[: known.sum()], scene.points.sightings.commanded_mm[known, 0])
+    np.testing.assert_array_equal(points.y[: known.sum()], scene.components[0].residual_um[known])
+    means = figure.data[1]
+    trend = next(one for one in scene.trends if (one.variable, one.component) == ("x", "x"))
+    np.testing.assert_allclose(means.y, [one.mean_um for one in trend.bins])
+    np.testing.assert_allclose(means.error_y.array, [1.96 * one.std_error_um for one in trend.bins])
+    with pytest.raises(GeoerrError, match=r"cannot be drawn over 'speed'.*\n.*temp_bed"):
+        figures.residual_against(scene, "speed")
+
+
+def test_strokes_are_magnified_residuals(scene: Comparison) -> None:
+    stroke = figures.residual_vectors(scene).data[0]
+    factor = float(
+        figures.residual_vectors(scene)
+        .layout.title.subtitle.text.split("magnified ")[1]
+        .split(" ")[0]
+        .replace(",", "")
+    )
+    fitted = scene.points
+    shown = fitted.solved.used & ~is_circle(fitted)
+    ends = np.column_stack([stroke.x, stroke.y, stroke.z]).reshape(-1, 3, 3)
+    np.testing.assert_allclose(ends[:, 1] - ends[:, 0], factor * fitted.residual_mm[shown], atol=1e-9)
+
+
+def test_opposite_directions_have_different_colours() -> None:
+    axes = np.vstack([np.eye(3), -np.eye(3)])
+    colors = direction_colors(axes)
+    assert len(set(colors)) == 6
+    assert direction_colors(3.0 * axes) == colors
+    assert direction_colors(np.zeros((1, 3)))[0].startswith("#")
+
+
+def test_the_histogram_counts_every_residual(scene: Comparison) -> None:
+    figure = figures.residual_histogram(scene)
+    bars = [trace for trace in figure.data if trace.type == "bar"]
+    assert [int(sum(bar.y)) for bar in bars] == [int(one.is_known.sum()) for one in scene.components]
+    assert "noise floor" in figure.layout.title.subtitle.text
+
+
+# Real data: figures of their own descriptions, rms per component in µm.
+
+
+def real(real_data: Path, name: str) -> dict[str, object]:
+    folder = real_data / name
+    result = CliRunner().invoke(
+        app, ["compare", str(folder / "machine.toml"), str(folder / "observations.csv"), "--json"]
+    )
+    assert result.exit_code == 0, result.exception
+    return json.loads(result.stdout)  # type: ignore[no-any-return]
+
+
+@pytest.mark.real_data
+def test_a_printer_that_warms_up(real_data: Path) -> None:
+    found = real(real_data, "thermal")
+    assert found["rmse_um"] == pytest.approx(80.0, abs=0.5)
+    assert found["outliers"] == []
+    assert found["held_out_rmse_um"] > found["rmse_um"]  # type: ignore[operator]
+    named = [(trend["variable"], trend["component"]) for trend in found["trends"]]  # type: ignore[attr-defined]
+    assert named.index(("temp_frame", "z")) < named.index(("temp_nozzle", "z"))
+
+
+@pytest.mark.real_data
+def test_a_slide_under_a_laser(real_data: Path) -> None:
+    found = real(real_data, "positioning")
+    assert found["rmse_um"] == pytest.approx(39.9, abs=0.05)
+    worth = {trend["variable"]: trend["worth_um"] for trend in found["trends"]}  # type: ignore[attr-defined]
+    assert worth["repeat"] > worth["d_x"] > 0.0
+
+
+@pytest.mark.real_data
+def test_a_plate_on_a_cmm(real_data: Path) -> None:
+    found = real(real_data, "plates")["set_up"]
+    assert isinstance(found, dict)
+    assert found["as_measured_rms_um"] == pytest.approx(142.0, abs=0.5)
+    assert found["shifted_rms_um"] == pytest.approx(10.2, abs=0.05)
+    assert found["turned_rms_um"] == pytest.approx(7.6, abs=0.05)
