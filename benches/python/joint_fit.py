@@ -2,15 +2,15 @@
 
     python benches/python/joint_fit.py [--points 1000 10000 100000] [--peer-up-to 10000] [--threads 0]
 
-A point is one measured place: three numbers, a 3 × 3 covariance. Positions are drawn from 41 in each axis, targets from
-three on the tool, and are seen in one frame of unknown pose; the functions are cubic splines (`--breakpoints`), with
-bases given, or with the bases chosen by the data. The median of three runs counts, wall and processor seconds: the
+A point is one measured place: three numbers, a 3 × 3 covariance. Positions are drawn from 41 in each axis, targets
+from three on the tool, and are seen in one frame of unknown pose; the functions are cubic splines (`--breakpoints`),
+with bases given, or with the bases chosen by the data. The median of three runs counts, wall and processor seconds: the
 latter where others use the machine too. A run is `fit_terms`: from the table to coefficients, covariance and what is
 not determined; held-out figures are made when they are asked for, and are timed apart.
 
 The peer is `scipy.optimize.least_squares` on the same whitened residuals with the same columns as its Jacobian, the
-gauge put in as a basis of the coefficients that keep it. It gives no rank, no covariance and no outliers, and is spared
-the reading of the table. Accuracy: the largest difference of a coefficient, in standard errors (Gauss-Newton stops at
+gauge put in as a basis of the coefficients that keep it. It gives no rank, no covariance and no outliers, and is
+spared the reading of the table. Accuracy: the largest difference of a coefficient, in standard errors (Gauss-Newton stops at
 corrections of 1e-4, by columns that are first order).
 """
 
@@ -68,7 +68,7 @@ def measured(machine: Machine, n_points: int, rng: np.random.Generator) -> Obser
     return observations_from_columns(columns)
 
 
-def timed(work: Callable[[], Result], repeats: int) -> tuple[Result, float, float]:
+def timed(work: Callable[[], Result], repeats: int) -> tuple[Result, tuple[float, float]]:
     """Give the last result, and the medians of wall and processor seconds."""
     wall, processor = [], []
     for _ in range(repeats):
@@ -76,7 +76,7 @@ def timed(work: Callable[[], Result], repeats: int) -> tuple[Result, float, floa
         result = work()
         wall.append(time.perf_counter() - starts[0])
         processor.append(time.process_time() - starts[1])
-    return result, statistics.median(wall), statistics.median(processor)
+    return result, (statistics.median(wall), statistics.median(processor))
 
 
 def by_scipy(fitted: Fitted) -> Array:
@@ -127,23 +127,23 @@ def main() -> None:
     print("| --- | --- | --- | --- | --- | --- | --- |")
     first: dict[str, float] = {}
 
-    def line(n_points: int, path: str, n_unknowns: int, wall: float, cpu: float, off: str = "") -> None:
+    def line(n_points: int, path: str, n_unknowns: int, seconds: tuple[float, float], off: str = "") -> None:
+        wall, cpu = seconds
         per_point = cpu / n_points / first.setdefault(path, cpu / n_points)
-        print(
-            f"| {n_points} | {path} | {n_unknowns} | {wall:.3f} | {cpu:.3f} | {per_point:.2f} | {off} |", flush=True
-        )
+        row = f"| {n_points} | {path} | {n_unknowns} | {wall:.3f} | {cpu:.3f} | {per_point:.2f} | {off} |"
+        print(row, flush=True)
 
     for n_points in arguments.points:
         table = measured(machine, n_points, np.random.default_rng(n_points))
         for path, options in (("bases chosen", chosen), ("bases given", given)):
-            fitted, *seconds = timed(partial(fit_terms, machine, [table], options=options), arguments.repeats)
-            line(n_points, path, fitted.problem.n_columns, *seconds)
-        _, *seconds = timed(partial(fitted.leave_out, folds_of(fitted.sightings)), 1)
-        line(n_points, "held out, when asked for", fitted.problem.n_columns, *seconds)
+            fitted, seconds = timed(partial(fit_terms, machine, [table], options=options), arguments.repeats)
+            line(n_points, path, fitted.problem.n_columns, seconds)
+        _, seconds = timed(partial(fitted.leave_out, folds_of(fitted.sightings)), 1)
+        line(n_points, "held out, when asked for", fitted.problem.n_columns, seconds)
         if n_points <= arguments.peer_up_to:
-            coefficients, *seconds = timed(partial(by_scipy, fitted), 1)
+            coefficients, seconds = timed(partial(by_scipy, fitted), 1)
             off = f"{difference(fitted, coefficients):.0e}"
-            line(n_points, "scipy, bases given", fitted.problem.n_columns, *seconds, off)
+            line(n_points, "scipy, bases given", fitted.problem.n_columns, seconds, off)
 
 
 if __name__ == "__main__":
