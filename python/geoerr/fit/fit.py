@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -328,6 +329,16 @@ class Posed:
         )
         return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared, prior)
 
+    def _on(self, sightings: Sightings, shared: Numbers | None) -> Posed:
+        """Give the same with these rows only, so that what is compared is compared on the same rows."""
+        if len(sightings) == len(self.sightings):
+            return self
+        kept = np.isin(self.sightings.source_row, sightings.source_row)
+        other = copy.copy(self)
+        other.sightings, other.shared = sightings, shared
+        other.given = None if self.given is None else self.given.select(kept)
+        return other
+
     def problem_of(self, terms: tuple[Term, ...], free: Sequence[int] = ()) -> _core.FitProblem:
         """Pose the problem that starts from the values that the terms have; for rows that lack no covariate.
 
@@ -432,7 +443,7 @@ class Posed:
             scale=scale,
             dof=dof,
             shared=shared,
-            again=self.fit,
+            again=self._on(sightings, shared).fit,
             prior=prior,
             threads=self.options.threads,
         )
