@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -123,9 +122,9 @@ def test_verbs_write_what_they_say(observations: Observations, tmp_path: Path) -
 
 
 @pytest.mark.real_data
-def test_the_voron_told_from_its_sensors() -> None:
+def test_the_voron_told_from_its_sensors(real_data: Path) -> None:
     """Constant 80 µm, frame temperature 37, frame and bed 4.7: the figures known of these data."""
-    folder = Path(os.environ["GEOERR_TEST_DATA"]) / "thermal"
+    folder = real_data / "thermal"
     observations = geoerr.read_observations(folder / "observations.csv")
     machine = geoerr.read_machine(folder / "machine.toml")
     model = Model(machine)
