@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import geoerr
@@ -91,3 +92,15 @@ def test_the_core_knows_nothing_of_python() -> None:
     root = PACKAGE.parents[1] / "crates" / "geoerr-core" / "Cargo.toml"
     if root.is_file():
         assert not {"pyo3", "numpy", "opencv"} & set(root.read_text(encoding="utf-8").replace(".", " ").split())
+
+
+def test_faer_lives_in_least_squares_only() -> None:
+    root = PACKAGE.parents[1] / "crates"
+    users = {
+        path.relative_to(root).as_posix()
+        for path in root.rglob("*.rs")
+        if re.search(r"\bfaer\s*::", path.read_text(encoding="utf-8"))
+    }
+    assert all(user.startswith("geoerr-core/src/least_squares/") for user in users)
+    if root.is_dir():
+        assert users

@@ -4,14 +4,14 @@
 
 A point is one measured place: three numbers, a 3 × 3 covariance. Positions are drawn from 41 in each axis, targets
 from three on the tool, and are seen in one frame of unknown pose; the functions are cubic splines (`--breakpoints`),
-with bases given, or with the bases chosen by the data. The median of three runs counts, wall and processor seconds: the
-latter where others use the machine too. A run is `fit_terms`: from the table to coefficients, covariance and what is
-not determined; held-out figures are made when they are asked for, and are timed apart.
+with bases given, or with the bases chosen by the data. The median of three runs counts, wall and processor seconds:
+the latter where others use the machine too. A run is `fit_terms`: from the table to coefficients, covariance and what
+is not determined; held-out figures are made when they are asked for, and are timed apart.
 
 The peer is `scipy.optimize.least_squares` on the same whitened residuals with the same columns as its Jacobian, the
 gauge put in as a basis of the coefficients that keep it. It gives no rank, no covariance and no outliers, and is
-spared the reading of the table. Accuracy: the largest difference of a coefficient, in standard errors (Gauss-Newton stops at
-corrections of 1e-4, by columns that are first order).
+spared the reading of the table. Accuracy: the largest difference of a coefficient, in standard errors (Gauss-Newton
+stops at corrections of 1e-4, by columns that are first order).
 """
 
 from __future__ import annotations
