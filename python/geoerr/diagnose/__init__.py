@@ -1,6 +1,6 @@
 """Where a model fails: any model held against any measurements."""
 
-from geoerr.diagnose.compare import Comparison, Freedom, common_rows, compare
+from geoerr.diagnose.comparison import Comparison, Freedom, common_rows, compare
 from geoerr.diagnose.components import Component
 from geoerr.diagnose.document import comparison_document, document_of
 from geoerr.diagnose.lengths import LengthComparison

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
-from geoerr.diagnose.compare import compare
+from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search import Found, Judged, Searched, Settled, search, settle
 from geoerr.effects import Effect, catalogue

@@ -13,7 +13,7 @@ from geoerr.fit import Fitted, figures_document
 from geoerr.machine import AXES
 
 if TYPE_CHECKING:
-    from geoerr.diagnose.compare import Comparison
+    from geoerr.diagnose.comparison import Comparison
 
 _MOST_WORST = 10
 _NO_POINTS: dict[str, Any] = {
