@@ -20,7 +20,7 @@ from geoerr._core import __version__
 if TYPE_CHECKING:
     from geoerr.budget import budget_text, uncertainty_budget, uncertainty_map
     from geoerr.compensate.program import CompensationOptions, compensate_program
-    from geoerr.diagnose.compare import Comparison, common_rows, compare
+    from geoerr.diagnose import Comparison, common_rows, compare
     from geoerr.dobariya import dobariya_vmc
     from geoerr.effects import catalogue, load_effects
     from geoerr.equations import error_equations
@@ -55,10 +55,10 @@ _HOMES = {
     "calibrate_from_corners": "geoerr.vision.calibrate",
     "catalogue": "geoerr.effects",
     "CircularTest": "geoerr.observations",
-    "common_rows": "geoerr.diagnose.compare",
-    "compare": "geoerr.diagnose.compare",
+    "common_rows": "geoerr.diagnose",
+    "compare": "geoerr.diagnose",
     "compare_paths": "geoerr.verify.path",
-    "Comparison": "geoerr.diagnose.compare",
+    "Comparison": "geoerr.diagnose",
     "compensate_program": "geoerr.compensate.program",
     "CompensationOptions": "geoerr.compensate.program",
     "dobariya_vmc": "geoerr.dobariya",
