@@ -49,8 +49,8 @@ class MachineModel:
 class TermMachine:
     """A machine of terms with parameters and conditions put in; methods as those of `MachineModel`.
 
-    `motion` is (n, 10) or (1, 10): direction, travel (mm) and velocity (mm/s) of x y z, then the feed (mm/min); None is
-    at rest, with directions unknown (0).
+    `motion` is (n, 10) or (1, 10): direction, travel (mm) and velocity (mm/s) of x y z, then the feed (mm/min); None
+    is at rest, with directions unknown (0).
     """
 
     def __new__(
@@ -142,6 +142,7 @@ def measured_from_base(
     base_mm: npt.NDArray[np.float64],
     threads: int,
 ) -> npt.NDArray[np.float64]: ...
+
 @final
 class Basis:
     """Functions of one axis position; positions and coefficients are C-contiguous float64 (n,), rows (n, len)."""

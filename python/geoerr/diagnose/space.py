@@ -125,7 +125,7 @@ def whitened_space(fitted: Fitted, noise: NoiseModel, rows: Numbers, raw_basis: 
 
 
 def offset_weights(fitted: Fitted) -> Numbers:
-    """Give what an offset of the device does to each whitened number, (n, 3): 1 on the average, 0 where none counts."""
+    """Give what an offset of the device does to each whitened number, (n, 3): 1 on average, 0 where none counts."""
     sightings = fitted.sightings
     weights = np.einsum("nii->ni", sightings.whitening) * sightings.is_measured * fitted.solved.used[:, None]
     mean = weights.sum(axis=0) / np.maximum((weights > 0.0).sum(axis=0), 1)
