@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -327,16 +327,15 @@ class Posed:
             used=None if given is None else given.is_used,
             threads=options.threads,
         )
-        return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared, prior)
+        again = self._on(sightings, shared, given).fit
+        return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again)
 
-    def _on(self, sightings: Sightings, shared: Numbers | None) -> Posed:
+    def _on(self, sightings: Sightings, shared: Numbers | None, given: Given | None) -> Posed:
         """Give the same with these rows only, so that what is compared is compared on the same rows."""
         if len(sightings) == len(self.sightings):
             return self
-        kept = np.isin(self.sightings.source_row, sightings.source_row)
         other = copy.copy(self)
-        other.sightings, other.shared = sightings, shared
-        other.given = None if self.given is None else self.given.select(kept)
+        other.sightings, other.shared, other.given = sightings, shared, given
         return other
 
     def problem_of(self, terms: tuple[Term, ...], free: Sequence[int] = ()) -> _core.FitProblem:
@@ -407,6 +406,7 @@ class Posed:
         n_model: int,
         shared: Numbers | None,
         prior: Numbers | None,
+        again: Callable[[tuple[Term, ...]], Fitted],
     ) -> Fitted:
         n_numbers = int(sightings.is_measured[solved.used].sum())
         # Rows of a prior take their share of the unknowns; what the data do is left.
@@ -443,7 +443,7 @@ class Posed:
             scale=scale,
             dof=dof,
             shared=shared,
-            again=self._on(sightings, shared).fit,
+            again=again,
             prior=prior,
             threads=self.options.threads,
         )
