@@ -46,6 +46,8 @@ from geoerr.terms import BasisSpec, Term
 
 Freedom = Literal["knots", "smooth", "elements"]
 
+# A formula's values below this, in mm and rad, are what is left of sums that cancel.
+_ROUND_OFF = 1e-9
 # A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
 _ABSURD = {"mm": 3.0, "rad": 0.02}
 # Why a row is left out of one model and not of another.
@@ -173,29 +175,49 @@ def fit_terms(
     return replace(fitted, choices=choices)
 
 
-def _refuse_not_finite(
+def _without_effect(
     terms: Sequence[Term], compiled: Compiled, problem: _core.FitProblem, sightings: Sightings
-) -> None:
-    """Refuse a formula that gives no number at some row, naming the term and the row."""
+) -> list[int]:
+    """Give the places of coefficients whose formula is nothing but round-off at every row.
+
+    A wave whose period divides the step is one: as a column of length 1 it would be determined, and absurd.
+
+    Raises
+    ------
+    GeometryError
+        where a formula gives no number at some row, naming the term and the row.
+    """
     step = 4096
     scale = np.ones(len(sightings))
-    if all(part.basis is not None for term in terms for part in term.parts):
-        return
+    largest = np.zeros(compiled.n_coefficients)
+    has_formula = np.zeros(compiled.n_coefficients, dtype=bool)
+    for term, own in zip(terms, compiled.coefficient_slices, strict=True):
+        has_formula[own] = any(part.basis is None for part in term.parts)
+    if not has_formula.any():
+        return []
     for first in range(0, len(sightings), step):
         last = min(first + step, len(sightings))
         design = problem.design(problem.start, scale, first, last, 1)[:, : compiled.n_coefficients]
         bad = np.argwhere(~np.isfinite(design))
         if len(bad):
-            number, column = first + int(bad[0, 0]) // 3, int(bad[0, 1])
-            term = next(one for one, own in zip(terms, compiled.coefficient_slices, strict=True) if column < own.stop)
-            file_row = sightings.numbers("file_row")[number]
-            place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {number + 1}"
-            at = ", ".join(f"{value:g}" for value in sightings.commanded_mm[number])
-            raise GeometryError(
-                f"{term.id} gives no finite number at ({at}) mm, {place}\n"
-                f"hint: its formula must hold wherever the machine was measured: "
-                f"{next((part.expression for part in term.parts if part.expression), '')}"
-            )
+            raise _not_finite(terms, compiled, sightings, first + int(bad[0, 0]) // 3, int(bad[0, 1]))
+        largest = np.maximum(largest, np.abs(design).max(axis=0, initial=0.0))
+    is_nothing = has_formula & (largest > 0.0) & (largest < _ROUND_OFF * float(sightings.whitening.max()))
+    return [int(place) for place in np.flatnonzero(is_nothing)]
+
+
+def _not_finite(
+    terms: Sequence[Term], compiled: Compiled, sightings: Sightings, row: int, column: int
+) -> GeometryError:
+    term = next(one for one, own in zip(terms, compiled.coefficient_slices, strict=True) if column < own.stop)
+    file_row = sightings.numbers("file_row")[row]
+    place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {row + 1}"
+    at = ", ".join(f"{value:g}" for value in sightings.commanded_mm[row])
+    formula = next((part.expression for part in term.parts if part.expression), "")
+    return GeometryError(
+        f"{term.id} gives no finite number at ({at}) mm, {place}\n"
+        f"hint: its formula must hold wherever the machine was measured: {formula}"
+    )
 
 
 def _has_run_away(fitted: Fitted) -> bool:
@@ -314,7 +336,8 @@ class Posed:
         gauge = np.zeros((len(rows), problem.n_columns))
         gauge[:, : compiled.n_coefficients] = rows
         prior = self._prior(terms, smoothness, problem)
-        _refuse_not_finite(terms, compiled, problem, sightings)
+        nothing = _without_effect(terms, compiled, problem, sightings)
+        gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing]])
         solved = solve(
             problem,
             sightings,
@@ -328,7 +351,9 @@ class Posed:
             threads=options.threads,
         )
         again = self._on(sightings, shared, given).fit
-        return self._summary(terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again)
+        return self._summary(
+            terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing
+        )
 
     def _on(self, sightings: Sightings, shared: Numbers | None, given: Given | None) -> Posed:
         """Give the same with these rows only, so that what is compared is compared on the same rows."""
@@ -407,6 +432,7 @@ class Posed:
         shared: Numbers | None,
         prior: Numbers | None,
         again: Callable[[tuple[Term, ...]], Fitted],
+        nothing: Sequence[int],
     ) -> Fitted:
         n_numbers = int(sightings.is_measured[solved.used].sum())
         # Rows of a prior take their share of the unknowns; what the data do is left.
@@ -421,6 +447,8 @@ class Posed:
         null_space[places] = solved.solution.null_space[:n_model]
         touches = np.abs(null_space).max(axis=0, initial=0.0) > 0.0
         positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+        is_determined = np.asarray(solved.solution.is_determined)
+        is_determined[list(nothing)] = False
         return Fitted(
             machine=self.machine,
             terms=_with_values(terms, compiled, solved, covariance),
@@ -432,7 +460,7 @@ class Posed:
             null_space=null_space[:, touches],
             not_determined=not_determined(
                 terms,
-                np.asarray(solved.solution.is_determined),
+                is_determined,
                 np.asarray(solved.solution.null_space),
                 sightings,
                 n_model,
