@@ -1,4 +1,4 @@
-"""Exact kinematics of three linear axes in any order, one target a row, and the first-order columns for projections."""
+"""Exact kinematics of three linear axes in any order, one target a row, and the levers that projections need."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def _pose(
 
 
 def _axis_directions(squareness_rad: Array) -> Array:
-    """Unit directions [row, axis]: X the datum, Y in the XY plane, the included angles 90° + S."""
+    """Give unit directions [row, axis]: X the datum, Y in the XY plane, the included angles 90° + S."""
     cosine = -np.sin(squareness_rad)
     result = np.zeros((len(cosine), 3, 3))
     result[:, 0, 0] = 1.0
@@ -138,7 +138,7 @@ def _axis_directions(squareness_rad: Array) -> Array:
 
 
 def _rotation(vector_rad: Array) -> Array:
-    """Rotation matrices from rotation vectors, by the unit quaternion."""
+    """Make rotation matrices from rotation vectors, by the unit quaternion."""
     half = 0.5 * np.sqrt(np.einsum("ij,ij->i", vector_rad, vector_rad))
     w = np.cos(half)
     x, y, z = 0.5 * np.sinc(half / np.pi) * vector_rad.T

@@ -150,7 +150,7 @@ def generate(
     strength_um
         Visible RMS of each of them (`visible`).
     n_rows
-        About how many rows.
+        About how many rows; `nine-lines` has three thousand at least.
 
     Raises
     ------

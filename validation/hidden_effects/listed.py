@@ -1,9 +1,9 @@
 """Effects that the catalogue has, written from their physics. Signs: tool seen from the work.
 
-Strengths here are those of a unit effect of some micrometres; `generate` scales them. Times are drawn as shares of the
-session, lengths and periods in the ranges that machines have. Not made, because nothing in these plans can show them:
-`homing-offset` and `tool-offset` (poses and constants absorb them), the classic errors (they are the base), `outlier-pass`
-and `heat-haze` (noise, not displacement), and what belongs to circular tests.
+Strengths here are those of a unit effect of some micrometres; `generate` scales them. Times are drawn as shares of
+the session, lengths and periods in the ranges that machines have. Not made, because nothing in these plans can show
+them: `homing-offset` and `tool-offset` (poses and constants absorb them), the classic errors (they are the base),
+`outlier-pass` and `heat-haze` (noise, not displacement), and what belongs to circular tests.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""What a machine's log holds, and what was physically so: motion since reversals, heat, conditions, camera geometry."""
+"""What a machine's log holds, and what was physically so: motion since reversals, heat, conditions, cameras."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import lfilter
@@ -33,7 +34,7 @@ def motion_of(moments: Moments) -> Motion:
     n_moments = len(moments.t_s)
     result = Motion(*(np.zeros((n_moments, 3)) for _ in range(6)))
     starts = moments.starts()
-    for first, end in zip(starts[:-1], starts[1:], strict=True):
+    for first, end in pairwise(starts.tolist()):
         rows = slice(first, end)
         q, t = moments.q_mm[rows], moments.t_s[rows]
         step = np.diff(q, axis=0, prepend=q[:1])
@@ -68,7 +69,7 @@ def followed(u: Array, t_s: Array, starts: Integers, tau_s: float, *, is_held: b
     Between two moments u goes in a straight line, or has been what it is at the second (`is_held`: a mean speed).
     """
     result = np.array(u, dtype=float)
-    for first, end in zip(starts[:-1], starts[1:], strict=True):
+    for first, end in pairwise(starts.tolist()):
         step = np.diff(t_s[first:end])
         keep = np.exp(-step / tau_s)
         mean_keep = keep if is_held else np.where(step > 0, (1.0 - keep) * tau_s / np.maximum(step, 1e-12), 1.0)
@@ -89,7 +90,7 @@ def temperatures(rng: np.random.Generator, moments: Moments, motion: Motion, is_
     names = ["temp_bed", "temp_bed_low", "temp_frame", "temp_window"]
     names += ["temp_nozzle", "temp_chamber", "temp_motor"] if is_rich else []
     result = {name: np.zeros(len(moments.t_s)) for name in names}
-    for first, end in zip(starts[:-1], starts[1:], strict=True):
+    for first, end in pairwise(starts.tolist()):
         t = moments.t_s[first:end]
         grid = np.arange(0.0, t[-1] + 2 * _GRID_S, _GRID_S)
         length_s = max(float(t[-1]), 60.0)
@@ -136,8 +137,6 @@ class Log:
 
     Attributes
     ----------
-    moment
-        (n,) which moment a row belongs to.
     columns
         (n,) temperatures and other covariates as the table has them.
     nominal_mm
@@ -159,41 +158,50 @@ class Log:
 
     @property
     def n_rows(self) -> int:
+        """Number of rows."""
         return len(self.moment)
 
     @property
     def moment(self) -> Integers:
+        """Moment of each row, (n,)."""
         return self.plan.rows.moment
 
     @property
     def carrier(self) -> Integers:
+        """Carrier of each row, (n,) index into `CARRIERS`."""
         return self.plan.rows.carrier
 
     @property
     def q_mm(self) -> Array:
+        """Commanded positions, (n, 3)."""
         return self.plan.moments.q_mm[self.moment]
 
     @property
     def t_s(self) -> Array:
+        """Time within the session, (n,)."""
         return self.plan.moments.t_s[self.moment]
 
     @property
     def session(self) -> Integers:
+        """Session of each row, (n,)."""
         return self.plan.moments.session[self.moment]
 
     @property
     def pass_number(self) -> Integers:
+        """Pass of each row, (n,)."""
         return self.plan.moments.pass_number[self.moment]
 
     @property
     def feed_mm_min(self) -> Array:
+        """Feed of the last move, (n,)."""
         return self.plan.moments.feed_mm_min[self.moment]
 
     def moved(self, name: str, axis: int) -> Array:
-        """A column of `Motion`, by row."""
+        """Give a column of `Motion`, by row."""
         return np.asarray(getattr(self.motion, name)[self.moment, axis])
 
     def range_mm(self, axis: int) -> tuple[float, float]:
+        """Give the range of an axis."""
         return self.machine.axes["xyz"[axis]].range_mm
 
     def share(self, axis: int) -> Array:
@@ -202,7 +210,7 @@ class Log:
         return np.asarray(2.0 * (self.q_mm[:, axis] - low) / (high - low) - 1.0)
 
     def bed_mm(self) -> Array:
-        """The place on the work (n, 3) that the target is at, or that lies at the tool for `relative`."""
+        """Give the place on the work (n, 3) that the target is at, or that lies at the tool for `relative`."""
         offset = self.plan.rows.offset_mm
         return np.where((self.carrier == RELATIVE)[:, None], offset + self.q_mm, offset)
 
@@ -240,7 +248,7 @@ def arms_mm(machine: Machine, plan: Plan) -> Array:
 
 
 def _camera(rng: np.random.Generator, places: Array) -> tuple[Array, Array]:
-    """A pose that sees the places from 1.1 to 1.5 m: rotation camera from base, and translation."""
+    """Draw a pose that sees the places from 1.1 to 1.5 m: rotation camera from base, and translation."""
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))
     turn = q * np.sign(np.diag(r))

@@ -1,13 +1,15 @@
 """What is measured, in which order and when: three plans, as rows of a log.
 
-| plan | what |
-|---|---|
-| `nine-lines` | three sessions of nine lines along the axes, three repeats there and back, three targets on each body that has axes, all at rest |
-| `volume` | lines of 40 points at random places along all axes, a third of them in motion, a tenth repeated; `volume-relative` sees the tool from the work, `volume-floor` both bodies from the floor, `volume` is one of the two, drawn |
-| `mixed` | lines along axes and diagonals at many feeds, at rest, in motion and with ramps; a static marker; loads, forces, duty and three more temperatures |
+- `nine-lines`: three sessions of nine lines along the axes, three repeats there and back, three targets on each body
+  that has axes, all at rest.
+- `volume`: lines of 40 rows at random places along all axes, a third of them in motion, a tenth repeated.
+  `volume-relative` sees the tool from the work, `volume-floor` both bodies from the floor, `volume` is one of both.
+- `mixed`: lines along axes and diagonals at many feeds, at rest, in motion and with ramps; a static marker; loads,
+  forces, duty and three more temperatures.
 
 A line is run without gaps in the log: every turning point is a row, so that directions, travels and times since a
-reversal can be read from the rows. The first points after a turn lie 0.1 to 10 mm from it; steps are not commensurate.
+reversal can be read from the rows. The first points after a turn lie 0.1 to 12 mm from it; steps are not
+commensurate.
 """
 
 from __future__ import annotations
@@ -225,7 +227,7 @@ def _there_and_back(
 
 
 def _random_line(rng: np.random.Generator, machine: Machine, session: int, line: str, n_points: int) -> list[Pass]:
-    """A line along a drawn axis; 60 % there and back, a third in motion."""
+    """Draw a line along a drawn axis; 60 % there and back, a third in motion."""
     axis = int(rng.integers(3))
     base = _anywhere(rng, machine)
     goes_back = rng.random() < 0.6
@@ -240,7 +242,7 @@ def _random_line(rng: np.random.Generator, machine: Machine, session: int, line:
 
 
 def _diagonal(rng: np.random.Generator, machine: Machine, session: int, line: str, n_points: int) -> list[Pass]:
-    """A straight line over two or three axes, half of them in motion, there and back."""
+    """Draw a straight line over two or three axes, half of them in motion, there and back."""
     start, end = _anywhere(rng, machine), _anywhere(rng, machine)
     while np.linalg.norm(end - start) < 150.0:
         end = _anywhere(rng, machine)
@@ -257,7 +259,7 @@ def _diagonal(rng: np.random.Generator, machine: Machine, session: int, line: st
 
 
 def _ramps(rng: np.random.Generator, machine: Machine, session: int, line: str, n_points: int) -> list[Pass]:
-    """Along an axis with a trapezium of speed, most pictures in the ramps; the moments where they end are among them."""
+    """Draw a trapezium of speed along an axis: most pictures in the ramps, one of them where each ends."""
     axis = int(rng.integers(3))
     low, high = _limits(machine)
     base = _anywhere(rng, machine)
@@ -306,7 +308,7 @@ def _again(one: Pass) -> Pass:
 
 
 def _in_time(rng: np.random.Generator, passes: list[Pass]) -> Moments:
-    """Put passes one after the other: pictures at rest wait for the machine to settle, others are taken on the way."""
+    """Put passes one after the other: pictures at rest wait until the machine has settled."""
     return Moments(*_columns_in_time(rng, passes), passes=tuple(passes))
 
 
@@ -319,10 +321,13 @@ def _columns_in_time(rng: np.random.Generator, passes: list[Pass]) -> Iterator[n
     is_moving = np.array([one.is_moving for one in passes])[number]
     feed = np.array([one.feed_mm_min for one in passes])[number]
     step_mm = np.linalg.norm(np.diff(q_mm, axis=0, prepend=q_mm[:1]), axis=1)
-    # The way back begins at the point where the way there ended: it goes on without a stop. Other passes begin at rest,
-    # after a rapid move to their first point.
+    # The way back begins at the point where the way there ended, and goes on without a stop. Other passes begin at
+    # rest, after a rapid move to their first point.
     begins = np.array([not one.is_back or one.seconds is not None for one in passes])
     is_moving[first_of_pass[begins]] = False
+    # Where a line ends or turns, the machine stands.
+    ends = np.array([one.seconds is None for one in passes])
+    is_moving[(first_of_pass + counts - 1)[ends]] = False
     feed[first_of_pass[begins]] = RAPID_MM_MIN
     speed, seconds = feed / 60.0, np.full(len(q_mm), np.nan)
     acceleration = np.zeros(len(q_mm))

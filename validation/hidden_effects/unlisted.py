@@ -26,13 +26,13 @@ def _drive(log: Log, a: int, b: int, moved_mm: np.ndarray, variables: tuple[str,
 
 @UNLISTED.kind("feed-times-z", "")
 def _feed_times_z(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """A tall head leans with the feed of its last move."""
+    """Lean a tall head with the feed of its last move."""
     return _tool(log, 0, UNIT_MM * log.feed_mm_min / max(FEEDS_MM_MIN) * log.share(2), ("feed", "z"))
 
 
 @UNLISTED.kind("motor-temperature-squared-tilt", "", needs=("temp_motor",))
 def _motor_tilt(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """The carriage of z tilts with the square of the motor's excess temperature."""
+    """Tilt the carriage of z with the square of the motor's excess temperature."""
     warmth = (log.columns["temp_motor"] - REFERENCE_DEGC) / 30.0
     moved = nothing(log.n_rows)
     moved.epsilon_rad[:, 2, 1] = 1e-4 * warmth**2
@@ -56,13 +56,13 @@ def _direction_tilt(log: Log, rng: np.random.Generator, _: str, __: str) -> Acti
 
 @UNLISTED.kind("acceleration-sign", "", needs=("ramps",))
 def _acceleration_sign(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """A loose head on y flips between its stops with the sign of the acceleration."""
+    """Flip a loose head on y between its stops with the sign of the acceleration."""
     return _drive(log, 1, 1, -UNIT_MM * np.sign(log.moved("acceleration_mm_s2", 1)), ("a_y",))
 
 
 @UNLISTED.kind("temperature-hysteresis", "")
 def _hysteresis(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """A joint of z slips as the bed heats and cools: it follows the temperature with play, more where z is high."""
+    """Let z follow the bed's temperature with play, more where it is high: a joint that slips."""
     moments = log.plan.moments
     warmth, width = log.by_moment["temp_bed"], rng.uniform(10.0, 20.0)
     held, state, session = np.zeros(len(warmth)), 0.0, -1
@@ -76,21 +76,21 @@ def _hysteresis(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
 
 @UNLISTED.kind("position-dependent-lag", "", needs=("motion",))
 def _uneven_lag(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """A belt that is longer from the motor is softer: x lags by a time that grows with the square of its position."""
+    """Let x lag by a time that grows with the square of its position: a long belt is soft."""
     far = 0.5 * (1.0 + log.share(0))
     return _drive(log, 0, 0, -1e-3 * far**2 * log.moved("velocity_mm_s", 0), ("x", "v_x"))
 
 
 @UNLISTED.kind("sinusoid-in-time", "")
 def _slow_hum(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """A compressor moves the tool up and down every half minute or so."""
+    """Move the tool up and down every half minute or so, as a compressor does."""
     period, phase = log_uniform(rng, 11.0, 35.0), rng.uniform(0.0, 2.0 * np.pi)
     return _tool(log, 2, UNIT_MM * np.sin(2.0 * np.pi * log.t_s / period + phase), ("t",), P=period)
 
 
 @UNLISTED.kind("mains-hum", "")
 def _mains(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """The head hums along x with the mains; pictures see it at whatever phase they are taken."""
+    """Hum along x with the mains; pictures see it at whatever phase they are taken."""
     frequency, phase = 50.0 + rng.uniform(-0.02, 0.02), rng.uniform(0.0, 2.0 * np.pi)
     return _tool(log, 0, UNIT_MM * np.sin(2.0 * np.pi * frequency * log.t_s + phase), ("t",), f=frequency)
 
@@ -111,7 +111,7 @@ def _resonance(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
 
 @UNLISTED.kind("wave-that-warms", "")
 def _warm_wave(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """A wave of the x screw that grows with the temperature of the bed."""
+    """Bend the x screw in a wave that grows with the temperature of the bed."""
     period, phase = rng.uniform(60.0, 110.0), rng.uniform(0.0, 2.0 * np.pi)
     warmth = (log.columns["temp_bed"] - REFERENCE_DEGC) / 50.0
     wave = np.sin(2.0 * np.pi * log.q_mm[:, 0] / period + phase)
@@ -127,6 +127,6 @@ def _product(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
 
 @UNLISTED.kind("force-times-height", "", needs=("force",))
 def _force_height(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    """The column yields in y under the probing force, with the square of its height."""
+    """Yield in y under the probing force, with the square of its height."""
     height = 0.5 * (1.0 + log.share(2))
     return _drive(log, 2, 1, UNIT_MM * log.columns["force"] / 50.0 * height**2, ("force", "z"))

@@ -2,16 +2,16 @@
 
 A displacement of n rows in base axes is projected, every component of every row weighing the same, off
 
-- **base**: 18 joint channels, each a clamped cubic B-spline of ten functions over the axis's range, three squarenesses,
-  with levers to first order;
+- **base**: 18 joint channels, each a clamped cubic B-spline of ten functions over the axis's range, and three
+  squarenesses, with levers to first order;
 - **poses**: six numbers of a free measuring frame for each session;
 - **offsets**: three numbers for each pass (session, line, repeat, way);
 - **drift**: for each session and component a clamped cubic B-spline in time of eight functions.
 
 What is left is *visible*; its RMS over all rows, by component, is what `generate` scales. The length over the three
-components, `√Σ_b mean r_b²`, is the figure that a strength names. Offsets and drift are free here, of any size, whether
-or not the noise has them: a diagnosis does not know it either. A smaller projection, base and poses only, tells what a
-diagnosis could have that knows that nothing drifts.
+components, `√Σ_b mean r_b²`, is the figure that a strength names. Offsets and drift are free here, of any size,
+whether or not the noise has them: a diagnosis does not know it either. A smaller projection, base and poses only,
+tells what a diagnosis could have that knows that nothing drifts.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def pose_columns(log: Log) -> Array:
 
 @dataclass(frozen=True)
 class Offsets:
-    """Offsets of passes and drift, alike and separate in the three components: means by group, then an orthonormal basis."""
+    """Offsets of passes and drift, alike in the three components: means by group, then an orthonormal basis."""
 
     group: Integers
     counts: Array
