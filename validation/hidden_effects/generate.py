@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from validation.hidden_effects.chain import CARRIERS, RELATIVE, Array, Displacements, nothing, places_mm
+from validation.hidden_effects.chain import BASE, CARRIERS, RELATIVE, Array, Displacements, nothing, places_mm
 from validation.hidden_effects.kinds import Acting, Kind
 from validation.hidden_effects.listed import LISTED
 from validation.hidden_effects.log import Log, arms_mm, make_log
@@ -305,7 +305,8 @@ def _columns(log: Log, measured: Array, stated: Array) -> dict[str, Array | list
     for a, axis in enumerate("xyz"):
         columns[axis] = log.q_mm[:, a]
         columns[f"dir_{axis}"] = log.moved("direction", a).astype(np.int64)
-        columns[f"t{axis}"] = rows.offset_mm[:, a]
+        # Nobody measures where a static marker is, nor needs it.
+        columns[f"t{axis}"] = np.where(rows.carrier == BASE, 0.0, rows.offset_mm[:, a])
         columns[f"m{axis}"] = measured[:, a]
         columns[f"s{axis}"] = stated[:, a]
     columns["feed"] = log.feed_mm_min

@@ -389,7 +389,7 @@ def _bending(log: Log, rng: np.random.Generator, axis: str, covariate: str) -> A
     return Acting(moved, linear, {}, (covariate, axis), tuple(channels))
 
 
-@LISTED.kind("bed-bow", "bed-bow", axes=("z",), covariates=("temp_bed_low-temp_bed",))
+@LISTED.kind("bed-bow", "bed-bow", axes=("work-z",), covariates=("temp_bed_low-temp_bed",))
 def _bow(log: Log, rng: np.random.Generator, _: str, covariate: str) -> Acting:
     alpha, thickness = 2e-6, 6.0
     bed = log.bed_mm()
