@@ -69,9 +69,10 @@ proptest! {
             .map(|j| (8.0 * (c[j] - a[j]) - (d[j] - b[j])) / (12.0 * step))
             .collect();
         let found = basis.rows(Order::Derivative, &[q]);
-        // Round-off of the positions (500 mm, times the slope) and of the values, over the step; a parabola's values
-        // and slopes are up to a hundred times those of a line.
-        let bound = 1e-9 * size(&basis) / finest_mm(&basis) * (1.0 + 1.0 / finest_mm(&basis));
+        // Round-off of the positions (half an ulp of 500 mm, times a wave's slope 2 pi / finest) and of the values, times
+        // the 18/12 of the stencil, over the step: 5e-9 / finest^2; a parabola's values and slopes are up to a hundred
+        // times those of a line.
+        let bound = 6e-9 * size(&basis) / finest_mm(&basis) * (1.0 + 1.0 / finest_mm(&basis));
         prop_assert!(differ(&found, &differences) < bound, "{:e} {bound:e}", differ(&found, &differences));
     }
 
