@@ -34,7 +34,7 @@ from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
-from geoerr.fit.solve import Solved, solve
+from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
@@ -346,6 +346,7 @@ class Posed:
             prior=prior,
             robust=options.is_robust,
             is_linear=not free,
+            inner_ranges=_ranges(terms, free, compiled.n_coefficients),
             one_step=one_step,
             used=None if given is None else given.is_used,
             threads=options.threads,
@@ -475,6 +476,15 @@ class Posed:
             prior=prior,
             threads=self.options.threads,
         )
+
+
+def _ranges(terms: Sequence[Term], free: Sequence[int], n_coefficients: int) -> Ranges | None:
+    """Give the ranges of the inner parameters that have columns."""
+    if not free:
+        return None
+    inner = [parameter for term in terms for parameter in term.inner]
+    ends = np.array([[inner[place].low, inner[place].high] for place in free], dtype=np.float64)
+    return Ranges(np.array(free), n_coefficients + np.arange(len(free)), ends[:, 0], ends[:, 1])
 
 
 def _complete_rows(

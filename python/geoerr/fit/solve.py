@@ -26,9 +26,49 @@ _GROSS = 1e-7
 _LEAST_LEFT_OVER = 0.15
 # More rows in a row than this, each once in ten million by chance, are no mistakes.
 _LONGEST_MISTAKE = 2
+# An inner parameter this near to an end of its range, as a share of it, is at the end.
+_AT_AN_END = 1e-9
 # Huber's constant: 95 % efficient for Gaussian noise.
 _HUBER = 1.345
 _HUBER_ROUNDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Ranges:
+    """From where to where each free inner parameter may go.
+
+    Beyond its range a formula need not mean anything: a lag below 0 grows without bound.
+
+    Attributes
+    ----------
+    inner : (k,)
+        Its number among all inner parameters.
+    column : (k,)
+        Its column.
+    low, high : (k,)
+        Ends of its range.
+    """
+
+    inner: np.ndarray
+    column: np.ndarray
+    low: Numbers
+    high: Numbers
+
+    def leaving(self, state: _core.FitState, step: Numbers) -> np.ndarray:
+        """Tell which are at an end and would step beyond it, (k,)."""
+        value, own = self._values(state), step[self.column]
+        near = _AT_AN_END * (self.high - self.low)
+        return np.asarray(((value - self.low <= near) & (own < 0.0)) | ((self.high - value <= near) & (own > 0.0)))
+
+    def share_inside(self, state: _core.FitState, step: Numbers) -> float:
+        """Give the share of a step, at most 1, that ends where the first of them meets its end."""
+        value, own = self._values(state), step[self.column]
+        room = np.where(own > 0.0, self.high - value, value - self.low)
+        moves = own != 0.0
+        return float(np.min(room[moves] / np.abs(own[moves]), initial=1.0))
+
+    def _values(self, state: _core.FitState) -> Numbers:
+        return np.asarray(np.clip(state.inner[self.inner], self.low, self.high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +120,7 @@ def solve(
     prior: Numbers | None = None,
     robust: bool = True,
     is_linear: bool = True,
+    inner_ranges: Ranges | None = None,
     one_step: bool = False,
     used: np.ndarray | None = None,
     threads: int = 0,
@@ -100,6 +141,8 @@ def solve(
         Whether gross outliers are found and left out.
     is_linear
         Whether no inner parameter is free.
+    inner_ranges
+        Of the inner parameters that are free: no step leaves them.
     one_step
         Whether to stay first order: one step from the start, residuals by the same columns.
     used : (n,) or None
@@ -117,7 +160,7 @@ def solve(
         if one_step:
             found = _first_order(problem, start, scale_of_rows, gauge, prior, threads)
         else:
-            found = _gauss_newton(problem, state, scale_of_rows, gauge, prior, is_linear, threads)
+            found = _gauss_newton(problem, state, scale_of_rows, gauge, prior, is_linear, inner_ranges, threads)
         state = found.state
         distance = np.sqrt((found.whitened**2).sum(axis=1))
         sigma = robust_scale(distance, n_numbers)
@@ -215,6 +258,7 @@ def _gauss_newton(
     gauge: Numbers,
     prior: Numbers | None,
     is_linear: bool,
+    ranges: Ranges | None,
     threads: int,
 ) -> _Iterated:
     state = design_state = start
@@ -231,22 +275,45 @@ def _gauss_newton(
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
             gradient -= prior.T @ _held(problem, state, prior)
-        step = solution.step(gradient)
+        solution, step = _step_inside(triangle, solution, gauge, gradient, state, ranges, threads)
         spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
         share = float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0))
-        factor = 1.0
+        longest = factor = 1.0 if ranges is None else ranges.share_inside(state, step)
         while True:
             trial = problem.corrected(state, factor * step)
             trial_residual = problem.residuals(trial, threads)
             trial_cost = _cost(problem, trial_residual, row_scale, _held(problem, trial, prior))
             # A linear model's full step cannot fail; another's is halved until it helps.
-            if is_linear or trial_cost <= cost * (1.0 + 1e-9) or factor < 1e-6:
+            if is_linear or trial_cost <= cost * (1.0 + 1e-9) or factor < 1e-6 * longest:
                 break
             factor *= 0.5
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
-        converged = factor * share < _SETTLED
+        # A step cut short by the end of a range is not small: the next one goes on along the end.
+        converged = factor * share < _SETTLED and (factor < longest or longest == 1.0)
     return _Iterated(state, solution, triangle, residual, problem.whitened(residual), converged, steps)
+
+
+def _step_inside(
+    triangle: _core.FitTriangle,
+    solution: _core.FitSolution,
+    gauge: Numbers,
+    gradient: Numbers,
+    state: _core.FitState,
+    ranges: Ranges | None,
+    threads: int,
+) -> tuple[_core.FitSolution, Numbers]:
+    """Give the step in which inner parameters at an end of their range that would leave it stay, and its solution."""
+    step = solution.step(gradient)
+    if ranges is None:
+        return solution, step
+    stays = np.zeros(len(ranges.column), dtype=bool)
+    while (leaving := ranges.leaving(state, step) & ~stays).any():
+        stays |= leaving
+        solution = triangle.solve(np.vstack([gauge, np.eye(len(step))[ranges.column[stays]]]), threads)
+        step = solution.step(gradient)
+        step[ranges.column[stays]] = 0.0
+    return solution, step
 
 
 def _first_order(
