@@ -24,7 +24,7 @@ Everything is linear in the parameters, so each entry is a row t with value tÂ·Î
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,28 +77,25 @@ def tables_of_terms(
     constants
         Conditions that stand still: name to value.
     """
-    tabular = tabular_terms(terms, constants)
     position_mm = {axis: _positions(machine, axis, range_mm, positions) for axis in AXES}
-    joints, squareness = functionals(terms, tabular, position_mm, constants)
-    functions, slopes = _in_gauge(machine, joints, position_mm)
-    squareness = _with_slopes(squareness, slopes)
+    by_name = gauged_rows(machine, terms, position_mm, constants)
 
     reasons = {} if record is None else {item.name: item for item in record.not_determined}
     given = {name: item for name, item in reasons.items() if name in ALL_NAMES}
     tables: dict[str, ErrorFunction] = {}
     squarenesses: dict[str, Squareness] = {}
     for name in ALL_NAMES:
-        rows = squareness.get(LI_SQUARENESS[name][0]) if name in LI_SQUARENESS else functions.get(name)
+        rows = by_name.get(name)
         if rows is None or name in given:
             continue
-        if record is not None and not _is_determined(rows, record):
+        if record is not None and not is_determined(rows, record.null_space):
             given[name] = NotDetermined(name, "the data do not determine it")
         elif name in LI_SQUARENESS:
             std = _std(rows, record)
-            sign = LI_SQUARENESS[name][1]
-            squarenesses[name] = Squareness(sign * float(rows.value[0]), None if std is None else float(std[0]))
+            squarenesses[name] = Squareness(float(rows.value[0]), None if std is None else float(std[0]))
         else:
             tables[name] = ErrorFunction(position_mm[name[2].lower()], rows.value, _std(rows, record))
+    tabular = tabular_terms(terms, constants)
     rest = [term.id for term in terms if term not in tabular]
     notes = [f"not in tables, for they follow conditions or another axis: {', '.join(rest)}"] if rest else []
     if constants:
@@ -111,6 +108,23 @@ def tables_of_terms(
         not_determined=tuple(given[name] for name in ALL_NAMES if name in given),
         notes=tuple(notes),
     )
+
+
+def gauged_rows(
+    machine: Machine, terms: Sequence[Term], position_mm: Mapping[str, Numbers], constants: Mapping[str, float]
+) -> dict[str, Rows]:
+    """Give the 21 errors at positions in the gauge of the tables, by ISO name, with derivatives by all parameters.
+
+    Only those that some term acts on; a squareness has its ISO sign and one row. See `tables_of_terms`.
+    """
+    joints, squareness = functionals(terms, tabular_terms(terms, constants), position_mm, constants)
+    by_name, slopes = _in_gauge(machine, joints, position_mm)
+    squareness = _with_slopes(squareness, slopes)
+    for name, (channel, sign) in LI_SQUARENESS.items():
+        if channel in squareness:
+            rows = squareness[channel]
+            by_name[name] = Rows(sign * rows.value, sign * rows.by_parameter)
+    return by_name
 
 
 @dataclass(frozen=True)
@@ -137,7 +151,7 @@ def mean_scales(
             continue
         weights = least_squares_slope(position_mm[axis])[None, :]
         slope = Rows(weights @ rows.value, weights @ rows.by_parameter)
-        if record is None or _is_determined(slope, record):
+        if record is None or is_determined(slope, record.null_space):
             std = _std(slope, record)
             scales[axis] = MeanScale(float(slope.value[0]), None if std is None else float(std[0]))
     return scales
@@ -240,9 +254,10 @@ def _cross(about: str, arm: str) -> tuple[str, float] | None:
     return third, 1.0 if (AXES.index(arm) - AXES.index(about)) % 3 == 1 else -1.0
 
 
-def _is_determined(rows: Rows, record: FitRecord) -> bool:
-    moved = np.abs(rows.by_parameter @ record.null_space)
-    sizes = np.abs(rows.by_parameter) @ np.abs(record.null_space)
+def is_determined(rows: Rows, null_space: Numbers) -> bool:
+    """Tell whether directions (m, k) that the data do not determine leave all of these functionals alone."""
+    moved = np.abs(rows.by_parameter @ null_space)
+    sizes = np.abs(rows.by_parameter) @ np.abs(null_space)
     # The first entry is 0 by the gauge, but for rounding: rows are compared with the largest.
     largest = sizes.max(axis=0, initial=0.0)
     return bool((moved <= _NO_EFFECT * largest).all())
