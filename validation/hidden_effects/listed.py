@@ -2,8 +2,9 @@
 
 Strengths here are those of a unit effect of some micrometres; `generate` scales them. Times are drawn as shares of
 the session, lengths and periods in the ranges that machines have. Not made, because nothing in these plans can show
-them: `homing-offset` and `tool-offset` (poses and constants absorb them), the classic errors (they are the base),
-`outlier-pass` and `heat-haze` (noise, not displacement), and what belongs to circular tests.
+them: `homing-offset` and `tool-offset` (poses and constants absorb them), `rig-scale` (the axes' scales and the
+targets' places do), the classic errors (they are the base), `outlier-pass` and `heat-haze` (noise, not displacement),
+and what belongs to circular tests.
 """
 
 from __future__ import annotations
@@ -504,14 +505,6 @@ def _step(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
     behind, t0, session = _jump(log, rng)
     moved, linear = _knocked(log, rng, behind, ("A", "c"))
     return Acting(moved, linear, {"t0": t0, "session": session}, ("t",), RIG_VECTOR)
-
-
-@LISTED.kind("rig-scale", "rig-scale", needs=("cameras",), off_axis=False)
-def _rig_scale(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    k = either_sign(rng) * 1e-4
-    moved = nothing(log.n_rows)
-    moved.rig_mm[:] = k * log.in_camera_mm
-    return Acting(moved, {"k": k}, {}, (), ("rig-scale",))
 
 
 @LISTED.kind("rig-scale-thermal", "rig-scale-thermal", covariates=SENSORS, needs=("cameras",), off_axis=False)

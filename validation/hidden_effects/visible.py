@@ -4,7 +4,8 @@ A displacement of n rows in base axes is projected, every component of every row
 
 - **base**: 18 joint channels, each a clamped cubic B-spline of ten functions over the axis's range, and three
   squarenesses, with levers to first order;
-- **poses**: six numbers of a free measuring frame for each session, and three of the static marker's place;
+- **poses**: for each session six numbers of a free measuring frame, and three of every target's place but one: a
+  plate sits where it was stuck, and a static marker anywhere;
 - **offsets**: three numbers for each pass (session, line, repeat, way);
 - **drift**: for each session and component a clamped cubic B-spline in time of eight functions.
 
@@ -20,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
-from validation.hidden_effects.chain import BASE, Array, levers
+from validation.hidden_effects.chain import Array, levers
 from validation.hidden_effects.log import Log, arms_mm
 from validation.hidden_effects.plans import Integers
 
@@ -61,18 +62,17 @@ def base_columns(log: Log) -> Array:
 
 
 def pose_columns(log: Log) -> Array:
-    """Give columns (n, 3, 9·sessions) of each session's measuring frame and marker, whose place nobody knows."""
+    """Give columns (n, 3, k) of each session's measuring frame, and of the place of every target seen in it."""
     session = log.session
-    n_sessions = int(session.max()) + 1
-    columns = np.zeros((log.n_rows, 3, 9 * n_sessions))
-    for one in range(n_sessions):
-        rows = np.flatnonzero(session == one)
-        place = 0.01 * (log.nominal_mm[rows] - log.nominal_mm[rows].mean(axis=0))
-        for b in range(3):
-            columns[rows, b, 9 * one + b] = 1.0
-            columns[rows, b, 9 * one + 6 + b] = log.carrier[rows] == BASE
-            columns[rows, :, 9 * one + 3 + b] = np.cross(np.eye(3)[b], place)
-    return columns
+    targets = log.carrier * (1 + log.plan.rows.target.max()) + log.plan.rows.target
+    columns = []
+    for one in range(int(session.max()) + 1):
+        mine = session == one
+        place = np.where(mine[:, None], 0.01 * (log.nominal_mm - log.nominal_mm[mine].mean(axis=0)), 0.0)
+        groups = [mine] + [mine & (targets == target) for target in np.unique(targets[mine])[1:]]
+        columns += [group[:, None] * np.eye(3)[b] for group in groups for b in range(3)]
+        columns += [np.cross(np.eye(3)[b], place) for b in range(3)]
+    return np.stack(columns, axis=2)
 
 
 @dataclass(frozen=True)
