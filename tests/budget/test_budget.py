@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 
@@ -194,6 +195,23 @@ def test_what_is_not_determined_is_no_number() -> None:
     assert found.to_document()["places"][0]["prediction"]["std_length_um"] is None
     with pytest.raises(NotDeterminedError, match="at no place"):
         found.worst()
+
+
+def test_a_component_that_is_not_determined_hides_no_other() -> None:
+    """A free turn about z leaves x and y open, and says nothing against z."""
+    whole = drawn_model()
+    assert whole.record is not None
+    free = np.zeros((whole.record.n_parameters, 1))
+    free[whole.parameter_names.index("ECX.c5")] = 1.0
+    model = dataclasses.replace(whole, record=dataclasses.replace(whole.record, null_space=free))
+    at = {"temp_bed": 50.0, "d_y": 1.0}
+    found, known = (uncertainty_budget(one, [[350.0, 150.0, 80.0]], at=at) for one in (model, whole))
+    assert found.is_determined.tolist() == [[False, False, True]]
+    assert found.standard_um()[0, 2] == known.standard_um()[0, 2] > 0.0
+    assert found.expanded_um()[0, 2] == known.expanded_um()[0, 2]
+    assert np.isnan(found.standard_um()[0, :2]).all()
+    assert np.isnan(found.standard_length_um()).all()
+    assert "not determined: x, y" in budget_text(found)
 
 
 def test_refusals(told: tuple[FitResult, Rig], budget: Budget) -> None:

@@ -252,7 +252,7 @@ def test_where_a_bed_with_one_target_leaves_the_prediction_open() -> None:
     machine = machine_of(CHAIN)
     model = result_of(fit_of(machine, with_bed(machine, {"D": (0.0, 0.0, 0.0)}))).model
     q = np.array([[0.0, 0.0, 0.0], [200.0, 0.0, 0.0], [200.0, 0.0, 200.0], [0.0, 200.0, 300.0]])
-    assert model.is_determined_at(q).tolist() == [True, True, False, False]
+    assert model.is_determined_at(q).all(axis=1).tolist() == [True, True, False, False]
 
 
 def test_where_one_tool_point_leaves_the_prediction_open() -> None:
@@ -262,7 +262,7 @@ def test_where_one_tool_point_leaves_the_prediction_open() -> None:
     rows = [("relative", q, (0.0, 0.0, 0.0)) for q in COARSE]
     model = result_of(fitted(machine, seen(machine, cubic_truth(rng), camera_near_base(rng), rows, rng))).model
     assert model.is_determined_at(np.array(COARSE)).all()
-    assert not model.is_determined_at(np.array(COARSE[1:]), (0.0, 0.0, 50.0)).any()
+    assert not model.is_determined_at(np.array(COARSE[1:]), (0.0, 0.0, 50.0)).all(axis=1).any()
 
 
 def test_bed_with_one_target_off_the_origin() -> None:

@@ -112,7 +112,7 @@ class TestPrediction:
         again = pickle.loads(pickle.dumps(model))
         assert np.array_equal(again.error_mm(q, at=AT), model.error_mm(q, at=AT))
         covariances = [one.prediction_covariance_mm2(q, at=AT) for one in (model, again)]
-        assert np.array_equal(*covariances)
+        assert np.array_equal(*covariances, equal_nan=True)
 
     def test_names_that_collide_between_terms_do_not(self) -> None:
         """A column of one term may have the name of another's parameter or definition."""

@@ -68,14 +68,14 @@ class TestPredictionCovariance:
         assert np.array_equal(model.prediction_covariance_mm2(q, at=AT), other.prediction_covariance_mm2(q, at=AT))
 
     def test_rows_do_not_depend_on_their_block(self) -> None:
-        model, q = fitted(n_null=1), points(2500)
+        model, q = fitted(), points(2500)
         temperature = np.linspace(20.0, 90.0, len(q))
         at = {"temp_bed": temperature, "d_y": 1.0}
         whole, some = model.prediction_covariance_mm2(q, at=at), slice(1000, 1100)
         part = model.prediction_covariance_mm2(q[some], at={"temp_bed": temperature[some], "d_y": 1.0})
         # The same sums, in an order that the linear algebra chooses by the shape.
         assert whole[some] == pytest.approx(part, rel=1e-12)
-        assert model.is_determined_at(q, at=at).shape == (2500,)
+        assert model.is_determined_at(q, at=at).shape == (2500, 3)
         assert model.prediction_covariance_mm2(q[:0], at={"temp_bed": 20.0, "d_y": 1.0}).shape == (0, 3, 3)
 
     def test_symmetric_and_positive(self) -> None:
@@ -100,7 +100,19 @@ class TestDetermined:
         # The last of six cubic B-splines on three spans of 133 mm is 0 below the last span.
         model = self.model({"EXX.c5": 1.0})
         q = np.array([[x, 200.0, 100.0] for x in (0.0, 100.0, 266.0, 267.0, 300.0, 400.0)])
-        assert model.is_determined_at(q).tolist() == [True, True, True, False, False, False]
+        assert model.is_determined_at(q)[:, 0].tolist() == [True, True, True, False, False, False]
+
+    def test_what_is_not_determined_has_no_covariance_and_disturbs_no_other_component(self) -> None:
+        free, bound = self.model({"EXX.c5": 1.0}), self.model()
+        q = np.array([[100.0, 200.0, 100.0], [300.0, 200.0, 100.0]])
+        beside = (30.0, 0.0, 0.0)
+        assert free.is_determined_at(q, beside).tolist() == [[True, True, True], [False, True, True]]
+        covariance, known = (one.prediction_covariance_mm2(q, beside) for one in (free, bound))
+        assert np.array_equal(covariance[0], known[0])
+        assert np.isnan(covariance[1, 0]).all()
+        assert np.isnan(covariance[1, :, 0]).all()
+        assert np.array_equal(covariance[1, 1:, 1:], known[1, 1:, 1:])
+        assert known[1, 1, 1] > 0.0
 
     def test_directions_that_cancel_in_the_error_are_no_loss(self) -> None:
         constant = {f"EXX.c{place}": 1.0 for place in range(6)} | {f"EXY.c{place}": -1.0 for place in range(6)}
@@ -119,8 +131,10 @@ class TestDetermined:
         model = self.model({f"ECX.c{place}": 1.0 for place in range(6)})
         q = np.array([[100.0, 0.0, 50.0], [100.0, 80.0, 50.0]])
         # wZbXYt: ε_zx turns what rides on X, and Y is its arm.
-        assert model.is_determined_at(q).tolist() == [True, False]
-        assert model.is_determined_at(q, [0.0, 30.0, 0.0]).tolist() == [False, False]
+        assert model.is_determined_at(q).all(axis=1).tolist() == [True, False]
+        assert model.is_determined_at(q, [0.0, 30.0, 0.0]).all(axis=1).tolist() == [False, False]
+        # The turn about z moves nothing along z.
+        assert model.is_determined_at(q, [0.0, 30.0, 0.0])[:, 2].all()
 
     def test_nothing_free_is_all_determined(self) -> None:
         assert fitted().is_determined_at(points(), at=AT).all()

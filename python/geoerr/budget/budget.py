@@ -80,7 +80,8 @@ class Budget:
     place_names, q_mm
         The places, (n, 3).
     is_determined
-        (n,) whether the data determine the error there; numbers are NaN where they do not.
+        (n, 3) whether the data determine x, y, z of the error there; numbers are NaN where they do not, and those of
+        the length where one of the three is not determined.
     sources
         Each once.
     stages
@@ -124,7 +125,9 @@ class Budget:
         total = np.zeros((len(self.q_mm), 3, 3))
         for _, root in self.chosen(of):
             total += root @ root.transpose(0, 2, 1)
-        return self._known(total)
+        is_open = ~self.is_determined
+        total[is_open[:, :, None] | is_open[:, None, :]] = math.nan
+        return total
 
     def standard_um(self, of: Quantity = "prediction") -> Numbers:
         """Give the combined standard uncertainty of x, y, z, (n, 3)."""
@@ -139,7 +142,8 @@ class Budget:
         chosen = self.chosen(of)
         variances = [(root**2).sum(axis=2) for _, root in chosen]
         with_length = [np.column_stack([v, v.sum(axis=1)]) for v in variances]
-        return self._known(effective_dof(with_length, [source.dof for source, _ in chosen]))
+        dof = effective_dof(with_length, [source.dof for source, _ in chosen])
+        return np.column_stack([np.where(self.is_determined, dof[:, :3], math.nan), self._known(dof[:, 3])])
 
     def expanded_um(self, of: Quantity = "prediction") -> Numbers:
         """Give U = k·u of x, y, z at 95 %, (n, 3)."""
@@ -260,9 +264,8 @@ class Budget:
         ]
 
     def _known(self, values: Numbers) -> Numbers:
-        result = np.array(values, dtype=np.float64)
-        result[~self.is_determined] = math.nan
-        return result
+        """Give numbers of a length (n,), NaN where one of its components is not determined."""
+        return np.where(self.is_determined.all(axis=1), values, math.nan)
 
 
 def uncertainty_budget(
@@ -338,7 +341,7 @@ def uncertainty_budget(
         model,
         (),
         np.empty((0, 3)),
-        np.empty(0, dtype=np.bool_),
+        np.empty((0, 3), dtype=np.bool_),
         tuple(sources),
         tuple(stages),
         (*silent, *_ALWAYS_SILENT),

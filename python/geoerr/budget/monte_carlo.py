@@ -88,7 +88,7 @@ def propagate_distributions(
     chosen = budget.chosen(of)
     results: list[Numbers] = []
     blocks: list[Numbers] = []
-    known = np.repeat(budget.is_determined[:, None], 4, axis=1)
+    known = np.column_stack([budget.is_determined, budget.is_determined.all(axis=1)])
     is_stable = False
     tolerance = np.zeros_like(known, dtype=np.float64)
     while not is_stable and (len(blocks) + 1) * _BLOCK <= max(most_trials, 2 * _BLOCK):

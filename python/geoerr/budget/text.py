@@ -21,7 +21,8 @@ def budget_text(budget: Budget) -> str:
     lines = ["[[Places]] mm"]
     for row in shown:
         x, y, z = budget.q_mm[row]
-        known = "" if budget.is_determined[row] else "  not determined"
+        unknown = "".join(np.array(list("xyz"))[~budget.is_determined[row]])
+        known = f"  not determined: {', '.join(unknown)}" if unknown else ""
         lines.append(f"    {budget.place_names[row]:<12} {x:9.1f} {y:9.1f} {z:9.1f}{known}")
     lines += ["[[From the picture to the parameters]] standard uncertainties, medians"]
     lines += [f"    {stage.what:<52} {_number(stage.std)} {stage.unit}" for stage in budget.stages]

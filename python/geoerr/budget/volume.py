@@ -21,7 +21,7 @@ class UncertaintyMap:
     x_mm, y_mm, z_mm
         The grid.
     is_determined
-        Where the error is determined.
+        Where all three components of the error are determined.
     error_um
         Length of the predicted error: what a part has without compensation.
     prediction_um
@@ -54,10 +54,11 @@ def uncertainty_map(budget: Budget, n: int | tuple[int, int, int] = 11) -> Uncer
     on_grid = budget.at_places(grid_of(*axes))
     shape = tuple(len(axis) for axis in axes)
     error_mm = budget.predictor.error_mm(on_grid.q_mm)
-    length_um = np.where(on_grid.is_determined, np.linalg.norm(error_mm, axis=1) * 1e3, np.nan)
+    is_determined = on_grid.is_determined.all(axis=1)
+    length_um = np.where(is_determined, np.linalg.norm(error_mm, axis=1) * 1e3, np.nan)
     return UncertaintyMap(
         *axes,
-        on_grid.is_determined.reshape(shape),
+        is_determined.reshape(shape),
         length_um.reshape(shape),
         on_grid.standard_length_um("prediction").reshape(shape),
         on_grid.standard_length_um("part").reshape(shape),

@@ -67,5 +67,5 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
     return Benefit(
         rms_um=1e3 * float(np.sqrt(np.mean(np.sum(error_mm**2, axis=1)))),
         std_um=1e3 * float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2)))),
-        share_not_determined=float(np.mean(~is_determined)),
+        share_not_determined=float(np.mean(~is_determined.all(axis=1))),
     )

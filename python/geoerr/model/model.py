@@ -7,7 +7,7 @@ and signs are translated. Signs and frames: errors are actual minus nominal of t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias
@@ -415,19 +415,23 @@ class Model:
     ) -> Numbers:
         """Give the covariance of the predicted displacement, (n, 3, 3): J C Jᵀ, J first order at each row.
 
-        What the data do not determine is not in it: see `is_determined_at`.
+        Row and column of a component that the data do not determine are NaN: see `is_determined_at`.
 
         Raises
         ------
         NotDeterminedError
             where the model has no record of a fit, and so no covariance.
         """
-        covariance = self._record_of_machine.covariance
-        blocks = [
-            np.asarray((columns @ covariance) @ columns.transpose(0, 2, 1))
-            for columns in self._columns(q_mm, offset_mm, carrier, at, threads)
-        ]
-        return np.concatenate([np.empty((0, 3, 3)), *blocks])
+        record = self._record_of_machine
+        rows, offset = _with_offsets(q_mm, offset_mm)
+        covariances, still = [np.empty((0, 3, 3))], []
+        for columns in self._columns(rows, offset, carrier, at, threads):
+            covariances.append((columns @ record.covariance) @ columns.transpose(0, 2, 1))
+            still.append(_leaves_still(columns, record.null_space))
+        result = np.concatenate(covariances)
+        is_open = ~self._determined(still, rows, offset, carrier, at, threads)
+        result[is_open[:, :, None] | is_open[:, None, :]] = np.nan
+        return result
 
     def is_determined_at(
         self,
@@ -438,11 +442,11 @@ class Model:
         at: Conditions | None = None,
         threads: int = 0,
     ) -> npt.NDArray[np.bool_]:
-        """Tell for each row whether the data determine its displacement, (n,).
+        """Tell for each component whether the data determine the displacement, (n, 3).
 
-        It is determined where no direction of the null space moves the point. A direction that moves all points as
-        one rigid body is the set-up of the work: where that stands no measurement of the machine tells, and every
-        part is set up anew. It does not count.
+        It is determined where no direction of the null space moves the point along it. A direction that moves all
+        points as one rigid body is the set-up of the work: where that stands no measurement of the machine tells, and
+        every part is set up anew. It does not count.
 
         Raises
         ------
@@ -450,16 +454,23 @@ class Model:
             where the model has no record of a fit.
         """
         null_space = self._record_of_machine.null_space
-        rows = points(q_mm, "q_mm")
-        offset = np.broadcast_to(offsets(offset_mm, len(rows)), rows.shape)
-        still = np.concatenate(
-            [np.empty((0, null_space.shape[1]), dtype=np.bool_)]
-            + [
-                (np.abs(columns @ null_space) <= _NO_EFFECT * (np.abs(columns) @ np.abs(null_space))).all(axis=1)
-                for columns in self._columns(rows, offset, carrier, at, threads)
-            ]
-        )
-        open_rows = ~still.all(axis=1)
+        rows, offset = _with_offsets(q_mm, offset_mm)
+        still = [_leaves_still(columns, null_space) for columns in self._columns(rows, offset, carrier, at, threads)]
+        return self._determined(still, rows, offset, carrier, at, threads)
+
+    def _determined(
+        self,
+        blocks: Sequence[npt.NDArray[np.bool_]],
+        rows: Numbers,
+        offset: Numbers,
+        carrier: Carrier,
+        at: Conditions | None,
+        threads: int,
+    ) -> npt.NDArray[np.bool_]:
+        """Tell which components (n, 3) no direction moves, from what stands still by rows in blocks (n, 3, k)."""
+        null_space = self._record_of_machine.null_space
+        still = np.concatenate([np.empty((0, 3, null_space.shape[1]), dtype=np.bool_), *blocks])
+        open_rows = ~still.all(axis=(1, 2))
         # Rigid motions are told on a grid: one set of conditions does, for they only scale what a term can do.
         typical = {
             name: value if isinstance(value, str) else float(np.mean(np.asarray(value, dtype=np.float64)))
@@ -468,7 +479,7 @@ class Model:
         for own in np.unique(offset[open_rows], axis=0):
             rows_of_offset = open_rows & (offset == own).all(axis=1)
             still[rows_of_offset] |= ~self._bends(own, carrier, typical, null_space, threads)
-        return np.asarray(still.all(axis=1))
+        return np.asarray(still.all(axis=2))
 
     def _bends(
         self, offset: Numbers, carrier: Carrier, at: Conditions | None, directions: Numbers, threads: int
@@ -735,6 +746,17 @@ def _terms(compiled: AnyMachine) -> _core.TermMachine:
 
 def _range(places: slice) -> range:
     return range(places.start, places.stop)
+
+
+def _with_offsets(q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None) -> tuple[Numbers, Numbers]:
+    rows = points(q_mm, "q_mm")
+    return rows, np.broadcast_to(offsets(offset_mm, len(rows)), rows.shape)
+
+
+def _leaves_still(columns: Numbers, directions: Numbers) -> npt.NDArray[np.bool_]:
+    """Tell which directions (m, k) of the parameters leave which components still, (n, 3, k)."""
+    reach = np.abs(columns) @ np.abs(directions)
+    return np.asarray(np.abs(columns @ directions) <= _NO_EFFECT * reach)
 
 
 def _rigid_columns(points_mm: Numbers) -> Numbers:
