@@ -60,6 +60,8 @@ FUNCTIONS = frozenset(
     }
 )
 CONSTANTS = frozenset({"pi"})
+# In a reference's place of an effect: a curve without a cause, `empirical:x@feed`.
+EMPIRICAL = "empirical"
 
 TermKind = Literal["classic", "effect", "empirical"]
 TermSource = Literal["built-in", "user"]
@@ -483,7 +485,7 @@ class Term:
         )
         _require(self.axis is None or self.axis in REFERENCE_AXES, f"axis {self.axis!r} is not known")
         if self.covariate is not None:
-            parts = self.covariate.split("-")
+            parts = self.covariate.split("*" if self.kind == EMPIRICAL else "-")
             _require(len(parts) <= 2 and all(map(is_name, parts)), f"{self.covariate!r} is not a covariate")
         _require(bool(self.parts) and len(self.parts) <= MAX_ITEMS, "a term has at least one part")
         _require(
@@ -600,8 +602,8 @@ class EffectReference:
 
     @property
     def covariate_columns(self) -> tuple[str, ...]:
-        """Columns of the covariate: none, one, or the two of a difference."""
-        return () if self.covariate is None else tuple(self.covariate.split("-"))
+        """Columns of the covariate: none, one, or the two of a difference or of a curve."""
+        return () if self.covariate is None else tuple(re.split("[-*]", self.covariate))
 
 
 def parse_effect_reference(text: str) -> EffectReference:
@@ -609,7 +611,7 @@ def parse_effect_reference(text: str) -> EffectReference:
 
     AXIS is `x y z`, a pair `xy xz yz`, `x*y` (a joint of x as a function of y too), or for a displacement of the
     tool or the work its direction (`z` = tool, `work-z` = work). COVARIATE is a column or a difference of two,
-    `temp_a-temp_b`.
+    `temp_a-temp_b`; of an `empirical` curve a variable or two, `feed*z`.
 
     Raises
     ------
@@ -622,12 +624,13 @@ def parse_effect_reference(text: str) -> EffectReference:
         raise InputFileError(text, f"{effect!r} is not the id of an effect", remedy=_REFERENCE_HINT)
     if colon and axis not in REFERENCE_AXES:
         raise InputFileError(text, f"{axis!r} is not an axis", remedy=f"axes are {', '.join(REFERENCE_AXES)}")
-    columns = covariate.split("-")
+    is_curve = effect == EMPIRICAL
+    columns = covariate.split("*" if is_curve else "-")
     if at and not (len(columns) <= 2 and all(map(is_name, columns)) and len(set(columns)) == len(columns)):
         raise InputFileError(
             text,
-            f"{covariate!r} is neither a column nor the difference of two columns",
-            remedy="write the column's name, or two names as temp_a-temp_b",
+            f"{covariate!r} is neither a column nor {'two' if is_curve else 'the difference of two columns'}",
+            remedy=f"write the column's name, or two names as {'feed*z' if is_curve else 'temp_a-temp_b'}",
         )
     return EffectReference(effect, axis if colon else None, covariate if at else None)
 

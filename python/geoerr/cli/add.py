@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from geoerr.cli.change_text import change_document, change_text
-from geoerr.cli.effect_options import additions
 from geoerr.cli.measurements import read_measurements
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, note, null_for_nan, print_json
-from geoerr.diagnose.change import add_terms
-from geoerr.fit import sightings_of
+from geoerr.cli.progress import progress_bar
+from geoerr.diagnose.change import add_effect
+from geoerr.effects import load_effects
 from geoerr.model import load_model, write_model
 
 
@@ -35,14 +35,21 @@ def add(
     quiet: QuietFlag = False,
     threads: Threads = 0,
 ) -> None:
-    """Add an effect to a model, fit it again, and show how far the error falls."""
+    """Add an effect to a model, fit it again, and show how far the error falls.
+
+    `empirical:x@feed` (or `empirical:z@x*y`, `empirical:work-z@t`) adds a curve that no cause is known of.
+    """
     paths, reference = observations_and_reference(arguments)
     inputs = [model, *paths, *(effects or [])]
     check_output(output, inputs)
     start = load_model(model)
-    measured = read_measurements(paths)
-    one = additions([reference], effects or [], start.machine, sightings_of(*measured.tables), "none")[0]
-    change = add_terms(start, measured.tables, one.terms, one.reference, one.title, threads=threads)
+    own = [effect for path in effects or [] for effect in load_effects(path)]
+    with progress_bar("add", quiet) as advance:
+        advance(0, 2)
+        measured = read_measurements(paths)
+        advance(1, 2)
+        change = add_effect(start, *measured.tables, reference=reference, effects=own, threads=threads)
+        advance(2, 2)
     if output is not None:
         write_model(output, change.result.model)
     if as_json:

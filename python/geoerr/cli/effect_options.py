@@ -6,16 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from geoerr.effects import Effect, load_catalogue
-from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
+from geoerr.effects import load_catalogue
 from geoerr.errors import InputFileError
 from geoerr.fit import Components, Sightings
+from geoerr.fit.additions import refuse_wanting, usual_terms
 from geoerr.fit.classic import names_of
-from geoerr.fit.variables import times_s
 from geoerr.machine import Machine
-from geoerr.terms import SQUARENESS_CHANNELS, EffectReference, Term
+from geoerr.terms import SQUARENESS_CHANNELS, Term
 
 
 @dataclass(frozen=True)
@@ -59,8 +56,8 @@ def additions(
     added: list[Addition] = []
     for text in references:
         effect, reference = known.resolve(text)
-        _refuse_wanting(effect, reference, sightings)
-        one = Addition(str(reference), effect.title, _terms(effect, reference, machine, sightings))
+        refuse_wanting(effect, reference, sightings)
+        one = Addition(str(reference), effect.title, usual_terms(effect, reference, machine, sightings))
         channels = [channel for term in one.terms for channel in term.channels]
         if effect.is_classic and held.issuperset(channels):
             raise InputFileError(
@@ -73,37 +70,3 @@ def additions(
             raise InputFileError(text, "is added twice", remedy="name it once")
         added.append(one)
     return added
-
-
-def _terms(effect: Effect, reference: EffectReference, machine: Machine, sightings: Sightings) -> tuple[Term, ...]:
-    if effect.is_smooth:
-        return effect.terms(reference.axis, reference.covariate, machine)
-    times = times_s(sightings)
-    span = (float(times.min()), float(times.max())) if len(times) else DEFAULT_TIME_RANGE_S
-    return (
-        effect.term(
-            reference.axis,
-            reference.covariate,
-            machine,
-            time_range_s=span if span[1] > span[0] else DEFAULT_TIME_RANGE_S,
-            n_sessions=len(sightings.sessions),
-        ),
-    )
-
-
-def _refuse_wanting(effect: Effect, reference: EffectReference, sightings: Sightings) -> None:
-    columns = sightings.covariate_columns
-    wanting = effect.wanting(
-        columns,
-        n_sessions=len(sightings.sessions),
-        is_circular=bool(np.isin("circle", sightings.frames)),
-    )
-    if wanting is not None:
-        raise InputFileError(str(reference), f"cannot be fitted to these data: {wanting}")
-    absent = [name for name in reference.covariate_columns if name not in columns]
-    if absent:
-        raise InputFileError(
-            str(reference),
-            f"the data have no column {absent[0]}",
-            remedy=f"their columns of numbers are {', '.join(sightings.covariate_columns)}",
-        )

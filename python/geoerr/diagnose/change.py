@@ -11,11 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoerr.diagnose.document import comparison_document
+from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
-from geoerr.fit import FitOptions, FitResult, Fitted, fit_terms, refit, result_of
+from geoerr.fit import FitOptions, FitResult, Fitted, fit_terms, refit, result_of, sightings_of
+from geoerr.fit.additions import best_terms, refuse_wanting
+from geoerr.fit.empirical import empirical_term, is_empirical
 from geoerr.model import HistoryEntry, Model
 from geoerr.observations import CircularTest, Observations
-from geoerr.terms import Term
+from geoerr.terms import Term, parse_effect_reference
 
 # What `model.json` remembers of the errors before and after a change.
 _REMEMBERED = ("rmse_um", "held_out_rmse_um", "noise_floor_um", "noise_um")
@@ -36,6 +39,58 @@ class Change:
     result: FitResult
     before: Fitted
     after: Fitted
+
+
+def add_effect(
+    model: Model,
+    *tables: Observations | CircularTest,
+    reference: str,
+    effects: Sequence[Effect] = (),
+    threads: int = 0,
+) -> Change:
+    """Add what a reference names, and fit the whole model again.
+
+    Of an effect's forms, lagged and not, the one is taken that explains most of what the model leaves;
+    `empirical:x@feed` is a curve without a cause (`geoerr.fit.empirical`).
+
+    Parameters
+    ----------
+    model
+        What there is: its terms are fitted along.
+    tables
+        The measurements.
+    reference
+        `ID[:AXIS][@COVARIATE]`.
+    effects
+        A user's own, beside the catalogue's.
+
+    Raises
+    ------
+    InputFileError
+        for a reference that names no effect, or one that these data cannot carry.
+    GeoerrError
+        where the model has the effect already.
+    """
+    if not is_empirical(reference):
+        known = catalogue().extended(effects, "effects") if effects else catalogue()
+        effect, resolved = known.resolve(reference)
+        refuse_wanting(effect, resolved, sightings_of(*tables))
+        name, title = str(resolved), effect.title
+        _refuse_held(model, name)
+        terms = best_terms(_fitted(model, tables, own_terms(model), threads), effect, resolved)
+    else:
+        name = str(parse_effect_reference(reference))
+        _refuse_held(model, name)
+        terms = (empirical_term(_fitted(model, tables, own_terms(model), threads), reference),)
+        title = terms[0].title
+    return add_terms(model, tables, terms, name, title, threads=threads)
+
+
+def _refuse_held(model: Model, *names: str) -> None:
+    held = {term.id for term in own_terms(model)}
+    twice = [name for name in names if name in held]
+    if twice:
+        raise GeoerrError(f"{twice[0]} is in the model already\nhint: `geoerr remove` takes it out")
 
 
 def add_terms(
@@ -65,10 +120,8 @@ def add_terms(
     GeoerrError
         where the model has the effect already.
     """
+    _refuse_held(model, *(term.id for term in terms))
     held = {term.id for term in own_terms(model)}
-    twice = [term.id for term in terms if term.id in held]
-    if twice:
-        raise GeoerrError(f"{twice[0]} is in the model already\nhint: `geoerr remove` takes it out")
     after = _fitted(model, tables, [*own_terms(model), *terms], threads)
     before = refit(after, [term for term in after.terms if term.id in held])
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])

@@ -12,7 +12,7 @@ from geoerr.effects.effect import Effect
 from geoerr.effects.formula import check_formula
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.machine import AXES, Axis, Machine
-from geoerr.terms import names_in
+from geoerr.terms import EMPIRICAL, names_in
 
 # Formulas are expanded once for reading; ranges and sides do not matter for whether they can be read.
 _ANY_MACHINE = Machine("any", "wYbXZt", {axis: Axis((-50.0, 350.0)) for axis in AXES})
@@ -31,6 +31,8 @@ def check_effect(effect: Effect, path: str | Path) -> None:
         names the file, the effect, the key and the remedy; in a formula the place is marked.
     """
     check = _Check(effect, path)
+    if effect.id == EMPIRICAL:
+        raise check.refuse("id", "names a curve without a cause", "give your effect another id")
     if effect.is_smooth:
         check.smooth()
     if effect.is_smooth or effect.detector is not None:

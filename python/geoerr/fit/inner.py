@@ -56,10 +56,17 @@ def has_unknown_inner(term: Term) -> bool:
 
 def started(fitted: Fitted, term: Term, *, threads: int = 0) -> Term:
     """Give the term with inner parameters at the trial values that explain most of the fit's residual."""
+    return best_start(fitted, term, threads=threads)[0]
+
+
+def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, float]:
+    """Give the same, and by how much the sum of squares falls when it is added to the fit."""
     candidate = _Candidate(fitted, term, threads)
     trials = list(itertools.product(*_grids(candidate, term.inner)))
-    best = trials[int(np.argmax(_Beyond(fitted, candidate, threads).gains(trials)))]
-    return replace(term, inner=tuple(replace(p, value=v) for p, v in zip(term.inner, best, strict=True)))
+    gains = _Beyond(fitted, candidate, threads).gains(trials)
+    best = int(np.argmax(gains))
+    inner = tuple(replace(p, value=v) for p, v in zip(term.inner, trials[best], strict=True))
+    return replace(term, inner=inner), float(gains[best])
 
 
 class _Candidate:
@@ -85,7 +92,7 @@ class _Candidate:
                 shape = _by_variables(term, part, compiled.variables, coefficients)
             self.shapes.append((shape, inner))
             self.columns += [(number, coefficient) for coefficient in coefficients]
-        self.directions = _directions(fitted, term, (known & fitted.solved.used).astype(np.float64), threads)
+        self.directions = directions(fitted, term, (known & fitted.solved.used).astype(np.float64), threads)
 
     def rows(self, chosen: np.ndarray) -> _Rows:
         """Give some of the rows for evaluation: a formula that is a recursion along them needs all."""
@@ -150,7 +157,7 @@ def _by_variables(term: Term, part: Part, variables: Sequence[str], coefficients
     )
 
 
-def _directions(fitted: Fitted, term: Term, scale: Numbers, threads: int) -> Numbers:
+def directions(fitted: Fitted, term: Term, scale: Numbers, threads: int) -> Numbers:
     """Give the whitened displacement of each row by one unit on each part's channel, (n_parts, n, 3)."""
     unit = Parameter("u", "")
     parts = tuple(

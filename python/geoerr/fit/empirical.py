@@ -1,0 +1,321 @@
+"""Curves without a cause: a smooth dependence on one variable or two, for what no known effect explains.
+
+`empirical:x@feed` displaces the tool along x by a low polynomial of the feed, `empirical:z@x*y` by polynomials of x
+and y and their products; `work-x` displaces the work. A curve says what happens, not why: it holds for what was
+measured (beyond the range of its variables it keeps its end value) and for nothing else.
+
+| symbol | code | what |
+|---|---|---|
+| P_i | `_legendre` | Legendre's polynomials of u, the variable brought to −1 ... 1 over its range |
+| D | `directions` | whitened displacement of each row by one unit along the component |
+| S | `spread` | orthonormal columns of the fit: its hat matrix is S Sᵀ |
+| r | `residual` | what the fit leaves, whitened |
+
+How many polynomials there are is chosen by Schwarz's evidence; those that the model does already are left out, one by
+one from the lowest degree, so that no coefficient is open.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.effects.definitions import number_text
+from geoerr.errors import GeoerrError, InputFileError
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.held_out import projected_rows
+from geoerr.fit.inner import directions
+from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import variable_columns
+from geoerr.machine import AXES
+from geoerr.model.compile import core_part
+from geoerr.terms import EMPIRICAL, RAW_VARIABLES, EffectReference, Parameter, Part, Term, parse_effect_reference
+
+# Highest degree in one variable; of two, of each.
+_MOST_DEGREES = {1: 8, 2: 3}
+# A polynomial of which the model and the lower ones leave a smaller share (of its sum of squares) is theirs.
+_OWNED = 0.01
+# Values nearer than this share of the span are one.
+_ALIKE = 1e-9
+# Points of a curve, of each variable of a surface.
+_POINTS, _POINTS_OF_TWO = 41, 9
+_UM_PER_MM = 1e3
+
+
+def is_empirical(reference: str) -> bool:
+    """Tell whether a reference names a curve and no effect."""
+    return reference.partition(":")[0].partition("@")[0] == EMPIRICAL
+
+
+def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
+    """Design a curve for what a fit leaves; its values are unknown.
+
+    Parameters
+    ----------
+    fitted
+        The fit of the model without it.
+    reference
+        `empirical:COMPONENT@VARIABLE` or `empirical:COMPONENT@VARIABLE*VARIABLE`; a variable is a position (`x`), a
+        direction (`d_x`), travel (`s_x`), speed (`v_x`), the time `t` or a column of the data.
+
+    Raises
+    ------
+    InputFileError
+        for another reference, a variable that the data do not have or that never changes, or a curve of which the
+        model leaves nothing.
+    """
+    parsed = parse_effect_reference(reference) if isinstance(reference, str) else reference
+    channel, variables = _channel(parsed), _variables(parsed, fitted)
+    values = variable_columns(fitted.sightings, [one.name for one in variables])
+    design = _Design(fitted, channel, variables, np.asarray(values))
+    degrees = design.best()
+    if not degrees:
+        raise InputFileError(
+            str(parsed),
+            "the model does that already, as far as these data can tell",
+            remedy="name a variable that the model does not have, or another component",
+        )
+    along = f"the work along {channel[-1]}" if channel.startswith("work") else f"the tool along {channel[-1]}"
+    definitions = tuple((one.symbol, one.text) for one in variables)
+    coefficients = [Parameter("c" + "_".join(map(str, degree)), "mm") for degree in degrees]
+    products = [
+        "*".join([one.name, *(_legendre(n, v.symbol) for n, v in zip(degree, variables, strict=True) if n)])
+        for one, degree in zip(coefficients, degrees, strict=True)
+    ]
+    return Term(
+        id=str(parsed),
+        title=f"Empirical curve: {along} over {' and '.join(one.name for one in variables)}, cause unknown",
+        kind="empirical",
+        effect=None,
+        axis=parsed.axis,
+        covariate=parsed.covariate,
+        parts=(Part(channel, " + ".join(products), definitions),),
+        coefficients=tuple(coefficients),
+        source="user",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """An empirical term's values over its variables, for tables and pictures.
+
+    Attributes
+    ----------
+    component
+        `x`, `y` or `z` of the base axes.
+    variables
+        Names of one or two.
+    at
+        Values of each variable, rising.
+    value_um, std_um
+        Displacement and its standard error; (m,) over one variable, (m, k) over two.
+    """
+
+    component: str
+    variables: tuple[str, ...]
+    at: tuple[Numbers, ...]
+    value_um: Numbers
+    std_um: Numbers
+
+    def to_document(self) -> dict[str, object]:
+        """Give plain values."""
+        return {
+            "component": self.component,
+            "variables": list(self.variables),
+            "at": [own.tolist() for own in self.at],
+            "value_um": self.value_um.tolist(),
+            "std_um": self.std_um.tolist(),
+        }
+
+
+def curve_of(fitted: Fitted, term_id: str) -> Curve:
+    """Give the curve of an empirical term of a fit, with its standard error.
+
+    Raises
+    ------
+    GeoerrError
+        where the fit has no such term, or one that is no curve.
+    """
+    place = next((n for n, term in enumerate(fitted.terms) if term.id == term_id), None)
+    if place is None or fitted.terms[place].kind != "empirical":
+        raise GeoerrError(f"{term_id} is no empirical curve of this fit")
+    term, own = fitted.terms[place], fitted.compiled.coefficient_slices[place]
+    names = (term.covariate or "").split("*")
+    known = variable_columns(fitted.sightings, names)
+    at = [_spread_out(values[np.isfinite(values)], len(names)) for values in known]
+    grid = np.stack([one.ravel() for one in np.meshgrid(*at, indexing="ij")])
+    _, _, _, formula, _, _ = core_part(term, term.parts[0], names)
+    assert isinstance(formula, _core.Expression)
+    functions = formula.coefficient_columns(grid, np.zeros(0), np.zeros(1, dtype=np.int64), None, 1)
+    theta = np.array([parameter.value for parameter in term.coefficients])
+    variance = np.einsum("ni,ij,nj->n", functions, fitted.covariance[own, own], functions)
+    shape = tuple(len(values) for values in at)
+    return Curve(
+        term.parts[0].channel[-1],
+        tuple(names),
+        tuple(at),
+        (_UM_PER_MM * functions @ theta).reshape(shape),
+        (_UM_PER_MM * np.sqrt(np.maximum(variance, 0.0))).reshape(shape),
+    )
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """A variable and its range: u = (variable − middle)/half, held between −1 and 1."""
+
+    name: str
+    symbol: str
+    middle: float
+    half: float
+    n_values: int
+
+    @classmethod
+    def over(cls, name: str, number: int, values: Numbers) -> _Variable:
+        low, high = float(values.min()), float(values.max())
+        apart = np.diff(np.unique(values)) > _ALIKE * (high - low)
+        return cls(name, f"u_{number + 1}", 0.5 * (low + high), 0.5 * (high - low), int(apart.sum()) + 1)
+
+    @property
+    def text(self) -> str:
+        return f"min(max(({self.name} - {number_text(self.middle)})/{number_text(self.half)}, -1), 1)"
+
+    def unit(self, values: Numbers) -> Numbers:
+        return np.asarray(np.clip((values - self.middle) / self.half, -1.0, 1.0))
+
+
+def _channel(reference: EffectReference) -> str:
+    if reference.effect != EMPIRICAL or reference.covariate is None:
+        raise InputFileError(str(reference), "names no curve", remedy=f"write {EMPIRICAL}:x@feed")
+    directions_of = {axis: f"tool-{axis}" for axis in AXES} | {f"work-{axis}": f"work-{axis}" for axis in AXES}
+    if reference.axis not in directions_of:
+        raise InputFileError(
+            str(reference), "does not say along which axis it acts", remedy=f"write {EMPIRICAL}:x@feed, or work-x"
+        )
+    return directions_of[reference.axis]
+
+
+def _variables(reference: EffectReference, fitted: Fitted) -> list[_Variable]:
+    assert reference.covariate is not None
+    sightings = fitted.sightings
+    found = []
+    for number, name in enumerate(reference.covariate.split("*")):
+        if name not in RAW_VARIABLES and name not in sightings.covariate_columns:
+            raise InputFileError(
+                str(reference),
+                f"the data have no column {name}",
+                remedy=f"their columns of numbers are {', '.join(sightings.covariate_columns)}; "
+                "positions are x, directions d_x, travel s_x, speeds v_x",
+            )
+        values = variable_columns(sightings, [name])[0]
+        values = values[np.isfinite(values) & fitted.solved.used]
+        if not values.size or np.ptp(values) <= _ALIKE * max(float(np.abs(values).max()), 1e-300):
+            raise InputFileError(
+                str(reference), f"{name} never changes in these data", remedy="name another variable"
+            )
+        found.append(_Variable.over(name, number, values))
+    return found
+
+
+class _Design:
+    """The polynomials at the rows of the data, off the model."""
+
+    def __init__(self, fitted: Fitted, channel: str, variables: Sequence[_Variable], values: Numbers) -> None:
+        self.variables = variables
+        self.most = _MOST_DEGREES[len(variables)]
+        known = np.isfinite(values).all(axis=0) & fitted.solved.used
+        unit_values = [
+            np.where(known, one.unit(np.nan_to_num(own)), 0.0) for one, own in zip(variables, values, strict=True)
+        ]
+        solved = fitted.solved
+        unit = Term(EMPIRICAL, "", "empirical", None, None, None, (Part(channel, "u"),), (Parameter("u", "mm"),))
+        scale = known.astype(np.float64)
+        direction = directions(fitted, unit, scale, fitted.threads)[0]
+        spread = projected_rows(
+            fitted.problem,
+            solved.state,
+            solved.solution.covariance_root,
+            solved.used.astype(np.float64),
+            fitted.threads,
+        )
+        flat = spread.reshape(-1, spread.shape[2])
+        self.degrees = self._all_degrees()
+        raw = np.stack(
+            [(direction * _rowwise(unit_values, degree)[:, None]).reshape(-1) for degree in self.degrees], axis=1
+        )
+        self.size = np.sqrt(np.einsum("nk,nk->k", raw, raw))
+        beyond = raw - flat @ (flat.T @ raw)
+        beyond -= flat @ (flat.T @ beyond)
+        self.gram = beyond.T @ beyond
+        residual = (solved.whitened * solved.used[:, None]).reshape(-1)
+        sigma = fitted.scale if math.isfinite(fitted.scale) and fitted.scale > 0.0 else 1.0
+        self.along = beyond.T @ residual / sigma
+        self.sigma = sigma
+        self.n_numbers = int(fitted.sightings.is_measured[solved.used].sum())
+
+    def _all_degrees(self) -> list[tuple[int, ...]]:
+        """Give all degrees, the lowest first: of two variables products before what one of them does alone."""
+        tops = [min(self.most, one.n_values - 1) for one in self.variables]
+        if len(tops) == 1:
+            return [(n,) for n in range(1, tops[0] + 1)]
+        both = [(i, j) for i in range(tops[0] + 1) for j in range(tops[1] + 1) if i or j]
+        return sorted(both, key=lambda degree: (max(degree), 0 in degree, degree))
+
+    def best(self) -> list[tuple[int, ...]]:
+        """Give the degrees of the design with the most evidence; none where the model owns them all."""
+        found: list[tuple[int, ...]] = []
+        most = -math.inf
+        for top in range(1, self.most + 1):
+            own = self._determined([place for place, degree in enumerate(self.degrees) if max(degree) <= top])
+            if not own:
+                continue
+            gram = self.gram[np.ix_(own, own)]
+            gain = float(self.along[own] @ np.linalg.solve(gram, self.along[own]))
+            evidence = 0.5 * gain - 0.5 * len(own) * math.log(max(self.n_numbers, 2))
+            if evidence > most:
+                most, found = evidence, [self.degrees[place] for place in own]
+        return found
+
+    def _determined(self, places: Sequence[int]) -> list[int]:
+        """Give those of which something is left when the model and those before have taken theirs."""
+        own: list[int] = []
+        for place in places:
+            left = self.gram[place, place]
+            if own:
+                cross = self.gram[own, place]
+                left -= cross @ np.linalg.solve(self.gram[np.ix_(own, own)], cross)
+            if self.size[place] > 0.0 and left > _OWNED * self.size[place] ** 2:
+                own.append(place)
+        return own
+
+
+def _legendre(degree: int, symbol: str) -> str:
+    """Write Legendre's polynomial."""
+    powers = np.polynomial.legendre.leg2poly(np.eye(degree + 1)[degree])
+    texts = []
+    for power, factor in reversed(list(enumerate(powers.tolist()))):
+        if factor == 0.0:
+            continue
+        name = "" if power == 0 else symbol if power == 1 else f"{symbol}^{power}"
+        size = f"{abs(factor)!r}"
+        text = size if not name else name if abs(factor) == 1.0 else f"{size}*{name}"
+        texts.append(f"{'-' if factor < 0 else '+'} {text}")
+    joined = " ".join(texts).removeprefix("+ ")
+    return joined if len(texts) == 1 else f"({joined})"
+
+
+def _rowwise(units: Sequence[Numbers], degree: tuple[int, ...]) -> Numbers:
+    result = np.ones(len(units[0]))
+    for values, n in zip(units, degree, strict=True):
+        result = result * np.polynomial.legendre.legval(values, np.eye(n + 1)[n])
+    return result
+
+
+def _spread_out(values: Numbers, n_variables: int) -> Numbers:
+    """Give the values themselves where they are few, else an even spread over their range."""
+    most = _POINTS if n_variables == 1 else _POINTS_OF_TWO
+    levels = np.unique(values)
+    return levels if len(levels) <= most else np.linspace(levels[0], levels[-1], most)
