@@ -193,7 +193,10 @@ def _of_points(observations: Observations) -> Sightings:
 
 
 def _of_circle(test: CircularTest) -> Sightings:
-    """Rows of a circular test: the tool seen from the work, one radius each; every line of a session is a run."""
+    """Rows of a circular test: the tool seen from the work, one radius each.
+
+    Every line of a session has one set-up of the bar; a pass is what was run once, in one sense at one feed.
+    """
     frame = test.frame
     n_rows = frame.height
     session_names = frame["session"].cast(pl.String).to_list() if "session" in frame.columns else ["0"] * n_rows
@@ -212,8 +215,11 @@ def _of_circle(test: CircularTest) -> Sightings:
     repeat = frame["repeat"].cast(pl.Float64).to_numpy() if "repeat" in frame.columns else np.zeros(n_rows)
     sense = frame["dir"].cast(pl.Float64).to_numpy() if "dir" in frame.columns else np.zeros(n_rows)
     directions = Observations(frame.with_columns(pl.Series("session", session.astype(str)))).directions
+    feed = frame["feed"].cast(pl.Float64).to_numpy() if "feed" in frame.columns else np.zeros(n_rows)
     _, pass_number = np.unique(
-        np.column_stack([session, np.nan_to_num(repeat), np.nan_to_num(sense)]), axis=0, return_inverse=True
+        np.column_stack([session, *(np.nan_to_num(column) for column in (repeat, feed, sense))]),
+        axis=0,
+        return_inverse=True,
     )
     std_mm = frame["sr"].cast(pl.Float64).to_numpy() if "sr" in frame.columns else np.full(n_rows, np.nan)
     is_stated = bool((np.isfinite(std_mm) & (std_mm >= _LEAST_STD_MM)).all())

@@ -8,6 +8,7 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.errors import GeoerrError
+from geoerr.fit.circle_motion import circle_motion
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
@@ -72,9 +73,10 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
     feed, moving = sightings.numbers("feed"), np.nan_to_num(sightings.numbers("moving"))
     directions = np.where(sightings.directions == 0, np.nan, sightings.directions.astype(np.float64))
     is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session]
+    times = times_s(sightings)
     derived = _core.history(
         np.ascontiguousarray(sightings.commanded_mm),
-        times_s(sightings),
+        times,
         np.where(is_circle, 1.0, moving),
         feed,
         np.ascontiguousarray(directions),
@@ -82,4 +84,9 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         # Rows of a circular test are one smooth path: speed along its tangent, acceleration towards its centre.
         is_circle.astype(np.float64),
     )
-    return {name: np.asarray(values) for name, values in derived.items()}
+    history = {name: np.asarray(values) for name, values in derived.items()}
+    if is_circle.any():
+        # What the first rows of a run cannot show of the circle that led to them, the circle itself says.
+        known = circle_motion(sightings, times, feed)
+        history |= {name: np.where(np.isnan(own), history[name], own) for name, own in known.items()}
+    return history
