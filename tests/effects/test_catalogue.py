@@ -53,6 +53,8 @@ EXPECTED: dict[str, tuple[str | None, str, str]] = {
     "timing": (None, "dt", ""),
     "target-expansion": (None, "alpha", ""),
     "angular-thermal": ("x", "k_x k_y k_z", ""),
+    "scale-mismatch": ("xy", "m", ""),
+    "change-over": ("xy", "A", ""),
     "vibration": ("x", "A B", "f"),
     "radius-change": (None, "k", ""),
     "centre-offset": (None, "c_x c_y c_z", ""),
