@@ -4,6 +4,7 @@
 //! Errors are actual minus nominal, of the tool as seen from the work.
 
 pub mod bases;
+pub mod candidates;
 pub mod expression;
 pub mod gcode;
 pub mod history;

@@ -1,6 +1,7 @@
 //! Maps every error of the core to one exception of `geoerr.errors`, exhaustively and in one place.
 
 use geoerr_core::bases::BasisError;
+use geoerr_core::candidates::CandidateError;
 use geoerr_core::expression::{ExpressionError as FormulaError, RowsError};
 use geoerr_core::gcode;
 use geoerr_core::history::HistoryError;
@@ -90,6 +91,17 @@ impl From<FormulaError> for CoreError {
         let characters = |byte: usize| error.text.get(..byte).map_or(0, |before| before.chars().count());
         let (start, end) = (characters(error.span.start), characters(error.span.end));
         Self(ExpressionError::new_err((message, error.text.clone(), start, end)))
+    }
+}
+
+impl From<CandidateError> for CoreError {
+    fn from(error: CandidateError) -> Self {
+        match error {
+            CandidateError::Rows(error) => error.into(),
+            CandidateError::Length { .. }
+            | CandidateError::Missing { .. }
+            | CandidateError::BadBlock { .. } => Self::shape(error.to_string()),
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod arrays;
 mod bases;
+mod candidates;
 mod channels;
 mod core_door;
 mod errors;
@@ -25,6 +26,7 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     bases::register(module)?;
+    candidates::register(module)?;
     channels::register(module)?;
     expression::register(module)?;
     gcode::register(module)?;

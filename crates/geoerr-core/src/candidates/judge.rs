@@ -1,0 +1,140 @@
+//! What a group of columns gains beyond the model: small dense algebra, in double precision.
+
+/// Directions of which the model leaves a smaller share are the model's own: nothing can be said of them.
+const OWNED: f64 = 0.002;
+/// Directions of a group's columns below this share of the largest are no directions of their own.
+const DEPENDENT: f64 = 1e-8;
+/// Sweeps of Jacobi's method; ten leave nothing at any size that occurs.
+const MOST_SWEEPS: usize = 30;
+
+/// The sums of one group at one trial, k columns.
+pub(super) struct Sums<'a> {
+    /// `BᵀV⁻¹B`, k × k.
+    pub information: &'a [f64],
+    /// `QᵀV^(-1/2)B`, k rows of n_basis.
+    pub inside: &'a [f64],
+    /// Scores of the residual, k.
+    pub score: &'a [f64],
+    /// Scores of the draws, k rows of n_draws.
+    pub draws: &'a [f64],
+    /// Smallest share of a column that is more than rounding.
+    pub least: f64,
+}
+
+/// What a group gains at one trial.
+pub(super) struct Judged {
+    pub gain: f64,
+    pub rank: usize,
+    pub share: f64,
+    /// The gain of each draw.
+    pub of_draws: Vec<f64>,
+}
+
+/// Judges one trial.
+pub(super) fn judge(sums: &Sums<'_>) -> Judged {
+    let k = sums.score.len();
+    let n_basis = sums.inside.len() / k.max(1);
+    let n_draws = sums.draws.len() / k.max(1);
+    let size: Vec<f64> = (0..k)
+        .map(|i| {
+            let square = sums.information[i * k + i];
+            if square > 0.0 { square.sqrt() } else { 1.0 }
+        })
+        .collect();
+    let mut cosines: Vec<f64> =
+        (0..k * k).map(|at| sums.information[at] / (size[at / k] * size[at % k])).collect();
+    let (values, vectors) = symmetric_eigen(&mut cosines, k);
+    // Columns that make the candidate's own information the unit.
+    let unit: Vec<Vec<f64>> = (values.iter().zip(&vectors))
+        .filter(|&(&value, _)| value > DEPENDENT.max(sums.least) * k as f64)
+        .map(|(&value, vector)| (0..k).map(|i| vector[i] / (size[i] * value.sqrt())).collect())
+        .collect();
+    let m = unit.len();
+    let inside: Vec<Vec<f64>> = (unit.iter())
+        .map(|direction| {
+            let mut sum = vec![0.0; n_basis];
+            for (i, &weight) in direction.iter().enumerate() {
+                for (total, &value) in sum.iter_mut().zip(&sums.inside[i * n_basis..(i + 1) * n_basis]) {
+                    *total += weight * value;
+                }
+            }
+            sum
+        })
+        .collect();
+    let mut beyond = vec![0.0; m * m];
+    for i in 0..m {
+        for j in 0..=i {
+            let owned: f64 = inside[i].iter().zip(&inside[j]).map(|(a, b)| a * b).sum();
+            let value = if i == j { 1.0 - owned } else { -owned };
+            beyond[i * m + j] = value;
+            beyond[j * m + i] = value;
+        }
+    }
+    let (shares, turns) = symmetric_eigen(&mut beyond, m);
+    let mut judged = Judged { gain: 0.0, rank: 0, share: 0.0, of_draws: vec![0.0; n_draws] };
+    let mut scores = vec![0.0; n_draws];
+    for (&share, turn) in shares.iter().zip(&turns) {
+        if share <= OWNED.max(sums.least) {
+            continue;
+        }
+        let direction: Vec<f64> = (0..k)
+            .map(|i| unit.iter().zip(turn).map(|(column, &t)| column[i] * t).sum::<f64>() / share.sqrt())
+            .collect();
+        let score: f64 = direction.iter().zip(sums.score).map(|(a, b)| a * b).sum();
+        judged.gain += score * score;
+        judged.rank += 1;
+        judged.share = judged.share.max(share);
+        scores.fill(0.0);
+        for (i, &weight) in direction.iter().enumerate() {
+            for (total, &value) in scores.iter_mut().zip(&sums.draws[i * n_draws..(i + 1) * n_draws]) {
+                *total += weight * value;
+            }
+        }
+        for (total, &value) in judged.of_draws.iter_mut().zip(&scores) {
+            *total += value * value;
+        }
+    }
+    judged
+}
+
+/// Eigenvalues and unit eigenvectors of a symmetric matrix (k × k), which is overwritten: Jacobi's rotations, which
+/// keep small eigenvalues to their own precision.
+fn symmetric_eigen(matrix: &mut [f64], k: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let mut vectors: Vec<Vec<f64>> =
+        (0..k).map(|i| (0..k).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
+    for _ in 0..MOST_SWEEPS {
+        let mut is_done = true;
+        for p in 0..k {
+            for q in p + 1..k {
+                let (app, aqq, apq) = (matrix[p * k + p], matrix[q * k + q], matrix[p * k + q]);
+                if apq.abs() <= f64::EPSILON * (app.abs() * aqq.abs()).sqrt().max(f64::MIN_POSITIVE) {
+                    continue;
+                }
+                is_done = false;
+                let theta = (aqq - app) / (2.0 * apq);
+                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                let c = 1.0 / t.hypot(1.0);
+                let s = t * c;
+                for i in 0..k {
+                    let (a, b) = (matrix[i * k + p], matrix[i * k + q]);
+                    matrix[i * k + p] = c * a - s * b;
+                    matrix[i * k + q] = s * a + c * b;
+                }
+                for i in 0..k {
+                    let (a, b) = (matrix[p * k + i], matrix[q * k + i]);
+                    matrix[p * k + i] = c * a - s * b;
+                    matrix[q * k + i] = s * a + c * b;
+                }
+                for i in 0..k {
+                    let (a, b) = (vectors[p][i], vectors[q][i]);
+                    vectors[p][i] = c * a - s * b;
+                    vectors[q][i] = s * a + c * b;
+                }
+            }
+        }
+        if is_done {
+            break;
+        }
+    }
+    ((0..k).map(|i| matrix[i * k + i]).collect(), vectors)
+}

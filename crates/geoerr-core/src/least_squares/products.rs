@@ -1,0 +1,85 @@
+//! Products of tall blocks in either precision, on the calling thread.
+
+use std::ops::{Add, AddAssign, Mul};
+
+use faer::linalg::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+
+/// Numbers that products are made of: `f32` where a ranking is enough, `f64` where digits count.
+pub trait Real:
+    faer::traits::RealField
+    + Copy
+    + Default
+    + Add<Output = Self>
+    + Mul<Output = Self>
+    + AddAssign
+    + Send
+    + Sync
+    + sealed::Sealed
+{
+    /// Distance from 1 to the next number.
+    const EPSILON: f64;
+
+    /// The nearest number of this kind.
+    fn nearest(value: f64) -> Self;
+
+    /// This number in double precision, exactly.
+    fn double(self) -> f64;
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for f32 {}
+    impl Sealed for f64 {}
+}
+
+impl Real for f32 {
+    const EPSILON: f64 = f32::EPSILON as f64;
+
+    fn nearest(value: f64) -> Self {
+        value as Self
+    }
+
+    fn double(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+impl Real for f64 {
+    const EPSILON: f64 = f64::EPSILON;
+
+    fn nearest(value: f64) -> Self {
+        value
+    }
+
+    fn double(self) -> f64 {
+        self
+    }
+}
+
+/// `sum += leftᵀ · right`, all column after column: `sum` (m × k), `left` (n × m), `right` (n × k).
+///
+/// Slices whose lengths are not those of such matrices are cut to the columns that fit.
+pub fn add_transposed_product<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize) {
+    let (m, k) = (left.len() / n_rows.max(1), right.len() / n_rows.max(1));
+    if sum.len() < m * k || n_rows == 0 || m == 0 || k == 0 {
+        return;
+    }
+    let left = MatRef::from_column_major_slice(&left[..n_rows * m], n_rows, m);
+    let right = MatRef::from_column_major_slice(&right[..n_rows * k], n_rows, k);
+    let sum = MatMut::from_column_major_slice_mut(&mut sum[..m * k], m, k);
+    matmul::matmul(sum, Accum::Add, left.transpose(), right, T::nearest(1.0), Par::Seq);
+}
+
+/// `result = left · right`, all column after column: `left` (n × m), `right` (m × k).
+pub fn set_product<T: Real>(result: &mut [T], left: &[T], right: &[T], n_rows: usize) {
+    let m = left.len() / n_rows.max(1);
+    let k = right.len() / m.max(1);
+    if result.len() < n_rows * k || n_rows == 0 || m == 0 || k == 0 {
+        return;
+    }
+    let left = MatRef::from_column_major_slice(&left[..n_rows * m], n_rows, m);
+    let right = MatRef::from_column_major_slice(&right[..m * k], m, k);
+    let result = MatMut::from_column_major_slice_mut(&mut result[..n_rows * k], n_rows, k);
+    matmul::matmul(result, Accum::Replace, left, right, T::nearest(1.0), Par::Seq);
+}

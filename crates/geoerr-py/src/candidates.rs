@@ -1,0 +1,213 @@
+//! Binds `geoerr_core::candidates`: what a fit leaves as an immutable handle, and the scan of candidates against it.
+
+use geoerr_core::candidates::{Column, Formula, Group, Noise, Scanned, Scene, Sources, scan};
+use geoerr_core::expression::Rows;
+use geoerr_core::least_squares::Real;
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use crate::arrays::{from_numbers, numbers};
+use crate::core_door::enter_core;
+use crate::errors::CoreError;
+use crate::expression::{PyExpression, places};
+
+enum Precision {
+    Single(Scene<f32>),
+    Double(Scene<f64>),
+}
+
+/// What a fit leaves. Immutable, so that any number of threads may ask it.
+#[pyclass(frozen, name = "CandidateScene", module = "geoerr._core")]
+pub struct PyCandidateScene {
+    scene: Precision,
+    n_rows: usize,
+}
+
+/// Columns of a group, as Python has them: functions (n_trials, k), channels, factors and coefficients (k,).
+type GroupArrays<'py> = (
+    PyReadonlyArray2<'py, i64>,
+    PyReadonlyArray1<'py, i64>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray1<'py, i64>,
+    usize,
+);
+/// Gain, rank and share (n_trials,), and by rank the largest gain of every draw (n_ranks, n_draws), −1 for none.
+type GroupResult<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray2<f64>>,
+);
+
+fn three<T: Copy>(array: &PyReadonlyArray2<'_, T>, name: &str) -> Result<[Vec<T>; 3], CoreError>
+where
+    T: numpy::Element,
+{
+    let all = contiguous(array.as_slice().ok(), array.is_c_contiguous(), name)?;
+    if array.shape()[0] != 3 {
+        return Err(CoreError::shape(format!("{name} must have three rows")));
+    }
+    let n = array.shape()[1];
+    Ok([0, 1, 2].map(|c| all[c * n..(c + 1) * n].to_vec()))
+}
+
+fn contiguous<'a, T>(slice: Option<&'a [T]>, is_c: bool, name: &str) -> Result<&'a [T], CoreError> {
+    slice.filter(|_| is_c).ok_or_else(|| CoreError::shape(format!("{name} must be a C-contiguous array")))
+}
+
+fn made<T: Real + numpy::Element>(
+    whitened: &PyReadonlyArray3<'_, T>,
+    n_basis: usize,
+    directions: &[[Vec<f64>; 3]],
+    noise: Noise,
+) -> Result<Scene<T>, CoreError> {
+    let all = contiguous(whitened.as_slice().ok(), whitened.is_c_contiguous(), "whitened columns")?;
+    let [three, width, n_rows] = [whitened.shape()[0], whitened.shape()[1], whitened.shape()[2]];
+    if three != 3 || width <= n_basis {
+        return Err(CoreError::shape("whitened columns must be (3, n_basis + 1 + n_draws, n)"));
+    }
+    let size = width * n_rows;
+    let whitened = [0, 1, 2].map(|c| all[c * size..(c + 1) * size].to_vec());
+    Scene::new(n_rows, n_basis, width - n_basis - 1, directions, whitened, noise).map_err(CoreError::from)
+}
+
+#[pymethods]
+impl PyCandidateScene {
+    #[new]
+    #[expect(clippy::too_many_arguments, reason = "one argument for each array of a scene")]
+    fn new(
+        whitened: &Bound<'_, PyAny>,
+        n_basis: usize,
+        directions: PyReadonlyArray3<'_, f64>,
+        sigma: [f64; 3],
+        block: PyReadonlyArray1<'_, i64>,
+        n_blocks: usize,
+        unit: PyReadonlyArray2<'_, f64>,
+        session_starts: PyReadonlyArray1<'_, i64>,
+        less_one: Vec<Vec<PyReadonlyArray2<'_, f64>>>,
+    ) -> PyResult<Self> {
+        let all = contiguous(directions.as_slice().ok(), directions.is_c_contiguous(), "directions")?;
+        let [n_channels, components, n_rows] =
+            [directions.shape()[0], directions.shape()[1], directions.shape()[2]];
+        if components != 3 {
+            return Err(CoreError::shape("directions must be (n_channels, 3, n)").into());
+        }
+        let directions: Vec<[Vec<f64>; 3]> = (0..n_channels)
+            .map(|channel| {
+                [0, 1, 2].map(|c| all[(3 * channel + c) * n_rows..(3 * channel + c + 1) * n_rows].to_vec())
+            })
+            .collect();
+        let starts = places(&session_starts)?;
+        let ends = starts.iter().skip(1).copied().chain([n_blocks]);
+        let sessions = starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect();
+        let mut of_components = less_one.iter().map(|of_component| {
+            of_component
+                .iter()
+                .map(|matrix| {
+                    // Column after column: the transpose, row after row.
+                    let [n, m] = [matrix.shape()[0], matrix.shape()[1]];
+                    let array = matrix.as_array();
+                    (0..m).flat_map(|j| (0..n).map(move |i| (i, j))).map(|at| array[at]).collect::<Vec<f64>>()
+                })
+                .collect::<Vec<_>>()
+        });
+        let (Some(x), Some(y), Some(z)) = (of_components.next(), of_components.next(), of_components.next())
+        else {
+            return Err(CoreError::shape("transforms are wanted for three components").into());
+        };
+        let less_one = [x, y, z];
+        let noise = Noise {
+            sigma,
+            block: places(&block)?,
+            n_blocks,
+            unit: three(&unit, "unit")?,
+            sessions,
+            less_one,
+        };
+        let scene = if let Ok(single) = whitened.extract::<PyReadonlyArray3<'_, f32>>() {
+            Precision::Single(made(&single, n_basis, &directions, noise)?)
+        } else {
+            let double = whitened.extract::<PyReadonlyArray3<'_, f64>>()?;
+            Precision::Double(made(&double, n_basis, &directions, noise)?)
+        };
+        Ok(Self { scene, n_rows })
+    }
+
+    /// Judges groups of columns at all their trials.
+    #[expect(clippy::too_many_arguments, reason = "one argument for each array of the call")]
+    fn scan<'py>(
+        &self,
+        py: Python<'py>,
+        variables: PyReadonlyArray2<'py, f64>,
+        starts: PyReadonlyArray1<'py, i64>,
+        t: Option<PyReadonlyArray1<'py, f64>>,
+        formulas: Vec<(Bound<'py, PyExpression>, Vec<f64>)>,
+        given: PyReadonlyArray2<'py, f64>,
+        products: Vec<[usize; 2]>,
+        groups: Vec<GroupArrays<'py>>,
+        threads: usize,
+    ) -> PyResult<Vec<GroupResult<'py>>> {
+        let variables = rows_of(&variables, "variables")?;
+        let given = rows_of(&given, "given functions")?;
+        let starts = places(&starts)?;
+        let t = t.as_ref().map(|t| numbers(t, "t")).transpose()?;
+        let rows = Rows { variables: &variables, n_rows: self.n_rows, starts: &starts, t };
+        let formulas: Vec<Formula> = (formulas.into_iter())
+            .map(|(expression, inner)| Formula { expression: expression.get().core().clone(), inner })
+            .collect();
+        let groups: Vec<Group> = groups.iter().map(group_of).collect::<Result<_, _>>()?;
+        let sources = Sources { rows, formulas: &formulas, given: &given, products: &products };
+        let scanned = enter_core(py, threads, || match &self.scene {
+            Precision::Single(scene) => scan(scene, &sources, &groups),
+            Precision::Double(scene) => scan(scene, &sources, &groups),
+        })?;
+        scanned.into_iter().map(|one| result_of(py, one)).collect()
+    }
+}
+
+fn rows_of<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> Result<Vec<&'a [f64]>, CoreError> {
+    let all = contiguous(array.as_slice().ok(), array.is_c_contiguous(), name)?;
+    let n = array.shape()[1];
+    Ok((0..array.shape()[0]).map(|row| &all[row * n..(row + 1) * n]).collect())
+}
+
+fn group_of(arrays: &GroupArrays<'_>) -> Result<Group, CoreError> {
+    let (functions, channels, factors, coefficients, n_coefficients) = arrays;
+    let all = contiguous(functions.as_slice().ok(), functions.is_c_contiguous(), "functions")?;
+    let place = |&value: &i64| {
+        usize::try_from(value).map_err(|_| CoreError::shape(format!("function {value} is negative")))
+    };
+    let (channels, coefficients) = (places(channels)?, places(coefficients)?);
+    let factors = numbers(factors, "factors")?;
+    if channels.len() != functions.shape()[1] || coefficients.len() != channels.len() {
+        return Err(CoreError::shape("a group needs one channel, factor and coefficient a column"));
+    }
+    let columns = (channels.into_iter().zip(factors).zip(coefficients))
+        .map(|((channel, &factor), coefficient)| Column { channel, factor, coefficient })
+        .collect();
+    let functions = all.iter().map(place).collect::<Result<_, _>>()?;
+    Ok(Group { n_coefficients: *n_coefficients, columns, functions })
+}
+
+fn result_of<'py>(py: Python<'py>, one: Scanned) -> PyResult<GroupResult<'py>> {
+    let n_draws = one.largest.iter().map(Vec::len).max().unwrap_or(0);
+    let n_ranks = one.largest.len();
+    let largest: Vec<f64> = (one.largest.iter())
+        .flat_map(|of_rank| if of_rank.is_empty() { vec![-1.0; n_draws] } else { of_rank.clone() })
+        .collect();
+    let rank: Vec<i64> = one.rank.iter().map(|&rank| rank as i64).collect();
+    Ok((
+        from_numbers(py, one.gain),
+        from_numbers(py, rank),
+        from_numbers(py, one.share),
+        largest.into_pyarray(py).reshape([n_ranks, n_draws])?,
+    ))
+}
+
+/// Adds this file's classes to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyCandidateScene>()
+}
