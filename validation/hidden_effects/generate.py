@@ -159,15 +159,16 @@ def generate(
     ValueError
         for names that are none.
     """
-    whole, in_noise, in_effects = (np.random.default_rng([seed, stream]) for stream in range(3))
+    whole, in_noise = (np.random.default_rng([seed, stream]) for stream in range(2))
+    drawing = in_effects(seed)
     machine, errors = draw_machine(whole, chain)
     drawn = draw_plan(whole, machine, plan, n_rows)
     log = make_log(whole, machine, drawn)
-    scene = _Scene(log, errors.at(machine, log.q_mm))
+    scene = Scene(log, errors.at(machine, log.q_mm))
     moved, truth = nothing(log.n_rows), []
     for one in hidden:
         wanted = Hidden(one) if isinstance(one, str) else one
-        acting, effect = _scaled(scene, in_effects, wanted, strength_um)
+        acting, effect = _scaled(scene, drawing, wanted, strength_um)
         moved = moved + acting
         truth.append(effect)
     noise_kind = NOISES[noise] if isinstance(noise, str) else noise
@@ -182,7 +183,7 @@ def generate(
     )
 
 
-class _Scene:
+class Scene:
     """A log with the machine's own errors; projections are made when they are first needed."""
 
     def __init__(self, log: Log, own: Displacements) -> None:
@@ -235,8 +236,21 @@ def _drawn(rng: np.random.Generator, wanted: str | None, choices: tuple[str, ...
     return drawn if wanted is None else wanted
 
 
+def acting_of(log: Log, rng: np.random.Generator, wanted: Hidden) -> tuple[Acting, str, str]:
+    """Give an effect of unit size as it is drawn, its axis and its covariate."""
+    kind = KINDS[wanted.kind]
+    axis = _drawn(rng, wanted.axis, kind.axes, "axis")
+    covariate = _drawn(rng, wanted.covariate, kind.covariates, "covariate")
+    return kind.physics(log, rng, axis, covariate), axis, covariate
+
+
+def in_effects(seed: int) -> np.random.Generator:
+    """Give the random numbers that draw a case's hidden effects."""
+    return np.random.default_rng([seed, 2])
+
+
 def _scaled(
-    scene: _Scene, rng: np.random.Generator, wanted: Hidden, strength_um: float
+    scene: Scene, rng: np.random.Generator, wanted: Hidden, strength_um: float
 ) -> tuple[Displacements, TrueEffect]:
     if wanted.kind not in KINDS:
         raise ValueError(f"{wanted.kind!r} is no kind: it is one of {', '.join(KINDS)}")
@@ -244,9 +258,7 @@ def _scaled(
     lacking = _lacking(log, kind)
     if lacking is not None:
         raise CannotCarryError(f"{kind.name} needs {lacking}, which the plan {log.plan.name} has not")
-    axis = _drawn(rng, wanted.axis, kind.axes, "axis")
-    covariate = _drawn(rng, wanted.covariate, kind.covariates, "covariate")
-    acting = kind.physics(log, rng, axis, covariate)
+    acting, axis, covariate = acting_of(log, rng, wanted)
     off_variable = None
     if wanted.off_formula:
         acting, off_variable = _off(log, rng, acting, kind, wanted.off_formula)

@@ -10,7 +10,7 @@ and what belongs to circular tests.
 from __future__ import annotations
 
 import numpy as np
-from validation.hidden_effects.chain import Array, Displacements, nothing, sides
+from validation.hidden_effects.chain import RELATIVE, Array, Displacements, levers, nothing, sides
 from validation.hidden_effects.kinds import (
     AXES,
     PAIRS,
@@ -103,7 +103,7 @@ def wound_up(direction: Array, travel: Array, session: Array, length_mm: float) 
 
 @LISTED.kind("reversal-windup", "reversal-windup", axes=AXES)
 def _windup(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
-    a, b, length = index(axis), UNIT_MM, log_uniform(rng, 1.5, 12.0)
+    a, b, length = index(axis), UNIT_MM, log.value("lambda", log_uniform(rng, 1.5, 12.0))
     motion, session = log.motion, log.plan.moments.session
     shape = wound_up(motion.direction[:, a], motion.travel_mm[:, a], session, length)
     moved = _along(log, a, b * shape[log.moment])
@@ -112,7 +112,7 @@ def _windup(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
 
 @LISTED.kind("reversal-spike", "reversal-spike", axes=AXES)
 def _spike(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
-    a, height, tau = index(axis), UNIT_MM, log_uniform(rng, 0.8, 4.0)
+    a, height, tau = index(axis), UNIT_MM, log.value("tau", log_uniform(rng, 0.8, 4.0))
     moved = _along(log, a, -height * log.moved("direction", a) * np.exp(-log.moved("since_reversal_s", a) / tau))
     return Acting(moved, {"A": height}, {"tau": tau}, (f"d_{axis}", "t"), (joint(a, a),))
 
@@ -152,30 +152,31 @@ def _racking(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
 # --- drives -------------------------------------------------------------------------------------------------------
 
 
-def _wave(log: Log, rng: np.random.Generator, a: int, n_harmonics: int = 1) -> tuple[Array, float, list[float]]:
+def _wave(log: Log, rng: np.random.Generator, a: int, n_harmonics: int = 1) -> tuple[Array, float, dict[str, float]]:
     period = float(rng.choice([2.0, 4.0, 5.0, 8.0, 10.0, 32.0, 40.0])) * rng.uniform(0.97, 1.03)
+    period = log.value("P", period)
     turn = 2.0 * np.pi * log.q_mm[:, a] / period
-    shape, numbers = np.zeros(log.n_rows), []
+    shape, linear = np.zeros(log.n_rows), {}
     for harmonic in range(1, n_harmonics + 1):
         phase = rng.uniform(0.0, 2.0 * np.pi)
-        size = UNIT_MM / harmonic
-        shape = shape + size * np.sin(harmonic * turn + phase)
-        numbers += [size * float(np.cos(phase)), size * float(np.sin(phase))]
-    return shape, period, numbers
+        size, which = UNIT_MM / harmonic, "" if harmonic == 1 else str(harmonic)
+        sine, cosine = log.value(f"A{which}", size * np.cos(phase)), log.value(f"B{which}", size * np.sin(phase))
+        shape = shape + sine * np.sin(harmonic * turn) + cosine * np.cos(harmonic * turn)
+        linear |= {f"A{which}": sine, f"B{which}": cosine}
+    return shape, period, linear
 
 
 @LISTED.kind("periodic", "periodic", axes=AXES)
 def _periodic(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
     a = index(axis)
-    shape, period, (sine, cosine) = _wave(log, rng, a)
-    return Acting(_along(log, a, shape), {"A": sine, "B": cosine}, {"P": period}, (axis,), (joint(a, a),))
+    shape, period, linear = _wave(log, rng, a)
+    return Acting(_along(log, a, shape), linear, {"P": period}, (axis,), (joint(a, a),))
 
 
 @LISTED.kind("periodic-harmonics", "periodic", axes=AXES)
 def _periodic_harmonics(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
     a = index(axis)
-    shape, period, numbers = _wave(log, rng, a, 2)
-    linear = dict(zip(("A", "B", "A2", "B2"), numbers, strict=True))
+    shape, period, linear = _wave(log, rng, a, 2)
     return Acting(_along(log, a, shape), linear, {"P": period}, (axis,), (joint(a, a),))
 
 
@@ -183,15 +184,16 @@ def _periodic_harmonics(log: Log, rng: np.random.Generator, axis: str, _: str) -
 def _wobble(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
     a = index(axis)
     moved = nothing(log.n_rows)
-    period = float(rng.choice([2.0, 4.0, 5.0, 8.0, 10.0])) * rng.uniform(0.97, 1.03)
+    period = log.value("P", float(rng.choice([2.0, 4.0, 5.0, 8.0, 10.0])) * rng.uniform(0.97, 1.03))
     turn, phase = 2.0 * np.pi * log.q_mm[:, a] / period, rng.uniform(0.0, 2.0 * np.pi)
     # A bent screw carries its nut round: an ellipse in the plane across.
     flat = rng.uniform(0.3, 1.0)
     linear = {}
     for b, size, ahead in zip(across(a), (UNIT_MM, flat * UNIT_MM), (0.0, 0.5 * np.pi), strict=True):
-        moved.delta_mm[:, a, b] = size * np.sin(turn + phase + ahead)
-        linear[f"A_{'xyz'[b]}"] = size * float(np.cos(phase + ahead))
-        linear[f"B_{'xyz'[b]}"] = size * float(np.sin(phase + ahead))
+        sine = log.value(f"A_{'xyz'[b]}", size * np.cos(phase + ahead))
+        cosine = log.value(f"B_{'xyz'[b]}", size * np.sin(phase + ahead))
+        moved.delta_mm[:, a, b] = sine * np.sin(turn) + cosine * np.cos(turn)
+        linear |= {f"A_{'xyz'[b]}": sine, f"B_{'xyz'[b]}": cosine}
     return Acting(moved, linear, {"P": period}, (axis,), tuple(joint(a, b) for b in across(a)))
 
 
@@ -255,7 +257,7 @@ def _yielding(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
 
 @LISTED.kind("stick-slip", "stick-slip", axes=AXES, needs=("motion",))
 def _stick_slip(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
-    a, b, speed = index(axis), 2.0 * UNIT_MM, log_uniform(rng, 5.0, 60.0)
+    a, b, speed = index(axis), 2.0 * UNIT_MM, log.value("v_s", log_uniform(rng, 5.0, 60.0))
     gone = np.exp(-np.abs(log.moved("velocity_mm_s", a)) / speed)
     moved = _along(log, a, -0.5 * b * log.moved("direction", a) * gone)
     return Acting(moved, {"b_s": b}, {"v_s": speed}, (f"d_{axis}", f"v_{axis}"), (joint(a, a),))
@@ -276,7 +278,7 @@ def _timing(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
 def _expansion(log: Log, rng: np.random.Generator, axis: str, warmth: Array) -> tuple[Displacements, float, float]:
     a = index(axis)
     low, high = log.range_mm(a)
-    alpha, fixed = 3e-6, rng.uniform(low, high)
+    alpha, fixed = 3e-6, log.value("q_fixed", rng.uniform(low, high))
     return _along(log, a, alpha * warmth * (log.q_mm[:, a] - fixed)), alpha, fixed
 
 
@@ -289,7 +291,7 @@ def _thermal_expansion(log: Log, rng: np.random.Generator, axis: str, covariate:
 
 @LISTED.kind("thermal-expansion-lagged", "thermal-expansion", axes=AXES, covariates=SENSORS)
 def _thermal_expansion_lagged(log: Log, rng: np.random.Generator, axis: str, covariate: str) -> Acting:
-    tau = _lag_time(log, rng)
+    tau = log.value("tau", _lag_time(log, rng))
     moved, alpha, fixed = _expansion(log, rng, axis, _lagged_warmth(log, covariate, tau))
     a = index(axis)
     return Acting(moved, {"alpha": alpha}, {"q_fixed": fixed, "tau": tau}, (covariate, axis), (joint(a, a),))
@@ -313,7 +315,7 @@ def _thermal_drift(log: Log, rng: np.random.Generator, place: str, covariate: st
 
 @LISTED.kind("thermal-drift-lagged", "thermal-drift", axes=BODY_PLACES, covariates=SENSORS)
 def _thermal_drift_lagged(log: Log, rng: np.random.Generator, place: str, covariate: str) -> Acting:
-    k, tau = either_sign(rng) * 1e-3, _lag_time(log, rng)
+    k, tau = either_sign(rng) * 1e-3, log.value("tau", _lag_time(log, rng))
     moved, channel = _body(log, place, k * _lagged_warmth(log, covariate, tau))
     return Acting(moved, {"k": k}, {"tau": tau}, (covariate,), (channel,))
 
@@ -327,24 +329,27 @@ def _nozzle(log: Log, rng: np.random.Generator, place: str, covariate: str) -> A
 
 @LISTED.kind("warm-up", "warm-up", axes=BODY_PLACES)
 def _warm_up(log: Log, rng: np.random.Generator, place: str, _: str) -> Acting:
-    size, tau = either_sign(rng) * 3.0 * UNIT_MM, _session_length(log) * log_uniform(rng, 0.03, 0.2)
+    size = either_sign(rng) * 3.0 * UNIT_MM
+    tau = log.value("tau", _session_length(log) * log_uniform(rng, 0.03, 0.2))
     moved, channel = _body(log, place, size * -np.expm1(-log.t_s / tau))
     return Acting(moved, {"A": size}, {"tau": tau}, ("t",), (channel,))
 
 
 @LISTED.kind("warm-up-two", "warm-up", axes=BODY_PLACES)
 def _warm_up_two(log: Log, rng: np.random.Generator, place: str, _: str) -> Acting:
-    size, tau = either_sign(rng) * 2.0 * UNIT_MM, _session_length(log) * log_uniform(rng, 0.015, 0.05)
-    ratio, second = rng.uniform(5.0, 15.0), rng.uniform(0.5, 1.5)
+    size = either_sign(rng) * 2.0 * UNIT_MM
+    tau = log.value("tau", _session_length(log) * log_uniform(rng, 0.015, 0.05))
+    ratio, second = log.value("ratio", rng.uniform(5.0, 15.0)), rng.uniform(0.5, 1.5)
+    first, second = log.value("A", size), log.value("B", second * size)
     slow = -np.expm1(-log.t_s / (ratio * tau))
-    moved, channel = _body(log, place, size * (-np.expm1(-log.t_s / tau) + second * slow))
-    return Acting(moved, {"A": size, "B": second * size}, {"tau": tau, "ratio": ratio}, ("t",), (channel,))
+    moved, channel = _body(log, place, first * -np.expm1(-log.t_s / tau) + second * slow)
+    return Acting(moved, {"A": first, "B": second}, {"tau": tau, "ratio": ratio}, ("t",), (channel,))
 
 
 @LISTED.kind("screw-heating", "screw-heating", axes=AXES)
 def _screw_heating(log: Log, rng: np.random.Generator, axis: str, _: str) -> Acting:
-    a, tau, k = index(axis), max(60.0, _lag_time(log, rng)), 1e-5
-    fixed = rng.uniform(*log.range_mm(a))
+    a, tau, k = index(axis), log.value("tau", max(60.0, _lag_time(log, rng))), 1e-5
+    fixed = log.value("q_fixed", rng.uniform(*log.range_mm(a)))
     heat = _by_row(log, np.abs(log.motion.mean_velocity_mm_s[:, a]), tau, is_held=True)
     moved = _along(log, a, k * heat * (log.q_mm[:, a] - fixed))
     return Acting(moved, {"k": k}, {"tau": tau, "q_fixed": fixed}, (axis, f"v_{axis}", "t"), (joint(a, a),))
@@ -352,8 +357,8 @@ def _screw_heating(log: Log, rng: np.random.Generator, axis: str, _: str) -> Act
 
 @LISTED.kind("screw-heating-duty", "screw-heating", axes=AXES, covariates=("duty",), needs=("duty",))
 def _screw_heating_duty(log: Log, rng: np.random.Generator, axis: str, covariate: str) -> Acting:
-    a, tau, k = index(axis), max(60.0, _lag_time(log, rng)), 2e-4
-    fixed = rng.uniform(*log.range_mm(a))
+    a, tau, k = index(axis), log.value("tau", max(60.0, _lag_time(log, rng))), 2e-4
+    fixed = log.value("q_fixed", rng.uniform(*log.range_mm(a)))
     moved = _along(log, a, k * _by_row(log, log.by_moment["duty"], tau) * (log.q_mm[:, a] - fixed))
     return Acting(moved, {"k": k}, {"tau": tau, "q_fixed": fixed}, (axis, covariate, "t"), (joint(a, a),))
 
@@ -396,10 +401,11 @@ def _bow(log: Log, rng: np.random.Generator, _: str, covariate: str) -> Acting:
     bed = log.bed_mm()
     (x_low, x_high), (y_low, y_high) = log.range_mm(0), log.range_mm(1)
     x_c, y_c = rng.uniform(0.3, 0.7, 2) * (x_high - x_low, y_high - y_low) + (x_low, y_low)
+    x_c, y_c = log.value("x_c", x_c), log.value("y_c", y_c)
     moved = nothing(log.n_rows)
     square = (bed[:, 0] - x_c) ** 2 + (bed[:, 1] - y_c) ** 2
     moved.work_mm[:, 2] = alpha * _warmth(log, covariate) * square / (2 * thickness)
-    inner = {"h": thickness, "x_c": float(x_c), "y_c": float(y_c)}
+    inner = {"h": thickness, "x_c": x_c, "y_c": y_c}
     return Acting(moved, {"alpha": alpha}, inner, (covariate, "bed_x", "bed_y"), ("work-z",))
 
 
@@ -454,11 +460,27 @@ def _coupling(log: Log, rng: np.random.Generator, pair: str, _: str) -> Acting:
     linear = {}
     for direction in range(3):
         # A way whose bend depends on where the other carriage stands: nothing that a lever makes of an angle.
-        c21, c12, c22 = UNIT_MM * direction_of(rng, 3)
-        moved.delta_mm[:, a, direction] = c21 * u**2 * w + c12 * u * w**2 + c22 * u**2 * w**2
-        name = "xyz"[direction]
-        linear |= {f"c21_{name}": float(c21), f"c12_{name}": float(c12), f"c22_{name}": float(c22)}
+        sizes = UNIT_MM * direction_of(rng, 3)
+        for name, size, powers in zip(("c21", "c12", "c22"), sizes, ((2, 1), (1, 2), (2, 2)), strict=True):
+            if not _is_rigid(log.machine.chain, (a, b), powers, direction):
+                moved.delta_mm[:, a, direction] += size * u ** powers[0] * w ** powers[1]
+                linear[f"{name}_{'xyz'[direction]}"] = float(size)
     return Acting(moved, linear, {}, (pair[0], pair[2]), tuple(joint(a, direction) for direction in range(3)))
+
+
+def _is_rigid(chain: str, axes: tuple[int, int], powers: tuple[int, int], direction: int) -> bool:
+    """Tell whether errors of the single axes move one target, seen from the work, by u^p·w^q of two positions."""
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 3))
+    sign, lever = levers(chain, np.full(len(q), RELATIVE), q, np.zeros((len(q), 3)))
+    own = q[:, :, None] ** np.arange(4)
+    turned = np.cross(np.eye(3)[None, None], lever[:, :, None])
+    angles = sign[:, :, None, None, None] * turned[..., None] * own[:, :, None, None]
+    places = np.einsum("bc,naj->nabcj", np.eye(3), sign[:, :, None] * own)
+    columns = np.concatenate([np.moveaxis(one, 3, 1).reshape(3 * len(q), -1) for one in (places, angles)], axis=1)
+    wanted = np.zeros((len(q), 3))
+    wanted[:, direction] = q[:, axes[0]] ** powers[0] * q[:, axes[1]] ** powers[1]
+    left = wanted.ravel() - columns @ np.linalg.lstsq(columns, wanted.ravel(), rcond=1e-10)[0]
+    return bool(np.linalg.norm(left) < 1e-6 * np.linalg.norm(wanted))
 
 
 @LISTED.kind("load-deflection", "load-deflection", axes=AXES, covariates=("force",), needs=("force",))
@@ -474,30 +496,36 @@ RIG_VECTOR = tuple(f"rig-{name}" for name in ("tx", "ty", "tz", "rx", "ry", "rz"
 
 
 def _knocked(
-    log: Log, rng: np.random.Generator, course: Array, names: tuple[str, str]
+    log: Log, rng: np.random.Generator, course: Array, names: tuple[str, str], scale: float = 1.0
 ) -> tuple[Displacements, dict[str, float]]:
-    """Move and turn the cameras: the point moves by shift + turn × p_c."""
+    """Move and turn the cameras: the point moves by shift + turn × p_c, of which the parameters are `scale`."""
     shift, turn = UNIT_MM * direction_of(rng, 3), 2.0 * UNIT_RAD * direction_of(rng, 3)
     # The stand turns about its foot, not about the lens: the middle of the volume stays nearly where it is.
     shift = shift - np.cross(turn, log.in_camera_mm.mean(axis=0))
+    linear = {
+        f"{name}_{'xyz'[b]}": log.value(f"{name}_{'xyz'[b]}", scale * size[b])
+        for name, size in zip(names, (shift, turn), strict=True)
+        for b in range(3)
+    }
+    shift, turn = np.array([*linear.values()]).reshape(2, 3) / scale
     moved = nothing(log.n_rows)
     moved.rig_mm[:] = course[:, None] * (shift + np.cross(turn, log.in_camera_mm))
-    linear = {f"{names[0]}_{'xyz'[b]}": float(shift[b]) for b in range(3)}
-    return moved, linear | {f"{names[1]}_{'xyz'[b]}": float(turn[b]) for b in range(3)}
+    return moved, linear
 
 
 @LISTED.kind("camera-drift", "camera-drift", needs=("cameras",), off_axis=False)
 def _camera_drift(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
     length = _session_length(log)
-    moved, linear = _knocked(log, rng, log.t_s / length, ("k", "c"))
-    return Acting(moved, {name: value / length for name, value in linear.items()}, {}, ("t",), RIG_VECTOR)
+    moved, linear = _knocked(log, rng, log.t_s / length, ("k", "c"), 1.0 / length)
+    return Acting(moved, linear, {}, ("t",), RIG_VECTOR)
 
 
 @LISTED.kind("camera-drift-settling", "camera-drift", needs=("cameras",), off_axis=False)
 def _camera_settling(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    tau = _session_length(log) * log_uniform(rng, 0.03, 0.2)
-    moved, linear = _knocked(log, rng, -np.expm1(-log.t_s / tau), ("k", "c"))
-    return Acting(moved, {name: value / tau for name, value in linear.items()}, {"tau": tau}, ("t",), RIG_VECTOR)
+    tau = log.value("tau", _session_length(log) * log_uniform(rng, 0.03, 0.2))
+    # A rate times τ: what the rates make, while τ is varied.
+    moved, linear = _knocked(log, rng, -np.expm1(-log.t_s / tau), ("k", "c"), 1.0 / tau)
+    return Acting(moved, linear, {"tau": tau}, ("t",), RIG_VECTOR)
 
 
 @LISTED.kind("step", "step", needs=("cameras",), off_axis=False)

@@ -145,6 +145,8 @@ class Log:
         (n, 3) the same in the measuring frame.
     camera_from_base
         (n, 3, 3) rotation into the measuring frame.
+    given
+        Parameters of the hidden effect that are not to be drawn.
     """
 
     machine: Machine
@@ -155,6 +157,11 @@ class Log:
     in_camera_mm: Array
     camera_from_base: Array
     by_moment: dict[str, Array] = field(default_factory=dict)
+    given: dict[str, float] = field(default_factory=dict)
+
+    def value(self, name: str, drawn: float) -> float:
+        """Give a parameter of the hidden effect: as drawn, or as `given` has it."""
+        return self.given.get(name, float(drawn))
 
     @property
     def n_rows(self) -> int:
