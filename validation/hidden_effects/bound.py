@@ -21,6 +21,8 @@ _STEP = 1e-4
 def inner_bounds(case: Case) -> dict[str, float]:
     """Give the least standard deviation of every inner parameter of the first hidden effect."""
     effect = case.truth[0]
+    if not effect.inner:
+        return {}
     log, scene = case.log, Scene(case.log, case.errors.at(case.machine, case.log.q_mm))
     wanted = Hidden(effect.kind, effect.axis, effect.covariate)
 
@@ -29,7 +31,7 @@ def inner_bounds(case: Case) -> dict[str, float]:
         return scene.effect_mm(acting.moved.scaled(factor))
 
     unit, _, _ = acting_of(log, in_effects(case.seed), wanted)
-    names = [*unit.inner]
+    names = [*effect.inner]
     first = next(iter(unit.linear))
     factor = effect.parameters[first] / unit.linear[first]
     fixed = {**unit.linear, **unit.inner}

@@ -61,6 +61,8 @@ class TrueEffect:
         As references write them; None where it has none.
     parameters
         True values (mm, rad, s, K).
+    inner
+        Which of them do not change with its strength.
     variables, channels
         What it is a function of, and where it acts.
     off_variable, off_formula
@@ -76,6 +78,7 @@ class TrueEffect:
     axis: str | None
     covariate: str | None
     parameters: dict[str, float]
+    inner: tuple[str, ...]
     variables: tuple[str, ...]
     channels: tuple[str, ...]
     off_variable: str | None
@@ -277,6 +280,7 @@ def _scaled(
     truth = TrueEffect(
         *(kind.name, kind.effect or None, axis or None, covariate or None),
         parameters={**{name: factor * value for name, value in acting.linear.items()}, **acting.inner},
+        inner=tuple(acting.inner),
         variables=acting.variables,
         channels=acting.channels,
         off_variable=off_variable,

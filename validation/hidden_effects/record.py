@@ -1,0 +1,126 @@
+"""One set of the study, measured: a fit, a diagnosis, and beside them the truth, as one line of JSON."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+from validation.hidden_effects.bound import inner_bounds
+from validation.hidden_effects.generate import CannotCarryError, Case
+from validation.hidden_effects.sets import Set
+
+from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.fit import FitOptions, Fitted, fit_terms
+from geoerr.observations import MEASURED, Observations
+from geoerr.terms import EffectReference
+
+# Everything as a user has it: 21 components, their freedom chosen by the data.
+OPTIONS = FitOptions(threads=1)
+
+
+def record(one: Set, n_rows: int, *, is_study: bool) -> dict[str, Any]:
+    """Generate, fit and diagnose a set.
+
+    Returns
+    -------
+    dict
+        `failed` holds what was raised, if anything was; a plan that cannot carry the effect is `not-carried`.
+    """
+    line: dict[str, Any] = {"key": one.key, "part": one.part, "cell": one.cell, "number": one.number}
+    line |= {"strength_um": one.strength_um, "noise": one.noise, "is_study": is_study, "failed": None}
+    try:
+        case = one.case(n_rows, is_study=is_study)
+    except CannotCarryError as why:
+        return line | {"failed": "not-carried", "why": str(why)}
+    line |= {"seed": case.seed, "chain": case.chain, "plan": case.plan, "n": len(case.observations)}
+    line["truth"] = [_truth(case, place) for place in range(len(case.truth))]
+    try:
+        start = time.perf_counter()
+        fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
+        fitted_at = time.perf_counter()
+        diagnosis = diagnose(fitted, threads=1)
+        line["seconds"] = {"fit": fitted_at - start, "diagnose": time.perf_counter() - fitted_at}
+        line |= _answer(diagnosis)
+        if case.truth:
+            line["oracle_um"] = _held_out_um(fit_terms(case.machine, [without_hidden(case)], options=OPTIONS))
+    except Exception as failure:
+        # A set that cannot be diagnosed is a result of the study, not its end.
+        line["failed"] = f"{type(failure).__name__}: {failure}"
+    return line
+
+
+def _truth(case: Case, place: int) -> dict[str, Any]:
+    effect = case.truth[place]
+    bounds = inner_bounds(case) if place == 0 and effect.effect is not None else {}
+    name = None if effect.effect is None else str(EffectReference(effect.effect, effect.axis, effect.covariate))
+    return {
+        "kind": effect.kind,
+        "name": name,
+        "parameters": effect.parameters,
+        "inner": list(effect.inner),
+        "bounds": bounds,
+        "variables": list(effect.variables),
+        "off_variable": effect.off_variable,
+        "visible_um": effect.visible_rms_um,
+        "raw_um": effect.raw_rms_um,
+        "ranges": {axis: list(case.machine.axes[axis].range_mm) for axis in "xyz"},
+    }
+
+
+def _answer(diagnosis: Diagnosis) -> dict[str, Any]:
+    document = diagnosis.to_document()
+    unknown = document["unknown"]
+    return {
+        "verdict": document["verdict"],
+        "p": document["p_value"],
+        "found": [_finding(one) for one in document["found"]],
+        "candidates": [_finding(one) for one in document["candidates"]],
+        "unknown": unknown,
+        "before_um": document["held_out_rmse_um"],
+        "floor_um": document["noise_floor_um"],
+    }
+
+
+def _finding(one: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": _name(one),
+        "p": one["p_value"],
+        "worth_um": one["worth_um"],
+        "after_um": one["held_out_rmse_after_um"],
+        "tied": one["tied"],
+        "like": [[_name(alias), alias["correlation"]] for alias in one["aliases"]],
+        "parameters": {name: [value["value"], value["std"]] for name, value in one["parameters"].items()},
+        "separate_by": one["separate_by"],
+    }
+
+
+def _name(one: dict[str, Any]) -> str:
+    return str(EffectReference(one["effect"], one["axis"], one["covariate"]))
+
+
+def _held_out_um(fitted: Fitted) -> float | None:
+    figures = fitted.held_out.figures
+    return None if figures is None else figures.headline_um
+
+
+def without_hidden(case: Case) -> Observations:
+    """Give the measurements without what was hidden: what an oracle that knows it would fit."""
+    log = case.log
+    moved = (log.camera_from_base @ case.displacement_mm[:, :, None])[:, :, 0]
+    left = case.observations.measured_mm - moved
+    columns = [pl.Series(name, left[:, axis]) for axis, name in enumerate(MEASURED)]
+    return replace(case.observations, frame=case.observations.frame.with_columns(columns))
+
+
+def finite(values: Any) -> Any:
+    """Give the same with what is no number as null: JSON has no other."""
+    if isinstance(values, dict):
+        return {key: finite(value) for key, value in values.items()}
+    if isinstance(values, (list, tuple)):
+        return [finite(value) for value in values]
+    if isinstance(values, (float, np.floating)):
+        return float(values) if np.isfinite(values) else None
+    return values
