@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from geoerr.cli.main import app
 from geoerr.compensate.program import CompensationOptions, compensate_bytes, compensate_program
 from geoerr.effects import load_effects
+from geoerr.error_functions import ErrorFunction, ErrorFunctions, Squareness
 from geoerr.errors import GeoerrError
 from geoerr.model import FitRecord, Model, write_model
 from geoerr.verify.path import compare_paths
@@ -279,13 +280,101 @@ def test_a_correction_is_shown_beside_its_uncertainty():
     # 50 K of 1 µm/K, to 0.1 µm/K.
     assert (sure.correction_rms_um, sure.correction_std_um) == pytest.approx((50.0, 5.0))
     assert not sure.notes
-    _, unsure = compensate_bytes(with_record(model, 2e-3), program, at={"temp_bed": 90.0})
-    beyond, harm = unsure.notes
-    assert "temp_bed = 90" in beyond
-    assert "20 to 80" in beyond
-    assert "more harm than good" in harm
     with pytest.raises(GeoerrError, match="the data had temp_bed 20 to 80"):
         compensate_bytes(with_record(model, 1e-4), program)
+
+
+def test_what_is_hardly_known_is_left_as_it_is():
+    """Of two drifts the one that is known to a tenth is corrected, the one that is not known at all is named."""
+    of = machine("wbXYZt")
+    drifts = (term(of, "thermal-drift:z@temp_bed", k=1e-3), term(of, "thermal-drift:x@temp_bed", k=1e-3))
+    model = Model(of, None, drifts)
+    record = FitRecord(np.diag([1e-4, 1.1e-3]) ** 2, np.zeros((2, 0)), covariate_spans={"temp_bed": (20.0, 80.0)})
+    program, at = b"G1 X10 Y10 Z5\nG1 X20\n", {"temp_bed": 70.0}
+    unsure = dataclasses.replace(model, record=record)
+    corrected, result = compensate_bytes(unsure, program, at=at)
+    assert [one.id for one in result.uncertain_left_out] == ["thermal-drift:x@temp_bed"]
+    assert (result.uncertain_left_out[0].rms_um, result.uncertain_left_out[0].std_um) == pytest.approx((50.0, 55.0))
+    assert "thermal-drift:x@temp_bed (50 ± 55 µm)" in result.notes[0]
+    assert result.to_document()["uncertain_left_out"][0]["id"] == "thermal-drift:x@temp_bed"
+    alone, _ = compensate_bytes(Model(of, None, drifts[:1]), program, at=at)
+    assert corrected == alone
+    kept, whole = compensate_bytes(unsure, program, CompensationOptions(keeps_uncertain=True), at=at)
+    assert not whole.uncertain_left_out
+    assert kept == compensate_bytes(model, program, at=at)[0]
+    # Nothing is known well enough: the program comes back as it was.
+    same, nothing = compensate_bytes(with_record(model, 2e-3), program, at=at)
+    assert same == program
+    assert len(nothing.uncertain_left_out) == 2
+
+
+def test_conditions_far_from_the_data_are_refused_unless_asked_for():
+    of = machine("wbXYZt")
+    model = with_record(Model(of, None, (term(of, "thermal-drift:z@temp_bed", k=1e-3),)), 1e-4)
+    program = b"G1 X10 Y10 Z5\nG1 X20\n"
+    _, near = compensate_bytes(model, program, at={"temp_bed": 95.0})
+    told = "15 °C above what the model was fitted to (20 to 80 °C), 0.25 of that span's width"
+    assert near.notes == (f"temp_bed = 95 is extrapolated: {told}",)
+    assert near.to_document()["extrapolated"] == [
+        {"name": "temp_bed", "value": 95.0, "low": 20.0, "high": 80.0, "beyond": 15.0}
+    ]
+    with pytest.raises(GeoerrError, match=r"temp_bed = 120 .* 40 °C above .*\n.*--extrapolate"):
+        compensate_bytes(model, program, at={"temp_bed": 120.0})
+    with pytest.raises(GeoerrError, match="45 °C below"):
+        compensate_bytes(model, program, at={"temp_bed": -25.0})
+    _, far = compensate_bytes(model, program, CompensationOptions(extrapolates=True), at={"temp_bed": 120.0})
+    assert "40 °C above" in far.notes[0]
+    hot = dataclasses.replace(
+        model, record=dataclasses.replace(model.record, covariate_spans={"temp_bed": (80.0, 85.0)})
+    )
+    # Where what follows the temperature is 0 by definition, a program may run.
+    _, cold = compensate_bytes(hot, program, at={"temp_bed": "reference"})
+    assert "60 °C below" in cold.notes[0]
+    with pytest.raises(GeoerrError, match="is extrapolated"):
+        compensate_bytes(hot, program, at={"temp_bed": 20.0})
+    # A temperature that stood still in the data is known within a few degrees.
+    still = dataclasses.replace(
+        model, record=dataclasses.replace(model.record, covariate_spans={"temp_bed": (60.0, 60.0)})
+    )
+    assert "nothing but 60 °C" in compensate_bytes(still, program, at={"temp_bed": 61.5})[1].notes[0]
+    with pytest.raises(GeoerrError, match=r"2\.5 °C above"):
+        compensate_bytes(still, program, at={"temp_bed": 62.5})
+
+
+def test_tables_that_are_hardly_known_are_named():
+    position_mm = np.array([0.0, 200.0, 400.0])
+    functions = {
+        "EXX": ErrorFunction(position_mm, np.array([0.0, 0.02, 0.03]), np.array([0.0, 1e-3, 1e-3])),
+        "EAX": ErrorFunction(position_mm, np.array([0.0, 1e-5, 1e-5]), np.array([0.0, 9e-6, 9e-6])),
+    }
+    lean = {"EC0Y": Squareness(1e-5, 1e-5), "EB0Z": Squareness(1e-4, 1e-5)}
+    errors = ErrorFunctions(machine(), functions, lean, "joint")
+    _, result = compensate_bytes(Model(machine(), errors), b"G1 X10 Y10 Z5\n")
+    assert not result.uncertain_left_out
+    assert "corrected all the same: EAX, EC0Y;" in result.notes[0]
+
+
+def test_the_verbs_leave_the_same_out(tmp_path):
+    model, source, target = tmp_path / "model.json", tmp_path / "in.gcode", tmp_path / "out.gcode"
+    of = machine()
+    terms = (term(of, "backlash:x", b=0.05), term(of, "thermal-drift:z@temp_bed", k=1e-3))
+    record = FitRecord(np.diag([1e-3, 1.2e-3]) ** 2, np.zeros((2, 0)), covariate_spans={"temp_bed": (20.0, 80.0)})
+    write_model(model, Model(of, None, terms, record))
+    source.write_text(drawn_program())
+    at = ["--at", "temp_bed=80", "--json"]
+
+    def run(*arguments: str) -> dict:
+        done = CliRunner().invoke(app, [*arguments, *at])
+        assert done.exit_code == 0, done.output
+        return json.loads(done.stdout)
+
+    left_out = run("compensate", str(model), str(source), "-o", str(target))["uncertain_left_out"]
+    assert [one["id"] for one in left_out] == ["thermal-drift:z@temp_bed"]
+    assert run("verify", "path", str(model), str(source), str(target))["max_error_um_after"] < 5.0
+    with_all = ("verify", "path", str(model), str(source), str(target), "--keep-uncertain")
+    assert run(*with_all)["max_error_um_after"] == pytest.approx(60.0, abs=6.0)
+    run("compensate", str(model), str(source), "-o", str(target), "--keep-uncertain")
+    assert run(*with_all)["max_error_um_after"] < 5.0
 
 
 def test_the_verbs(tmp_path):

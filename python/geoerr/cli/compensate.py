@@ -14,6 +14,7 @@ from geoerr.cli.program_options import (
     Firmware,
     FirmwareCorrects,
     Home,
+    KeepUncertain,
     WorkOffset,
     conditions,
     names,
@@ -75,6 +76,10 @@ def compensate(
     home: Home = None,
     firmware: Firmware = None,
     firmware_corrects: FirmwareCorrects = None,
+    keep_uncertain: KeepUncertain = False,
+    extrapolate: Annotated[
+        bool, typer.Option("--extrapolate", help="Take conditions far outside what MODEL was fitted to.")
+    ] = False,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
@@ -92,6 +97,8 @@ def compensate(
         firmware_corrects=names(firmware_corrects),
         on_unsupported=on_unsupported.value,
         outside_measured=outside_measured.value,
+        keeps_uncertain=keep_uncertain,
+        extrapolates=extrapolate,
     )
     loaded = load_model(model)
     if output.exists() and output.samefile(model):

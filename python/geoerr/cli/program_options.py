@@ -46,6 +46,14 @@ FirmwareCorrects = Annotated[
 ]
 
 
+KeepUncertain = Annotated[
+    bool,
+    typer.Option(
+        "--keep-uncertain", help="Correct also what is known so poorly that correcting it does more harm than good."
+    ),
+]
+
+
 def triple(text: str, option: str) -> Triple:
     """Read X,Y,Z in mm; anything else is wrong usage."""
     try:

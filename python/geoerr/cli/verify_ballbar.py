@@ -12,6 +12,7 @@ from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
 from geoerr.cli.program_options import At, conditions
 from geoerr.errors import InputFileError
 from geoerr.model import load_model
+from geoerr.model.program_conditions import extrapolated_conditions
 from geoerr.observations import CircularTest, read_circular_test
 from geoerr.report.ballbar import write_ballbar_report
 from geoerr.report.provenance import provenance_of_command
@@ -73,6 +74,8 @@ def ballbar(
     _print_result(result, truth is not None)
     for problem in result.set_aside:
         note(f"set aside: {problem}", quiet)
+    for one in extrapolated_conditions(loaded, conditions(at)):
+        note(f"note: {one}", quiet)
     for sentence in result.notes:
         note(f"note: {sentence}", quiet)
     if result.assumed_zero:

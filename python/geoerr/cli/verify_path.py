@@ -13,6 +13,7 @@ from geoerr.cli.program_options import (
     Firmware,
     FirmwareCorrects,
     Home,
+    KeepUncertain,
     WorkOffset,
     conditions,
     names,
@@ -21,6 +22,9 @@ from geoerr.cli.program_options import (
 from geoerr.cli.progress import progress_bar
 from geoerr.errors import GeoerrError
 from geoerr.model import load_model
+from geoerr.model.conditions import Conditions
+from geoerr.model.program_conditions import extrapolated_conditions, program_conditions
+from geoerr.model.worth import well_known
 from geoerr.report.provenance import provenance_of_command
 from geoerr.verify.path import PathResult, compare_paths
 
@@ -39,6 +43,7 @@ def path(
     home: Home = None,
     firmware: Firmware = None,
     firmware_corrects: FirmwareCorrects = None,
+    keep_uncertain: KeepUncertain = False,
     tolerance: Annotated[
         float | None,
         typer.Option("--tolerance", help="Fail (exit status 1) where the path of OUT is further off, mm."),
@@ -49,12 +54,21 @@ def path(
 ) -> None:
     """Path error of a program before and after compensation, from dense samples, by a reader of its own."""
     machine = load_model(model).without(names(firmware_corrects))
+    given: Conditions = conditions(at)
+    told = [str(one) for one in extrapolated_conditions(machine, given)]
+    if not keep_uncertain:
+        program_conditions(machine, given)
+        machine, uncertain, given = well_known(machine, given, threads=threads)
+        if uncertain:
+            told.append(f"compensate leaves as it is, and so it is left out here: {', '.join(map(str, uncertain))}")
+    for sentence in told:
+        note(f"note: {sentence}", quiet)
     with progress_bar("verify path", quiet) as advance:
         result = compare_paths(
             machine,
             before,
             after,
-            at=conditions(at),
+            at=given,
             work_offset_mm=triple(work_offset, "--work-offset"),
             home_mm=None if home is None else triple(home, "--home"),
             firmware=None if firmware is None else firmware.value,

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
+from geoerr.error_functions import ErrorFunction, ErrorFunctions
 from geoerr.model import Model
 from geoerr.model.conditions import OF_MOTION
+from geoerr.model.worth import spread_places
 
-# Places along each axis: smooth functions of three axes are well met by five.
-_N_PLACES = 5
 # Any direction, a long stroke, at rest: what of the correction follows these is usually its smaller part.
 _APPROACH = {"d": 1.0, "s": 100.0, "v": 0.0}
 
@@ -27,24 +26,28 @@ class Benefit:
     rms_um
         Root mean square of the correction's length.
     std_um
-        Root mean square of its standard uncertainty, square root of the trace of its covariance.
+        Root mean square of its standard uncertainty (length) where it is determined: each component's own mean.
+    is_worth
+        Whether the mean square of the correction, where it is determined, is above twice its variance: below, what it
+        takes away is less than what it adds.
     share_not_determined
-        Share of the places where the data of the fit do not determine the correction; what is not determined is not
-        in `std_um`.
+        Share of the places where the data of the fit do not determine all of the correction; what is not determined
+        is not in `std_um`.
     """
 
     rms_um: float
     std_um: float
+    is_worth: bool
     share_not_determined: float
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know, in sentences."""
         notes = []
-        if self.std_um > self.rms_um > 0.0:
+        if not self.is_worth:
             notes.append(
-                f"the correction is typically {self.rms_um:.3g} µm, less than its own standard uncertainty of "
-                f"{self.std_um:.3g} µm: it may do more harm than good"
+                f"in the box of this program the correction is typically {self.rms_um:.3g} µm, with a standard "
+                f"uncertainty of {self.std_um:.3g} µm: there it may do more harm than good"
             )
         if self.share_not_determined > 0.0:
             notes.append(
@@ -58,14 +61,40 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
     """Compare a correction with its uncertainty over a box; None where the model has no record of a fit."""
     if model.record is None or not model.machine_terms or not np.isfinite(box_mm).all():
         return None
-    places = np.array(list(itertools.product(*(np.linspace(low, high, _N_PLACES) for low, high in box_mm))))
+    places = spread_places(*zip(*box_mm, strict=True))
     approach = {name: _APPROACH.get(name.partition("_")[0], 0.0) for name in OF_MOTION}
     conditions = {**approach, "moving": 1.0, **at}
     error_mm = model.error_mm(places, at=conditions, threads=threads)
     covariance = model.prediction_covariance_mm2(places, at=conditions, threads=threads)
-    is_determined = model.is_determined_at(places, at=conditions, threads=threads)
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    is_determined = np.isfinite(variance)
+    squares = np.where(is_determined, error_mm**2, 0.0).sum(axis=0)
+    variances = np.where(is_determined, variance, 0.0).sum(axis=0)
+    count = np.maximum(is_determined.sum(axis=0), 1)
+    mean_square, mean_variance = float((squares / count).sum()), float((variances / count).sum())
     return Benefit(
         rms_um=1e3 * float(np.sqrt(np.mean(np.sum(error_mm**2, axis=1)))),
-        std_um=1e3 * float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2)))),
+        std_um=1e3 * float(np.sqrt(mean_variance)),
+        is_worth=mean_square >= 2.0 * mean_variance or not mean_square > 0.0,
         share_not_determined=float(np.mean(~is_determined.all(axis=1))),
     )
+
+
+def uncertain_tables(errors: ErrorFunctions | None) -> tuple[str, ...]:
+    """Name the errors of tables whose mean square is below twice their variance: worth less than nothing alone."""
+    if errors is None:
+        return ()
+    names = [name for name, function in errors.functions.items() if _is_uncertain(function)]
+    names += [
+        name
+        for name, one in errors.squareness.items()
+        if one.std_rad is not None and 0.0 < one.value_rad**2 < 2.0 * one.std_rad**2
+    ]
+    return tuple(names)
+
+
+def _is_uncertain(function: ErrorFunction) -> bool:
+    if function.std is None:
+        return False
+    mean_square = float(np.mean(np.square(function.value)))
+    return 0.0 < mean_square < 2.0 * float(np.mean(np.square(function.std)))

@@ -14,13 +14,14 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from geoerr import _core
-from geoerr.compensate.benefit import Benefit, benefit_of
+from geoerr.compensate.benefit import Benefit, benefit_of, uncertain_tables
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
 from geoerr.files import refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
-from geoerr.model.conditions import Conditions
-from geoerr.model.program_conditions import beyond_the_data, program_conditions
+from geoerr.model.conditions import Conditions, constants_of
+from geoerr.model.program_conditions import Extrapolated, extrapolated_conditions, program_conditions
+from geoerr.model.worth import UncertainTerm, well_known
 
 Triple = tuple[float, float, float]
 Firmware = Literal["marlin", "klipper", "reprapfirmware"]
@@ -54,6 +55,10 @@ class CompensationOptions:
         Refuse a program with a line that is not corrected, or pass such lines through untouched with a warning.
     outside_measured
         Refuse positions outside the measured range of the errors, or hold the last measured values.
+    keeps_uncertain
+        Correct also what is known so poorly that correcting it adds more uncertainty than it takes error away.
+    extrapolates
+        Take conditions that lie far outside what the model was fitted to: by more than half of that span's width.
     """
 
     work_offset_mm: Triple = (0.0, 0.0, 0.0)
@@ -64,6 +69,8 @@ class CompensationOptions:
     firmware_corrects: tuple[str, ...] = ()
     on_unsupported: Literal["refuse", "pass"] = "refuse"
     outside_measured: Literal["refuse", "hold"] = "refuse"
+    keeps_uncertain: bool = False
+    extrapolates: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,6 +125,10 @@ class CompensationResult:
         has no record of a fit.
     left_out
         Terms of the measuring rig, by id: they explain measurements, and the machine does not have them.
+    uncertain_left_out
+        Terms that are not corrected, for on average over the measured volume that would do more harm than good.
+    extrapolated
+        Conditions outside what the model was fitted to.
     warnings
         One for each kind.
     notes
@@ -138,6 +149,8 @@ class CompensationResult:
     correction_rms_um: float | None
     correction_std_um: float | None
     left_out: tuple[str, ...]
+    uncertain_left_out: tuple[UncertainTerm, ...]
+    extrapolated: tuple[Extrapolated, ...]
     warnings: tuple[ProgramWarning, ...]
     notes: tuple[str, ...]
 
@@ -145,6 +158,11 @@ class CompensationResult:
         """Give it as plain values, for `--json`."""
         document = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()}
         document["warnings"] = [vars(warning) for warning in self.warnings]
+        document["uncertain_left_out"] = [vars(term) for term in self.uncertain_left_out]
+        document["extrapolated"] = [
+            {"name": one.name, "value": one.value, "low": one.low, "high": one.high, "beyond": one.beyond}
+            for one in self.extrapolated
+        ]
         return document
 
 
@@ -187,8 +205,8 @@ def compensate_program(
     GcodeError
         for a line that cannot be corrected safely, with its number, text and remedy.
     GeoerrError
-        for conditions that are needed and not given, by name, or given and not needed; for a model of nothing but the
-        measuring rig.
+        for conditions that are needed and not given, by name, or given and not needed, or too far from what the model
+        was fitted to; for a model of nothing but the measuring rig.
     InputFileError
         for a file that cannot be read, or an output that would replace the input.
 
@@ -202,7 +220,7 @@ def compensate_program(
     where the correction turns back, play may swallow it, at most as far as it turns back.
     """
     _refuse_same_file(source, target)
-    job = _job(model, options or CompensationOptions(), model_name, at)
+    job = _job(model, options or CompensationOptions(), model_name, at, threads)
     rewriter = job.rewriter
     with contextlib.ExitStack() as stack:
         chunks = _chunks(_opened(source, stack), on_progress)
@@ -231,7 +249,7 @@ def compensate_bytes(
     threads: int = 0,
 ) -> tuple[bytes, CompensationResult]:
     """Correct a program in memory; everything else as `compensate_program`."""
-    job = _job(model, options or CompensationOptions(), model_name, at)
+    job = _job(model, options or CompensationOptions(), model_name, at, threads)
     written: list[bytes] = []
     starts = range(0, len(program), CHUNK_BYTES)
     chunks = (program[start : start + CHUNK_BYTES] for start in starts)
@@ -247,9 +265,11 @@ class _Job:
     rewriter: _core.GcodeRewriter
     corrected: Model
     at: dict[str, float]
+    uncertain: tuple[UncertainTerm, ...]
+    extrapolated: tuple[Extrapolated, ...]
 
 
-def _job(model: Model, options: CompensationOptions, model_name: str, at: Conditions | None) -> _Job:
+def _job(model: Model, options: CompensationOptions, model_name: str, at: Conditions | None, threads: int) -> _Job:
     corrected = model.without(options.firmware_corrects)
     if model.rig_terms and model.errors is None and not model.machine_terms:
         ids = ", ".join(term.id for term in model.rig_terms)
@@ -257,8 +277,13 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
             f"the model has nothing to compensate: {ids} explain measurements, and the machine does not have them\n"
             "hint: they belong to the cameras; a program needs a model with errors of the machine"
         )
-    given = program_conditions(corrected, at)
+    given = program_conditions(corrected, at, extrapolates=options.extrapolates)
+    extrapolated = extrapolated_conditions(corrected, at)
     measured = corrected.measured_range_mm
+    uncertain: tuple[UncertainTerm, ...] = ()
+    if not options.keeps_uncertain:
+        corrected, uncertain, rest = well_known(corrected, given, threads=threads)
+        given = constants_of(corrected.machine, rest)
     rewriter = _core.GcodeRewriter(
         corrected.compiled_at(given),
         work_offset_mm=options.work_offset_mm,
@@ -274,7 +299,7 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
         measured_mm=[measured[axis] or (-np.inf, np.inf) for axis in AXES],
         model_name=model_name,
     )
-    return _Job(rewriter, corrected, given)
+    return _Job(rewriter, corrected, given, uncertain, extrapolated)
 
 
 def _rewrite(
@@ -357,6 +382,8 @@ def _result(job: _Job, threads: int) -> CompensationResult:
         correction_rms_um=None if benefit is None else benefit.rms_um,
         correction_std_um=None if benefit is None else benefit.std_um,
         left_out=left_out,
+        uncertain_left_out=job.uncertain,
+        extrapolated=job.extrapolated,
         warnings=tuple(ProgramWarning(*row) for row in job.rewriter.warnings()),
         notes=_notes(job, benefit, left_out),
     )
@@ -366,4 +393,15 @@ def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tup
     notes = []
     if left_out:
         notes.append(f"not compensated, for the cameras have it and not the machine: {', '.join(left_out)}")
-    return (*notes, *beyond_the_data(job.corrected, job.at), *(() if benefit is None else benefit.notes))
+    if job.uncertain:
+        notes.append(
+            "left as it is, for it is known so poorly that correcting it would on average do more harm than good: "
+            f"{', '.join(map(str, job.uncertain))}; --keep-uncertain corrects it"
+        )
+    tables = uncertain_tables(job.corrected.errors)
+    if tables:
+        notes.append(
+            f"smaller than can be told from 0, and corrected all the same: {', '.join(tables)}; tables do not say "
+            "what their uncertainties have in common, as a model.json does, of which such errors are left as they are"
+        )
+    return (*notes, *map(str, job.extrapolated), *(() if benefit is None else benefit.notes))

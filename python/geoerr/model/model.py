@@ -529,6 +529,46 @@ class Model:
             contributions[term.id] = np.einsum("nc,ncb->nb", values[:, :_N_MACHINE_CHANNELS], columns)
         return contributions
 
+    def contribution_moments_mm2(
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None = None,
+        *,
+        at: Conditions | None = None,
+        threads: int = 0,
+    ) -> tuple[Numbers, Numbers]:
+        """Give means over rows of what the k terms of the machine contribute to the error: sizes and uncertainties.
+
+        Returns
+        -------
+        products : (k, k)
+            Mean of c_a · c_b, c_a the contribution of term a, mm².
+        covariance : (k, k)
+            Mean of tr Cov(c_a, c_b), mm². Its sum is the mean variance of the error, as far as the data determine it.
+
+        Raises
+        ------
+        NotDeterminedError
+            where the model has no record of a fit.
+        """
+        record = self._record_of_machine
+        rows, offset = _with_offsets(q_mm, offset_mm)
+        contributions = self.contributions(rows, offset, at=at, threads=threads)
+        each = np.array([values.ravel() for values in contributions.values()])
+        square = np.zeros_like(record.covariance)
+        for columns in self._columns(rows, offset, "relative", at, threads):
+            by_component = columns.reshape(-1, columns.shape[2])
+            square += by_component.T @ by_component
+        owner = np.zeros((len(self.machine_terms), record.n_parameters))
+        for number, slices in enumerate(zip(self._seen.coefficient_slices, self._seen.inner_slices, strict=True)):
+            own, own_inner = slices
+            owner[number, own] = 1.0
+            owner[
+                number, self._seen.n_coefficients + own_inner.start : self._seen.n_coefficients + own_inner.stop
+            ] = 1.0
+        n_rows = max(len(rows), 1)
+        return each @ each.T / n_rows, owner @ (square * record.covariance) @ owner.T / n_rows
+
     def error_functions(
         self, positions: int | Mapping[str, npt.ArrayLike] | None = None, *, at: Conditions | None = None
     ) -> ErrorFunctions:
@@ -613,6 +653,13 @@ class Model:
         kept, terms = terms_without(self.terms, out, left_out_terms)
         record = None if self.record is None else self.record.selected(self._places(kept))
         return Model(self.machine, errors, terms, record)
+
+    def without_terms(self, ids: Iterable[str]) -> Model:
+        """Give the model without terms of these ids, each whole; nothing else changes."""
+        out = frozenset(ids)
+        kept = {number: None for number, term in enumerate(self.terms) if term.id not in out}
+        record = None if self.record is None else self.record.selected(self._places(kept))
+        return Model(self.machine, self.errors, tuple(self.terms[number] for number in kept), record)
 
     def parameter(self, name: str) -> Parameter:
         """Give one parameter: value, uncertainty, unit, plausible values.

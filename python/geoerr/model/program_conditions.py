@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
-from geoerr.model.conditions import OF_MOTION, Conditions, constants_of, refusal
+from geoerr.model.conditions import OF_MOTION, Conditions, constants_of, is_temperature, refusal
 from geoerr.model.model import Model
 
+# A model that was tested over a span of a condition is trusted half of that span's width beyond it, with a note.
+MOST_SPANS_BEYOND = 0.5
+# A temperature that was held still was so within a few degrees.
+_LEAST_WIDTH_DEGC = 4.0
 # Every move of a program moves.
 _TOLD = frozenset((*OF_MOTION, "moving"))
 # What no program tells, and how an effect that follows it is left out.
@@ -24,17 +30,72 @@ def needed_conditions(model: Model) -> tuple[str, ...]:
     return tuple(name for name in model.conditions if name not in _TOLD)
 
 
-def program_conditions(model: Model, at: Conditions | None) -> dict[str, float]:
+@dataclass(frozen=True)
+class Extrapolated:
+    """A stated condition that the data of the fit do not cover.
+
+    Attributes
+    ----------
+    name, value
+        What is stated.
+    low, high
+        Span of the data.
+    is_reference
+        Whether it is the machine's reference temperature: where what follows the temperature is 0 by definition.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    is_reference: bool = False
+
+    @property
+    def beyond(self) -> float:
+        """How far outside, in the condition's unit."""
+        return max(self.low - self.value, self.value - self.high)
+
+    @property
+    def spans(self) -> float:
+        """How far outside, in widths of the span; infinite beside a span of one value."""
+        width = max(self.high - self.low, _LEAST_WIDTH_DEGC if is_temperature(self.name) else 0.0)
+        return self.beyond / width if width > 0.0 else math.inf
+
+    @property
+    def is_far(self) -> bool:
+        """Whether it is so far outside that nobody should rely on it without having been asked."""
+        return self.spans > MOST_SPANS_BEYOND and not self.is_reference
+
+    def __str__(self) -> str:
+        """Say it in one sentence."""
+        unit = " °C" if is_temperature(self.name) else ""
+        side = "above" if self.value > self.high else "below"
+        span = f"{self.low:g} to {self.high:g}{unit}" if self.high > self.low else f"nothing but {self.low:g}{unit}"
+        share = (
+            f", {self.spans:.2g} of that span's width" if math.isfinite(self.spans) and self.high > self.low else ""
+        )
+        return (
+            f"{self.name} = {self.value:g} is extrapolated: {self.beyond:.3g}{unit} {side} what the model was fitted "
+            f"to ({span}){share}"
+        )
+
+
+def program_conditions(model: Model, at: Conditions | None, *, extrapolates: bool = True) -> dict[str, float]:
     """Give the conditions of a program as one number each.
 
     Directions, travels, speeds and feed come from the moves; where one of them is stated it has precedence (`v_x=0`
     leaves out what follows that speed). Within `lag()` the mean speed is what has to be stated: a state that lasts.
 
+    Parameters
+    ----------
+    extrapolates
+        Whether a condition may lie outside the data of the fit by more than half of their span's width.
+
     Raises
     ------
     GeoerrError
-        naming every condition that is needed and not given, with the spans of the data, and a stated one that the
-        model does not follow.
+        naming every condition that is needed and not given, with the spans of the data, a stated one that the model
+        does not follow, and those that are too far outside.
     """
     given = constants_of(model.machine, at)
     follows = model.conditions
@@ -46,15 +107,22 @@ def program_conditions(model: Model, at: Conditions | None) -> dict[str, float]:
     if missing:
         problem, _, hint = refusal(missing, model.machine).partition("\n")
         raise GeoerrError(f"{problem}{_spans(model, missing)}{_no_program_tells(missing)}\n{hint}")
+    far = [one for one in extrapolated_conditions(model, at) if one.is_far]
+    if far and not extrapolates:
+        raise GeoerrError(
+            f"{'; '.join(map(str, far))}\n"
+            "hint: a formula that holds where it was fitted need not hold there: measure in that state, or ask for "
+            f"it (--extrapolate); up to {MOST_SPANS_BEYOND:g} of a span's width is taken with a note"
+        )
     return given
 
 
-def beyond_the_data(model: Model, at: dict[str, float]) -> tuple[str, ...]:
-    """Give a sentence for each stated condition that the data of the fit do not cover."""
+def extrapolated_conditions(model: Model, at: Conditions | None) -> tuple[Extrapolated, ...]:
+    """Give each stated condition, one number, that the data of the fit do not cover."""
     spans = {} if model.record is None else model.record.covariate_spans
     return tuple(
-        f"{name} = {value:g} lies outside what the model was fitted to, {spans[name][0]:g} to {spans[name][1]:g}"
-        for name, value in sorted(at.items())
+        Extrapolated(name, value, *spans[name], isinstance((at or {})[name], str))
+        for name, value in sorted(constants_of(model.machine, at).items())
         if name in spans and not spans[name][0] <= value <= spans[name][1]
     )
 
