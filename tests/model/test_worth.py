@@ -31,7 +31,7 @@ def test_the_mean_square_is_what_is_left_on_average() -> None:
     sizes = np.concatenate([np.full(5, 2e-3), np.full(5, 1e-5), [1e-5]])
     truth = sizes * generator.normal(size=11)
     root = sizes[:, None] * (np.eye(11) + 0.5 * generator.normal(size=(11, 11)))
-    places = spread_places((0.0,) * 3, (400.0,) * 3, 40)
+    places = spread_places([(0.0, 400.0)] * 3, 40)
     choices = [np.array(out) for out in itertools.product((False, True), repeat=3)]
     by_parameter = next(of_record(truth, root @ root.T)._columns(places, None, "relative", None, 1))
     owner = np.repeat([0, 1, 2], [5, 5, 1])
@@ -90,7 +90,7 @@ def test_a_worthless_sum_goes_as_a_whole() -> None:
     covariance += (5e-4) ** 2 * np.outer(turn - lean, turn - lean)
     model = of_record(values, covariance)
     assert [term.id for term in uncertain_terms(model)] == ["ECX", "S_xy"]
-    products, variances = model.contribution_moments_mm2(spread_places((0.0,) * 3, (400.0,) * 3))
+    products, variances = model.contribution_moments_mm2(spread_places([(0.0, 400.0)] * 3))
     one_out, none_out = np.array([False, True, False]), np.zeros(3, dtype=bool)
     assert left_mm2(products, variances, one_out) > left_mm2(products, variances, none_out)
 
@@ -123,13 +123,13 @@ def test_the_rest_of_a_model_keeps_its_values_and_its_conditions() -> None:
     assert [term.id for term in left_out] == ["thermal-expansion:x@temp_bed"]
     assert at == {"d_y": 1.0}
     assert [term.id for term in rest.terms] == [term.id for term in model.terms if term.id != left_out[0].id]
-    q = spread_places((0.0,) * 3, (400.0,) * 3, 20)
+    q = spread_places([(0.0, 400.0)] * 3, 20)
     expected = model.error_mm(q, at={"temp_bed": "reference", "d_y": 1.0})
     assert rest.error_mm(q, at=at) == pytest.approx(expected, abs=1e-12)
 
 
 def test_places_fill_the_box() -> None:
-    places = spread_places((0.0, -10.0, 5.0), (400.0, 10.0, 5.0))
+    places = spread_places([(0.0, 400.0), (-10.0, 10.0), (5.0, 5.0)])
     assert places.min(axis=0) == pytest.approx([0.0, -10.0, 5.0], abs=4.0)
     assert places.max(axis=0) == pytest.approx([400.0, 10.0, 5.0], abs=4.0)
     for axis in range(2):

@@ -61,7 +61,7 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
     """Compare a correction with its uncertainty over a box; None where the model has no record of a fit."""
     if model.record is None or not model.machine_terms or not np.isfinite(box_mm).all():
         return None
-    places = spread_places(*zip(*box_mm, strict=True))
+    places = spread_places(box_mm)
     approach = {name: _APPROACH.get(name.partition("_")[0], 0.0) for name in OF_MOTION}
     conditions = {**approach, "moving": 1.0, **at}
     error_mm = model.error_mm(places, at=conditions, threads=threads)

@@ -15,12 +15,13 @@ criterion has it) is never left out. One term by itself goes where its correctio
 uncertainty.
 
 Means are over the measured volume and both directions of approach, not over one program: two programs for one part
-are corrected alike. Verified in tests/model/test_worth.py by drawing estimates and counting the mean square that is left.
+are corrected alike. Verified in tests/model/test_worth.py by drawing estimates and counting the mean square that is
+left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,13 +65,13 @@ class UncertainTerm:
         return f"{self.id} ({self.rms_um:.3g} ± {self.std_um:.3g} µm)"
 
 
-def spread_places(low: Iterable[float], high: Iterable[float], n_places: int = _N_PLACES) -> Numbers:
+def spread_places(spans: Sequence[tuple[float, float]], n_places: int = _N_PLACES) -> Numbers:
     """Give places (n, 3) spread evenly over a box, no two with a coordinate in common: no wave hides between them."""
     # Roots of x⁴ = x + 1: the sequence that fills a cube most evenly (Roberts 2018).
     ratio = 1.2207440846057596
     share = (0.5 + np.arange(1, n_places + 1)[:, None] * ratio ** -np.arange(1.0, 4.0)) % 1.0
-    bottom, top = np.array(list(low)), np.array(list(high))
-    return np.asarray(bottom + share * (top - bottom))
+    low, high = np.array(spans).T
+    return np.asarray(low + share * (high - low))
 
 
 def uncertain_terms(model: Model, at: Conditions | None = None, *, threads: int = 0) -> tuple[UncertainTerm, ...]:
@@ -88,7 +89,7 @@ def uncertain_terms(model: Model, at: Conditions | None = None, *, threads: int 
     spans = [model.measured_range_mm[axis] or model.machine.axes[axis].range_mm for axis in AXES]
     if model.record is None or not model.machine_terms or any(low > high for low, high in spans):
         return ()
-    places = spread_places(*zip(*spans, strict=True))
+    places = spread_places(spans)
     turn = np.arange(len(places)) % 2
     motion = {
         name: np.array(_MOTION[name if name in _MOTION else name.partition("_")[0]])[turn] for name in OF_MOTION
