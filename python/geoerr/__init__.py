@@ -20,7 +20,7 @@ from geoerr._core import __version__
 if TYPE_CHECKING:
     from geoerr.budget import budget_text, uncertainty_budget, uncertainty_map
     from geoerr.compensate.program import CompensationOptions, compensate_program
-    from geoerr.diagnose import Comparison, common_rows, compare
+    from geoerr.diagnose import Comparison, Diagnosis, add_effect, common_rows, compare
     from geoerr.dobariya import dobariya_vmc
     from geoerr.effects import catalogue, load_effects
     from geoerr.equations import error_equations
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from geoerr.vision.session import read_session
 
 _HOMES = {
+    "add_effect": "geoerr.diagnose",
     "analyze_nine_lines": "geoerr.identify.nine_line",
     "budget_text": "geoerr.budget",
     "calibrate": "geoerr.vision.calibrate",
@@ -61,6 +62,7 @@ _HOMES = {
     "Comparison": "geoerr.diagnose",
     "compensate_program": "geoerr.compensate.program",
     "CompensationOptions": "geoerr.compensate.program",
+    "Diagnosis": "geoerr.diagnose",
     "dobariya_vmc": "geoerr.dobariya",
     "error_equations": "geoerr.equations",
     "ErrorFunctions": "geoerr.error_functions",
@@ -102,6 +104,7 @@ __all__ = [
     "CircularTest",
     "Comparison",
     "CompensationOptions",
+    "Diagnosis",
     "ErrorFunctions",
     "FitOptions",
     "FitResult",
@@ -111,6 +114,7 @@ __all__ = [
     "Observations",
     "Rig",
     "__version__",
+    "add_effect",
     "analyze_nine_lines",
     "budget_text",
     "calibrate",

@@ -25,6 +25,7 @@ VERBS = (
     "identify",
     "fit",
     "compare",
+    "diagnose",
     "add",
     "remove",
     "compensate",

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
-from geoerr.diagnose.comparison import compare
+import numpy as np
+
+from geoerr.diagnose.comparison import Comparison, all_terms, compare
+from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.probes import Probe
-from geoerr.diagnose.search import Found, Judged, Searched, Settled, search, settle
+from geoerr.diagnose.search import Found, Judged, Rival, Round, Searched, Settled, search, settle
+from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
+from geoerr.diagnose.words import listed, sure_words
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
-from geoerr.effects.plausible import plausible_match, plausible_words
-from geoerr.errors import GeoerrError
+from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit import Fitted, refit
+from geoerr.fit.empirical import curve_of, empirical_term
 from geoerr.model import Model
-from geoerr.observations import CircularTest, Observations
-from geoerr.terms import EffectReference, Parameter, Term
+from geoerr.observations import CARRIERS, CircularTest, Observations
+from geoerr.terms import EMPIRICAL, EffectReference, Term
 
 Verdict = Literal["missing", "nothing-missing", "unknown", "ambiguous"]
+# Called with what is done and the total.
+Progress = Callable[[int, int], None]
 
 # Candidates that a diagnosis lists beside the first.
 _LISTED = 8
@@ -28,139 +35,11 @@ _LISTED = 8
 _ALIAS = 0.5
 # Candidates, from the best, whose held-out error is computed by a refit.
 _REFITTED = 3
+# The catalogue has one half of the family-wise level, probes the other.
+_HALVES = 2.0
 _INVISIBLE = "not measurable with this plan: the model's own freedom does nearly all that it would do"
-
-
-@dataclass(frozen=True)
-class Alias:
-    """A candidate that these data can hardly tell from another.
-
-    Attributes
-    ----------
-    reference
-        The other.
-    correlation
-        Cosine between what the one explains and what the other could.
-    """
-
-    reference: EffectReference
-    correlation: float
-
-
-@dataclass(frozen=True)
-class Separation:
-    """The measurement that would tell two candidates apart."""
-
-    text: str
-    plan: str | None
-    minutes: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """A candidate in the diagnosis.
-
-    Attributes
-    ----------
-    reference, effect
-        Which.
-    p_value
-        Family-wise, over everything that was looked at.
-    evidence
-        Logarithm of the Bayes factor against the model without it (Schwarz), trial values counted.
-    worth_um
-        Root mean square of what it explains that the model cannot, components summed as for errors.
-    parameters
-        Values with standard errors.
-    tied
-        Whether the data cannot tell it from the first.
-    aliases
-        What is like it.
-    separate_by
-        The measurement that would tell it from the first, or from the first one tied with it.
-    held_out_rmse_after_um
-        Held-out error with it in the model; None where it was not computed.
-    """
-
-    reference: EffectReference
-    effect: Effect
-    p_value: float
-    evidence: float
-    worth_um: float
-    parameters: tuple[Parameter, ...]
-    tied: bool
-    aliases: tuple[Alias, ...]
-    separate_by: Separation | None
-    held_out_rmse_after_um: float | None
-
-    def words(self) -> str:
-        """Say in one sentence what it is, its values, whether they are plausible, its worth and how sure it is."""
-        values = "; ".join(_value_words(parameter) for parameter in self.parameters)
-        sure = f"p = {self.p_value:.2g}" if self.p_value >= 1e-12 else "p < 1e-12"
-        return f"{self.effect.title} ({self.reference}): {values}. Worth {self.worth_um:.1f} µm, {sure}"
-
-    def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it."""
-        return {
-            "effect": self.reference.effect,
-            "axis": self.reference.axis,
-            "covariate": self.reference.covariate,
-            "p_value": self.p_value,
-            "held_out_rmse_after_um": self.held_out_rmse_after_um,
-            "worth_um": self.worth_um,
-            "parameters": {
-                parameter.name: {
-                    "value": _finite(parameter.value),
-                    "std": _finite(parameter.std),
-                    "unit": parameter.unit,
-                    "plausible": _plausible(parameter),
-                }
-                for parameter in self.parameters
-            },
-            "tied": self.tied,
-            "aliases": [
-                {
-                    "effect": alias.reference.effect,
-                    "axis": alias.reference.axis,
-                    "covariate": alias.reference.covariate,
-                    "correlation": alias.correlation,
-                }
-                for alias in self.aliases
-            ],
-            "separate_by": None
-            if self.separate_by is None
-            else {
-                "text": self.separate_by.text,
-                "plan": self.separate_by.plan,
-                "minutes": self.separate_by.minutes,
-            },
-        }
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """Structure that no candidate explains.
-
-    Attributes
-    ----------
-    depends_on
-        Variables.
-    component
-        Axis of the base along which it acts.
-    worth_um, p_value
-        As for a candidate.
-    """
-
-    depends_on: tuple[str, ...]
-    component: str
-    worth_um: float
-    p_value: float
-
-    def words(self) -> str:
-        """Say it in a sentence."""
-        on = " and ".join(self.depends_on)
-        worth = f"worth {self.worth_um:.1f} µm"
-        return f"something that no known effect explains acts along {self.component} and depends on {on}, {worth}"
+# How far the work goes: data and fit, search, refits.
+_STEPS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +65,8 @@ class Diagnosis:
         What could not be looked for, and why.
     searched
         Every number behind it.
+    comparison
+        The model held against the measurements; None where a fit was diagnosed.
     """
 
     verdict: Verdict
@@ -196,6 +77,7 @@ class Diagnosis:
     unknown: Unknown | None
     not_offered: tuple[tuple[str, str], ...]
     searched: Searched
+    comparison: Comparison | None = None
 
     @property
     def noise_floor_um(self) -> float | None:
@@ -207,8 +89,29 @@ class Diagnosis:
         """Held-out error of the model as it was."""
         return _held_out_um(self.fitted)
 
+    @property
+    def tied(self) -> tuple[Finding, ...]:
+        """The first candidate and those that these data cannot tell from it; none where nothing was found."""
+        return (self.candidates[0], *(one for one in self.candidates[1:] if one.tied)) if self.found else ()
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        more = "" if self.unknown is None else "; and there is more, which no known effect explains"
+        if self.verdict == "missing":
+            names = listed([f"{_lower(one.effect.title)} ({one.reference})" for one in self.found])
+            return f"{'an effect is' if len(self.found) == 1 else 'effects are'} missing: {names}{more}"
+        if self.verdict == "ambiguous":
+            names = listed([f"{_lower(one.effect.title)} ({one.reference})" for one in self.tied], "or")
+            others = [f"{_lower(one.effect.title)} ({one.reference})" for one in self.found[1:]]
+            also = f"; missing besides: {listed(others)}" if others else ""
+            return f"an effect is missing, and these data cannot tell which: {names}{also}{more}"
+        if self.unknown is not None:
+            return self.unknown.sentence
+        return f"nothing is missing that these data could show: {sure_words(self.p_value)}"
+
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it."""
+        """Give it as FORMATS' `diagnose --json` has it, and more."""
         return {
             "verdict": self.verdict,
             "p_value": self.p_value,
@@ -217,14 +120,8 @@ class Diagnosis:
             "found": [finding.to_document() for finding in self.found],
             "candidates": [finding.to_document() for finding in self.candidates],
             "not_offered": [{"effect": effect, "why": why} for effect, why in self.not_offered],
-            "unknown": None
-            if self.unknown is None
-            else {
-                "depends_on": list(self.unknown.depends_on),
-                "component": self.unknown.component,
-                "worth_um": self.unknown.worth_um,
-                "p_value": self.unknown.p_value,
-            },
+            "unknown": None if self.unknown is None else self.unknown.to_document(),
+            "sentence": self.sentence,
         }
 
 
@@ -232,6 +129,8 @@ def diagnose(
     subject: Model | Fitted,
     *tables: Observations | CircularTest,
     effects: Sequence[Effect] = (),
+    refit: bool = False,
+    progress: Progress | None = None,
     threads: int = 0,
 ) -> Diagnosis:
     """Find which physical effects a model lacks.
@@ -245,6 +144,10 @@ def diagnose(
         Measurements; none where `subject` is a fit.
     effects
         A user's own, beside the catalogue's.
+    refit
+        Fit the model's coefficients to data that are not its own, too.
+    progress
+        Called with the steps done and their number.
 
     Raises
     ------
@@ -256,6 +159,9 @@ def diagnose(
     Verified in tests/diagnose: gains and scores against least squares written out, the noise against dense matrices,
     and the search on machines that hide something, and on machines that hide nothing.
     """
+    advance = progress or (lambda done, total: None)
+    advance(0, _STEPS)
+    comparison: Comparison | None = None
     if isinstance(subject, Fitted):
         if tables:
             raise GeoerrError("a fit has its measurements already\nhint: give the fit alone, or its model and tables")
@@ -263,124 +169,188 @@ def diagnose(
     else:
         if not tables:
             raise GeoerrError("a diagnosis needs measurements\nhint: give the tables after the model")
-        fitted = compare(subject, *tables, threads=threads).points
+        comparison = compare(subject, *tables, refit=refit, threads=threads)
+        fitted = comparison.points
     known = catalogue().extended(effects, "effects") if effects else catalogue()
-    return _diagnosis(fitted, search(fitted, known, threads=threads), known)
+    advance(1, _STEPS)
+    searched = search(fitted, known, threads=threads)
+    advance(2, _STEPS)
+    found = diagnosis_of(fitted, searched, known, comparison)
+    advance(_STEPS, _STEPS)
+    return found
 
 
-def _diagnosis(fitted: Fitted, searched: Searched, known: Catalogue) -> Diagnosis:
-    found = tuple(_found_finding(fitted, searched, place, known) for place in range(len(searched.found)))
-    candidates: tuple[Finding, ...]
-    if searched.found:
-        first = searched.found[0]
-        others = tuple(
-            _finding(
-                known,
+def diagnosis_of(
+    fitted: Fitted, searched: Searched, known: Catalogue, comparison: Comparison | None = None
+) -> Diagnosis:
+    """Say what a search has found; `known` is the catalogue that it was made with."""
+    return _Summary(fitted, searched, known, comparison).diagnosis()
+
+
+class _Summary:
+    """From what the search found to what is said of it."""
+
+    def __init__(self, fitted: Fitted, searched: Searched, known: Catalogue, comparison: Comparison | None) -> None:
+        self.fitted, self.searched, self.known, self.comparison = fitted, searched, known, comparison
+        held = () if comparison is None or comparison.freedom != "held" else all_terms(comparison.model)
+        self.held = {term.id for term in held}
+
+    def diagnosis(self) -> Diagnosis:
+        searched = self.searched
+        found = tuple(self._found(place) for place in range(len(searched.found)))
+        if searched.found:
+            candidates = (found[0], *self._rivals(searched.found[0]))
+        else:
+            first = searched.first
+            candidates = tuple(
+                self._finding(judged, settle(first.space, first.scanner, judged), first)
+                for judged in first.candidates[:_LISTED]
+            )
+        unknown = None if searched.unknown is None else self._unknown(*searched.unknown)
+        verdict: Verdict = "nothing-missing"
+        if found:
+            verdict = "ambiguous" if any(one.tied for one in candidates[1:]) else "missing"
+        elif unknown is not None:
+            verdict = "unknown"
+        return Diagnosis(
+            verdict,
+            searched.first.p_value,
+            self.fitted,
+            found,
+            candidates,
+            unknown,
+            (*searched.not_offered, *_invisible(searched)),
+            searched,
+            self.comparison,
+        )
+
+    def _found(self, place: int) -> Finding:
+        one = self.searched.found[place]
+        first = reference_of(one.judged)
+        aliases = tuple(
+            Alias(reference_of(rival.judged), rival.correlation) for rival in one.rivals if rival.correlation > _ALIAS
+        )
+        tied = next((rival for rival in one.rivals if self._is_tied(first, rival)), None)
+        against = None if tied is None else reference_of(tied.judged)
+        earlier = [other.settled.term for other in self.searched.found[:place]]
+        held_out = held_out_of(self.fitted, earlier, one.settled.term)
+        return self._finding(one.judged, one.settled, one.looked, aliases=aliases, against=against, held_out=held_out)
+
+    def _rivals(self, first: Found) -> list[Finding]:
+        name = reference_of(first.judged)
+        return [
+            self._finding(
                 rival.judged,
                 rival.settled,
-                tied=rival.is_tied or known.are_twins(_reference(first.judged), _reference(rival.judged)),
-                aliases=(Alias(_reference(first.judged), rival.correlation),) if rival.correlation > _ALIAS else (),
-                against=_reference(first.judged),
-                after=_after(fitted, [rival.settled.term]) if place < _REFITTED - 1 else None,
+                first.looked,
+                tied=self._is_tied(name, rival),
+                aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
+                against=name,
+                held_out=held_out_of(self.fitted, [], rival.settled.term) if place < _REFITTED - 1 else None,
             )
             for place, rival in enumerate(first.rivals[:_LISTED])
+        ]
+
+    def _is_tied(self, first: EffectReference, rival: Rival) -> bool:
+        """Tell whether the data cannot tell them apart, or nothing can.
+
+        An effect of all axes alike is the twin of those of each axis: together these do what it does. One that
+        contains the first as a special case is no rival: the first says the same in fewer numbers.
+        """
+        other = reference_of(rival.judged)
+        if first.effect in self.known[other.effect].contains and first.axis == other.axis:
+            return False
+        is_part = first.axis is None and other.axis is not None and self.known.are_twins(first, other)
+        return rival.is_tied or (is_part and rival.correlation > _ALIAS)
+
+    def _finding(
+        self,
+        judged: Judged,
+        settled: Settled,
+        looked: Round,
+        *,
+        tied: bool = False,
+        aliases: tuple[Alias, ...] = (),
+        against: EffectReference | None = None,
+        held_out: HeldOut | None = None,
+    ) -> Finding:
+        reference = reference_of(judged)
+        assert settled.term is not None
+        rival = None if against is None else self.known.separation(against.effect, reference.effect)
+        variables = variables_of_term(settled.term, self.fitted.sightings.covariate_columns)
+        return Finding(
+            reference,
+            self.known[reference.effect],
+            settled.term,
+            min(_HALVES * judged.p_value, 1.0),
+            judged.evidence,
+            settled.visible_um,
+            self._where(settled, looked, variables),
+            tied,
+            tuple(sorted(aliases, key=lambda alias: -alias.correlation)),
+            None if rival is None else Separation(rival.separate_by, rival.plan, rival.minutes),
+            held_out,
+            str(reference) in self.held,
         )
-        candidates = (_first_finding(fitted, first, known), *others)
-    else:
-        candidates = tuple(
-            _finding(known, judged, settled, tied=False, aliases=(), against=None, after=None)
-            for judged in searched.first.candidates[:_LISTED]
-            for settled in [settle(searched.first.space, searched.first.scanner, judged)]
+
+    def _where(self, settled: Settled, looked: Round, variables: Sequence[str]) -> Where:
+        moved_um = displacement_um(looked.space, settled.displacement)
+        return where_of(self.fitted.sightings, moved_um, self.fitted.solved.used, variables)
+
+    def _unknown(self, judged: Judged, settled: Settled) -> Unknown:
+        assert isinstance(judged.what, Probe)
+        probe = judged.what
+        reference = f"{EMPIRICAL}:{self._axis(probe.component)}@{'*'.join(probe.depends_on)}"
+        earlier = [one.settled.term for one in self.searched.found]
+        curve, held_out = None, None
+        before = with_terms(self.fitted, earlier)
+        # Of what the model has in part the data may leave nothing to draw a curve by.
+        with contextlib.suppress(InputFileError):
+            term = empirical_term(before, reference)
+            after = refit(before, [*before.terms, term])
+            curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
+        columns = self.fitted.sightings.covariate_columns
+        return Unknown(
+            probe.depends_on,
+            probe.component,
+            settled.visible_um,
+            min(_HALVES * judged.p_value, 1.0),
+            self._where(
+                settled, self.searched.last, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]
+            ),
+            reference,
+            curve,
+            held_out,
         )
-    verdict: Verdict = "nothing-missing"
-    if found:
-        verdict = "ambiguous" if any(one.tied for one in candidates[1:]) else "missing"
-    elif searched.unknown is not None:
-        verdict = "unknown"
-    return Diagnosis(
-        verdict,
-        searched.first.p_value,
-        fitted,
-        found,
-        candidates,
-        None if searched.unknown is None else _unknown(*searched.unknown),
-        (*searched.not_offered, *_invisible(searched)),
-        searched,
-    )
+
+    def _axis(self, component: str) -> str:
+        """Give the component as a reference writes it: the work's own where nothing else was seen."""
+        carriers = set(np.unique(self.fitted.sightings.carrier[self.fitted.solved.used]).tolist())
+        on_tool = {CARRIERS.index("tool"), CARRIERS.index("relative")}
+        return component if carriers & on_tool else f"work-{component}"
 
 
-def _found_finding(fitted: Fitted, searched: Searched, place: int, known: Catalogue) -> Finding:
-    one = searched.found[place]
-    terms = [earlier.settled.term for earlier in searched.found[: place + 1]]
-    return _with_rivals(known, one, _after(fitted, terms))
-
-
-def _first_finding(fitted: Fitted, first: Found, known: Catalogue) -> Finding:
-    return _with_rivals(known, first, _after(fitted, [first.settled.term]))
-
-
-def _with_rivals(known: Catalogue, found: Found, after: float | None) -> Finding:
-    aliases = tuple(
-        Alias(_reference(rival.judged), rival.correlation) for rival in found.rivals if rival.correlation > _ALIAS
-    )
-    tied = next((rival for rival in found.rivals if rival.is_tied), None)
-    against = None if tied is None else _reference(tied.judged)
-    return _finding(known, found.judged, found.settled, tied=False, aliases=aliases, against=against, after=after)
-
-
-def _finding(
-    known: Catalogue,
-    judged: Judged,
-    settled: Settled,
-    *,
-    tied: bool,
-    aliases: tuple[Alias, ...],
-    against: EffectReference | None,
-    after: float | None,
-) -> Finding:
-    reference = _reference(judged)
-    assert settled.term is not None
-    rival = None if against is None else known.separation(against.effect, reference.effect)
-    return Finding(
-        reference,
-        known[reference.effect],
-        min(2.0 * judged.p_value, 1.0),
-        judged.evidence,
-        settled.visible_um,
-        (*settled.term.coefficients, *settled.term.inner),
-        tied,
-        tuple(sorted(aliases, key=lambda alias: -alias.correlation)),
-        None if rival is None else Separation(rival.separate_by, rival.plan, rival.minutes),
-        after,
-    )
-
-
-def _unknown(judged: Judged, settled: Settled) -> Unknown:
-    assert isinstance(judged.what, Probe)
-    return Unknown(judged.what.depends_on, judged.what.component, settled.visible_um, min(2.0 * judged.p_value, 1.0))
-
-
-def _reference(judged: Judged) -> EffectReference:
-    assert not isinstance(judged.what, Probe)
-    return judged.what.reference
-
-
-def _invisible(searched: Searched) -> list[tuple[str, str]]:
-    seen = {_reference(one).effect for one in searched.first.candidates}
-    names = dict.fromkeys(
-        one.effect.id if one.effect.id not in seen else str(one.reference) for one in searched.first.invisible
-    )
-    return [(name, _INVISIBLE) for name in names]
-
-
-def _after(fitted: Fitted, terms: Sequence[Term | None]) -> float | None:
-    """Give the held-out error with more terms in the model, inner parameters where the search found them."""
+def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:
+    """Fit with more terms, their inner parameters held where the search found them."""
     added = [
         replace(term, inner=tuple(replace(one, low=one.value, high=one.value) for one in term.inner))
         for term in terms
         if term is not None
     ]
-    return _held_out_um(refit(fitted, [*fitted.terms, *added]))
+    return refit(fitted, [*fitted.terms, *added]) if added else fitted
+
+
+def held_out_of(fitted: Fitted, earlier: Sequence[Term | None], term: Term | None) -> HeldOut:
+    """Give the held-out error with the earlier terms, and with one more."""
+    before = with_terms(fitted, earlier)
+    return _on_common_rows(before, with_terms(before, [term]))
+
+
+def _on_common_rows(before: Fitted, after: Fitted) -> HeldOut:
+    """Compare two fits; rows that lack what the second needs take no part in either figure."""
+    if len(after.sightings) < len(before.sightings):
+        before = refit(after, before.terms)
+    return HeldOut(_held_out_um(before), _held_out_um(after))
 
 
 def _held_out_um(fitted: Fitted) -> float | None:
@@ -388,16 +358,20 @@ def _held_out_um(fitted: Fitted) -> float | None:
     return None if figures is None else figures.headline_um
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def reference_of(judged: Judged) -> EffectReference:
+    """Give the name of a candidate."""
+    assert not isinstance(judged.what, Probe)
+    return judged.what.reference
 
 
-def _plausible(parameter: Parameter) -> str | None:
-    match = plausible_match(parameter)
-    return None if match is None else match.what
+def _invisible(searched: Searched) -> list[tuple[str, str]]:
+    seen = {reference_of(one).effect for one in searched.first.candidates}
+    names = dict.fromkeys(
+        one.effect.id if one.effect.id not in seen else str(one.reference) for one in searched.first.invisible
+    )
+    return [(name, _INVISIBLE) for name in names]
 
 
-def _value_words(parameter: Parameter) -> str:
-    text = f"{parameter.name} = {parameter.value:.4g} ± {parameter.std:.2g} {parameter.unit}".rstrip()
-    words = plausible_words(parameter)
-    return text if words is None else f"{text} ({words})"
+def _lower(title: str) -> str:
+    """Write a title inside a sentence."""
+    return title[0].lower() + title[1:]

@@ -17,6 +17,7 @@ one from the lowest degree, so that no coefficient is open.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -268,8 +269,9 @@ class _Design:
         """Give the degrees of the design with the most evidence; none where the model owns them all."""
         found: list[tuple[int, ...]] = []
         most = -math.inf
-        for top in range(1, self.most + 1):
-            own = self._determined([place for place, degree in enumerate(self.degrees) if max(degree) <= top])
+        for tops in itertools.product(range(1, self.most + 1), repeat=len(self.variables)):
+            inside = [all(n <= top for n, top in zip(degree, tops, strict=True)) for degree in self.degrees]
+            own = self._determined([place for place in range(len(inside)) if inside[place]])
             if not own:
                 continue
             gram = self.gram[np.ix_(own, own)]

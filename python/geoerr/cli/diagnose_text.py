@@ -1,0 +1,236 @@
+"""A diagnosis in words and tables that fit eighty columns: the verdict first, then its grounds, then what to do."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from geoerr.cli.fit_text import counted
+from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.diagnose.findings import Finding, Unknown
+from geoerr.diagnose.words import listed, sure_words, um_words
+from geoerr.fit.empirical import Curve
+
+WIDTH = 80
+_MEANINGS = {
+    "own": "the model was fitted to these data: its own numbers take part",
+    "refit": "the model's numbers are fitted to these data (--refit)",
+    "held": "the model's numbers stay as they are; only the measuring frames are fitted",
+}
+_MOST_OTHERS = 5
+_MOST_REASONS = 4
+_MOST_POINTS, _MOST_ACROSS = 9, 5
+# Of a sorted list of reasons the first are shown with so many effects each.
+_MOST_EFFECTS = 3
+_NAME_WIDTH = 42
+
+
+def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose: bool = False) -> Iterator[str]:
+    """Give everything that the verb prints.
+
+    Parameters
+    ----------
+    diagnosis
+        What is reported.
+    command
+        How a `geoerr add` of these files begins.
+    options
+        How it goes on after the effect, from a space: the user's own effect files.
+    verbose
+        Every candidate in full, and everything that was not offered.
+    """
+    yield from _data(diagnosis)
+    yield ""
+    yield from _wrapped(f"{diagnosis.sentence[0].upper()}{diagnosis.sentence[1:]}.")
+    yield from _figures(diagnosis)
+    for number, finding in enumerate(diagnosis.found, start=1):
+        yield ""
+        yield from _finding(finding, f"{number}. " if len(diagnosis.found) > 1 else "")
+        if number == 1:
+            yield from _tied(diagnosis)
+    if diagnosis.unknown is not None:
+        yield from _unknown(diagnosis.unknown)
+    yield from _others(diagnosis, verbose=verbose)
+    yield from _not_offered(diagnosis.not_offered, verbose=verbose)
+    yield from _next(diagnosis, command, options)
+
+
+def _data(diagnosis: Diagnosis) -> Iterator[str]:
+    sightings = diagnosis.fitted.sightings
+    machine = diagnosis.fitted.machine
+    rows = f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')}"
+    yield from _wrapped(f"{machine.name} ({machine.chain}): {rows}")
+    if diagnosis.comparison is not None:
+        yield from _wrapped(_MEANINGS[diagnosis.comparison.freedom])
+
+
+def _figures(diagnosis: Diagnosis) -> Iterator[str]:
+    held, floor = diagnosis.held_out_rmse_um, diagnosis.noise_floor_um
+    noise = diagnosis.fitted.split.noise_um
+    texts = [f"held out {um_words(held)}" if held is not None else "held out not computable"]
+    if floor is not None:
+        texts.append(f"noise floor {um_words(floor)} (what repeats scatter)")
+    elif noise is not None:
+        texts.append(f"noise {um_words(noise)} as stated")
+    yield from _wrapped(f"error now: {', '.join(texts)}")
+    if diagnosis.found or diagnosis.unknown is not None:
+        yield from _wrapped(f"that nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}")
+
+
+def _finding(finding: Finding, number: str) -> Iterator[str]:
+    whose = ", of the cameras" if finding.is_rig else ""
+    yield from _wrapped(f"{number}{finding.reference}{whose}: {finding.effect.title}")
+    for text in finding.value_words:
+        yield from _wrapped(text, "    ")
+    yield from _wrapped(f"worth {um_words(finding.worth_um)} rms, {finding.where.words()}", "    ")
+    if finding.held_out_words is not None:
+        yield from _wrapped(finding.held_out_words, "    ")
+    yield from _wrapped(sure_words(finding.p_value), "    ")
+    yield from _wrapped(f"cause: {finding.effect.cause}", "    ")
+    yield from _wrapped(f"to do: {finding.effect.remedy}", "    ")
+    if finding.is_rig:
+        yield from _wrapped("an error of the cameras is explained, and never compensated in a program", "    ")
+    if finding.in_model:
+        yield from _wrapped("the model has it with another value: fit it to these data (--refit)", "    ")
+    like = [alias for alias in finding.aliases if not finding.tied]
+    if like:
+        names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in like[:_MOST_OTHERS]]
+        yield from _wrapped(f"looks like (correlation): {', '.join(names)}", "    ")
+
+
+def _tied(diagnosis: Diagnosis) -> Iterator[str]:
+    rivals = diagnosis.tied[1:]
+    if not rivals:
+        return
+    yield ""
+    yield from _wrapped("these data cannot tell it from:")
+    for rival in rivals:
+        yield from _wrapped(f"{rival.reference}: {rival.effect.title}", "  ")
+        yield from _wrapped("; ".join(rival.value_words), "    ")
+        after = "" if rival.held_out_words is None else f", {rival.held_out_words}"
+        yield from _wrapped(f"worth {um_words(rival.worth_um)} rms{after}", "    ")
+        if rival.separate_by is not None:
+            minutes = rival.separate_by.minutes
+            time = "" if minutes is None else f" (≈ {minutes:g} min)"
+            yield from _wrapped(f"{rival.separate_by.text} would{time}", "    ")
+            if rival.separate_by.plan:
+                yield from _wrapped(f"plan: {rival.separate_by.plan}", "    ")
+
+
+def _unknown(unknown: Unknown) -> Iterator[str]:
+    yield ""
+    yield from _wrapped(
+        f"unknown: acts along {unknown.component}, depends on {listed(unknown.depends_on)}, "
+        f"worth {um_words(unknown.worth_um)} rms"
+    )
+    yield from _wrapped(unknown.where.words(), "    ")
+    if unknown.shape is not None:
+        yield from _wrapped(f"shape: it {unknown.shape}", "    ")
+    yield from _wrapped(sure_words(unknown.p_value), "    ")
+    held = unknown.held_out
+    if held is not None and held.before_um is not None and held.after_um is not None:
+        yield from _wrapped(f"as a curve: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
+    if unknown.is_the_models_own:
+        yield from _wrapped("one position alone: the model's error functions are too stiff here", "    ")
+    if unknown.curve is not None:
+        yield from _curve(unknown.curve)
+
+
+def _curve(curve: Curve) -> Iterator[str]:
+    """Give the curve as a table: value ± standard error, µm."""
+    most = _MOST_POINTS if len(curve.at) == 1 else _MOST_ACROSS
+    places = [_chosen(len(own), most) for own in curve.at]
+    if len(places) == 1:
+        yield f"    {curve.variables[0]:>14}{curve.component + ', µm':>12}"
+        for place in places[0]:
+            value, std = curve.value_um[place], curve.std_um[place]
+            yield f"    {_plain(curve.at[0][place]):>14}{_signed(value):>12} ± {std:.1f}"
+        return
+    columns = places[1]
+    down, across = curve.variables
+    error = float(np.median(curve.std_um))
+    yield f"    {curve.component}, µm (± {error:.1f}), over {down} (down) and {across} (across)"
+    yield "    " + " " * 9 + "".join(f"{_plain(curve.at[1][column]):>9}" for column in columns)
+    for row in places[0]:
+        cells = "".join(f"{_signed(curve.value_um[row, column]):>9}" for column in columns)
+        yield f"    {_plain(curve.at[0][row]):>9}{cells}"
+
+
+def _chosen(count: int, most: int) -> list[int]:
+    """Give at most so many places of a grid, both ends among them."""
+    return [int(place) for place in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
+
+
+def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
+    tied = {finding.reference for finding in diagnosis.tied}
+    named = tied | {finding.reference for finding in diagnosis.found}
+    others = [finding for finding in diagnosis.candidates if finding.reference not in named]
+    if not others:
+        return
+    yield ""
+    title = "looked at and left" if diagnosis.found else "the nearest that was looked at"
+    if verbose:
+        yield f"{title}:"
+        for finding in others:
+            yield from _finding(finding, "")
+        return
+    yield f"{title + ', best first':<{_NAME_WIDTH}}{'worth':>11}{'p':>9}   held out"
+    for finding in others[:_MOST_OTHERS]:
+        held = finding.held_out_words or ""
+        worth, p_value = um_words(finding.worth_um), f"{finding.p_value:.1g}"
+        name = str(finding.reference)
+        if len(name) > _NAME_WIDTH - 4:
+            yield f"  {name}"
+            name = ""
+        yield f"  {name:<{_NAME_WIDTH - 2}}{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}".rstrip()
+    if len(others) > _MOST_OTHERS:
+        yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
+
+
+def _not_offered(not_offered: Sequence[tuple[str, str]], *, verbose: bool) -> Iterator[str]:
+    if not not_offered:
+        return
+    reasons: dict[str, list[str]] = {}
+    for name, why in not_offered:
+        reasons.setdefault(why, []).append(name)
+    yield ""
+    yield f"not looked for ({counted(len(not_offered), 'effect')}):"
+    ordered = sorted(reasons.items(), key=lambda item: -len(item[1]))
+    for why, names in ordered if verbose else ordered[:_MOST_REASONS]:
+        shown = names if verbose or len(names) <= _MOST_EFFECTS else [*names[:_MOST_EFFECTS], "..."]
+        yield from _wrapped(f"{', '.join(shown)}: {why}", "  ")
+    if not verbose and len(ordered) > _MOST_REASONS:
+        yield f"  and {counted(len(ordered) - _MOST_REASONS, 'more reason')} (--verbose)"
+
+
+def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
+    lines = []
+    if diagnosis.found and not diagnosis.found[0].in_model:
+        lines.append(f"  {command} {diagnosis.found[0].reference}{options} -o model2.json")
+    if diagnosis.unknown is not None and not diagnosis.found and diagnosis.unknown.curve is not None:
+        lines.append(f"  {command} '{diagnosis.unknown.reference}'{options} -o model2.json")
+    if not lines:
+        return
+    yield ""
+    is_curve = not diagnosis.found
+    yield "to add it as an empirical curve, without a cause:" if is_curve else "to add it and see the error fall:"
+    # A line to copy is not broken.
+    yield from lines
+
+
+def _wrapped(text: str, indent: str = "") -> list[str]:
+    # A number stays with its sign, its error and its unit.
+    for tied in (" µm", " mm", " ± ", " = ", "≈ "):
+        text = text.replace(tied, tied.replace(" ", "\u00a0"))
+    lines = textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False)
+    return [line.replace("\u00a0", " ") for line in lines]
+
+
+def _plain(value: float) -> str:
+    return f"{value:.5g}".replace("-", "−")
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.1f}".replace("-", "−")

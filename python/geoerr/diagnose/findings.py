@@ -1,0 +1,277 @@
+"""What a diagnosis lists: effects with value, worth, doubt and place, and structure without a name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from geoerr.diagnose.shape import shape_words
+from geoerr.diagnose.where import Where
+from geoerr.diagnose.words import (
+    is_at_an_end,
+    listed,
+    plausibility_words,
+    sure_words,
+    um_words,
+    value_words,
+)
+from geoerr.effects import Effect
+from geoerr.effects.plausible import plausible_match
+from geoerr.fit.empirical import Curve
+from geoerr.terms import EffectReference, Parameter, Term
+
+# More coefficients than this are a curve, not numbers to read.
+_MOST_VALUES = 8
+
+
+@dataclass(frozen=True)
+class Alias:
+    """A candidate that these data can hardly tell from another.
+
+    Attributes
+    ----------
+    reference
+        The other.
+    correlation
+        Cosine between what the one explains and what the other could.
+    """
+
+    reference: EffectReference
+    correlation: float
+
+
+@dataclass(frozen=True)
+class Separation:
+    """The measurement that would tell two candidates apart."""
+
+    text: str
+    plan: str | None
+    minutes: float | None
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Held-out error without an effect and with it, µm, on the rows that have what it needs; None: not computable."""
+
+    before_um: float | None
+    after_um: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """A candidate in the diagnosis.
+
+    Attributes
+    ----------
+    reference, effect
+        Which.
+    term
+        With the values that it would have: `refit` and `add` start from it.
+    p_value
+        Family-wise, over everything that was looked at.
+    evidence
+        Logarithm of the Bayes factor against the model without it (Schwarz), trial values counted.
+    worth_um
+        Root mean square of what it explains that the model cannot, components summed as for errors.
+    where
+        Where that is largest.
+    tied
+        Whether the data cannot tell it from the first.
+    aliases
+        What is like it.
+    separate_by
+        The measurement that would tell it from the first, or from the first one tied with it.
+    held_out
+        Error without it and with it in the model; None where it was not computed.
+    in_model
+        Whether the model has it already, with a value that was not fitted to these data.
+    """
+
+    reference: EffectReference
+    effect: Effect
+    term: Term
+    p_value: float
+    evidence: float
+    worth_um: float
+    where: Where
+    tied: bool
+    aliases: tuple[Alias, ...]
+    separate_by: Separation | None
+    held_out: HeldOut | None
+    in_model: bool = False
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Values with standard errors: linear, then inner."""
+        return (*self.term.coefficients, *self.term.inner)
+
+    @property
+    def is_rig(self) -> bool:
+        """Whether it is the cameras' and so never compensated."""
+        return self.term.is_rig
+
+    @property
+    def held_out_rmse_after_um(self) -> float | None:
+        """Held-out error with it in the model."""
+        return None if self.held_out is None else self.held_out.after_um
+
+    @property
+    def value_words(self) -> tuple[str, ...]:
+        """Each value with its standard error and unit, and whether physics would give it."""
+        if len(self.parameters) > _MOST_VALUES:
+            return (f"a curve of {len(self.parameters)} numbers",)
+        signs = {spec.name: spec.sign for spec in self.effect.coefficients}
+        texts = []
+        for parameter in self.parameters:
+            text = value_words(parameter)
+            if is_at_an_end(parameter):
+                text += ", the end of its range"
+            words = plausibility_words(parameter, signs.get(parameter.name, 0))
+            texts.append(text if words is None else f"{text} ({words})")
+        return tuple(texts)
+
+    @property
+    def held_out_words(self) -> str | None:
+        """Say how the held-out error would fall; None where it was not computed."""
+        if self.held_out is None or self.held_out.before_um is None or self.held_out.after_um is None:
+            return None
+        return f"held out {self.held_out.before_um:.1f} → {um_words(self.held_out.after_um)}"
+
+    def words(self) -> str:
+        """Say in one paragraph what it is, its values, whether physics gives such, its worth and where, how sure."""
+        texts = [
+            f"{self.effect.title} ({self.reference}): {'; '.join(self.value_words)}",
+            f"worth {um_words(self.worth_um)} rms, {self.where.words()}",
+            self.held_out_words,
+            sure_words(self.p_value),
+            "it is the cameras', and never compensated" if self.is_rig else None,
+        ]
+        return ". ".join(text[0].upper() + text[1:] for text in texts if text)
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as FORMATS' `diagnose --json` has it, and more."""
+        return {
+            **reference_document(self.reference),
+            "p_value": self.p_value,
+            "held_out_rmse_after_um": self.held_out_rmse_after_um,
+            "worth_um": self.worth_um,
+            "parameters": {
+                parameter.name: {
+                    "value": finite(parameter.value),
+                    "std": finite(parameter.std),
+                    "unit": parameter.unit,
+                    "plausible": _plausible(parameter),
+                }
+                for parameter in self.parameters
+            },
+            "tied": self.tied,
+            "aliases": [
+                {**reference_document(alias.reference), "correlation": alias.correlation} for alias in self.aliases
+            ],
+            "separate_by": None
+            if self.separate_by is None
+            else {
+                "text": self.separate_by.text,
+                "plan": self.separate_by.plan,
+                "minutes": self.separate_by.minutes,
+            },
+            "title": self.effect.title,
+            "is_rig": self.is_rig,
+            "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
+            "evidence": finite(self.evidence),
+            "where": self.where.to_document(),
+            "words": self.words(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """Structure that no candidate explains.
+
+    Attributes
+    ----------
+    depends_on
+        Variables.
+    component
+        Axis of the base along which it acts.
+    worth_um, p_value
+        As for a candidate.
+    where
+        Where it is largest.
+    reference
+        What `geoerr add` takes to add it as a curve.
+    curve
+        That curve, with its standard error; None where the variables that were found do not determine one.
+    held_out
+        Error without the curve and with it.
+    """
+
+    depends_on: tuple[str, ...]
+    component: str
+    worth_um: float
+    p_value: float
+    where: Where
+    reference: str
+    curve: Curve | None
+    held_out: HeldOut | None
+
+    @property
+    def shape(self) -> str | None:
+        """What the curve looks like, in words."""
+        return None if self.curve is None else shape_words(self.curve)
+
+    @property
+    def is_the_models_own(self) -> bool:
+        """Whether it depends on one position only: then the model's error functions are too stiff to follow."""
+        return len(self.depends_on) == 1 and self.depends_on[0] in ("x", "y", "z")
+
+    @property
+    def sentence(self) -> str:
+        """Say what it is in a sentence."""
+        on, worth = listed(self.depends_on), um_words(self.worth_um)
+        what = "something that no known effect explains"
+        return f"{what} acts along {self.component} and depends on {on}, worth {worth} rms"
+
+    def words(self) -> str:
+        """Say what it is, where it is largest, what it looks like and how sure."""
+        texts = [self.sentence, self.where.words(), None if self.shape is None else f"shape: it {self.shape}"]
+        texts.append(sure_words(self.p_value))
+        return ". ".join(text[0].upper() + text[1:] for text in texts if text)
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as FORMATS' `diagnose --json` has it, and more."""
+        return {
+            "depends_on": list(self.depends_on),
+            "component": self.component,
+            "worth_um": self.worth_um,
+            "p_value": self.p_value,
+            "reference": self.reference,
+            "shape": self.shape,
+            "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
+            "held_out_rmse_after_um": None if self.held_out is None else self.held_out.after_um,
+            "where": self.where.to_document(),
+            "curve": None if self.curve is None else self.curve.to_document(),
+            "words": self.words(),
+        }
+
+
+def reference_document(reference: EffectReference) -> dict[str, str | None]:
+    """Give `effect`, `axis` and `covariate`."""
+    return {"effect": reference.effect, "axis": reference.axis, "covariate": reference.covariate}
+
+
+def names_of(findings: Sequence[Finding]) -> list[str]:
+    """Give the references as texts."""
+    return [str(finding.reference) for finding in findings]
+
+
+def finite(value: float) -> float | None:
+    """Give a number, or None where it is none."""
+    return value if math.isfinite(value) else None
+
+
+def _plausible(parameter: Parameter) -> str | None:
+    match = plausible_match(parameter)
+    return None if match is None else match.what

@@ -1,0 +1,130 @@
+"""What a curve without a name looks like, in words: rising, turning, odd, even, where it is largest."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from geoerr.diagnose.words import listed
+from geoerr.fit.empirical import Curve
+from geoerr.fit.sightings import Numbers
+
+# A rise against the trend that is smaller than this share of the whole, or than so many standard errors, is none.
+_RIPPLE, _RIPPLE_STD = 0.1, 2.0
+# Share of the sum of squares that makes a curve odd, even or a product.
+_NEARLY_ALL = 0.9
+_STRAIGHT = 0.97
+_MOST_TURNS = 3
+
+
+def shape_words(curve: Curve) -> str:
+    """Say what a curve, or a surface over two variables, looks like."""
+    if len(curve.variables) == 1:
+        return _one(curve.variables[0], curve.at[0], curve.value_um, curve.std_um)
+    return _two(curve)
+
+
+def _one(name: str, at: Numbers, value_um: Numbers, std_um: Numbers) -> str:
+    swing = float(np.ptp(value_um))
+    if name.startswith("d_") and len(at) == 2:
+        up = _signed(float(value_um[1] - value_um[0]))
+        return f"flips by {swing:.1f} µm with the direction of {name[2:]} ({up} µm on the way up)"
+    ways = _ways(value_um, std_um)
+    end = f"{at[0]:.4g} to {at[-1]:.4g}".replace("-", "−")
+    texts = [f"{_course(name, at, value_um, ways)}, {swing:.1f} µm in all ({name} {end})"]
+    if len(ways) > 1:
+        texts += _symmetry(at, value_um)
+    return ", ".join(texts)
+
+
+def _ways(value_um: Numbers, std_um: Numbers) -> list[tuple[int, int, int]]:
+    """Cut a curve into rises (+1) and falls (−1) that are more than ripples: sign, first and last place."""
+    least = max(_RIPPLE * float(np.ptp(value_um)), _RIPPLE_STD * float(np.median(std_um)) * 0.5)
+    turns = [0]
+    for place in range(1, len(value_um)):
+        # Keep the extreme of the way that is being gone, and turn where it is left by more than a ripple.
+        if len(turns) < 2:
+            if abs(value_um[place] - value_um[turns[0]]) > least:
+                turns.append(place)
+            continue
+        way = np.sign(value_um[turns[-1]] - value_um[turns[-2]])
+        step = value_um[place] - value_um[turns[-1]]
+        if step * way > 0.0:
+            turns[-1] = place
+        elif abs(step) > least:
+            turns.append(place)
+    return [(int(np.sign(value_um[b] - value_um[a])), a, b) for a, b in itertools.pairwise(turns)]
+
+
+def _course(name: str, at: Numbers, value_um: Numbers, ways: list[tuple[int, int, int]]) -> str:
+    if not ways:
+        return f"hardly changes with {name}"
+    if len(ways) == 1:
+        verb = "rises" if ways[0][0] > 0 else "falls"
+        straight = abs(float(np.corrcoef(at, value_um)[0, 1])) if len(at) > 2 else 1.0
+        return f"{verb} with {name}{_bend(at, value_um) if straight < _STRAIGHT else ' in a straight line'}"
+    if len(ways) <= _MOST_TURNS:
+        verbs = ["rises" if sign > 0 else "falls" for sign, _, _ in ways]
+        places = [f"{at[last]:.4g}".replace("-", "−") for _, _, last in ways[:-1]]
+        return f"{', then '.join(verbs)} with {name} (turning at {listed(places)})"
+    return f"goes up and down {len(ways)} times over {name}"
+
+
+def _bend(at: Numbers, value_um: Numbers) -> str:
+    """Say in which half most of the change lies."""
+    middle = float(np.interp(0.5 * (at[0] + at[-1]), at, value_um))
+    first, second = abs(middle - value_um[0]), abs(value_um[-1] - middle)
+    if max(first, second) < 2.0 * min(first, second):
+        return ""
+    return ", most of it at low values" if first > second else ", most of it at high values"
+
+
+def _symmetry(at: Numbers, value_um: Numbers) -> list[str]:
+    """Say whether the curve is odd or even about the middle of its range."""
+    mirrored = np.interp(at[0] + at[-1] - at, at, value_um)
+    odd, even = 0.5 * (value_um - mirrored), 0.5 * (value_um + mirrored)
+    even = even - even.mean()
+    whole = float(odd @ odd + even @ even)
+    if len(at) < 4 or whole == 0.0:
+        return []
+    if float(even @ even) > _NEARLY_ALL * whole:
+        return ["alike on both sides of the middle (even)"]
+    if float(odd @ odd) > _NEARLY_ALL * whole:
+        return ["opposite on both sides of the middle (odd)"]
+    return []
+
+
+def _two(curve: Curve) -> str:
+    first, second = curve.variables
+    value_um, std_um = curve.value_um, curve.std_um
+    column, row = (int(place) for place in np.unravel_index(int(np.argmax(np.abs(value_um))), value_um.shape))
+    largest = (
+        f"largest ({_signed(value_um[column, row])} µm) at {first} = {curve.at[0][column]:.4g}, "
+        f"{second} = {curve.at[1][row]:.4g}"
+    ).replace("-", "−")
+    low, high = (
+        _course(first, curve.at[0], value_um[:, place], _ways(value_um[:, place], std_um[:, place]))
+        for place in (0, -1)
+    )
+    ends = [f"{curve.at[1][place]:.4g}".replace("-", "−") for place in (0, -1)]
+    sizes = np.ptp(value_um, axis=0)
+    if low == high:
+        growth = sizes[-1] / max(float(sizes[0]), 1e-9)
+        more = (
+            f", {growth:.2g} times as much at {second} = {ends[1]} as at {ends[0]}" if not 0.67 < growth < 1.5 else ""
+        )
+        return f"{low}{more}; {largest}"
+    both = f"{low} at {second} = {ends[0]}, {high} at {second} = {ends[1]}"
+    return f"{both}{_product(value_um)}; {largest}"
+
+
+def _product(value_um: Numbers) -> str:
+    """Say whether a surface is one curve times another, beside what each variable does alone."""
+    inner = value_um - value_um.mean(axis=0) - value_um.mean(axis=1, keepdims=True) + value_um.mean()
+    size = np.linalg.svd(inner, compute_uv=False) ** 2
+    return " (one curve times another)" if size[0] > _NEARLY_ALL * max(float(size.sum()), 1e-300) else ""
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.1f}".replace("-", "−")

@@ -1,0 +1,137 @@
+"""A diagnosis in words: values with their units, whether physics would give them, how sure, where, of what shape."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from geoerr.effects.plausible import MAX_RELATIVE_STD, plausible_match
+from geoerr.terms import Parameter
+
+# Units as people read them: text and factor. Others get a power of ten where they need one.
+_READ_IN = {
+    "mm": ("µm", 1e3),
+    "mm/K": ("µm/K", 1e3),
+    "mm/N": ("µm/N", 1e3),
+    "mm/s": ("µm/s", 1e3),
+    "rad": ("µrad", 1e6),
+    "rad/K": ("µrad/K", 1e6),
+    "rad/s": ("µrad/s", 1e6),
+    "rad/mm": ("µrad/mm", 1e6),
+    "1": ("×10⁻⁶", 1e6),
+    "1/K": ("×10⁻⁶/K", 1e6),
+}
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# Beyond these a number is written with a power of ten.
+_SMALLEST, _LARGEST = 1e-2, 1e5
+# Probabilities below this say no more by being smaller.
+_LEAST_P = 1e-9
+_SURE = ((1e-6, "certain as can be"), (1e-3, "very sure"), (0.025, "sure"), (0.05, "nearly sure"))
+
+
+def value_words(parameter: Parameter) -> str:
+    """Write a parameter with its standard error, to the second figure of it, and its unit as people read it.
+
+    Linear coefficients in mm and rad are read in µm and µrad; inner parameters (places, lags, periods) as they are.
+    """
+    unit, factor = _read_in(parameter)
+    # At the end of a range the value is a bound, and its error is none.
+    std = 0.0 if is_at_an_end(parameter) else parameter.std * factor
+    return f"{parameter.name} = {_number(parameter.value * factor, std)} {unit}".rstrip()
+
+
+def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:
+    """Say whether physics would give the value; None where nothing is known to compare it with.
+
+    Parameters
+    ----------
+    sign
+        +1 or −1 where physics allows that sign only.
+    """
+    if sign and math.isfinite(parameter.std) and parameter.value * sign < -2.0 * parameter.std:
+        return f"not physical: it cannot be {'negative' if sign > 0 else 'positive'}"
+    if not parameter.plausible or not math.isfinite(parameter.value):
+        return None
+    _, factor = _read_in(parameter)
+    match = plausible_match(parameter)
+    if match is not None:
+        return f"plausible: {match.what} has {_short(match.value * factor)}"
+    if not parameter.std <= MAX_RELATIVE_STD * abs(parameter.value):
+        return "too uncertain to compare with known values"
+    nearest = min(parameter.plausible, key=lambda item: abs(item.value - parameter.value))
+    return f"no known value: the nearest is {_short(nearest.value * factor)}, {nearest.what}"
+
+
+def is_at_an_end(parameter: Parameter) -> bool:
+    """Tell whether an inner parameter ended where its range does: then it is a bound and no value."""
+    low, high = parameter.low, parameter.high
+    if low is None or high is None or low == high:
+        return False
+    span = math.log(high / low) if parameter.spacing == "log" else high - low
+    ends = (
+        [abs(math.log(parameter.value / end)) for end in (low, high)]
+        if parameter.spacing == "log" and parameter.value > 0.0
+        else [abs(parameter.value - end) for end in (low, high)]
+    )
+    return min(ends) < 1e-6 * span
+
+
+def sure_words(p_value: float) -> str:
+    """Say how sure that is, and what the probability means."""
+    name = next((words for most, words in _SURE if p_value < most), "not beyond chance")
+    if p_value < _LEAST_P:
+        return f"{name}: chance does as much in fewer than one search of a billion"
+    if p_value >= 0.995:
+        return f"{name}: chance does as much in every search"
+    if p_value >= 0.1:
+        return f"{name}: chance does as much in {round(100.0 * p_value)} of 100 searches (p = {p_value:.2g})"
+    return f"{name}: chance does as much in one search of {counted_words(1.0 / p_value)} (p = {p_value:.2g})"
+
+
+def counted_words(count: float) -> str:
+    """Write a large number as people say it: `4,300`, `2.3 million`."""
+    for size, name in ((1e9, "billion"), (1e6, "million")):
+        if count >= size:
+            return f"{count / size:.2g} {name}"
+    digits = 2 if count >= 100 else 1
+    rounded = round(count, digits - 1 - math.floor(math.log10(max(count, 1.0))))
+    return f"{rounded:,.0f}"
+
+
+def listed(texts: Sequence[str], last: str = "and") -> str:
+    """Write `a, b and c`."""
+    return ", ".join(texts) if len(texts) < 2 else f"{', '.join(texts[:-1])} {last} {texts[-1]}"
+
+
+def um_words(value_um: float) -> str:
+    """Write a length in µm with the digits that a reader needs."""
+    return f"{value_um:.{0 if value_um >= 100.0 else 1}f} µm"
+
+
+def _read_in(parameter: Parameter) -> tuple[str, float]:
+    unit = parameter.unit
+    if parameter.low is not None:
+        return unit, 1.0
+    if unit in _READ_IN:
+        return _READ_IN[unit]
+    size = abs(parameter.value)
+    if not math.isfinite(size) or size == 0.0 or _SMALLEST <= size < _LARGEST:
+        return unit, 1.0
+    power = 3 * math.floor(math.log10(size) / 3.0)
+    rest = unit[1:] if unit.startswith("1/") else f" {unit}"
+    return f"×10{str(power).translate(_SUPERSCRIPT)}{rest}".replace("*", "·").replace("^2", "²"), 10.0**-power
+
+
+def _number(value: float, std: float) -> str:
+    if not (math.isfinite(std) and std > 0.0) or std > 1e6 * max(abs(value), 1e-300):
+        return _short(value)
+    digits = 1 - math.floor(math.log10(std))
+    # An error as large as the value needs no second figure.
+    digits = min(digits, 6) if std < abs(value) else min(digits - 1, 6)
+    texts = [f"{round(number, digits):.{max(digits, 0)}f}" for number in (value, std)]
+    return " ± ".join(texts).replace("-", "−")
+
+
+def _short(value: float) -> str:
+    text = f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
+    return text.replace("-", "−")

@@ -1,0 +1,100 @@
+"""The page of a diagnosis: the verdict, what it rests on in tables and pictures, and what was not looked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.diagnose.findings import Finding, Unknown
+from geoerr.diagnose.words import sure_words
+from geoerr.report.figures import diagnosis as figures
+from geoerr.report.figures import style
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.provenance import Provenance
+
+
+def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Provenance) -> None:
+    """Write the page, whole or not at all."""
+    sentence = diagnosis.sentence
+    summary = [
+        f"{sentence[0].upper()}{sentence[1:]}.",
+        f"That nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}.",
+    ]
+    for name, value in (("Held out", diagnosis.held_out_rmse_um), ("Noise floor", diagnosis.noise_floor_um)):
+        summary.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
+    if any(finding.is_rig for finding in diagnosis.found):
+        summary.append("An error of the cameras is explained, and never compensated in a program.")
+    title = f"{diagnosis.fitted.machine.name}: what is missing"
+    write_report(path, title, summary, _sections(diagnosis), provenance)
+
+
+def _sections(diagnosis: Diagnosis) -> list[Section]:
+    sections = []
+    if diagnosis.candidates or diagnosis.unknown is not None:
+        caption = "What each candidate is worth, and the held-out error without it and with it."
+        sections.append(
+            Section(
+                "What it is worth",
+                (Figure(figures.diagnosis_bars(diagnosis), caption), _ranking(diagnosis)),
+            )
+        )
+    for finding in diagnosis.found:
+        sections.append(Section(f"{finding.effect.title}: {finding.reference}", _blocks(finding)))
+    rivals = diagnosis.tied[1:]
+    if rivals:
+        sections.append(Section("What these data cannot tell from it", tuple(map(_rival, rivals))))
+    if diagnosis.unknown is not None:
+        sections.append(Section("What has no name", _unknown(diagnosis, diagnosis.unknown)))
+    if diagnosis.not_offered:
+        rows = tuple(diagnosis.not_offered)
+        sections.append(Section("What was not looked for", (Table("Effects and why", ("effect", "why"), rows),)))
+    return sections
+
+
+def _ranking(diagnosis: Diagnosis) -> Table:
+    names = {finding.reference for finding in diagnosis.found}
+    others = [finding for finding in diagnosis.candidates if finding.reference not in names]
+    rows = tuple(
+        (
+            str(finding.reference),
+            f"{finding.worth_um:.2f}",
+            f"{finding.p_value:.2g}",
+            _number(None if finding.held_out is None else finding.held_out.before_um),
+            _number(finding.held_out_rmse_after_um),
+            "; ".join(finding.value_words),
+        )
+        for finding in (*diagnosis.found, *others)
+    )
+    header = ("effect", "worth, µm", "p", "held out without, µm", "with, µm", "values")
+    return Table("In the order of finding, then best first", header, rows)
+
+
+def _blocks(finding: Finding) -> tuple[Block, ...]:
+    texts = [
+        f"{finding.words()}.",
+        f"Cause: {finding.effect.cause}.",
+        f"What to do: {finding.effect.remedy}.",
+    ]
+    return tuple(Paragraph(text) for text in texts)
+
+
+def _rival(finding: Finding) -> Paragraph:
+    text = f"{finding.words()}."
+    separation = finding.separate_by
+    if separation is not None:
+        minutes = "" if separation.minutes is None else f" (about {separation.minutes:g} minutes)"
+        plan = "" if separation.plan is None else f": {separation.plan}"
+        text += f" What would tell it: {separation.text}{minutes}{plan}."
+    return Paragraph(text)
+
+
+def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:
+    blocks: list[Block] = [Paragraph(f"{unknown.words()}.")]
+    if unknown.curve is not None:
+        caption = f"What has no name: it {unknown.shape}. It can be added to the model as a curve without a cause."
+        blocks.append(Figure(figures.unknown_curve(diagnosis), caption))
+    return tuple(blocks)
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"

@@ -1,0 +1,178 @@
+"""A diagnosis in pictures: what each candidate is worth, and the curve of what has no name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.diagnose.findings import Finding
+from geoerr.errors import GeoerrError
+from geoerr.fit.empirical import Curve
+from geoerr.report.figures import style
+
+_ROW_PX, _OTHER_PX = 34, 70
+_CURVE_PX, _SURFACE_PX = 420, 480
+_FOUND, _TIED, _LEFT, _UNKNOWN = "found", "not told apart from it", "looked at and left", "without a name"
+_COLORS = {_FOUND: style.BLUE, _TIED: style.ORANGE, _LEFT: "#AAAAAA", _UNKNOWN: style.PURPLE}
+
+
+def diagnosis_bars(diagnosis: Diagnosis) -> go.Figure:
+    """Draw what each candidate is worth, and beside it the held-out error without it and with it.
+
+    What was found comes first, in the order in which it was added, then the other candidates for the first. Hatched
+    bars are the cameras' errors; the dashed line is the noise.
+    """
+    rows = _rows(diagnosis)
+    names = [name for name, *_ in rows]
+    figure = make_subplots(
+        rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.04, column_widths=[0.55, 0.45],
+        subplot_titles=("worth, µm rms", "held-out error, µm: without ○ and with ●"),
+    )  # fmt: skip
+    for kind, color in _COLORS.items():
+        own = [(name, worth, is_rig) for name, this, worth, is_rig, *_ in rows if this == kind]
+        if not own:
+            continue
+        figure.add_trace(
+            go.Bar(
+                y=[name for name, *_ in own],
+                x=[worth for _, worth, _ in own],
+                orientation="h",
+                marker={"color": color, "pattern": {"shape": ["/" if is_rig else "" for *_, is_rig in own]}},
+                text=[f"{worth:.1f}" for _, worth, _ in own],
+                textposition="outside",
+                cliponaxis=False,
+                name=kind,
+                hovertemplate="%{y}: %{x:.2f} µm<extra></extra>",
+            ),
+            row=1,
+            col=1,
+        )
+    for name, kind, _, _, before_um, after_um in rows:
+        if before_um is None or after_um is None:
+            continue
+        color = _COLORS[kind]
+        figure.add_trace(
+            go.Scatter(
+                x=[before_um, after_um],
+                y=[name, name],
+                mode="lines+markers",
+                line={"color": color, "width": 2},
+                marker={"size": 11, "color": ["#FFFFFF", color], "line": {"color": color, "width": 2}},
+                showlegend=False,
+                hovertemplate="%{y}: %{x:.2f} µm<extra></extra>",
+            ),
+            row=1,
+            col=2,
+        )
+    noise_um = diagnosis.noise_floor_um if diagnosis.noise_floor_um is not None else diagnosis.fitted.split.noise_um
+    if noise_um is not None:
+        figure.add_vline(x=noise_um, line={"color": style.INK, "dash": "dash", "width": 1.4}, row=1, col=2)
+    figure.update_yaxes(autorange="reversed", showgrid=False, categoryorder="array", categoryarray=names)
+    figure.update_xaxes(rangemode="tozero")
+    largest = max((worth for _, _, worth, *_ in rows), default=1.0)
+    figure.update_xaxes(range=[0.0, 1.15 * largest], row=1, col=1)
+    figure.update_layout(bargap=0.35)
+    noise = "" if noise_um is None else f" Dashed: noise {style.text_um(noise_um)}."
+    return style.finish(
+        figure,
+        "What is missing, and what it is worth",
+        f"By the part of it that the model cannot do itself. Hatched: the cameras' own.{noise}",
+        style.HEADING_PX + style.LEGEND_PX + _OTHER_PX + 30 + _ROW_PX * max(len(rows), 3),
+        above_plots_px=30,
+        legend=True,
+    )
+
+
+def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
+    """Draw structure without a name: its curve with a 95 % band, or its surface over two variables.
+
+    Raises
+    ------
+    GeoerrError
+        where the diagnosis has none, or these data determine no curve of it.
+    """
+    unknown = diagnosis.unknown
+    if unknown is None or unknown.curve is None:
+        raise GeoerrError("there is no curve without a name to draw\nhint: the verdict is " + diagnosis.verdict)
+    curve = unknown.curve
+    figure = _line(curve) if len(curve.variables) == 1 else _surface(curve)
+    return style.finish(
+        figure,
+        f"Along {unknown.component}, over {' and '.join(unknown.depends_on)}: no known effect does this",
+        f"An empirical curve, without a cause: worth {style.text_um(unknown.worth_um)} rms.",
+        _CURVE_PX if len(curve.variables) == 1 else _SURFACE_PX,
+        legend=len(curve.variables) == 1,
+    )
+
+
+def _line(curve: Curve) -> go.Figure:
+    at, value_um = curve.at[0], curve.value_um
+    figure = go.Figure()
+    figure.add_trace(style.band(at, value_um, style.COVERAGE_95 * curve.std_um, style.PURPLE, name="95 %", mode="lines"))
+    figure.add_trace(
+        go.Scatter(
+            x=at,
+            y=value_um,
+            mode="lines+markers" if len(at) < 20 else "lines",
+            line={"color": style.PURPLE, "width": 2},
+            name="empirical curve",
+            hovertemplate="%{x:.6g}: %{y:.2f} µm<extra></extra>",
+        )
+    )
+    figure.update_xaxes(title_text=curve.variables[0])
+    figure.update_yaxes(title_text=f"{curve.component}, µm")
+    return figure
+
+
+def _surface(curve: Curve) -> go.Figure:
+    largest = max(float(np.abs(curve.value_um).max()), 1e-9)
+    figure = go.Figure(
+        go.Contour(
+            x=curve.at[0],
+            y=curve.at[1],
+            z=curve.value_um.T,
+            customdata=curve.std_um.T,
+            colorscale="RdBu",
+            reversescale=True,
+            zmin=-largest,
+            zmax=largest,
+            ncontours=16,
+            line={"width": 0.5},
+            colorbar={"title": {"text": "µm", "side": "top"}, "thickness": 14},
+            hovertemplate="(%{x:.6g}, %{y:.6g}): %{z:.2f} ± %{customdata:.2f} µm<extra></extra>",
+        )
+    )
+    figure.update_xaxes(title_text=curve.variables[0])
+    figure.update_yaxes(title_text=curve.variables[1])
+    return figure
+
+
+_Row = tuple[str, str, float, bool, float | None, float | None]
+
+
+def _rows(diagnosis: Diagnosis) -> list[_Row]:
+    """Give name, kind, worth, whether the cameras', held-out error without and with."""
+    found = [_row(finding, _FOUND) for finding in diagnosis.found]
+    names = {name for name, *_ in found}
+    others = [
+        _row(finding, _TIED if finding.tied else _LEFT)
+        for finding in diagnosis.candidates
+        if str(finding.reference) not in names
+    ]
+    unknown = diagnosis.unknown
+    if unknown is not None:
+        held = unknown.held_out
+        before_um, after_um = (None, None) if held is None else (held.before_um, held.after_um)
+        found.append((f"unknown: {unknown.component} over {', '.join(unknown.depends_on)}", _UNKNOWN,
+                      unknown.worth_um, False, before_um, after_um))  # fmt: skip
+    return [row for row in (*found, *others) if math.isfinite(row[2])]
+
+
+def _row(finding: Finding, kind: str) -> _Row:
+    held = finding.held_out
+    before_um, after_um = (None, None) if held is None else (held.before_um, held.after_um)
+    return (str(finding.reference), kind, finding.worth_um, finding.is_rig, before_um, after_um)

@@ -1,0 +1,255 @@
+"""`geoerr diagnose`: what it prints, writes and refuses; curves without a name; the pictures; real data."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_machine import Motion, Noise, Plan, machine, measure, motion
+from typer.testing import CliRunner
+
+import geoerr
+from geoerr.cli.diagnose_text import WIDTH, diagnosis_lines
+from geoerr.cli.main import app
+from geoerr.diagnose import add_effect
+from geoerr.diagnose.diagnosis import Diagnosis, diagnose, diagnosis_of, with_terms
+from geoerr.diagnose.search import search
+from geoerr.effects import catalogue
+from geoerr.effects.collection import Catalogue
+from geoerr.errors import GeoerrError
+from geoerr.fit import FitOptions
+from geoerr.model import Model, write_model
+from geoerr.observations import Observations
+from geoerr.report import figures
+
+PLAN = Plan(n_sessions=2, n_lines=20, n_points=14)
+NOISE = Noise(white=(5.0, 5.0, 7.0), offset=1.5)
+# A few effects suffice to tell a verdict, and take a second instead of ten.
+KEPT = ("backlash", "thermal-expansion", "thermal-drift", "lag", "stick-slip", "rig-scale", "load-deflection")
+KNOWN = Catalogue({name: catalogue()[name] for name in KEPT})
+OPTIONS = FitOptions(threads=1)
+
+
+def growth(moved: Motion) -> np.ndarray:
+    return 12e-3 * ((moved.bed - 20.0) * (moved.q[:, 1] - 200.0))[:, None] * np.eye(3)[1]
+
+
+def play(moved: Motion) -> np.ndarray:
+    return -6.0 * moved.d[:, :1] * np.eye(3)[0]
+
+
+def nameless(moved: Motion) -> np.ndarray:
+    """Twist of z with x, at some feeds one way and at others the other."""
+    return 12.0 * ((moved.q[:, 0] - 200.0) / 200.0 * np.cos(moved.feed / 2000.0))[:, None] * np.eye(3)[2]
+
+
+def nothing(moved: Motion) -> np.ndarray:
+    return np.zeros_like(moved.q)
+
+
+def observed(hidden: Callable[[Motion], np.ndarray], seed: int = 1) -> Observations:
+    rng = np.random.default_rng(seed)
+    moved = motion(rng, PLAN)
+    return measure(rng, moved, NOISE, hidden(moved))
+
+
+def diagnosed(hidden: Callable[[Motion], np.ndarray]) -> Diagnosis:
+    fitted = geoerr.fit_model(machine(), observed(hidden), options=OPTIONS).fitted
+    return diagnosis_of(fitted, search(fitted, KNOWN, threads=1), KNOWN)
+
+
+@pytest.fixture(scope="module")
+def named() -> Diagnosis:
+    return diagnosed(growth)
+
+
+@pytest.fixture(scope="module")
+def ambiguous() -> Diagnosis:
+    return diagnosed(play)
+
+
+@pytest.fixture(scope="module")
+def unknown() -> Diagnosis:
+    return diagnosed(nameless)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Diagnosis:
+    return diagnosed(nothing)
+
+
+@pytest.fixture
+def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("geoerr.diagnose.diagnosis.catalogue", lambda: KNOWN)
+
+
+def text_of(diagnosis: Diagnosis, *, verbose: bool = False) -> str:
+    lines = list(diagnosis_lines(diagnosis, "geoerr add m.json o.csv", "", verbose=verbose))
+    # A line to copy is not broken; all others fit.
+    assert max(len(line) for line in lines if "geoerr add" not in line) <= WIDTH
+    return "\n".join(lines)
+
+
+def test_an_effect_is_named_with_value_worth_place_and_doubt(named: Diagnosis) -> None:
+    text = text_of(named)
+    lines = text.splitlines()
+    assert named.verdict == "missing"
+    assert lines[2].startswith("An effect is missing: thermal expansion of the drive")
+    assert "×10⁻⁶/K (plausible: steel has 11.5)" in text
+    assert "µm rms, " in text
+    assert "end of y" in text
+    assert "held out " in text
+    assert "chance does as much in one search of" in text
+    assert lines[-1] == "  geoerr add m.json o.csv thermal-expansion:y@temp_bed -o model2.json"
+    assert "load-deflection: " in text
+    verbose = text_of(named, verbose=True)
+    assert verbose.count("cause: ") == len({*named.found, *named.candidates})
+
+
+def test_what_the_data_cannot_tell_apart_is_said_with_what_would(ambiguous: Diagnosis) -> None:
+    text = text_of(ambiguous)
+    assert ambiguous.verdict == "ambiguous"
+    assert {str(one.reference) for one in ambiguous.tied} >= {"backlash:x", "stick-slip:x"}
+    assert "these data cannot tell which" in text
+    assert "these data cannot tell it from:" in text
+    assert "min)" in text
+
+
+def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> None:
+    text = text_of(unknown)
+    found = unknown.unknown
+    assert unknown.verdict == "unknown"
+    assert found is not None
+    assert (found.component, found.depends_on) == ("z", ("feed", "x"))
+    assert "no known effect explains acts along z and depends on feed and x" in text.replace("\n  ", " ")
+    assert found.shape is not None
+    assert "one curve times another" in found.shape
+    assert "'empirical:z@feed*x' -o model2.json" in text
+    curve = found.curve
+    assert curve is not None
+    truth = 12.0 * np.outer(np.cos(curve.at[0] / 2000.0), (curve.at[1] - 200.0) / 200.0)
+    # What the model and the frames do of it is theirs: compared is what is left of both as a product.
+    twist = [values - values.mean(axis=0) - values.mean(axis=1, keepdims=True) for values in (curve.value_um, truth)]
+    assert np.corrcoef(twist[0].ravel(), twist[1].ravel())[0, 1] > 0.95
+    figure = figures.unknown_curve(unknown)
+    assert np.array_equal(figure.data[0].z, curve.value_um.T)
+    document = found.to_document()
+    assert np.shape(document["curve"]["value_um"]) == (4, 9)
+    held = found.held_out
+    assert held is not None
+    assert held.before_um is not None
+    assert held.after_um is not None
+    assert held.after_um < held.before_um
+
+
+def test_nothing_is_said_where_nothing_is(clean: Diagnosis) -> None:
+    text = text_of(clean)
+    assert clean.verdict == "nothing-missing"
+    assert "Nothing is missing that these data could show" in text
+    assert "geoerr add" not in text
+    with pytest.raises(GeoerrError, match="no curve without a name"):
+        figures.unknown_curve(clean)
+
+
+def test_bars_show_the_numbers(named: Diagnosis) -> None:
+    figure = figures.diagnosis_bars(named)
+    bars = {
+        name: value
+        for trace in figure.data
+        if trace.type == "bar"
+        for name, value in zip(trace.y, trace.x, strict=True)
+    }
+    assert bars["thermal-expansion:y@temp_bed"] == named.found[0].worth_um
+    held = next(trace for trace in figure.data if trace.type == "scatter")
+    first = named.found[0].held_out
+    assert first is not None
+    assert tuple(held.x) == (first.before_um, first.after_um)
+
+
+def test_every_number_can_be_had_again(named: Diagnosis) -> None:
+    """By the calls that a user has: the value by adding, the held-out errors by refitting."""
+    finding, fitted = named.found[0], named.fitted
+    assert finding.held_out is not None
+    again = with_terms(fitted, [finding.term])
+    assert again.held_out.figures is not None
+    assert finding.held_out.after_um == again.held_out.figures.headline_um
+    assert finding.held_out.before_um == named.held_out_rmse_um
+    model = geoerr.fit_model(machine(), observed(growth), options=OPTIONS).model
+    change = add_effect(model, observed(growth), reference=str(finding.reference), threads=1)
+    alpha = change.result.model.parameter("thermal-expansion:y@temp_bed.alpha")
+    own = finding.parameters[0]
+    # The diagnosis weighs by the noise that it found, the fit by what is stated: two estimates of one number.
+    assert abs(alpha.value - own.value) < 3.0 * own.std
+
+
+@pytest.mark.usefixtures("few_effects")
+def test_the_verb_writes_what_it_says(tmp_path: Path) -> None:
+    table, model, page = tmp_path / "obs.csv", tmp_path / "m.json", tmp_path / "page.html"
+    observations = observed(growth)
+    geoerr.write_observations(table, observations)
+    write_model(model, geoerr.fit_model(machine(), geoerr.read_observations(table), options=OPTIONS).model)
+    runner = CliRunner()
+    arguments = ["diagnose", str(model), str(table), "--json", "--threads", "1", "--report", str(page)]
+    outcome = runner.invoke(app, arguments)
+    assert outcome.exit_code == 0, outcome.output
+    document = json.loads(outcome.stdout)
+    assert document["verdict"] == "missing"
+    assert document["found"][0]["effect"] == "thermal-expansion"
+    assert document["found"][0]["parameters"]["alpha"]["plausible"] == "steel"
+    assert document["candidates"][0]["held_out_rmse_after_um"] < document["held_out_rmse_um"]
+    assert {"not_offered", "unknown", "p_value", "noise_floor_um", "provenance"} <= set(document)
+    assert "thermal-expansion:y@temp_bed" in page.read_text(encoding="utf-8")
+    assert runner.invoke(app, ["diagnose", str(model), str(table), "--report", str(table)]).exit_code == 1
+    assert runner.invoke(app, ["diagnose", str(model)]).exit_code == 2
+
+
+@pytest.mark.usefixtures("few_effects")
+def test_a_model_of_other_data_keeps_its_numbers(tmp_path: Path) -> None:
+    """Cold, then warm: what was fitted cold has nothing of the growth, and none of it is fitted away."""
+    model = geoerr.fit_model(machine(), observed(nothing, seed=1), options=OPTIONS).model
+    table, path = tmp_path / "warm.csv", tmp_path / "m.json"
+    geoerr.write_observations(table, observed(growth, seed=1))
+    write_model(path, model)
+    outcome = CliRunner().invoke(app, ["diagnose", str(path), str(table), "--json", "--threads", "1"])
+    assert outcome.exit_code == 0, outcome.output
+    document = json.loads(outcome.stdout)
+    assert [document["found"][0][key] for key in ("effect", "axis", "covariate")] == [
+        *("thermal-expansion", "y", "temp_bed")
+    ]
+
+
+def test_a_lag_is_chosen_where_there_is_one() -> None:
+    """`add` follows the temperature in the way that explains more: ten minutes late, or at once."""
+    rng = np.random.default_rng(8)
+    moved = motion(rng, PLAN)
+    # Each session begins with a part as warm as its sensor.
+    late = moved.bed.copy()
+    for row in range(1, len(late)):
+        if moved.session[row] == moved.session[row - 1]:
+            keep = np.exp(-(moved.t[row] - moved.t[row - 1]) / 600.0)
+            late[row] = moved.bed[row] + (late[row - 1] - moved.bed[row]) * keep
+    for temperature, n_inner in ((late, 2), (moved.bed, 1)):
+        hidden = 12e-3 * ((temperature - 20.0) * (moved.q[:, 1] - 200.0))[:, None] * np.eye(3)[1]
+        observations = measure(np.random.default_rng(9), moved, NOISE, hidden)
+        base = geoerr.fit_model(machine(), observations, options=OPTIONS).model
+        change = add_effect(base, observations, reference="thermal-expansion:y@temp_bed", threads=1)
+        term = change.after.terms[-1]
+        assert len(term.inner) == n_inner
+        if n_inner == 2:
+            tau = next(one for one in term.inner if one.name == "tau")
+            assert abs(tau.value - 600.0) < 4.0 * tau.std
+
+
+@pytest.mark.real_data
+def test_the_voron_bed_is_named(real_data: Path) -> None:
+    """Frame sensor in the model: the bed's is what is missing."""
+    folder = real_data / "thermal"
+    observations = geoerr.read_observations(folder / "observations.csv")
+    first = add_effect(
+        Model(geoerr.read_machine(folder / "machine.toml")), observations, reference="thermal-drift:z@temp_frame"
+    )
+    diagnosis = diagnose(first.result.model, observations)
+    assert diagnosis.found[0].reference.covariate == "temp_bed"

@@ -1,0 +1,121 @@
+"""A diagnosis in words: numbers as people read them, what physics says of them, where, and of what shape."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from geoerr.diagnose.shape import shape_words
+from geoerr.diagnose.where import where_of
+from geoerr.diagnose.words import counted_words, plausibility_words, sure_words, value_words
+from geoerr.fit import sightings_of
+from geoerr.fit.empirical import Curve
+from geoerr.observations import observations_from_columns
+from geoerr.terms import Parameter, Plausible
+
+STEEL = (Plausible(11.5e-6, "steel"), Plausible(23.4e-6, "aluminium"))
+
+
+@pytest.mark.parametrize(
+    ("parameter", "text"),
+    [
+        (Parameter("alpha", "1/K", 11.8e-6, 0.4e-6), "alpha = 11.80 ± 0.40 ×10⁻⁶/K"),
+        (Parameter("b", "mm", 0.0312, 0.0021), "b = 31.2 ± 2.1 µm"),
+        (Parameter("c", "rad", -2e-5, 3e-6), "c = −20.0 ± 3.0 µrad"),
+        (Parameter("kappa", "1/(mm*K)", 3.5e-8, 2e-9), "kappa = 35.0 ± 2.0 ×10⁻⁹/(mm·K)"),
+        (Parameter("tau", "s", 94.2, 1.3, (), 10.0, 10_800.0, "log"), "tau = 94.2 ± 1.3 s"),
+        # A place is in mm: inner parameters are read as they are.
+        (Parameter("q_fixed", "mm", 197.0, 12.0, (), 0.0, 400.0), "q_fixed = 197 ± 12 mm"),
+        # The end of a range is a bound, whatever its linear error.
+        (Parameter("tau", "s", 10_800.0, 9_000.0, (), 10.0, 10_800.0, "log"), "tau = 10800 s"),
+        (Parameter("k", "", math.nan, math.nan), "k = nan"),
+    ],
+)
+def test_values(parameter: Parameter, text: str) -> None:
+    assert value_words(parameter) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "sign", "words"),
+    [
+        (11.8e-6, 0.4e-6, 0, "plausible: steel has 11.5"),
+        (60e-6, 1e-6, 0, "no known value: the nearest is 23.4, aluminium"),
+        (11.8e-6, 9e-6, 0, "too uncertain to compare with known values"),
+        (-11.8e-6, 0.4e-6, 1, "not physical: it cannot be negative"),
+        (-11.8e-6, 9e-6, 1, "too uncertain to compare with known values"),
+    ],
+)
+def test_what_physics_says(value: float, std: float, sign: int, words: str) -> None:
+    assert plausibility_words(Parameter("alpha", "1/K", value, std, STEEL), sign) == words
+
+
+def test_how_sure() -> None:
+    assert sure_words(2.3e-7) == "certain as can be: chance does as much in one search of 4.3 million (p = 2.3e-07)"
+    assert sure_words(0.0) == "certain as can be: chance does as much in fewer than one search of a billion"
+    assert sure_words(0.43).startswith("not beyond chance: chance does as much in 43 of 100")
+    assert sure_words(1.0).endswith("in every search")
+    assert [counted_words(count) for count in (16.7, 450.0, 4320.0, 2.34e6)] == ["20", "450", "4,300", "2.3 million"]
+
+
+def curve(function: object, at: np.ndarray, name: str = "feed", std_um: float = 0.2) -> Curve:
+    value_um = np.array([function(one) for one in at])  # type: ignore[operator]
+    return Curve("x", (name,), (at,), value_um, np.full(len(at), std_um))
+
+
+AT = np.linspace(-1.0, 1.0, 41)
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        (lambda u: 10.0 * u, "rises with feed in a straight line, 20.0 µm in all"),
+        (lambda u: -10.0 * u, "falls with feed in a straight line"),
+        (lambda u: 10.0 * np.exp(3.0 * u), "rises with feed, most of it at high values"),
+        (lambda u: 10.0 * u**2, "alike on both sides of the middle (even)"),
+        (lambda u: 10.0 * u**2, "falls, then rises with feed (turning at 0)"),
+        (lambda u: 10.0 * np.sin(3.0 * np.pi * u), "goes up and down 7 times over feed"),
+        (lambda u: 10.0 * np.sin(np.pi * u), "opposite on both sides of the middle (odd)"),
+        (lambda u: 0.0 * u, "hardly changes with feed"),
+    ],
+)
+def test_shapes(shape: object, words: str) -> None:
+    text = shape_words(curve(shape, AT))
+    # A ripple within its own error is none.
+    wavy = shape_words(curve(lambda u: shape(u) + 0.05 * np.sin(40.0 * u), AT))  # type: ignore[operator]
+    assert words in text
+    assert text.split(",")[0] == wavy.split(",")[0]
+
+
+def test_the_shape_of_a_direction_and_of_two_variables() -> None:
+    flips = curve(lambda d: -3.0 * d, np.array([-1.0, 1.0]), "d_x")
+    assert shape_words(flips) == "flips by 6.0 µm with the direction of x (−6.0 µm on the way up)"
+    at = np.linspace(0.0, 1.0, 9)
+    product = Curve("z", ("feed", "z"), (at, at), 10.0 * np.outer(at, 2.0 * at - 1.0), np.full((9, 9), 0.1))
+    words = shape_words(product)
+    assert "falls with feed in a straight line at z = 0, rises with feed in a straight line at z = 1" in words
+    assert "one curve times another" in words
+    assert "largest (−10.0 µm) at feed = 1, z = 0" in words
+    steeper = Curve("z", ("feed", "z"), (at, at), 10.0 * np.outer(at, 1.0 + at), np.full((9, 9), 0.1))
+    assert "2 times as much at z = 1 as at 0" in shape_words(steeper)
+
+
+def test_where_an_effect_is_largest() -> None:
+    """Growth of y from its low end while the bed warms: by hand."""
+    y, bed = (values.ravel() for values in np.meshgrid(np.linspace(0.0, 300.0, 7), [20.0, 40.0, 60.0]))
+    n = len(y)
+    columns: dict[str, object] = {"y": y, "temp_bed": bed, "x": np.zeros(n), "z": np.zeros(n)}
+    columns |= {"mx": np.zeros(n), "my": y, "mz": np.zeros(n), "line": [f"T{one:.0f}" for one in bed]}
+    sightings = sightings_of(observations_from_columns(columns))
+    moved_um = np.zeros((n, 3))
+    moved_um[:, 1] = 1e3 * 11.5e-6 * (bed - 20.0) * y
+    where = where_of(sightings, moved_um, np.ones(n, dtype=bool), ["y", "temp_bed"])
+    assert where.line == "T60"
+    assert where.line_um == pytest.approx(np.sqrt((moved_um[bed == 60.0, 1] ** 2).mean()))
+    assert where.largest_um == pytest.approx(11.5e-3 * 40.0 * 300.0)
+    assert where.at_mm == (0.0, 300.0, 0.0)
+    assert {span.variable: span.part for span in where.spans} == {"y": "high", "temp_bed": "high"}
+    assert "at the high end of y" in where.words()
+    same = where_of(sightings, np.ones((n, 3)), np.ones(n, dtype=bool), ["y", "temp_bed"])
+    assert same.words().startswith("much the same everywhere; largest 1.7 µm")
