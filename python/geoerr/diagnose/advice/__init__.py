@@ -1,0 +1,1 @@
+"""The next measurement: what would tell apart candidates that the data cannot."""

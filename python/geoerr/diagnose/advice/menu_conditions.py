@@ -1,0 +1,202 @@
+"""Plans that change the conditions: temperatures, time, use, load."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from geoerr.diagnose.advice.course import Course, along
+from geoerr.diagnose.advice.measurement import Measurement, duration, listed, uneven
+from geoerr.diagnose.advice.menu_set_up import BAR_MINUTES, TARGETS_MINUTES, bar, lines, marker
+from geoerr.diagnose.advice.situation import Situation
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
+
+# A heated part approaches its end value by this time constant; what is not heated follows by a tenth.
+_HEATING_S = 600.0
+_FOLLOWS = 0.1
+_HEAT_MINUTES, _COOL_MINUTES, _REST_MINUTES = 40.0, 40.0, 40.0
+# One round of pictures in so many minutes while something changes.
+_EVERY_MINUTES = 4.0
+_N_POINTS = 4
+_WORK_MINUTES = 20.0
+_IDLE_DUTY, _FULL_DUTY = 0.05, 0.95
+
+
+def menu(situation: Situation, axes: Sequence[str], variables: Collection[str]) -> Iterator[Measurement]:
+    """Give the plans for some axes, of conditions that some candidate is a function of."""
+    temperatures = [name for name in situation.temperatures if name in variables]
+    if temperatures or "t" in variables:
+        yield rest(situation, axes)
+        if not situation.has_marker:
+            yield _with_marker(rest(situation, axes), situation)
+    if "duty" in variables or any(name.startswith("mean_v_") for name in variables):
+        for axis in axes:
+            yield work(situation, axis)
+    # Others than the one in question are heated, too: what they do alone is not its doing.
+    names = tuple(situation.temperatures) if temperatures or "t" in variables else ()
+    groups = [*((name,) for name in names), *([names] if len(names) > 1 else [])]
+    for heated in groups:
+        warm = warming(situation, axes, heated)
+        yield warm
+        yield warming(situation, axes, heated, cools=True)
+        if not situation.has_marker:
+            yield _with_marker(warm, situation)
+    if names:
+        yield _with_bar(warming(situation, axes, names), situation)
+    for name, (usual, high) in situation.conditions.items():
+        if name in variables and high > usual:
+            yield changed(situation, axes, name, usual, high)
+
+
+def rest(situation: Situation, axes: Sequence[str]) -> Measurement:
+    """Watch a machine at rest, from its switching on, at even temperatures."""
+    course = Course(situation)
+    _rounds(course, axes, _REST_MINUTES)
+    words = (
+        f"Watch {_places(axes)} every {_EVERY_MINUTES:.0f} min for {duration(_REST_MINUTES)} from switching on, the "
+        "machine resting in between and no temperature changing"
+    )
+    return Measurement(
+        "rest", "the machine at rest over time", words, course.pictures(), situation.targets, _cold(situation, course)
+    )
+
+
+def work(situation: Situation, axis: str) -> Measurement:
+    """Let an axis work hard, then rest, at even surrounding temperatures."""
+    course = Course(situation)
+    low, high = along(situation, axis, situation.middle_mm, np.array([0.0, 1.0]))
+    lines(course, [axis])
+    repeat = 1
+    starts_s = course.t_s
+    while course.t_s - starts_s < 60.0 * _WORK_MINUTES:
+        begun_s = course.t_s
+        while course.t_s - begun_s < 60.0 * _EVERY_MINUTES:
+            course.go(low, situation.top_feed_mm_min)
+            course.go(high, situation.top_feed_mm_min)
+        _round(course, [axis], repeat)
+        repeat += 1
+    ends_s = course.t_s
+    _rounds(course, [axis], _WORK_MINUTES, first=repeat)
+    pictures = course.pictures()
+    conditions = _cold(situation, course)
+    if "duty" in conditions:
+        is_working = (pictures.t_s > starts_s) & (pictures.t_s <= ends_s)
+        conditions["duty"] = np.where(is_working, _FULL_DUTY, _IDLE_DUTY)
+    words = (
+        f"Run {axis} to and fro at {situation.top_feed_mm_min:g} mm/min for {duration(_WORK_MINUTES)}, then let it "
+        f"rest as long, and watch {_N_POINTS} places of it every {_EVERY_MINUTES:.0f} min"
+    )
+    return Measurement(f"work:{axis}", f"hard use of {axis} and rest", words, pictures, situation.targets, conditions)
+
+
+def warming(situation: Situation, axes: Sequence[str], heated: Sequence[str], *, cools: bool = False) -> Measurement:
+    """Heat what some sensors sit on, the others left cold; then let it cool, if asked for."""
+    course = Course(situation)
+    lines(course, axes, " cold")
+    heat_s = course.t_s
+    _rounds(course, axes, _HEAT_MINUTES)
+    lines(course, axes, " warm")
+    cool_s = course.t_s
+    if cools:
+        _rounds(course, axes, _COOL_MINUTES, first=100)
+    pictures = course.pictures()
+    since = np.maximum(pictures.t_s - heat_s, 0.0)
+    rise = -np.expm1(-since / _HEATING_S)
+    if cools:
+        later = pictures.t_s > cool_s
+        top = -np.expm1(-(cool_s - heat_s) / _HEATING_S)
+        rise = np.where(later, top * np.exp(-(pictures.t_s - cool_s) / _HEATING_S), rise)
+    conditions = _cold(situation, course)
+    for name, (cold, hot) in situation.temperatures.items():
+        # What is not heated itself follows a little, and more slowly: half of it after the heating's own time.
+        follows = rise if name in heated else _FOLLOWS * rise**2
+        conditions[name] = cold + (hot - cold) * follows
+    what = listed(
+        [
+            f"{name} from {situation.temperatures[name][0]:.0f} to {situation.temperatures[name][1]:.0f} °C"
+            for name in heated
+        ]
+    )
+    others = "" if len(heated) == len(situation.temperatures) else ", the other places left cold"
+    end = f" and let it cool for {duration(_COOL_MINUTES)}" if cools else ""
+    words = (
+        f"Run {listed(list(axes))} there and back cold, heat {what}{others}{end}, watch {_places(axes)} every "
+        f"{_EVERY_MINUTES:.0f} min meanwhile, and run the lines again warm, all in one set-up"
+    )
+    name = f"{'warm-cool' if cools else 'warm'}:{'+'.join(heated)}"
+    title = f"another temperature of {listed(list(heated))}" + (", rising and falling" if cools else "")
+    return Measurement(name, title, words, pictures, situation.targets, conditions)
+
+
+def changed(situation: Situation, axes: Sequence[str], name: str, usual: float, high: float) -> Measurement:
+    """Run lines with a covariate as usual and at its highest, by turns."""
+    course = Course(situation)
+    values: list[Numbers] = [np.full(course.n_pictures, usual)]
+    for number in range(4):
+        before = course.n_pictures
+        lines(course, axes, repeat=number)
+        values.append(np.full(course.n_pictures - before, high if number % 2 else usual))
+    conditions = _cold(situation, course) | {name: np.concatenate(values)}
+    words = f"Run {listed(list(axes))} there and back four times, with {name} {usual:g} and {high:g} by turns"
+    return Measurement(
+        f"changed:{name}", f"{name} changed by turns", words, course.pictures(), situation.targets, conditions
+    )
+
+
+def _rounds(course: Course, axes: Sequence[str], minutes: float, first: int = 0) -> None:
+    """Look at a few places again and again while time goes by."""
+    start_s = course.t_s
+    number = first
+    while course.t_s - start_s < 60.0 * minutes:
+        begun_s = course.t_s
+        _round(course, axes, number)
+        number += 1
+        course.wait(max(60.0 * _EVERY_MINUTES - (course.t_s - begun_s), 0.0))
+
+
+def _round(course: Course, axes: Sequence[str], number: int) -> None:
+    situation = course.situation
+    for axis in axes:
+        points = along(situation, axis, situation.middle_mm, uneven(_N_POINTS))
+        course.go(points[0], situation.feed_mm_min)
+        course.visit(points, situation.feed_mm_min, f"{axis.upper()} watched", number)
+
+
+def _cold(situation: Situation, course: Course) -> dict[str, Numbers]:
+    n = course.n_pictures
+    return {name: np.full(n, cold) for name, (cold, _) in situation.temperatures.items()} | {
+        name: np.full(n, usual) for name, (usual, _) in situation.conditions.items()
+    }
+
+
+def _places(axes: Sequence[str]) -> str:
+    return f"{_N_POINTS} places of {listed(list(axes or AXES))}"
+
+
+def _with_marker(plan: Measurement, situation: Situation) -> Measurement:
+    words = f"Fix a marker to the machine's base, in every picture. {plan.words}"
+    return replace(
+        plan,
+        name=f"marker+{plan.name}",
+        title="a static reference marker",
+        words=words,
+        targets=(*plan.targets, marker(situation)),
+        handling_minutes=TARGETS_MINUTES,
+    )
+
+
+def _with_bar(plan: Measurement, situation: Situation) -> Measurement:
+    words = f"Stand a scale bar of Invar before the cameras, its two targets in every picture. {plan.words}"
+    targets = (*plan.targets, *bar(situation))
+    return replace(
+        plan,
+        name=f"scale-bar+{plan.name}",
+        title="a static scale bar",
+        words=words,
+        targets=targets,
+        n_on_bar=2,
+        handling_minutes=BAR_MINUTES,
+    )

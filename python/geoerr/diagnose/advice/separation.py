@@ -1,0 +1,334 @@
+"""Which measurement tells candidates apart that the data cannot: the shortest plan that would, by expected Δχ²."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.diagnose.advice.columns import Terms, poses_of
+from geoerr.diagnose.advice.families import family_of
+from geoerr.diagnose.advice.information import Information, Measured, expected, measured
+from geoerr.diagnose.advice.measurement import Measurement, listed
+from geoerr.diagnose.advice.menu import menu
+from geoerr.diagnose.advice.planned import noise_of, planned
+from geoerr.diagnose.advice.score import Candidates, Truths, is_believable
+from geoerr.diagnose.advice.situation import Situation, situation_of
+from geoerr.diagnose.space import Space
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
+from geoerr.terms import Term
+
+# The search takes a difference of χ² of 20 as decided. It scatters by 2√λ about its expectation λ: with λ = 41 it
+# exceeds 20 in 19 of 20.
+MARGIN = 41.0
+# Of what some plan would separate the chosen one separates so much: nine cases of ten.
+_ENOUGH = 0.9
+# How often a plan may be carried out, and how long all may take.
+_TIMES = (1, 2, 4)
+MOST_MINUTES = 120.0
+# Pairs of plans are tried among so many.
+_PAIRED = 5
+_ALTERNATIVES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another measurement that would do: what to do, how long it takes, the expected Δχ² as for the chosen one."""
+
+    text: str
+    plan: str
+    minutes: float
+    expected_delta_chi2: float
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """The measurement that would tell candidates apart.
+
+    Attributes
+    ----------
+    text
+        What has to differ, in a few words; or that nothing in the menu would do.
+    plan
+        What to do, in sentences with durations; None where nothing would do.
+    minutes
+        Of machine time.
+    expected_delta_chi2
+        By which the right candidate is expected to fit better than the other one that comes nearest: in the middle
+        of the cases, of what may be true by these data and can be told apart at all.
+    separated_share
+        Of these cases, how many reach the margin.
+    same_again_delta_chi2
+        The same for as much of the same data again.
+    measurements
+        The plan as it can be carried out: measurements in their order, each with how often.
+    contained
+        Pairs of which the first, if it is true, is imitated by the second in everything that could be measured: where
+        the second shows nothing of its own, the simpler first one stands.
+    alternatives
+        Other plans that would do.
+    """
+
+    text: str
+    plan: str | None
+    minutes: float | None
+    expected_delta_chi2: float | None
+    separated_share: float | None
+    same_again_delta_chi2: float | None
+    measurements: tuple[tuple[Measurement, int], ...]
+    contained: tuple[tuple[str, str], ...]
+    alternatives: tuple[Alternative, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Option:
+    """Plans, each with how often, and what they leave of every truth (n_families, n_truths)."""
+
+    plans: tuple[tuple[int, int], ...]
+    minutes: float
+    left: Numbers
+
+
+class Adviser:
+    """A space with the candidates that it leaves tied, and everything of the data that plans are added to.
+
+    Parameters
+    ----------
+    space
+        What a fit leaves, with its noise.
+    terms
+        The tied candidates, with the values that were found.
+    added
+        Effects that the space counts as the model's own, besides the fit's.
+    acceleration_mm_s2
+        Of the axes, for how long moves take.
+
+    Attributes
+    ----------
+    situation
+        How this machine is measured.
+    names
+        Of the candidates.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        terms: Sequence[Term],
+        *,
+        added: Sequence[Term] = (),
+        acceleration_mm_s2: float | None = None,
+        threads: int = 1,
+    ) -> None:
+        fitted = space.fitted
+        poses = poses_of(fitted)
+        self.situation: Situation = situation_of(fitted, space.noise, acceleration_mm_s2=acceleration_mm_s2)
+        families = [
+            family_of(fitted.machine, term, number, fitted.sightings, poses) for number, term in enumerate(terms)
+        ]
+        self.terms = tuple(terms)
+        self.names = tuple(term.id for term in terms)
+        self._candidates = Candidates(families)
+        self._model = Terms(fitted.machine, (*fitted.terms, *added), with_inner=True)
+        self._columns = Terms(
+            fitted.machine, [copy for family in families for copy in family.terms], with_inner=False
+        )
+        prior = _prior(fitted.prior, self._model, fitted.compiled.n_coefficients)
+        self._data: Measured = measured(space, self._model, self._columns, poses, prior, threads=threads)
+        self._truths: Truths = self._candidates.truths(self._data)
+        self._known: dict[int, tuple[Measurement, Information]] = {}
+        variables = {name for term in self.terms for name in term.variables}
+        self.plans: tuple[Measurement, ...] = tuple(menu(self.situation, axes_of(self.terms), variables))
+
+    @property
+    def gains(self) -> Numbers:
+        """By how much each candidate, at its best, lets χ² of the data fall, (n,)."""
+        return self._candidates.gains(self._data)
+
+    def expected(self, plans: Sequence[tuple[Measurement, int]] = ()) -> Numbers:
+        """Give the expected Δχ² of every pair with some plans carried out, (n, n): row the truth, column the other.
+
+        The middle over what the truth may be by the data.
+        """
+        return self._middle(self._left(plans), np.ones(len(self._truths.family), dtype=bool))
+
+    def same_again(self) -> Numbers:
+        """Give the same with as much of the same data again."""
+        left = self._candidates.apart(self._data.information.plus(self._data.information), self._truths)
+        return self._middle(left, np.ones(len(self._truths.family), dtype=bool))
+
+    def separation(
+        self,
+        among: Sequence[int] | None = None,
+        *,
+        margin: float = MARGIN,
+        most_minutes: float = MOST_MINUTES,
+    ) -> Separation:
+        """Choose the shortest plan that tells candidates apart (all of them, if not said which).
+
+        Every candidate may be true, at every value that explains the data as well as its best. Of those cases that
+        some plan separates, the chosen one separates nine of ten: the expected Δχ² against every other candidate
+        reaches the margin.
+        """
+        among = range(len(self.names)) if among is None else among
+        options = [
+            _Option(((place, times),), plan.minutes(times), self._left([(plan, times)]))
+            for place, plan in enumerate(self.plans)
+            for times in _TIMES
+            if plan.minutes(times) <= most_minutes
+        ]
+        asked = self._asked(among)
+        reachable = asked & (np.max([one.left for one in options], axis=0) >= margin)
+        contained = self._contained(asked, reachable)
+        if not reachable.any():
+            return self._none(among, options, asked, contained)
+        found = [one for one in options if self._share(one, reachable, margin) >= _ENOUGH]
+        found = found or self._paired(options, reachable, margin, most_minutes)
+        found = found or [max(options, key=lambda one: (self._share(one, reachable, margin), -one.minutes))]
+        found.sort(key=lambda one: one.minutes)
+        best = found[0]
+        again = self._candidates.apart(self._data.information.plus(self._data.information), self._truths)
+        return Separation(
+            listed([self.plans[place].title for place, _ in best.plans], "and then"),
+            self._sentences(best),
+            best.minutes,
+            self._nearest(best.left, reachable),
+            self._share(best, reachable, margin),
+            self._nearest(again, reachable),
+            tuple((self.plans[place], times) for place, times in best.plans),
+            contained,
+            self._others(found, reachable),
+        )
+
+    def _left(self, plans: Sequence[tuple[Measurement, int]]) -> Numbers:
+        total = self._data.information
+        for plan, times in plans:
+            total = total.plus(self._information(plan), times)
+        return self._candidates.apart(total, self._truths)
+
+    def _information(self, plan: Measurement) -> Information:
+        known = self._known.get(id(plan))
+        if known is None:
+            rows = planned(self.situation, plan)
+            known = (plan, expected(self._model, self._columns, rows, noise_of(self.situation, rows)))
+            self._known[id(plan)] = known
+        return known[1]
+
+    def _asked(self, among: Sequence[int]) -> np.ndarray:
+        """Tell which cases are asked about, (n_families, n_truths): a truth and another candidate."""
+        chosen = np.isin(np.arange(len(self.names)), list(among))
+        family = self._truths.family
+        asked = chosen[:, None] & chosen[family]
+        asked[family, np.arange(len(family))] = False
+        votes = [is_believable(self._data.information, self._information(plan), self._truths) for plan in self.plans]
+        believable = np.mean(votes, axis=0) >= 0.5
+        for number in range(len(self.names)):
+            own = family == number
+            if not believable[own].any():
+                # The best one comes first.
+                believable[np.flatnonzero(own)[0]] = True
+        return np.asarray(asked & believable)
+
+    def _share(self, option: _Option, reachable: np.ndarray, margin: float) -> float:
+        """Give the share of truths that an option separates from all that can be: a mean of the candidates' means."""
+        whole = ((option.left >= margin) | ~reachable).all(axis=0)
+        counts = reachable.any(axis=0)
+        family = self._truths.family
+        means = [float(whole[own].mean()) for n in range(len(self.names)) if (own := counts & (family == n)).any()]
+        return sum(means) / len(means)
+
+    def _paired(
+        self, options: Sequence[_Option], reachable: np.ndarray, margin: float, most_minutes: float
+    ) -> list[_Option]:
+        """Try one plan after another, among those that separate most for their time."""
+        best: dict[int, _Option] = {}
+        for one in sorted(options, key=lambda option: -self._share(option, reachable, margin)):
+            best.setdefault(one.plans[0][0], one)
+        first = sorted(best.values(), key=lambda one: -self._share(one, reachable, margin))[:_PAIRED]
+        found = []
+        for number, one in enumerate(first):
+            for other in first[number + 1 :]:
+                minutes = one.minutes + other.minutes
+                if minutes > most_minutes:
+                    continue
+                plans = one.plans + other.plans
+                both = _Option(plans, minutes, self._left([(self.plans[place], times) for place, times in plans]))
+                if self._share(both, reachable, margin) >= _ENOUGH:
+                    found.append(both)
+        return found
+
+    def _middle(self, left: Numbers, counted: np.ndarray) -> Numbers:
+        """Give the middle over each candidate's truths of what each other one leaves, (n, n)."""
+        n = len(self.names)
+        result = np.zeros((n, n))
+        for truth in range(n):
+            own = counted & (self._truths.family == truth)
+            result[truth] = np.median(left[:, own], axis=1) if own.any() else 0.0
+        return result
+
+    def _nearest(self, left: Numbers, counted: np.ndarray) -> float:
+        """Give what the nearest other one leaves in the middle of the cases that count, candidates weighing alike."""
+        nearest = np.where(counted, left, np.inf).min(axis=0)
+        own = np.isfinite(nearest)
+        if not own.any():
+            return 0.0
+        family = self._truths.family[own]
+        weight = 1.0 / np.bincount(family)[family]
+        order = np.argsort(nearest[own])
+        share = np.cumsum(weight[order]) / weight.sum()
+        return float(nearest[own][order][np.searchsorted(share, 0.5 - 1e-9)])
+
+    def _contained(self, asked: np.ndarray, reachable: np.ndarray) -> tuple[tuple[str, str], ...]:
+        found = []
+        for truth in range(len(self.names)):
+            own = self._truths.family == truth
+            for other in range(len(self.names)):
+                if asked[other, own].any() and not reachable[other, own].any():
+                    found.append((self.names[truth], self.names[other]))
+        return tuple(found)
+
+    def _sentences(self, option: _Option) -> str:
+        return ". Then: ".join(self.plans[place].text(times) for place, times in option.plans)
+
+    def _others(self, found: Sequence[_Option], reachable: np.ndarray) -> tuple[Alternative, ...]:
+        taken = {place for place, _ in found[0].plans}
+        others = []
+        for one in found[1:]:
+            places = {place for place, _ in one.plans}
+            if places & taken:
+                continue
+            taken |= places
+            title = listed([self.plans[place].title for place, _ in one.plans], "and then")
+            others.append(Alternative(title, self._sentences(one), one.minutes, self._nearest(one.left, reachable)))
+        return tuple(others[:_ALTERNATIVES])
+
+    def _none(
+        self,
+        among: Sequence[int],
+        options: Sequence[_Option],
+        asked: np.ndarray,
+        contained: tuple[tuple[str, str], ...],
+    ) -> Separation:
+        """Say that nothing would do, and how far the best would get."""
+        names = listed([self.names[place] for place in among])
+        reached = max((self._nearest(one.left, asked) for one in options), default=0.0)
+        text = f"no measurement known here would tell {names} apart at their present size"
+        return Separation(text, None, None, reached, 0.0, None, (), contained, ())
+
+
+def axes_of(terms: Sequence[Term]) -> list[str]:
+    """Give the axes that candidates are about, x before y before z; all of them where one has none."""
+    if any(term.axis is None for term in terms):
+        return list(AXES)
+    letters = {letter for term in terms for letter in (term.axis or "").removeprefix("work-")}
+    return [axis for axis in AXES if axis in letters]
+
+
+def _prior(prior: Numbers | None, model: Terms, n_fitted: int) -> Numbers | None:
+    """Give what is known besides the measurements, with columns for what was added to the fit's own terms."""
+    if prior is None:
+        return None
+    n_new = model.compiled.n_coefficients - n_fitted
+    return np.hstack([prior[:, :n_fitted], np.zeros((len(prior), n_new)), prior[:, n_fitted:]])
