@@ -1,0 +1,305 @@
+"""The causes that a circular test is searched for, with the trial values of their inner parameters.
+
+Formulas are the catalogue's. Of the smooth classic errors a circle sees the lowest orders only: their functions here
+are the first that centre, radius, squareness and scale do not hold.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoerr.diagnose.circles.runs import Runs
+from geoerr.effects import Effect
+from geoerr.effects.collection import Catalogue
+from geoerr.errors import InputFileError
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import Machine
+from geoerr.terms import EffectReference, Parameter, Part, Term, mentions
+
+# In this order: of two that explain the same, the one that is named first is the one that shops find more often.
+_OF_PAIRS = ("squareness", "scale-mismatch", "servo-mismatch", "radial-shrink", "change-over")
+_OF_AXES = (
+    *("backlash", "backlash-position", "lateral-play", "straightness", "pitch-error", "reversal-spike"),
+    *("reversal-windup", "stick-slip", "periodic", "screw-wobble", "vibration", "lost-steps"),
+)
+_OTHERS = ("spiral",)
+KNOWN_CAUSES = (*_OF_PAIRS, *_OF_AXES, *_OTHERS)
+# What these need besides the radius.
+_NEED_TIMES = ("servo-mismatch", "radial-shrink", "reversal-spike", "stick-slip", "vibration", "lost-steps", "spiral")
+# Phases of a vibration have nothing to do with the start of a run.
+BY_RUN = ("vibration",)
+# A wave is searched down to this many rows of a run, at mean spacing.
+_ROWS_OF_A_WAVE = 2.5
+# Longer waves than this share of the radius are curves: straightness, or an uneven scale.
+_LONGEST_WAVE = 1.0
+# Trial values of waves lie so close that the phase at the ends of the data differs by a quarter turn at most.
+_PHASE_STEP = 0.3
+_MOST_WAVES = 500
+_N_DECAYS = 9
+_JUMPS_OF_A_TURN = 72
+
+_WHY_NOT = {
+    "radius-change": "the radius of every set-up is free: it is told beside the causes",
+    "centre-offset": "the centre of every set-up is free: it is told beside the causes",
+    "lag": "a circle sees only the difference of two axes' lags: offered as servo-mismatch",
+    "angular": "one circle at one tool length cannot tell it from scale, squareness and straightness: measure lines "
+    "with targets at two offsets",
+    "angular-reversal": "at one tool length it looks like backlash or lateral play: measure with targets at two offsets",
+    "gantry-racking": "at one place across it looks like backlash or lateral play: measure at two places across",
+    "acceleration": "a circle at one feed has one acceleration; offered as radial-shrink, whose sign tells them apart",
+}
+_SCALE = "the radius is free, so that one plane sees only the difference of two scales: offered as scale-mismatch"
+_TIMES = "needs the feed, or times: state feed (mm/min) or t (s)"
+_ELSEWHERE = "is none of the causes that a circular test alone is diagnosed for: measure points"
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """One way to write a cause: a term, and trial values (n_trials, n_inner) of its inner parameters."""
+
+    term: Term
+    trials: tuple[tuple[float, ...], ...]
+    is_by_run: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect:
+    """An effect of an axis or a pair, with the ways to write it."""
+
+    reference: EffectReference
+    effect: Effect
+    ways: tuple[Way, ...]
+
+    @property
+    def n_trials(self) -> int:
+        """Number of ways to write it, trial values counted."""
+        return sum(len(way.trials) for way in self.ways)
+
+
+def suspects_of(
+    runs: Runs, known: Catalogue, own: Sequence[Effect] = (), present: Sequence[str] = ()
+) -> tuple[list[Suspect], list[tuple[str, str]]]:
+    """Give all causes that the runs can carry, and effects that are not offered, with the reason.
+
+    Parameters
+    ----------
+    own
+        A user's effects, beside the catalogue's causes.
+    present
+        Ids of terms that the model has already.
+    """
+    machine = runs.fitted.machine
+    taken = {*present, *(term.id for term in runs.fitted.terms)}
+    found: list[Suspect] = []
+    why_not: dict[str, str] = {}
+    for name in _OF_PAIRS:
+        for pair in _pairs(runs):
+            found += _suspect(runs, known[name], pair, why_not)
+    if len(runs.planes) > 1:
+        for axis in runs.axes:
+            found += _suspect(runs, known["scale"], axis, why_not)
+    for name in _OF_AXES:
+        for axis in runs.axes:
+            found += _suspect(runs, known[name], axis, why_not)
+    for name in _OTHERS:
+        found += _suspect(runs, known[name], None, why_not)
+    columns = [*runs.fitted.sightings.covariate_columns, "moving"]
+    for effect in own:
+        wanting = effect.wanting(columns, is_circular=True)
+        if wanting is not None:
+            why_not[effect.id] = wanting
+            continue
+        for reference in effect.candidates(machine, columns, is_circular=True):
+            found += _own(runs, effect, reference, why_not)
+    offered = {one.reference.effect for one in found}
+    for effect in known:
+        if effect.id not in offered and effect.id not in why_not:
+            reason = _SCALE if effect.id == "scale" else _WHY_NOT.get(effect.id, _ELSEWHERE)
+            why_not[effect.id] = reason
+    return [one for one in found if str(one.reference) not in taken], list(why_not.items())
+
+
+def _pairs(runs: Runs) -> list[str]:
+    return [pair for pair in ("xy", "xz", "yz") if any(set(pair) == set(plane) for plane in runs.planes)]
+
+
+def _suspect(runs: Runs, effect: Effect, axis: str | None, why_not: dict[str, str]) -> list[Suspect]:
+    if effect.id in _NEED_TIMES and not runs.has_times:
+        why_not[effect.id] = _TIMES
+        return []
+    terms = _terms(runs, effect, axis)
+    ways = [Way(term, _trials(runs, term), effect.id in BY_RUN) for term in terms]
+    ways = [way for way in ways if way.trials]
+    if not ways:
+        why_not[effect.id if axis is None else f"{effect.id}:{axis}"] = "the rows are too far apart to see it"
+        return []
+    return [Suspect(EffectReference(effect.id, axis), effect, tuple(ways))]
+
+
+def _own(runs: Runs, effect: Effect, reference: EffectReference, why_not: dict[str, str]) -> list[Suspect]:
+    try:
+        terms = [
+            effect.term(reference.axis, reference.covariate, runs.fitted.machine, form=form.name)
+            for form in effect.forms
+        ]
+    except InputFileError as error:
+        why_not[effect.id] = str(error)
+        return []
+    return [Suspect(reference, effect, tuple(Way(term, _trials(runs, term)) for term in terms))]
+
+
+def _terms(runs: Runs, effect: Effect, axis: str | None) -> list[Term]:
+    machine = runs.fitted.machine
+    if effect.id == "straightness":
+        return [_straightness(runs, effect, axis or "", orders) for orders in ("h", "hs")]
+    if effect.id == "pitch-error":
+        return [_pitch(runs, effect, axis or "", orders) for orders in ("h", "hs")]
+    if effect.id == "radial-shrink":
+        return [_shrink(effect, axis or "", machine)]
+    span = (float(runs.time_s.min()), float(runs.time_s.max()))
+    return [effect.term(axis, None, machine, form=form.name, time_range_s=span) for form in effect.forms]
+
+
+def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
+    """Bow (`h`: how far the middle of the circle's diameter stands out) and S (`s`) across an axis."""
+    across = [other for other in runs.axes if other != axis and _share_a_plane(runs, axis, other)]
+    parts, coefficients = [], []
+    for other in across:
+        names = [f"{order}_{other}" for order in orders]
+        channel = f"E{other.upper()}{axis.upper()}"
+        parts.append(Part(channel, _low_orders(names), _relative(runs, axis)))
+        coefficients += [Parameter(name, "mm") for name in names]
+    return _classic(effect, axis, tuple(parts), tuple(coefficients))
+
+
+def _pitch(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
+    """The same shapes along the axis: a scale that grows from one end to the other."""
+    part = Part(f"E{axis.upper()}{axis.upper()}", _low_orders(list(orders)), _relative(runs, axis))
+    return _classic(effect, axis, (part,), tuple(Parameter(name, "mm") for name in orders))
+
+
+def _low_orders(names: Sequence[str]) -> str:
+    return " + ".join(f"{name}*{shape}" for name, shape in zip(names, ("(1 - u^2)", "(u^3 - u)"), strict=False))
+
+
+def _relative(runs: Runs, axis: str) -> tuple[tuple[str, str], ...]:
+    """Define u: the position between the ends of the circle, −1 to 1."""
+    own = [number for number, plane in enumerate(runs.plane) if axis in plane]
+    centre = float(runs.centre_mm[own, "xyz".index(axis)].mean())
+    return (("u", f"({axis} - ({centre:.9g}))/{runs.radius_mm[own].mean():.9g}"),)
+
+
+def _classic(effect: Effect, axis: str, parts: tuple[Part, ...], coefficients: tuple[Parameter, ...]) -> Term:
+    return Term(
+        id=f"{effect.id}:{axis}",
+        title=effect.title,
+        kind="effect",
+        effect=effect.id,
+        axis=axis,
+        covariate=None,
+        parts=parts,
+        coefficients=coefficients,
+    )
+
+
+def _shrink(effect: Effect, pair: str, machine: Machine) -> Term:
+    """Both axes of a circle alike: servos of one make."""
+    first, second = (effect.term(axis, None, machine) for axis in pair)
+    return replace(
+        first,
+        id=f"{effect.id}:{pair}",
+        axis=pair,
+        parts=(*first.parts, *second.parts),
+    )
+
+
+def _share_a_plane(runs: Runs, axis: str, other: str) -> bool:
+    return any(axis in plane and other in plane for plane in runs.planes)
+
+
+def _trials(runs: Runs, term: Term) -> tuple[tuple[float, ...], ...]:
+    grids = [_grid(runs, term, parameter) for parameter in term.inner]
+    return tuple(itertools.product(*grids)) if all(len(grid) for grid in grids) else ()
+
+
+def _grid(runs: Runs, term: Term, parameter: Parameter) -> Sequence[float]:
+    low, high = parameter.low, parameter.high
+    assert low is not None
+    assert high is not None
+    if low == high:
+        return [low]
+    if parameter.name == "P" and term.effect in ("periodic", "screw-wobble"):
+        return _periods_mm(runs, term.axis or "", low, high)
+    if parameter.name == "f" and term.effect == "vibration":
+        return _frequencies_hz(runs, low, high)
+    if parameter.name == "t0" and term.effect == "lost-steps":
+        return _jumps_s(runs)
+    span_s, step_s = _turn_s(runs), _step_s(runs)
+    if term.effect == "reversal-spike":
+        low, high = max(low, 0.7 * step_s), min(high, span_s / 12.0)
+    elif term.effect == "reversal-windup":
+        radius = float(runs.radius_mm.max())
+        # Within the first tenth of the radius: what fills more slowly is a slope.
+        low, high = max(low, 2e-4 * radius), min(high, 0.1 * radius)
+    elif term.effect == "stick-slip":
+        # It vanishes at speed, in the slowest run too.
+        low = max(low, 0.02 * float(np.nanmin(runs.feed_mm_min)) / 60.0)
+        high = min(high, 0.25 * float(np.nanmin(runs.feed_mm_min)) / 60.0)
+    if not low < high:
+        return [float(np.sqrt(low * high))] if parameter.spacing == "log" else [0.5 * (low + high)]
+    space = np.geomspace if parameter.spacing == "log" else np.linspace
+    return [float(value) for value in space(low, high, _N_DECAYS)]
+
+
+def _turn_s(runs: Runs) -> float:
+    """Give the time of the fastest turn."""
+    return float(np.nanmin(2.0 * np.pi * runs.radius_mm / (runs.feed_mm_min / 60.0)))
+
+
+def _step_s(runs: Runs) -> float:
+    return min(float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices)
+
+
+def _periods_mm(runs: Runs, axis: str, low: float, high: float) -> Sequence[float]:
+    own = [number for number, plane in enumerate(runs.plane) if axis in plane]
+    radius = float(runs.radius_mm[own].max())
+    spacing = max(
+        float(np.median(np.diff(runs.travelled_rad[runs.slices[number]]))) * float(runs.radius_mm[number])
+        for number in own
+    )
+    low, high = max(low, _ROWS_OF_A_WAVE * spacing), min(high, _LONGEST_WAVE * radius)
+    if not low < high:
+        return ()
+    n = min(int(np.ceil((1.0 / low - 1.0 / high) * 2.0 * radius / _PHASE_STEP)) + 2, _MOST_WAVES)
+    return [float(1.0 / value) for value in np.linspace(1.0 / high, 1.0 / low, n)]
+
+
+def _frequencies_hz(runs: Runs, low: float, high: float) -> Sequence[float]:
+    longest = max(float(np.ptp(runs.time_s[own])) for own in runs.slices)
+    # Slower than six waves a turn it is a shape of the circle.
+    low = max(low, 6.0 / _turn_s(runs))
+    high = min(high, 1.0 / (_ROWS_OF_A_WAVE * _step_s(runs)))
+    if not low < high:
+        return ()
+    n = min(int(np.ceil((high - low) * longest / (2.0 * _PHASE_STEP))) + 2, _MOST_WAVES)
+    return [float(value) for value in np.linspace(low, high, n)]
+
+
+def _jumps_s(runs: Runs) -> Sequence[float]:
+    """Give times inside the runs; a jump between two runs is another set-up."""
+    found: list[Numbers] = []
+    for own in runs.slices:
+        t = runs.time_s[own]
+        turns = float(runs.travelled_rad[own][-1]) / (2.0 * np.pi)
+        n = min(max(int(_JUMPS_OF_A_TURN * turns), 2), len(t) - 2)
+        found.append(np.linspace(t[0], t[-1], n + 2)[1:-1])
+    return [float(value) for value in np.sort(np.concatenate(found))]
+
+
+def has_recursion(term: Term) -> bool:
+    """Tell whether a formula runs along the rows."""
+    return any(part.expression and mentions(part.expression, "windup") for part in term.parts)

@@ -1,0 +1,637 @@
+"""The diagnosis of a circular test: causes ranked by what each is worth, with doubt, ties and what is left over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from geoerr.diagnose.circles.causes import Suspect, suspects_of
+from geoerr.diagnose.circles.noise import orthonormal
+from geoerr.diagnose.circles.readings import Reading, readings_of
+from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
+from geoerr.diagnose.circles.search import Found, Rival, Searched, search
+from geoerr.diagnose.circles.shares import Shares, shares_of
+from geoerr.diagnose.comparison import compare
+from geoerr.diagnose.findings import Alias, Separation, finite, reference_document
+from geoerr.effects import Effect, catalogue
+from geoerr.effects.collection import Catalogue
+from geoerr.effects.plausible import plausible_match
+from geoerr.errors import GeoerrError
+from geoerr.fit import Fitted, refit
+from geoerr.model import Model
+from geoerr.observations import CircularTest
+from geoerr.terms import EffectReference, Parameter, Term
+
+Verdict = Literal["missing", "nothing-missing", "unknown", "ambiguous"]
+
+# Suspects that a diagnosis lists beside the first cause.
+_LISTED = 8
+# A correlation that is worth a word.
+_ALIAS = 0.5
+_INVISIBLE = "not measurable with these runs: the set-up's free centre and radius do all that it would do"
+_NEEDS = {
+    "radial-shrink": "needs two feeds in one set-up (same session and line): the radius of each set-up is free",
+    "servo-mismatch": _INVISIBLE,
+}
+# What a circle cannot do, whatever the runs: a second measurement by the pair of what is to be told apart.
+_SENSES = Separation("both senses of a circle", "run the same circle clockwise and counter-clockwise", 5)
+_FEEDS = Separation("a second feed", "run the circle in both senses at a quarter of the feed", 10)
+_ELSEWHERE = Separation("a second circle", "run a circle of the same radius with its centre moved by half of it", 15)
+_POINTS = Separation("more points", "run the circle at a quarter of the feed, so that rows lie closer", 10)
+_TURNS_WITH_SENSE = (
+    *("backlash", "backlash-position", "reversal-windup", "reversal-spike", "stick-slip", "lateral-play"),
+    "servo-mismatch",
+)
+_FOLLOWS_FEED = ("servo-mismatch", "reversal-spike", "stick-slip", "radial-shrink", "vibration", "change-over")
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A cause of a circular test's deviation, or a suspect that was looked at.
+
+    Attributes
+    ----------
+    reference, effect
+        Which.
+    term
+        With values, of a cause in the model; a coefficient that the runs cannot see is NaN.
+    p_value
+        Family-wise, over everything that was looked at.
+    evidence
+        Logarithm of the Bayes factor against the model without it (Schwarz), trial values counted.
+    readings
+        Its values as a shop floor has them.
+    worth_um
+        Root mean square of the trace that it alone would leave, set-up removed.
+    peak_to_peak_um, peak_to_peak_std_um
+        Of that trace; the largest of all set-ups.
+    percent
+        Its part of the explainable mean square, in per cent; None of a suspect that is not in the model.
+    tied
+        Whether the runs cannot tell it from the first.
+    aliases
+        What is like it.
+    separate_by
+        The measurement that would tell it from what it is tied with.
+    held_out_rmse_after_um
+        Held-out error with it, and all found before it, in the model; None where it was not computed.
+    """
+
+    reference: EffectReference
+    effect: Effect
+    term: Term
+    p_value: float
+    evidence: float
+    readings: tuple[Reading, ...]
+    worth_um: float
+    peak_to_peak_um: float
+    peak_to_peak_std_um: float
+    percent: float | None
+    tied: bool
+    aliases: tuple[Alias, ...]
+    separate_by: Separation | None
+    held_out_rmse_after_um: float | None
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Values with standard errors: linear, then inner."""
+        return (*self.term.coefficients, *self.term.inner)
+
+    @property
+    def is_rig(self) -> bool:
+        """Whether it is the bar's, and so never compensated."""
+        return self.term.is_rig
+
+    @property
+    def sure(self) -> str:
+        """How sure it is, in words."""
+        return f"p = {self.p_value:.2g}" if self.p_value >= 1e-12 else "p < 1e-12"
+
+    def words(self) -> str:
+        """Say in one sentence what it is, its values, its worth and how sure it is."""
+        values = "; ".join(reading.words() for reading in self.readings)
+        part = "" if self.percent is None else f", {self.percent:.0f} % of the explainable"
+        worth = f"{self.peak_to_peak_um:.1f} µm peak to peak, {self.worth_um:.2f} µm rms"
+        return f"{self.effect.title} ({self.reference}): {values}. Worth {worth}{part}; {self.sure}"
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own."""
+        return {
+            **reference_document(self.reference),
+            "p_value": self.p_value,
+            "held_out_rmse_after_um": self.held_out_rmse_after_um,
+            "worth_um": self.worth_um,
+            "parameters": {
+                parameter.name: {
+                    "value": finite(parameter.value),
+                    "std": finite(parameter.std),
+                    "unit": parameter.unit,
+                    "plausible": None if match is None else match.what,
+                }
+                for parameter in self.parameters
+                for match in [plausible_match(parameter)]
+            },
+            "tied": self.tied,
+            "aliases": [
+                {**reference_document(alias.reference), "correlation": alias.correlation} for alias in self.aliases
+            ],
+            "separate_by": None
+            if self.separate_by is None
+            else {
+                "text": self.separate_by.text,
+                "plan": self.separate_by.plan,
+                "minutes": self.separate_by.minutes,
+            },
+            "title": self.effect.title,
+            "is_rig": self.is_rig,
+            "evidence": finite(self.evidence),
+            "readings": [
+                {"what": one.what, "value": one.value, "std": finite(one.std), "unit": one.unit, "says": one.says}
+                for one in self.readings
+            ],
+            "peak_to_peak_um": self.peak_to_peak_um,
+            "peak_to_peak_std_um": self.peak_to_peak_std_um,
+            "percent": self.percent,
+            "words": self.words(),
+        }
+
+
+@dataclass(frozen=True)
+class CircleUnknown:
+    """Structure that no cause explains.
+
+    Attributes
+    ----------
+    depends_on
+        Variables.
+    component
+        Axis along which it acts, or `r` where only the radius tells of it.
+    worth_um
+        Root mean square.
+    p_value
+        Family-wise.
+    """
+
+    depends_on: tuple[str, ...]
+    component: str
+    worth_um: float
+    p_value: float
+
+    def words(self) -> str:
+        """Say it in a sentence."""
+        where = "in the radius" if self.component == "r" else f"along {self.component}"
+        on = " and ".join(self.depends_on)
+        return f"something that no known cause explains acts {where} and depends on {on}, worth {self.worth_um:.2f} µm rms"
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as FORMATS' `diagnose --json` has it."""
+        return {
+            "depends_on": list(self.depends_on),
+            "component": self.component,
+            "worth_um": self.worth_um,
+            "p_value": self.p_value,
+            "words": self.words(),
+        }
+
+
+@dataclass(frozen=True)
+class RunFigures:
+    """One run: name, plane, sense, feed, and figures of ISO 230-4 in µm.
+
+    `circular_deviation_um` is G: largest minus smallest radius about the least-squares centre. `explained_um` is the
+    same of the causes' trace, `rest_um` of what they leave.
+    """
+
+    name: str
+    plane: str
+    sense: int
+    feed_mm_min: float | None
+    n_rows: int
+    circular_deviation_um: float
+    explained_um: float
+    rest_um: float
+
+
+@dataclass(frozen=True)
+class SetUpFigures:
+    """How the bar stood in one set-up: centre beside the commanded one, and what was added to the radius, µm."""
+
+    name: str
+    centre_um: tuple[float, float, float]
+    radius_um: float
+
+
+@dataclass(frozen=True, eq=False)
+class CircleDiagnosis:
+    """What ails a machine, by circular tests alone.
+
+    Attributes
+    ----------
+    verdict, p_value, found, candidates, unknown, not_offered
+        As of a `Diagnosis`; `found` in the order of the search.
+    shares
+        Mean squares: measured, explained, noise, rest.
+    noise_um, wander_um
+        Standard deviation of a row's noise, and of its part that wanders along the circle.
+    runs, set_ups
+        Figures of every run and set-up.
+    withdrawn
+        Names that looked likely until structure without a name turned out to do better.
+    notes
+        What had to be taken from elsewhere, and what these runs cannot tell at all.
+    searched
+        Every number behind it.
+    """
+
+    verdict: Verdict
+    p_value: float
+    found: tuple[Cause, ...]
+    candidates: tuple[Cause, ...]
+    unknown: CircleUnknown | None
+    not_offered: tuple[tuple[str, str], ...]
+    shares: Shares
+    noise_um: float
+    wander_um: float
+    runs: tuple[RunFigures, ...]
+    set_ups: tuple[SetUpFigures, ...]
+    withdrawn: tuple[EffectReference, ...]
+    notes: tuple[str, ...]
+    searched: Searched
+
+    @property
+    def fitted(self) -> Fitted:
+        """The fit of the set-up."""
+        return self.searched.runs.fitted
+
+    @property
+    def ranked(self) -> tuple[Cause, ...]:
+        """The causes, the worthiest first."""
+        return tuple(sorted(self.found, key=lambda cause: -(cause.percent or 0.0)))
+
+    @property
+    def noise_floor_um(self) -> float | None:
+        """Scatter of repeated rows; None without repeats."""
+        return self.fitted.repeats.floor_um
+
+    @cached_property
+    def held_out_rmse_um(self) -> float | None:
+        """Held-out error of the radius as the model was."""
+        return _held_out_um(self.fitted)
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own under `circle`."""
+        shares = self.shares
+        return {
+            "verdict": self.verdict,
+            "p_value": self.p_value,
+            "noise_floor_um": self.noise_floor_um,
+            "held_out_rmse_um": self.held_out_rmse_um,
+            "found": [cause.to_document() for cause in self.found],
+            "candidates": [cause.to_document() for cause in self.candidates],
+            "not_offered": [{"effect": effect, "why": why} for effect, why in self.not_offered],
+            "unknown": None if self.unknown is None else self.unknown.to_document(),
+            "circle": {
+                "ranked": [str(cause.reference) for cause in self.ranked],
+                "measured_rms_um": math.sqrt(shares.total),
+                "explained_rms_um": math.sqrt(shares.explained),
+                "unexplained_rms_um": math.sqrt(shares.rest),
+                "unexplained_percent": shares.percent_unexplained,
+                "noise_um": self.noise_um,
+                "wander_um": self.wander_um,
+                "withdrawn": [str(reference) for reference in self.withdrawn],
+                "runs": [
+                    {
+                        "run": run.name,
+                        "plane": run.plane.upper(),
+                        "dir": run.sense,
+                        "feed": run.feed_mm_min,
+                        "n": run.n_rows,
+                        "circular_deviation_um": run.circular_deviation_um,
+                        "explained_um": run.explained_um,
+                        "rest_um": run.rest_um,
+                    }
+                    for run in self.runs
+                ],
+                "set_ups": [
+                    {"set_up": one.name, "centre_um": list(one.centre_um), "radius_um": one.radius_um}
+                    for one in self.set_ups
+                ],
+                "notes": list(self.notes),
+            },
+        }
+
+
+def diagnose_circles(
+    model: Model, *tests: CircularTest, effects: Sequence[Effect] = (), threads: int = 0
+) -> CircleDiagnosis:
+    """Find what ails a machine from circular tests alone.
+
+    One run or many: both senses, several feeds, several planes, with or without repeats. Rows of one `session` and
+    `line` share a set-up, whose centre and radius are free.
+
+    Parameters
+    ----------
+    model
+        A nominal machine, as a rule; what a fitted one explains is taken off.
+    tests
+        Circular tests.
+    effects
+        A user's own, beside the causes of a ball bar.
+
+    Raises
+    ------
+    GeoerrError
+        where there are no tests.
+    GeometryError
+        where no run can be used, with the reason.
+
+    Notes
+    -----
+    Causes and shapes: ISO 230-4, and shops' ball-bar software. Verified in tests/diagnose/test_diagnose_circles.py;
+    `validation/circles.py` measures names, values and false alarms on runs from a generator of its own.
+    """
+    if not tests:
+        raise GeoerrError("a diagnosis needs measurements\nhint: give the circular tests after the model")
+    usable, problems, notes = checked(tests)
+    fitted = compare(model, *usable, threads=threads).points
+    runs = runs_of(fitted, problems, notes)
+    known = catalogue().extended(effects, "effects") if effects else catalogue()
+    suspects, not_offered = suspects_of(runs, known, effects, [term.id for term in model.terms])
+    return _diagnosis(search(runs, suspects), known, not_offered)
+
+
+def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str, str]]) -> CircleDiagnosis:
+    runs = searched.runs
+    unknown_um = None if searched.unknown is None else searched.unknown[2]
+    set_up = orthonormal(runs.set_up_columns)
+    shares = shares_of(
+        runs, searched.noise, set_up, searched.traces, searched.rest_um, runs.fitted.repeats.floor_um, unknown_um
+    )
+    found = tuple(_cause(searched, place, shares, known) for place in range(len(searched.found)))
+    candidates = _candidates(searched, found, known)
+    verdict: Verdict = "nothing-missing"
+    if found:
+        is_tied = any(rival.is_tied for rivals in searched.rivals for rival in rivals)
+        verdict = "ambiguous" if is_tied else "missing"
+    elif searched.unknown is not None:
+        verdict = "unknown"
+    invisible = [(str(one.reference), _NEEDS.get(one.reference.effect, _INVISIBLE)) for one in searched.invisible]
+    return CircleDiagnosis(
+        verdict,
+        searched.p_value,
+        found,
+        candidates,
+        _unknown(searched),
+        (*not_offered, *invisible),
+        shares,
+        searched.noise.total_um,
+        searched.noise.wander_um,
+        _run_figures(searched),
+        _set_ups(runs),
+        tuple(one.suspect.reference for one in searched.withdrawn),
+        (*runs.notes, *_cannot_tell(runs, searched)),
+        searched,
+    )
+
+
+def _cause(searched: Searched, place: int, shares: Shares, known: Catalogue) -> Cause:
+    runs, found = searched.runs, searched.found[place]
+    term, covariance, by_run = _valued(searched, place)
+    trace = searched.traces[:, place]
+    together = runs.set_up[runs.run]
+    peak = max(float(np.ptp(trace[together == number])) for number in np.unique(together))
+    tied = [rival for rival in searched.rivals[place] if rival.is_tied]
+    against = tied[0].suspect.reference if tied else None
+    return Cause(
+        reference=found.suspect.reference,
+        effect=found.suspect.effect,
+        term=term,
+        p_value=found.p_value,
+        evidence=found.judged.evidence,
+        readings=readings_of(term, covariance, runs, by_run),
+        worth_um=float(np.sqrt(np.mean(trace**2))),
+        peak_to_peak_um=peak,
+        peak_to_peak_std_um=peak * _relative_std(searched, place),
+        percent=shares.percent(place),
+        tied=False,
+        aliases=_aliases(found, searched.rivals[place], runs),
+        separate_by=None if against is None else _separation(found.suspect.reference, against, runs, known),
+        held_out_rmse_after_um=_after(searched, place),
+    )
+
+
+def _own_places(searched: Searched, place: int) -> tuple[slice, slice]:
+    """Give the places of a cause's coefficients and of its inner parameters among the estimates."""
+    first = sum(one.columns.shape[1] + len(one.inner) for one in searched.found[:place])
+    k = searched.found[place].columns.shape[1]
+    return slice(first, first + k), slice(first + k, first + k + len(searched.found[place].inner))
+
+
+def _valued(searched: Searched, place: int) -> tuple[Term, np.ndarray, list[tuple[float, float]]]:
+    """Give a cause's term with its values, their covariance, and of one by run the amplitude of each run."""
+    found = searched.found[place]
+    own, inner = _own_places(searched, place)
+    values, covariance = searched.estimate[own], searched.covariance[own, own]
+    std = np.sqrt(np.maximum(np.diag(searched.covariance), 0.0))
+    term, k = found.way.term, len(found.way.term.coefficients)
+    by_run: list[tuple[float, float]] = []
+    if found.judged.group.by_run:
+        n_seen = len(found.seen)
+        for run in range(searched.runs.n_runs):
+            part = slice(n_seen * run, n_seen * (run + 1))
+            size = float(np.linalg.norm(values[part]))
+            slope = values[part] / max(size, 1e-300)
+            by_run.append((size, math.sqrt(max(float(slope @ covariance[part, part] @ slope), 0.0))))
+        coefficients, coefficients_std = [math.nan] * k, [math.nan] * k
+    else:
+        coefficients, coefficients_std = [math.nan] * k, [math.nan] * k
+        for index, at in enumerate(found.seen):
+            coefficients[at], coefficients_std[at] = float(values[index]), float(std[own][index])
+    valued = term.with_values(
+        coefficients, searched.estimate[inner].tolist(), coefficients_std=coefficients_std, inner_std=std[inner].tolist()
+    )
+    whole = np.zeros((k + len(found.inner),) * 2)
+    if not by_run:
+        places = [*found.seen, *range(k, k + len(found.inner))]
+        both = [*range(own.start, own.stop), *range(inner.start, inner.stop)]
+        whole[np.ix_(places, places)] = searched.covariance[np.ix_(both, both)]
+    return valued, whole, by_run
+
+
+def _relative_std(searched: Searched, place: int) -> float:
+    """Give the relative standard uncertainty of a trace's size."""
+    own, _ = _own_places(searched, place)
+    columns = searched.found[place].columns
+    trace = searched.traces[:, place]
+    size = float(np.linalg.norm(trace))
+    if size == 0.0:
+        return 0.0
+    slope = columns.T @ trace / size**2
+    return math.sqrt(max(float(slope @ searched.covariance[own, own] @ slope), 0.0))
+
+
+def _aliases(found: Found, rivals: Sequence[Rival], runs: Runs) -> tuple[Alias, ...]:
+    aliases = [Alias(rival.suspect.reference, rival.correlation) for rival in rivals if rival.correlation > _ALIAS]
+    reference = found.suspect.reference
+    if len(runs.planes) == 1:
+        # A difference of two axes: a circle cannot say which of them it is.
+        other = {"scale-mismatch": "scale", "servo-mismatch": "lag"}.get(reference.effect)
+        if other is not None and reference.axis is not None:
+            aliases += [Alias(EffectReference(other, axis), 1.0) for axis in reference.axis]
+    return tuple(sorted(aliases, key=lambda alias: -alias.correlation))
+
+
+def _separation(
+    reference: EffectReference, other: EffectReference, runs: Runs, known: Catalogue
+) -> Separation | None:
+    """Give the measurement that would tell two causes apart: the first of these that the runs do not have."""
+    pair = (reference.effect, other.effect)
+    one_sense = not all(runs.has_both_senses(plane) for plane in runs.planes)
+    if one_sense and sum(effect in _TURNS_WITH_SENSE for effect in pair) == 1:
+        return _SENSES
+    if len(runs.feeds()) < 2 and sum(effect in _FOLLOWS_FEED for effect in pair) == 1:
+        return _FEEDS
+    if set(pair) <= {"straightness", "pitch-error"}:
+        return _ELSEWHERE
+    rival = known.separation(*pair)
+    if rival is not None:
+        return Separation(rival.separate_by, rival.plan, rival.minutes)
+    return _SENSES if one_sense else _FEEDS if len(runs.feeds()) < 2 else _POINTS
+
+
+def _candidates(searched: Searched, found: tuple[Cause, ...], known: Catalogue) -> tuple[Cause, ...]:
+    if found:
+        others = [
+            _listed(searched, rival, found[0], known) for rival in searched.rivals[0][:_LISTED]
+        ]
+        return (found[0], *others)
+    return tuple(
+        _suspected(searched.suspects[judged.what], p_value, judged.evidence, 0.0)
+        for judged, p_value in searched.first[:_LISTED]
+    )
+
+
+def _listed(searched: Searched, rival: Rival, first: Cause, known: Catalogue) -> Cause:
+    p_values = {judged.what: p_value for judged, p_value in searched.first}
+    cause = _suspected(
+        rival.suspect, p_values.get(rival.judged.what, 1.0), rival.judged.evidence, _worth_um(searched, rival, first)
+    )
+    aliases = (Alias(first.reference, rival.correlation),) if rival.correlation > _ALIAS else ()
+    separate_by = _separation(rival.suspect.reference, first.reference, searched.runs, known) if rival.is_tied else None
+    return replace(cause, tied=rival.is_tied, aliases=aliases, separate_by=separate_by)
+
+
+def _worth_um(searched: Searched, rival: Rival, first: Cause) -> float:
+    """Give what a rival would be worth: as much as the first, by the root of the gains."""
+    own = max(searched.found[0].judged.gain, 1e-300)
+    return first.worth_um * math.sqrt(min(max(rival.judged.gain, 0.0) / own, 1.0))
+
+
+def _suspected(suspect: Suspect, p_value: float, evidence: float, worth_um: float) -> Cause:
+    return Cause(
+        reference=suspect.reference,
+        effect=suspect.effect,
+        term=suspect.ways[0].term,
+        p_value=p_value,
+        evidence=evidence,
+        readings=(),
+        worth_um=worth_um,
+        peak_to_peak_um=0.0,
+        peak_to_peak_std_um=0.0,
+        percent=None,
+        tied=False,
+        aliases=(),
+        separate_by=None,
+        held_out_rmse_after_um=None,
+    )
+
+
+def _unknown(searched: Searched) -> CircleUnknown | None:
+    if searched.unknown is None:
+        return None
+    probe, p_value, trace = searched.unknown
+    return CircleUnknown(probe.depends_on, probe.component, float(np.sqrt(np.mean(trace**2))), p_value)
+
+
+def _run_figures(searched: Searched) -> tuple[RunFigures, ...]:
+    runs = searched.runs
+    explained = searched.traces.sum(axis=1)
+    figures = []
+    for number, own in enumerate(runs.slices):
+        angle = runs.angle_rad[own]
+        circle = orthonormal(np.column_stack([np.ones(len(angle)), np.cos(angle), np.sin(angle)]))
+
+        def deviation(values: np.ndarray, circle: np.ndarray = circle) -> float:
+            return float(np.ptp(values - circle @ (circle.T @ values)))
+
+        feed = float(runs.feed_mm_min[number])
+        figures.append(
+            RunFigures(
+                runs.names[number],
+                runs.plane[number],
+                int(runs.sense[number]),
+                feed if math.isfinite(feed) else None,
+                own.stop - own.start,
+                deviation(runs.signal_um[own]),
+                deviation(explained[own]),
+                deviation(searched.rest_um[own]),
+            )
+        )
+    return tuple(figures)
+
+
+def _set_ups(runs: Runs) -> tuple[SetUpFigures, ...]:
+    state = runs.fitted.solved.state
+    found = []
+    for number in dict.fromkeys(runs.set_up.tolist()):
+        own = int(np.flatnonzero(runs.set_up == number)[0])
+        centre = UM_PER_MM * (np.asarray(state.translations_mm)[number] - runs.centre_mm[own])
+        still = "xyz".index(next(axis for axis in "xyz" if axis not in runs.plane[own]))
+        centre[still] = 0.0
+        x, y, z = (float(value) for value in centre)
+        excess = UM_PER_MM * float(np.asarray(state.excess_mm)[number])
+        found.append(SetUpFigures(runs.fitted.sightings.sessions[number], (x, y, z), excess))
+    return tuple(found)
+
+
+def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
+    """Say what these runs cannot tell at all, and what would."""
+    notes = []
+    for plane in runs.planes:
+        if not runs.has_both_senses(plane):
+            notes.append(
+                f"{plane.upper()} was run in one sense only: what turns with the sense (backlash, play, servo) is told "
+                "from geometry by its shape alone; run it the other way too"
+            )
+    if len(runs.feeds()) < 2:
+        notes.append("one feed only: what grows with speed is not told from what does not; run a second feed")
+    if runs.n_runs == 1:
+        notes.append("a single run: noise that wanders along the circle is not told from smooth structure; repeat it")
+    if searched.n_gross:
+        notes.append(f"{searched.n_gross} rows stand alone far off the others and were left out")
+    return notes
+
+
+def _after(searched: Searched, place: int) -> float | None:
+    """Give the held-out error with this and all causes found before it in the model."""
+    terms = []
+    for number in range(place + 1):
+        if searched.found[number].judged.group.by_run:
+            continue
+        term = _valued(searched, number)[0]
+        inner = tuple(replace(one, low=one.value, high=one.value) for one in term.inner)
+        terms.append(replace(term, inner=inner))
+    fitted = searched.runs.fitted
+    return _held_out_um(refit(fitted, [*fitted.terms, *terms]))
+
+
+def _held_out_um(fitted: Fitted) -> float | None:
+    figures = fitted.held_out.figures
+    return None if figures is None else figures.headline_um
+
+

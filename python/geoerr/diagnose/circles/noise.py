@@ -1,0 +1,253 @@
+"""Noise of circular runs: scatter from row to row, and what wanders along the circle and differs from run to run.
+
+A bar is read at one feed along one path, so that its noise is correlated with the angle: vibration that is not
+periodic, feed fluctuation, dirt under the balls, warming. Each run is a realisation of its own with the covariance
+
+    V = σ² s² (I + U K Uᵀ),   K = Σ_j θ_j exp(−|φ − φ'| / ℓ_j) + θ_0,
+
+φ the angle travelled, ℓ_j from 3 degrees to two turns, each four times the last; a sum of such processes is close to
+any spectrum that falls with the frequency. θ_0 is an offset of a run, where runs share a set-up. s is the run's own
+level, where levels clearly differ (a higher feed shakes more).
+
+What could be a cause must not count as noise, and noise not as a cause: σ and θ maximise the restricted likelihood,
+which charges for the shapes of all causes, so that they are learnt from what no cause could be: the rest of the
+spectrum and the difference between runs.
+
+| symbol | code | what |
+|---|---|---|
+| U | `_sums` | rows of a block of about 3 degrees, columns of length 1 |
+| T | `transforms` | inverse Cholesky factor of I + K; σ⁻¹(I + U (T − I) Uᵀ) whitens |
+| X | `shapes` | orthonormal columns of set-up and causes |
+
+Source: Harville, Maximum likelihood approaches to variance component estimation, JASA 72 (1977). Verified in
+tests/diagnose/test_diagnose_circles.py against the likelihood written out with dense matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, optimize
+
+from geoerr.diagnose.circles.runs import Runs
+from geoerr.fit.sightings import Numbers
+
+MEMORIES_RAD = tuple(float(np.radians(3.0)) * 4.0**k for k in range(5))
+_BLOCK_RAD = float(np.radians(3.0))
+_MOST_BLOCKS = 160
+_LEAST_LOG, _MOST_LOG = -14.0, 9.0
+_START_LOG = -4.0
+# Levels of runs that differ by less than this factor are one.
+_OTHER_LEVEL = 1.5
+# Standard deviation of Gaussian noise over the median of absolute values.
+_NORMAL = 0.6745
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Runs of neighbouring rows of one run: `starts` (n_blocks,) of all, `of_run` slices, `angle` (n_blocks,)."""
+
+    starts: np.ndarray
+    counts: Numbers
+    of_run: tuple[slice, ...]
+    angle: Numbers
+
+    def sums(self, columns: Numbers) -> Numbers:
+        """Apply Uᵀ to columns (n, k)."""
+        sums: Numbers = np.add.reduceat(columns, self.starts, axis=0)
+        return sums / np.sqrt(self.counts)[:, None]
+
+    def spread(self, sums: Numbers) -> Numbers:
+        """Apply U to sums (n_blocks, k)."""
+        return np.repeat(sums / np.sqrt(self.counts)[:, None], self.counts.astype(np.int64), axis=0)
+
+
+def blocks_of(runs: Runs) -> Blocks:
+    """Cut every run into blocks."""
+    starts, of_run, first = [], [], 0
+    for own in runs.slices:
+        n = own.stop - own.start
+        turned = float(runs.travelled_rad[own][-1])
+        n_blocks = int(min(n, _MOST_BLOCKS, max(round(turned / _BLOCK_RAD), 1)))
+        starts.append(own.start + (np.arange(n_blocks) * n) // n_blocks)
+        of_run.append(slice(first, first + n_blocks))
+        first += n_blocks
+    joined = np.concatenate(starts)
+    counts = np.diff(np.append(joined, len(runs))).astype(np.float64)
+    angle = np.add.reduceat(runs.travelled_rad, joined) / counts
+    return Blocks(joined, counts, tuple(of_run), angle)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """The noise of runs.
+
+    Attributes
+    ----------
+    blocks
+        Its blocks.
+    sigma_um
+        Scatter from row to row, of a run of level 1 and a row of weight 1.
+    theta : (6,)
+        Variances of the wandering parts, and of a run's offset, in units of σ².
+    level : (n,)
+        Of each row: its weight times its run's level.
+    transforms
+        T − I of each run.
+    """
+
+    blocks: Blocks
+    sigma_um: float
+    theta: Numbers
+    level: Numbers
+    transforms: tuple[Numbers, ...]
+
+    def whiten(self, columns: Numbers) -> Numbers:
+        """Apply V^(-1/2) to columns (n, k) or (n,)."""
+        flat = columns.reshape(len(columns), -1) / (self.sigma_um * self.level)[:, None]
+        sums = self.blocks.sums(flat)
+        carried = np.empty_like(sums)
+        for own, less_one in zip(self.blocks.of_run, self.transforms, strict=True):
+            carried[own] = less_one @ sums[own]
+        return np.asarray((flat + self.blocks.spread(carried)).reshape(columns.shape))
+
+    @property
+    def total_um(self) -> float:
+        """Standard deviation of one row: scatter and wandering."""
+        mean = float(np.sqrt(np.mean(self.level**2)))
+        return self.sigma_um * mean * float(np.sqrt(1.0 + self.theta.sum()))
+
+    @property
+    def wander_um(self) -> float:
+        """Standard deviation of what wanders."""
+        return self.sigma_um * float(np.sqrt(np.mean(self.level**2) * self.theta[:-1].sum()))
+
+
+class _Geometry:
+    """Covariances of one kind of run: which runs have it, and G_j (6, b, b)."""
+
+    def __init__(self, blocks: Blocks, own: slice, *, with_offset: bool) -> None:
+        apart = np.abs(blocks.angle[own, None] - blocks.angle[None, own])
+        root = np.sqrt(np.outer(blocks.counts[own], blocks.counts[own]))
+        parts = [np.exp(-apart / memory) * root for memory in MEMORIES_RAD]
+        self.parts = np.stack([*parts, root if with_offset else np.zeros_like(root)])
+        self.own: list[slice] = []
+
+
+def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers) -> Noise:
+    """Fit the noise.
+
+    Parameters
+    ----------
+    signal_um : (n,)
+        Measured radius beyond the model.
+    shapes : (n, k)
+        Columns of set-up and causes; any length, may depend on each other.
+    """
+    level = runs.weight * _levels(runs, signal_um, shapes)[runs.run]
+    x = orthonormal(shapes / level[:, None])
+    y = signal_um / level
+    y = y - x @ (x.T @ y)
+    has_offset = len(set(runs.set_up.tolist())) < runs.n_runs
+    kinds = _kinds(blocks, with_offset=has_offset)
+    sums_x, sums_y = blocks.sums(x), blocks.sums(y[:, None])[:, 0]
+    inside = x.T @ x - sums_x.T @ sums_x
+    pull = x.T @ y - sums_x.T @ sums_y
+    square = float(y @ y - sums_y @ sums_y)
+    dof = len(y) - x.shape[1]
+    n_free = len(MEMORIES_RAD) + int(has_offset)
+
+    def objective(log_theta: Numbers) -> tuple[float, Numbers]:
+        theta = np.zeros(len(MEMORIES_RAD) + 1)
+        theta[:n_free] = np.exp(log_theta)
+        a, along, rest = inside.copy(), pull.copy(), square
+        value, kept = 0.0, []
+        for kind in kinds:
+            factor = np.linalg.cholesky(np.eye(kind.parts.shape[1]) + np.tensordot(theta, kind.parts, 1))
+            inverse = linalg.solve_triangular(factor, np.eye(len(factor)), lower=True, check_finite=False)
+            value += 2.0 * len(kind.own) * float(np.log(np.diag(factor)).sum())
+            for own in kind.own:
+                tx, ty = inverse @ sums_x[own], inverse @ sums_y[own]
+                a += tx.T @ tx
+                along += tx.T @ ty
+                rest += float(ty @ ty)
+                kept.append((kind, inverse, tx, ty))
+        root = np.linalg.cholesky(a + 1e-12 * np.trace(a) / max(len(a), 1) * np.eye(len(a)))
+        root_inverse = linalg.solve_triangular(root, np.eye(len(a)), lower=True, check_finite=False)
+        beta = root_inverse.T @ (root_inverse @ along)
+        rss = max(rest - float(along @ beta), 1e-300)
+        value += dof * float(np.log(rss)) + 2.0 * float(np.log(np.diag(root)).sum())
+        gradient = np.zeros(len(theta))
+        scale = dof / rss
+        done: dict[int, Numbers] = {}
+        for kind, inverse, tx, ty in kept:
+            if id(kind) not in done:
+                whole = inverse.T @ inverse
+                done[id(kind)] = np.einsum("jab,ab->j", kind.parts, whole)
+            part = inverse.T @ (tx @ root_inverse.T)
+            q = inverse.T @ (ty - tx @ beta)
+            gradient += done[id(kind)]
+            gradient -= np.einsum("jab,ab->j", kind.parts, part @ part.T + scale * np.outer(q, q))
+        return value, (gradient * theta)[:n_free]
+
+    found = optimize.minimize(
+        objective,
+        np.full(n_free, _START_LOG),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(_LEAST_LOG, _MOST_LOG)] * n_free,
+        options={"maxiter": 60, "ftol": 1e-8},
+    )
+    theta = np.zeros(len(MEMORIES_RAD) + 1)
+    theta[:n_free] = np.exp(found.x)
+    transforms: dict[slice, Numbers] = {}
+    a, along, rest = inside.copy(), pull.copy(), square
+    for kind in kinds:
+        factor = np.linalg.cholesky(np.eye(kind.parts.shape[1]) + np.tensordot(theta, kind.parts, 1))
+        inverse = linalg.solve_triangular(factor, np.eye(len(factor)), lower=True, check_finite=False)
+        for own in kind.own:
+            transforms[own.start] = inverse - np.eye(len(inverse))
+            tx, ty = inverse @ sums_x[own], inverse @ sums_y[own]
+            a += tx.T @ tx
+            along += tx.T @ ty
+            rest += float(ty @ ty)
+    rss = max(rest - float(along @ np.linalg.lstsq(a, along, rcond=None)[0]), 1e-300)
+    sigma = float(np.sqrt(rss / max(dof, 1)))
+    return Noise(blocks, sigma, theta, level, tuple(transforms[own.start] for own in blocks.of_run))
+
+
+def _kinds(blocks: Blocks, *, with_offset: bool) -> list[_Geometry]:
+    known: dict[tuple[bytes, bytes], _Geometry] = {}
+    for own in blocks.of_run:
+        angle = np.round(blocks.angle[own] - blocks.angle[own.start], 6)
+        key = (angle.tobytes(), blocks.counts[own].tobytes())
+        if key not in known:
+            known[key] = _Geometry(blocks, own, with_offset=with_offset)
+        known[key].own.append(own)
+    return list(known.values())
+
+
+def _levels(runs: Runs, signal_um: Numbers, shapes: Numbers) -> Numbers:
+    """Give the level of each run, from second differences of what no shape explains; 1 where they hardly differ."""
+    x = orthonormal(shapes)
+    left = (signal_um - x @ (x.T @ signal_um)) / runs.weight
+    found = []
+    for own in runs.slices:
+        bend = np.abs(np.diff(left[own], 2))
+        found.append(float(np.median(bend)) / _NORMAL if len(bend) else 0.0)
+    level = np.array(found)
+    if not (level > 0.0).all() or float(level.max()) < _OTHER_LEVEL * float(level.min()):
+        return np.ones(len(level))
+    return np.asarray(level / np.sqrt(np.mean(level**2)))
+
+
+def orthonormal(columns: Numbers) -> Numbers:
+    """Give an orthonormal basis of columns (n, k); columns inside the others, and 0, are left out."""
+    size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
+    columns = columns[:, size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)]
+    size = size[size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)]
+    if not columns.shape[1]:
+        return columns
+    left, singular, _ = np.linalg.svd(columns / size, full_matrices=False)
+    return np.asarray(left[:, singular > 1e-7 * singular[0]])

@@ -1,0 +1,346 @@
+"""Circular tests as a diagnosis needs them: runs, angles, the radius beyond the model, and what the set-up leaves free.
+
+A run is what was driven once: one set-up, one line, one sense, one feed, one repetition. What of the radius a machine
+without errors (or the model that is held) and the free set-up of the bar do not explain is the signal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import polars as pl
+
+from geoerr.errors import GeometryError
+from geoerr.fit import Fitted
+from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import times_s
+from geoerr.observations import CircularTest
+from geoerr.tables import RowProblem
+
+UM_PER_MM = 1e3
+# A commanded position farther from its run's circle than this share of the radius is not a point of the circle.
+_OFF_CIRCLE = 1e-2
+# Shorter arcs lose most of every cause to centre and radius of the set-up.
+_LEAST_ARC_RAD = np.pi
+_FEWEST_ROWS = 24
+# Feeds that differ by less than this share are one.
+_SAME_FEED = 0.02
+# Between runs of one set-up whose clocks start anew.
+_PAUSE_S = 1.0
+_KEYS = ("session", "line", "repeat", "feed", "dir")
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Rows of circular tests that take part, run after run.
+
+    Attributes
+    ----------
+    fitted
+        The fit of the set-up: every line of a session has one centre and one radius.
+    rows : (n,)
+        Their places in `fitted.sightings`.
+    signal_um : (n,)
+        Radius beyond the model and the set-up.
+    weight : (n,)
+        Stated standard uncertainty of each row over the mean one; 1 where none is stated.
+    run : (n,)
+        Number of each row's run; runs are sorted, rows of a run in the order of measurement.
+    angle_rad : (n,)
+        Of the commanded position about the commanded centre, from the first axis of the plane to the second.
+    travelled_rad : (n,)
+        Angle travelled since the run's first row, and rising.
+    time_s : (n,)
+    plane, sense, feed_mm_min, radius_mm, centre_mm, set_up
+        Of each run: `xy`, `yz` or `zx`; ±1 (+1 counter-clockwise seen from + of the third axis); NaN where neither a
+        feed nor times are known; (m, 3); number of its set-up.
+    names
+        Of each run.
+    has_times
+        Whether times are known, stated or by the feed.
+    set_aside
+        Rows that could not be used.
+    notes
+        What had to be taken from elsewhere.
+    """
+
+    fitted: Fitted
+    rows: np.ndarray
+    signal_um: Numbers
+    weight: Numbers
+    run: np.ndarray
+    angle_rad: Numbers
+    travelled_rad: Numbers
+    time_s: Numbers
+    plane: tuple[str, ...]
+    sense: np.ndarray
+    feed_mm_min: Numbers
+    radius_mm: Numbers
+    centre_mm: Numbers
+    set_up: np.ndarray
+    names: tuple[str, ...]
+    has_times: bool
+    set_aside: tuple[RowProblem, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def n_runs(self) -> int:
+        """Number of runs."""
+        return len(self.plane)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Rows of each run."""
+        ends = np.searchsorted(self.run, np.arange(self.n_runs + 1))
+        return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+
+    @cached_property
+    def planes(self) -> tuple[str, ...]:
+        """Different planes, in order."""
+        return tuple(dict.fromkeys(self.plane))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that move in some run."""
+        return tuple(axis for axis in "xyz" if any(axis in plane for plane in self.planes))
+
+    @cached_property
+    def set_up_columns(self) -> Numbers:
+        """What the set-up (and a model's own freedom) can do to the radius, (n, r)."""
+        fitted = self.fitted
+        n = len(fitted.sightings)
+        design = fitted.problem.design(fitted.solved.state, np.ones(n), 0, n, fitted.threads)
+        scale = fitted.sightings.whitening[:, 0, 0]
+        return np.asarray((design.reshape(n, 3, -1)[:, 0] / scale[:, None])[self.rows])
+
+    def has_both_senses(self, plane: str) -> bool:
+        """Tell whether a plane was run in both senses."""
+        return len({int(s) for s, p in zip(self.sense, self.plane, strict=True) if p == plane}) == 2
+
+    def feeds(self, plane: str | None = None) -> Numbers:
+        """Give the different feeds, (k,), of one plane or of all."""
+        own = np.array([plane is None or one == plane for one in self.plane])
+        found = np.unique(self.feed_mm_min[own & np.isfinite(self.feed_mm_min)])
+        return found[np.concatenate([[True], np.diff(found) > _SAME_FEED * found[:-1]])] if len(found) else found
+
+    def without(self, rows: np.ndarray) -> Runs:
+        """Give the same without some rows (n,)."""
+        kept = ~rows
+        names = ("rows", "signal_um", "weight", "run", "angle_rad", "travelled_rad", "time_s")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
+
+
+def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], list[RowProblem], list[str]]:
+    """Fill in senses and times, and set aside what is no circular run.
+
+    Raises
+    ------
+    GeometryError
+        where no run can be used.
+    """
+    problems = [problem for test in tests for problem in test.set_aside]
+    notes: dict[str, None] = {}
+    result = []
+    for test in tests:
+        frame = test.frame
+        path = test.sources[0] if test.sources else "-"
+        if "file_row" not in frame.columns:
+            frame = frame.with_columns(pl.int_range(2, frame.height + 2).alias("file_row"))
+        frame = _with_senses(frame)
+        present = [name for name in _KEYS if name in frame.columns]
+        parts = []
+        for part in frame.partition_by(present, maintain_order=True):
+            kept, found = _usable(part, path)
+            problems += found
+            if kept is not None:
+                parts.append(kept)
+        if parts:
+            timed, told = _with_times(parts)
+            notes |= dict.fromkeys(told)
+            result.append(CircularTest(timed, test.sources, test.set_aside))
+    if not result:
+        why = problems[-1].problem if problems else "there are no rows"
+        raise GeometryError(
+            f"no run of the circular test can be diagnosed: {why}\n"
+            "hint: a run needs half a turn at least, commanded positions x y z on a circle, and the radius r in mm"
+        )
+    return tuple(result), problems, list(notes)
+
+
+def runs_of(
+    fitted: Fitted, problems: list[RowProblem] | None = None, notes: list[str] | None = None
+) -> Runs:
+    """Sort a fit of circular tests into runs."""
+    sightings = fitted.sightings
+    times = times_s(sightings)
+    stated = np.sign(np.nan_to_num(sightings.numbers("dir")))
+    feed = sightings.numbers("feed")
+    lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
+    order, planes, senses, feeds, radii, centres, set_ups, names = [], [], [], [], [], [], [], []
+    angle, travelled = np.zeros(len(sightings)), np.zeros(len(sightings))
+    for number in range(sightings.n_passes):
+        rows = np.flatnonzero(sightings.pass_number == number)
+        if not rows.size:
+            continue
+        rows = rows[np.argsort(times[rows], kind="stable")]
+        q = sightings.commanded_mm[rows]
+        first, second, third = _axes_of(q)
+        centre, radius = _circle(q[:, [first, second]])
+        arm = q[:, [first, second]] - centre
+        own = np.arctan2(arm[:, 1], arm[:, 0])
+        unwrapped = np.unwrap(own)
+        sense = float(stated[rows[0]]) or float(np.sign(unwrapped[-1] - unwrapped[0])) or 1.0
+        angle[rows], travelled[rows] = own, sense * (unwrapped - unwrapped[0])
+        known = np.nanmedian(feed[rows]) if np.isfinite(feed[rows]).any() else np.nan
+        if np.isnan(known) and _has_times(fitted):
+            span = float(times[rows[-1]] - times[rows[0]])
+            known = 60.0 * radius * float(travelled[rows[-1]]) / span if span > 0.0 else np.nan
+        place = np.zeros(3)
+        place[[first, second]], place[third] = centre, float(np.median(q[:, third]))
+        order.append(rows)
+        planes.append("xyz"[first] + "xyz"[second])
+        senses.append(int(sense))
+        feeds.append(float(known))
+        radii.append(radius)
+        centres.append(place)
+        set_ups.append(int(sightings.session[rows[0]]))
+        words = [lines[rows[0]], f"dir {int(sense):+d}", f"feed {known:.6g}" if np.isfinite(known) else ""]
+        names.append(", ".join(word for word in words if word))
+    rows = np.concatenate(order)
+    std = 1.0 / sightings.whitening[rows, 0, 0]
+    return Runs(
+        fitted=fitted,
+        rows=rows,
+        signal_um=UM_PER_MM * fitted.solved.residual_mm[rows, 0],
+        weight=std / float(std.mean()),
+        run=np.repeat(np.arange(len(order)), [len(own) for own in order]),
+        angle_rad=angle[rows],
+        travelled_rad=travelled[rows],
+        time_s=times[rows],
+        plane=tuple(planes),
+        sense=np.array(senses),
+        feed_mm_min=np.array(feeds),
+        radius_mm=np.array(radii),
+        centre_mm=np.array(centres),
+        set_up=np.array(set_ups),
+        names=tuple(names),
+        has_times=_has_times(fitted),
+        set_aside=tuple(problems or ()),
+        notes=tuple(notes or ()),
+    )
+
+
+def _has_times(fitted: Fitted) -> bool:
+    return bool(np.isfinite(fitted.sightings.numbers("t")).all())
+
+
+def _axes_of(q_mm: Numbers) -> tuple[int, int, int]:
+    """Give first and second axis of the plane of a circle, and the one that stands still."""
+    third = int(np.argmin(np.ptp(q_mm, axis=0)))
+    return (third + 1) % 3, (third + 2) % 3, third
+
+
+def _circle(plane: Numbers) -> tuple[Numbers, float]:
+    """Give centre and radius of commanded points on a circle (linear least squares)."""
+    origin = plane.mean(axis=0)
+    design = np.column_stack([2.0 * (plane - origin), np.ones(len(plane))])
+    found = np.linalg.lstsq(design, ((plane - origin) ** 2).sum(axis=1), rcond=None)[0]
+    centre = origin + found[:2]
+    return centre, float(np.hypot(*(plane - centre).T).mean())
+
+
+def _with_senses(frame: pl.DataFrame) -> pl.DataFrame:
+    """Fill in `dir` from the order of rows where it is not stated."""
+    if "dir" in frame.columns and not frame["dir"].null_count() and not (frame["dir"] == 0).any():
+        return frame
+    keys = [name for name in _KEYS if name in frame.columns and name != "dir"]
+    indexed = frame.with_columns(pl.int_range(frame.height).alias("_place"))
+    sense = np.zeros(frame.height, dtype=np.int64)
+    for part in indexed.partition_by(keys, maintain_order=True) if keys else [indexed]:
+        q = part.select("x", "y", "z").to_numpy().astype(np.float64)
+        first, second, _ = _axes_of(q)
+        centre, _ = _circle(q[:, [first, second]])
+        arm = q[:, [first, second]] - centre
+        step = np.angle(np.exp(1j * np.diff(np.arctan2(arm[:, 1], arm[:, 0]))))
+        steps = np.sign(np.append(step[:1], step))
+        sense[part["_place"].to_numpy()] = np.where(steps == 0.0, np.sign(steps.sum()) or 1.0, steps)
+    known = pl.Series("dir", sense)
+    if "dir" in frame.columns:
+        stated = frame["dir"].cast(pl.Int64)
+        known = pl.select(pl.when((stated == 0) | stated.is_null()).then(known).otherwise(stated).alias("dir"))["dir"]
+    return frame.with_columns(known)
+
+
+def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[RowProblem]]:
+    """Give a run's rows on its circle, and what is wrong with the others; None where the run is of no use."""
+    row = int(part["file_row"][0])
+
+    def none(problem: str, column: str = "x y z") -> tuple[None, list[RowProblem]]:
+        return None, [RowProblem(path, row, column, problem)]
+
+    if part.height < _FEWEST_ROWS:
+        return none(f"the run has {part.height} rows, {_FEWEST_ROWS} are needed", "r")
+    q = part.select("x", "y", "z").to_numpy().astype(np.float64)
+    first, second, third = _axes_of(q)
+    centre, radius = _circle(q[:, [first, second]])
+    distance = np.hypot(*(q[:, [first, second]] - centre).T)
+    # One stray row pulls the circle; a second fit without the strays judges all rows.
+    stray = np.abs(distance - radius) > 3.0 * float(np.median(np.abs(distance - radius))) + 1e-9
+    if stray.any() and (~stray).sum() > part.height / 2:
+        centre, radius = _circle(q[~stray][:, [first, second]])
+        distance = np.hypot(*(q[:, [first, second]] - centre).T)
+    off = np.abs(distance - radius) > _OFF_CIRCLE * radius
+    off |= np.abs(q[:, third] - np.median(q[:, third])) > _OFF_CIRCLE * radius
+    if off.sum() * 2 >= part.height:
+        return none("most commanded positions lie on no common circle in a plane of the machine")
+    if float(np.median(part["r"].to_numpy())) < radius / 2.0:
+        return none(f"r is no radius: its median is {np.median(part['r'].to_numpy()):g} mm", "r")
+    arm = q[~off][:, [first, second]] - centre
+    covered = np.sort(np.mod(np.arctan2(arm[:, 1], arm[:, 0]), 2.0 * np.pi))
+    gaps = np.diff(np.append(covered, covered[0] + 2.0 * np.pi))
+    if 2.0 * np.pi - float(gaps.max()) < _LEAST_ARC_RAD:
+        arc = np.degrees(2.0 * np.pi - gaps.max())
+        return none(f"the run covers {arc:.0f}° of the circle, {np.degrees(_LEAST_ARC_RAD):.0f}° are needed")
+    strays = [
+        RowProblem(path, int(part["file_row"][int(index)]), "x y z", "the commanded position is not on the circle")
+        for index in np.flatnonzero(off)
+    ]
+    return part.filter(pl.Series(~off)), strays
+
+
+def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
+    """Give the runs one after the other, with times that rise within each set-up."""
+    notes = []
+    is_timed = all("t" in part.columns and not part["t"].null_count() for part in parts)
+    is_fed = all("feed" in part.columns and not part["feed"].null_count() for part in parts)
+    if not is_timed and not is_fed:
+        drop = [part.drop("t", strict=False) for part in parts]
+        return pl.concat(drop, how="diagonal_relaxed"), ["neither times nor feeds are stated"]
+    last: dict[tuple[str, str], float] = {}
+    result = []
+    if not is_timed:
+        notes.append("times are not stated: they follow from the feed")
+    for part in parts:
+        if is_timed:
+            part = part.sort("t", maintain_order=True)
+            t = part["t"].to_numpy().astype(np.float64)
+        else:
+            q = part.select("x", "y", "z").to_numpy().astype(np.float64)
+            first, second, _ = _axes_of(q)
+            centre, radius = _circle(q[:, [first, second]])
+            arm = q[:, [first, second]] - centre
+            turned = np.abs(np.diff(np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))))
+            speed = part["feed"].to_numpy().astype(np.float64) / 60.0
+            t = np.concatenate([[0.0], np.cumsum(turned * radius / speed[1:])])
+        key = tuple(str(part[name][0]) if name in part.columns else "" for name in ("session", "line"))
+        before = last.get((key[0], key[1]))
+        if before is not None and t[0] <= before:
+            t = t - t[0] + before + _PAUSE_S
+        last[key[0], key[1]] = float(t[-1])
+        result.append(part.with_columns(pl.Series("t", t)))
+    return pl.concat(result, how="diagonal_relaxed"), notes
