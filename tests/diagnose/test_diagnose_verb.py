@@ -15,13 +15,13 @@ import geoerr
 from geoerr.cli.diagnose_text import WIDTH, diagnosis_lines
 from geoerr.cli.main import app
 from geoerr.diagnose import add_effect
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose, diagnosis_of, with_terms
+from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms
 from geoerr.diagnose.search import search
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError
 from geoerr.fit import FitOptions
-from geoerr.model import Model, write_model
+from geoerr.model import write_model
 from geoerr.observations import Observations
 from geoerr.report import figures
 
@@ -241,15 +241,3 @@ def test_a_lag_is_chosen_where_there_is_one() -> None:
         if n_inner == 2:
             tau = next(one for one in term.inner if one.name == "tau")
             assert abs(tau.value - 600.0) < 4.0 * tau.std
-
-
-@pytest.mark.real_data
-def test_the_voron_bed_is_named(real_data: Path) -> None:
-    """Frame sensor in the model: the bed's is what is missing."""
-    folder = real_data / "thermal"
-    observations = geoerr.read_observations(folder / "observations.csv")
-    first = add_effect(
-        Model(geoerr.read_machine(folder / "machine.toml")), observations, reference="thermal-drift:z@temp_frame"
-    )
-    diagnosis = diagnose(first.result.model, observations)
-    assert diagnosis.found[0].reference.covariate == "temp_bed"

@@ -31,6 +31,8 @@ Progress = Callable[[int, int], None]
 
 # Candidates that a diagnosis lists beside the first.
 _LISTED = 8
+# Candidates that a sentence names.
+_SPOKEN = 3
 # A correlation that is worth a word.
 _ALIAS = 0.5
 # Candidates, from the best, whose held-out error is computed by a refit.
@@ -102,7 +104,10 @@ class Diagnosis:
             names = listed([f"{_lower(one.effect.title)} ({one.reference})" for one in self.found])
             return f"{'an effect is' if len(self.found) == 1 else 'effects are'} missing: {names}{more}"
         if self.verdict == "ambiguous":
-            names = listed([f"{_lower(one.effect.title)} ({one.reference})" for one in self.tied], "or")
+            shown = [f"{_lower(one.effect.title)} ({one.reference})" for one in self.tied[:_SPOKEN]]
+            if len(self.tied) > _SPOKEN:
+                shown.append(f"{len(self.tied) - _SPOKEN} more")
+            names = listed(shown, "or")
             others = [f"{_lower(one.effect.title)} ({one.reference})" for one in self.found[1:]]
             also = f"; missing besides: {listed(others)}" if others else ""
             return f"an effect is missing, and these data cannot tell which: {names}{also}{more}"

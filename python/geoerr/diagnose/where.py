@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from geoerr.diagnose.space import Space
+from geoerr.diagnose.words import number_words
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
@@ -71,7 +72,7 @@ class Where:
         """Say it: `most on line X (21.0 µm), at the high end of y; largest 31 µm at (200, 395, 30) mm`."""
         texts = [] if self.line is None else [f"most on line {self.line} ({self.line_um:.1f} µm)"]
         texts += [_span_words(span) for span in self.spans]
-        at = ", ".join(f"{value:.4g}" for value in self.at_mm).replace("-", "−")
+        at = ", ".join(map(number_words, self.at_mm))
         most = f"largest {self.largest_um:.1f} µm, at ({at}) mm"
         return f"{', '.join(texts)}; {most}" if texts else f"much the same everywhere; {most}"
 
@@ -154,9 +155,10 @@ def _span_words(span: Span) -> str:
             if span.part == "middle"
             else f"at the {span.part} end of {span.variable}"
         )
-    values = f"{span.low:.4g} to {span.high:.4g}" if span.low != span.high else f"{span.low:.4g}"
+    ends = [number_words(span.low), number_words(span.high)]
+    values = " to ".join(dict.fromkeys(ends))
     if span.variable == "t":
         return {"low": "at the beginning", "middle": "midway in time", "high": "at the end"}[
             span.part
         ] + f" (t {values})"
-    return f"where {span.variable} is {span.part} ({values})".replace("-", "−")
+    return f"where {span.variable} is {span.part} ({values})"

@@ -55,11 +55,11 @@ def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:
     _, factor = _read_in(parameter)
     match = plausible_match(parameter)
     if match is not None:
-        return f"plausible: {match.what} has {_short(match.value * factor)}"
+        return f"plausible: {match.what} has {number_words(match.value * factor)}"
     if not parameter.std <= MAX_RELATIVE_STD * abs(parameter.value):
         return "too uncertain to compare with known values"
     nearest = min(parameter.plausible, key=lambda item: abs(item.value - parameter.value))
-    return f"no known value: the nearest is {_short(nearest.value * factor)}, {nearest.what}"
+    return f"no known value: the nearest is {number_words(nearest.value * factor)}, {nearest.what}"
 
 
 def is_at_an_end(parameter: Parameter) -> bool:
@@ -109,7 +109,7 @@ def um_words(value_um: float) -> str:
 
 
 def _read_in(parameter: Parameter) -> tuple[str, float]:
-    unit = parameter.unit
+    unit = "" if parameter.unit == "1" and parameter.low is not None else parameter.unit
     if parameter.low is not None:
         return unit, 1.0
     if unit in _READ_IN:
@@ -124,7 +124,7 @@ def _read_in(parameter: Parameter) -> tuple[str, float]:
 
 def _number(value: float, std: float) -> str:
     if not (math.isfinite(std) and std > 0.0) or std > 1e6 * max(abs(value), 1e-300):
-        return _short(value)
+        return number_words(value)
     digits = 1 - math.floor(math.log10(std))
     # An error as large as the value needs no second figure.
     digits = min(digits, 6) if std < abs(value) else min(digits - 1, 6)
@@ -132,6 +132,7 @@ def _number(value: float, std: float) -> str:
     return " ± ".join(texts).replace("-", "−")
 
 
-def _short(value: float) -> str:
+def number_words(value: float) -> str:
+    """Write a number with four figures, and no power of ten where people write none."""
     text = f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
     return text.replace("-", "−")
