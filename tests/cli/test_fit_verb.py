@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 import geoerr
 from geoerr.cli import fit as verb
+from geoerr.effects import catalogue, load_catalogue
 from geoerr.errors import ExpressionError, GeoerrError, InputFileError
 from geoerr.machine import write_machine
 
@@ -199,6 +200,92 @@ def test_model_file_stands_alone_and_is_the_same_for_any_number_of_threads(folde
     assert model.record is not None
     assert [entry.reference for entry in model.record.history] == ["scale:x", "backlash:x"]
     assert model.record.history[1].parameters[0].value == b
+
+
+def test_python_writes_the_same_model_file_with_its_history(folder: Path) -> None:
+    grid(2, alpha=ALPHA).write_csv(folder / "grid.csv")
+    added = ("scale:x", "my-growth:x@temp_bed", "backlash:x")
+    arguments = [part for reference in added for part in ("--add", reference)]
+    own = folder / "own.toml"
+    done(folder, "--components", "none", *arguments, "--effects", str(own), "-o", str(folder / "verb.json"))
+    seen = []
+    result = geoerr.fit_model(
+        MACHINE,
+        geoerr.read_observations(folder / "grid.csv"),
+        components="none",
+        effects=added,
+        known=load_catalogue([own]),
+        on_progress=lambda step, total: seen.append((step, total)),
+    )
+    geoerr.write_model(folder / "python.json", result.model)
+    assert (folder / "python.json").read_bytes() == (folder / "verb.json").read_bytes()
+    assert result.model.record is not None
+    history = result.model.record.history
+    assert [entry.reference for entry in history] == list(added)
+    assert history[0].figures_before["rmse_um"] == result.before.figures.rmse_um
+    assert seen == [(step, 5) for step in range(6)]
+    # A model that was composed names its new effects by having no values for them.
+    known, new = result.model.without_terms(["backlash:x"]), catalogue()["backlash"].term("x", None, MACHINE)
+    composed = geoerr.fit_model(known + new, geoerr.read_observations(folder / "grid.csv"))
+    assert composed.model.record is not None
+    assert [entry.reference for entry in composed.model.record.history] == ["backlash:x"]
+
+
+def following(seed: int, tau_s: float) -> pl.DataFrame:
+    """A point that follows its sensor with a first-order lag, 3 µm/K, exactly between rows; times in a column."""
+    rng = np.random.default_rng(seed)
+    t = 30.0 * np.arange(200)
+    temp = 20.0 + 20.0 * (1.0 - np.exp(-t / 900.0)) + 5.0 * np.sin(t / 500.0)
+    slow = np.empty_like(temp)
+    slow[0] = temp[0]
+    for row in range(1, len(t)):
+        # The sensor's straight line between two rows, as the formula has it.
+        rate, step = (temp[row] - temp[row - 1]) / 30.0, 30.0
+        end = temp[row] - rate * tau_s
+        slow[row] = (
+            end + (slow[row - 1] - (temp[row - 1] - rate * tau_s)) * np.exp(-step / tau_s) if tau_s else temp[row]
+        )
+    x = np.tile(np.linspace(0.0, 400.0, 10), 20)
+    seen = np.zeros((len(t), 3))
+    seen[:, 0], seen[:, 2] = x, 3e-3 * (slow - 20.0)
+    seen += rng.normal(0.0, NOISE_MM, seen.shape)
+    columns: dict[str, Any] = {"carrier": ["relative"] * len(t), "line": ["a"] * len(t), "t": t, "temp_bed": temp}
+    columns |= {"x": x, "y": np.zeros(len(t)), "z": np.zeros(len(t))}
+    columns |= dict(zip(("mx", "my", "mz"), seen.T, strict=True))
+    return pl.DataFrame(columns | dict.fromkeys(("sx", "sy", "sz"), [NOISE_MM] * len(t)))
+
+
+DRIFT = ("--components", "none", "--add", "thermal-drift:z@temp_bed", "--json")
+
+
+@pytest.mark.parametrize("tau_s", [600.0, 0.0])
+def test_whether_a_temperature_is_followed_with_a_lag_is_told_by_the_data(folder: Path, tau_s: float) -> None:
+    following(5, tau_s).write_csv(folder / "grid.csv")
+    found = json.loads(done(folder, *DRIFT))["parameters"]
+    assert ("thermal-drift:z@temp_bed.tau" in found) is (tau_s > 0.0)
+    if tau_s:
+        tau = found["thermal-drift:z@temp_bed.tau"]
+        assert abs(tau["value"] - tau_s) < 4.0 * tau["std"]
+
+
+def test_a_lag_can_be_forced_and_forbidden(folder: Path) -> None:
+    following(5, 600.0).write_csv(folder / "grid.csv")
+    assert "thermal-drift:z@temp_bed.tau" not in json.loads(done(folder, *DRIFT, "--lag", "no"))["parameters"]
+    following(5, 0.0).write_csv(folder / "grid.csv")
+    assert "thermal-drift:z@temp_bed.tau" in json.loads(done(folder, *DRIFT, "--lag", "yes"))["parameters"]
+    following(5, 0.0).drop("t").write_csv(folder / "grid.csv")
+    with pytest.raises(InputFileError, match="have no time"):
+        raise run(folder, *DRIFT, "--lag", "yes").exception or AssertionError
+    with pytest.raises(InputFileError, match="no effect follows a temperature"):
+        raise run(folder, *SMALL, "--lag", "yes").exception or AssertionError
+
+
+def test_a_form_can_be_asked_for(folder: Path) -> None:
+    wave = ("--components", "none", "--add", "periodic:x", "--json")
+    forced = json.loads(done(folder, *wave, "--form", "harmonics"))["parameters"]
+    assert {name.partition(".")[2] for name in forced} == {"A", "B", "A2", "B2", "P"}
+    with pytest.raises(InputFileError, match="forms are 'harmonics'"):
+        raise run(folder, *wave, "--form", "sawtooth").exception or AssertionError
 
 
 def test_an_own_effect_is_fitted_and_predicted_as_a_built_in_one(folder: Path) -> None:

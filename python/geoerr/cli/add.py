@@ -7,9 +7,20 @@ from typing import Annotated
 
 import typer
 
-from geoerr.cli.change_text import change_document, change_text
+from geoerr.cli.change_text import change_document, change_text, note_missing_calibration
+from geoerr.cli.effect_options import Form, Lag, Lagging, way_of
 from geoerr.cli.measurements import read_measurements
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, note, null_for_nan, print_json
+from geoerr.cli.options import (
+    JsonFlag,
+    QuietFlag,
+    RigFile,
+    Threads,
+    calibration,
+    check_output,
+    note,
+    null_for_nan,
+    print_json,
+)
 from geoerr.cli.progress import progress_bar
 from geoerr.diagnose.change import add_effect
 from geoerr.effects import load_effects
@@ -31,6 +42,9 @@ def add(
     effects: Annotated[
         list[Path] | None, typer.Option("--effects", help="A .toml of your own effects; may be repeated.")
     ] = None,
+    lag: Lag = Lagging.AUTO,
+    form: Form = None,
+    rig: RigFile = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
@@ -40,7 +54,7 @@ def add(
     `empirical:x@feed` (or `empirical:z@x*y`, `empirical:work-z@t`) adds a curve that no cause is known of.
     """
     paths, reference = observations_and_reference(arguments)
-    inputs = [model, *paths, *(effects or [])]
+    inputs = [model, *paths, *(effects or []), *([rig] if rig is not None else [])]
     check_output(output, inputs)
     start = load_model(model)
     own = [effect for path in effects or [] for effect in load_effects(path)]
@@ -48,8 +62,19 @@ def add(
         advance(0, 2)
         measured = read_measurements(paths)
         advance(1, 2)
-        change = add_effect(start, *measured.tables, reference=reference, effects=own, threads=threads)
+        sensitivity, covariance = calibration(rig, measured.points)
+        change = add_effect(
+            start,
+            *measured.tables,
+            reference=reference,
+            effects=own,
+            way=way_of(lag, form),
+            rig_sensitivity=sensitivity,
+            rig_covariance=covariance,
+            threads=threads,
+        )
         advance(2, 2)
+    note_missing_calibration(start, rig, quiet)
     if output is not None:
         write_model(output, change.result.model)
     if as_json:

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from geoerr.cli.fit_text import figure_rows, parameter_rows, quality_in_words, wrapped
+from geoerr.cli.options import note
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
 from geoerr.effects import plausible_match
-from geoerr.model import HistoryEntry
+from geoerr.fit.result import CALIBRATION_UNKNOWNS
+from geoerr.model import HistoryEntry, Model
 from geoerr.report.provenance import provenance_of_command
 
 _BAR_WIDTH = 44
@@ -61,6 +63,12 @@ def _bar(inside: float, held: float, noise: float, largest: float) -> str:
     if math.isfinite(noise) and 0.0 < noise <= largest:
         bar[min(cells(noise), _BAR_WIDTH)] = _FLOOR
     return "".join(bar)
+
+
+def note_missing_calibration(model: Model, rig: Path | None, quiet: bool) -> None:
+    """Say that a calibration that was part of the model's uncertainty is not part of the new one's."""
+    if rig is None and model.record is not None and model.record.noise.get(CALIBRATION_UNKNOWNS, 0.0) > 0.0:
+        note("note: the model was fitted with its calibration's uncertainty; it is lost here without --rig", quiet)
 
 
 def change_document(change: Change, output: Path | None, inputs: Sequence[Path]) -> dict[str, Any]:

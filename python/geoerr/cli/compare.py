@@ -13,7 +13,9 @@ from geoerr.cli.measurements import Measurements, read_measurements
 from geoerr.cli.options import (
     JsonFlag,
     QuietFlag,
+    RigFile,
     Threads,
+    calibration,
     check_output,
     note,
     note_set_aside,
@@ -50,6 +52,7 @@ def compare_verb(
     report: Annotated[
         Path | None, typer.Option("--report", help="Write tables and pictures of the residual as an HTML page.")
     ] = None,
+    rig: RigFile = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
@@ -59,14 +62,23 @@ def compare_verb(
     On data that the model was not fitted to its numbers stay as they are, and only the pose of each session's
     measuring frame is fitted.
     """
-    inputs = [model, *observations]
+    inputs = [model, *observations, *([rig] if rig is not None else [])]
     check_output(report, inputs)
     known = load_model(model)
     measured = read_measurements(observations, with_lengths=True)
     with progress_bar("compare", quiet) as advance:
         n_steps = 3
         advance(0, n_steps)
-        comparison = compare(known, *measured.tables, *measured.lengths, refit=refit, threads=threads)
+        sensitivity, covariance = calibration(rig, measured.points)
+        comparison = compare(
+            known,
+            *measured.tables,
+            *measured.lengths,
+            refit=refit,
+            rig_sensitivity=sensitivity,
+            rig_covariance=covariance,
+            threads=threads,
+        )
         advance(1, n_steps)
         document = comparison.to_document()
         advance(2, n_steps)

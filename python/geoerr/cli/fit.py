@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from geoerr.cli.effect_options import Addition, additions
+from geoerr.cli.effect_options import Form, Lag, Lagging, way_of
 from geoerr.cli.fit_text import (
     counted,
     error_rows,
@@ -27,6 +27,7 @@ from geoerr.cli.options import (
     JsonFlag,
     MachineFile,
     QuietFlag,
+    RigFile,
     Threads,
     calibration,
     check_output,
@@ -37,17 +38,15 @@ from geoerr.cli.options import (
 )
 from geoerr.cli.progress import progress_bar
 from geoerr.diagnose import comparison_document
-from geoerr.effects import plausible_match
+from geoerr.effects import load_catalogue, plausible_match
 from geoerr.error_functions import ALL_NAMES
-from geoerr.fit import Components, FitOptions, FitResult, Fitted, fit_terms, refit, result_of, sightings_of
+from geoerr.fit import Components, FitOptions, FitResult, Fitted, fit_model
 from geoerr.fit.undetermined import iso_name
 from geoerr.machine import read_machine
 from geoerr.model import HistoryEntry, write_model
 from geoerr.report.provenance import provenance_of_command
 
 _MOST_OUTLIERS_NAMED = 8
-# What `model.json` remembers of the errors before and after an effect was added.
-_REMEMBERED = ("rmse_um", "held_out_rmse_um", "noise_floor_um", "noise_um")
 
 
 class ComponentsChoice(StrEnum):
@@ -83,12 +82,12 @@ def fit(
         list[str] | None,
         typer.Option("--add", metavar="ID[:AXIS][@COVARIATE]", help="An effect to fit along; may be repeated."),
     ] = None,
+    lag: Lag = Lagging.AUTO,
+    form: Form = None,
     tangent: Annotated[
         bool, typer.Option("--tangent", help="Straightness is the integral of the angle (Li Eq. 19).")
     ] = False,
-    rig: Annotated[
-        Path | None, typer.Option("--rig", help="rig.json: include the calibration's uncertainty.")
-    ] = None,
+    rig: RigFile = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
@@ -102,29 +101,23 @@ def fit(
     described = read_machine(machine)
     measured = read_measurements(observations)
     sensitivity, covariance = calibration(rig, measured.points)
-    added = additions(add or [], effect_files, described, sightings_of(*measured.tables), components.value)
+    added = add or []
     options = FitOptions(components=components.value, follows_tangent=tangent, threads=threads)
     with progress_bar("fit", quiet) as advance:
-        n_steps = 2 + len(added)
-        advance(0, n_steps)
-        fitted = fit_terms(
+        result = fit_model(
             described,
-            measured.tables,
-            effects=[term for one in added for term in one.terms],
+            *measured.tables,
+            effects=added,
+            known=load_catalogue(effect_files),
+            way=way_of(lag, form),
             options=options,
             rig_sensitivity=sensitivity,
             rig_covariance=covariance,
+            on_progress=advance,
         )
-        steps = [fitted]
-        for number in range(max(len(added), 1)):
-            advance(1 + number, n_steps)
-            steps.insert(-1, _before(fitted, added, number, threads))
-        before = steps[0]
-        result = result_of(fitted, _history(steps, added))
-        advance(n_steps, n_steps)
     if output is not None:
         write_model(output, result.model)
-    outcome = _Outcome(result, before, measured, added)
+    outcome = _Outcome(result, result.before, measured, len(added))
     if as_json:
         print_json(null_for_nan(_document(outcome, output, inputs)))
         return
@@ -142,42 +135,12 @@ class _Outcome:
     result: FitResult
     before: Fitted
     measured: Measurements
-    added: Sequence[Addition]
+    n_added: int
 
     @property
     def meaning_of_before(self) -> str:
         """Say which model the figures before are of."""
-        return "the same model without the effects" if self.added else "a machine without errors"
-
-
-def _before(fitted: Fitted, added: Sequence[Addition], number: int, threads: int) -> Fitted:
-    """Fit the same rows with the first effects only; where none was added, with a machine without errors."""
-    if not added:
-        return refit(fitted, ())
-    left_out = {term.id for one in added[number:] for term in one.terms}
-    return refit(fitted, [term for term in fitted.terms if term.id not in left_out])
-
-
-def _history(steps: Sequence[Fitted], added: Sequence[Addition]) -> list[HistoryEntry]:
-    """Give an entry for each effect, in the order in which they were asked for: `steps` are the fits between them."""
-    if not added:
-        return []
-    found = {term.id: term for term in steps[-1].terms}
-    return [
-        HistoryEntry(
-            reference=one.reference,
-            title=one.title,
-            figures_before=_remembered(before),
-            figures_after=_remembered(after),
-            parameters=tuple(p for term in one.terms for p in (*found[term.id].coefficients, *found[term.id].inner)),
-        )
-        for one, before, after in zip(added, steps[:-1], steps[1:], strict=True)
-    ]
-
-
-def _remembered(fitted: Fitted) -> dict[str, float]:
-    figures = comparison_document(fitted)
-    return {name: float("nan") if figures[name] is None else float(figures[name]) for name in _REMEMBERED}
+        return "the same model without the effects" if self.n_added else "a machine without errors"
 
 
 def _document(outcome: _Outcome, output: Path | None, inputs: Sequence[Path]) -> dict[str, Any]:
@@ -228,7 +191,7 @@ def _text(outcome: _Outcome, components: Components) -> list[str]:
     machine = fitted.machine
     lines = [
         f"{machine.name} ({machine.chain}): {'no' if components == 'none' else components} components, "
-        f"{counted(len(outcome.added), 'effect')}; {counted(len(fitted.sightings), 'row')} in "
+        f"{counted(outcome.n_added, 'effect')}; {counted(len(fitted.sightings), 'row')} in "
         f"{counted(fitted.sightings.n_passes, 'pass')}, {counted(fitted.n_parameters, 'parameter')}",
         "",
         *figure_rows({"before": comparison_document(outcome.before), "after": comparison_document(fitted)}),

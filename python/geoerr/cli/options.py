@@ -26,6 +26,7 @@ Threads = Annotated[
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 MachineFile = Annotated[Path, typer.Option("--machine", help="machine.toml: chain and ranges of the machine.")]
+RigFile = Annotated[Path | None, typer.Option("--rig", help="rig.json: include the calibration's uncertainty.")]
 
 
 def print_json(document: Any) -> None:

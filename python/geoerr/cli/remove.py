@@ -8,9 +8,19 @@ from typing import Annotated
 import typer
 
 from geoerr.cli.add import observations_and_reference
-from geoerr.cli.change_text import change_document, change_text
+from geoerr.cli.change_text import change_document, change_text, note_missing_calibration
 from geoerr.cli.measurements import read_measurements
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, note, null_for_nan, print_json
+from geoerr.cli.options import (
+    JsonFlag,
+    QuietFlag,
+    RigFile,
+    Threads,
+    calibration,
+    check_output,
+    note,
+    null_for_nan,
+    print_json,
+)
 from geoerr.diagnose.change import remove_terms
 from geoerr.model import load_model, write_model
 
@@ -27,15 +37,26 @@ def remove(
         typer.Argument(metavar="OBS... ID[:AXIS][@COVARIATE]", help="Measurements, and last the effect."),
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="model.json to write.")] = None,
+    rig: RigFile = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
 ) -> None:
     """Take an effect out of a model, fit what is left again, and show how far the error rises."""
     paths, reference = observations_and_reference(arguments)
-    inputs = [model, *paths]
+    inputs = [model, *paths, *([rig] if rig is not None else [])]
     check_output(output, inputs)
-    change = remove_terms(load_model(model), read_measurements(paths).tables, reference, threads=threads)
+    start, measured = load_model(model), read_measurements(paths)
+    sensitivity, covariance = calibration(rig, measured.points)
+    change = remove_terms(
+        start,
+        measured.tables,
+        reference,
+        rig_sensitivity=sensitivity,
+        rig_covariance=covariance,
+        threads=threads,
+    )
+    note_missing_calibration(start, rig, quiet)
     if output is not None:
         write_model(output, change.result.model)
     if as_json:

@@ -6,22 +6,27 @@ no part in either figure. The model file remembers every change (`history`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from geoerr.diagnose.document import comparison_document
 from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
-from geoerr.fit import FitOptions, FitResult, Fitted, fit_terms, refit, result_of, sightings_of
-from geoerr.fit.additions import best_terms, refuse_wanting
-from geoerr.fit.empirical import empirical_term, is_empirical
+from geoerr.fit import (
+    FitOptions,
+    FitResult,
+    Fitted,
+    Way,
+    figures_to_remember,
+    fit_terms,
+    refit,
+    result_of,
+    sightings_of,
+)
+from geoerr.fit.additions import additions
+from geoerr.fit.sightings import Numbers
 from geoerr.model import HistoryEntry, Model
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term, parse_effect_reference
-
-# What `model.json` remembers of the errors before and after a change.
-_REMEMBERED = ("rmse_um", "held_out_rmse_um", "noise_floor_um", "noise_um")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +51,9 @@ def add_effect(
     *tables: Observations | CircularTest,
     reference: str,
     effects: Sequence[Effect] = (),
+    way: Way | None = None,
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
     threads: int = 0,
 ) -> Change:
     """Add what a reference names, and fit the whole model again.
@@ -63,6 +71,11 @@ def add_effect(
         `ID[:AXIS][@COVARIATE]`.
     effects
         A user's own, beside the catalogue's.
+    way
+        How the effect is written, where that is not for the data to say.
+    rig_sensitivity, rig_covariance
+        The calibration's uncertainty, as for `geoerr.fit_model`: of a model that was fitted with it, it is needed
+        again.
 
     Raises
     ------
@@ -71,19 +84,15 @@ def add_effect(
     GeoerrError
         where the model has the effect already.
     """
-    if not is_empirical(reference):
-        known = catalogue().extended(effects, "effects") if effects else catalogue()
-        effect, resolved = known.resolve(reference)
-        refuse_wanting(effect, resolved, sightings_of(*tables))
-        name, title = str(resolved), effect.title
-        _refuse_held(model, name)
-        terms = best_terms(_fitted(model, tables, own_terms(model), threads), effect, resolved)
-    else:
-        name = str(parse_effect_reference(reference))
-        _refuse_held(model, name)
-        terms = (empirical_term(_fitted(model, tables, own_terms(model), threads), reference),)
-        title = terms[0].title
-    return add_terms(model, tables, terms, name, title, threads=threads)
+    known = catalogue().extended(effects, "effects") if effects else catalogue()
+    _refuse_held(model, str(parse_effect_reference(reference)))
+    calibration = _Calibration(rig_sensitivity, rig_covariance)
+
+    def fit(more: Sequence[Term]) -> Fitted:
+        return _fitted(model, tables, [*own_terms(model), *more], calibration, threads)
+
+    found = additions([reference], known, model.machine, sightings_of(*tables), "none", fit, way)[0]
+    return _added(model, tables, found.terms, found.reference, found.title, calibration, threads)
 
 
 def _refuse_held(model: Model, *names: str) -> None:
@@ -100,6 +109,8 @@ def add_terms(
     reference: str,
     title: str,
     *,
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
     threads: int = 0,
 ) -> Change:
     """Add an effect and fit the whole model again.
@@ -114,15 +125,30 @@ def add_terms(
         The effect's, with values unknown.
     reference, title
         As the history names it.
+    rig_sensitivity, rig_covariance
+        As for `add_effect`.
 
     Raises
     ------
     GeoerrError
         where the model has the effect already.
     """
+    calibration = _Calibration(rig_sensitivity, rig_covariance)
+    return _added(model, tables, terms, reference, title, calibration, threads)
+
+
+def _added(
+    model: Model,
+    tables: Sequence[Observations | CircularTest],
+    terms: Sequence[Term],
+    reference: str,
+    title: str,
+    calibration: _Calibration,
+    threads: int,
+) -> Change:
     _refuse_held(model, *(term.id for term in terms))
     held = {term.id for term in own_terms(model)}
-    after = _fitted(model, tables, [*own_terms(model), *terms], threads)
+    after = _fitted(model, tables, [*own_terms(model), *terms], calibration, threads)
     before = refit(after, [term for term in after.terms if term.id in held])
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
 
@@ -132,6 +158,8 @@ def remove_terms(
     tables: Sequence[Observations | CircularTest],
     reference: str,
     *,
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
     threads: int = 0,
 ) -> Change:
     """Take an effect away and fit what is left again.
@@ -140,6 +168,8 @@ def remove_terms(
     ----------
     reference
         The effect's, as the model's report writes it: `thermal-expansion:x@temp_bed`.
+    rig_sensitivity, rig_covariance
+        As for `add_effect`.
 
     Raises
     ------
@@ -153,7 +183,7 @@ def remove_terms(
             f"the model has no effect {reference!r}\nhint: it has {', '.join(effects) if effects else 'no effects'}"
         )
     title = next(term.title for term in terms if term.id == reference)
-    before = _fitted(model, tables, terms, threads)
+    before = _fitted(model, tables, terms, _Calibration(rig_sensitivity, rig_covariance), threads)
     after = refit(before, [term for term in before.terms if term.id != reference])
     return _change(model, before, after, "removed", reference, title, [reference])
 
@@ -163,17 +193,29 @@ def own_terms(model: Model) -> tuple[Term, ...]:
     return (*model.all_machine_terms, *model.rig_terms)
 
 
-def figures_to_remember(fitted: Fitted) -> dict[str, float]:
-    """Give the error figures that a history entry holds; NaN where one is not computable."""
-    figures = comparison_document(fitted)
-    return {name: math.nan if figures[name] is None else float(figures[name]) for name in _REMEMBERED}
+@dataclass(frozen=True, eq=False)
+class _Calibration:
+    """How the calibration moves the points, (n, 3, p), and its covariance (p, p); None where it is not told."""
+
+    sensitivity: Numbers | None
+    covariance: Numbers | None
 
 
 def _fitted(
-    model: Model, tables: Sequence[Observations | CircularTest], terms: Sequence[Term], threads: int
+    model: Model,
+    tables: Sequence[Observations | CircularTest],
+    terms: Sequence[Term],
+    calibration: _Calibration,
+    threads: int,
 ) -> Fitted:
-    options = FitOptions(components="none", threads=threads)
-    return fit_terms(model.machine, tables, effects=terms, options=options)
+    return fit_terms(
+        model.machine,
+        tables,
+        effects=terms,
+        options=FitOptions(components="none", threads=threads),
+        rig_sensitivity=calibration.sensitivity,
+        rig_covariance=calibration.covariance,
+    )
 
 
 def _change(

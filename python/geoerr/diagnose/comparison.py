@@ -190,6 +190,8 @@ def compare(
     *tables: Observations | CircularTest | Lengths,
     refit: bool = False,
     rows: np.ndarray | None = None,
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
     threads: int = 0,
 ) -> Comparison:
     """Hold a model against measurements.
@@ -208,6 +210,8 @@ def compare(
         Fit the model's coefficients to data that are not its own, too.
     rows : (n,) or None
         Which of the measured rows take part, as `common_rows` gives them: to compare models on the same rows.
+    rig_sensitivity, rig_covariance
+        The calibration's uncertainty, as for `geoerr.fit_model`: it takes part where the model's own freedom does.
     threads
         0 = all cores.
 
@@ -235,7 +239,15 @@ def compare(
     if rows is not None:
         sightings = _selected(sightings, rows)
     if is_own or refit:
-        fitted = own_freedom(model.machine, sightings, terms, threads=threads)
+        fitted = own_freedom(
+            model.machine,
+            sightings,
+            terms,
+            tables=others,
+            rig_sensitivity=rig_sensitivity,
+            rig_covariance=rig_covariance,
+            threads=threads,
+        )
     else:
         fitted = frames_only(_refusing_unknown(model).machine, sightings, terms, threads=threads)
     return Comparison(model, "own" if is_own else "refit" if refit else "held", fitted, compared)

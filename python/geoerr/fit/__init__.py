@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from geoerr.effects import catalogue
+from geoerr.effects import Catalogue, catalogue
+from geoerr.fit.additions import Addition, Way, additions
 from geoerr.fit.classic import Components
 from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
 from geoerr.fit.given import complete_rows, frames_only, has_covariates, own_freedom
+from geoerr.fit.history import figures_to_remember, history_of, steps_to
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
 from geoerr.fit.sightings import Numbers, Sightings, sightings_of
 from geoerr.fit.split import Split
@@ -19,6 +22,7 @@ from geoerr.observations import CircularTest, Observations
 from geoerr.terms import EffectReference, Term
 
 __all__ = [
+    "Addition",
     "Components",
     "FitOptions",
     "FitResult",
@@ -26,9 +30,11 @@ __all__ = [
     "Outlier",
     "Sightings",
     "Split",
+    "Way",
     "complete_rows",
     "digest_of",
     "figures_document",
+    "figures_to_remember",
     "fit_model",
     "fit_terms",
     "frames_only",
@@ -45,9 +51,12 @@ def fit_model(
     *tables: Observations | CircularTest,
     components: Components | None = None,
     effects: Sequence[Term | EffectReference | str] = (),
+    known: Catalogue | None = None,
+    way: Way | None = None,
     options: FitOptions | None = None,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> FitResult:
     """Fit a volumetric model to measurements.
 
@@ -71,37 +80,57 @@ def fit_model(
     components
         `21` (Li), `12` (Dobariya: no angles) or `none`; short for the field of `options`, and wins over it.
     effects
-        What there is beyond the classic errors: references to built-in effects (`"backlash:x"`), or terms, as
-        `load_effects("own.toml")[0].term("x", None, machine)`.
+        What there is beyond the classic errors: references (`"backlash:x"`), or terms. The model's history has an
+        entry for each.
+    known
+        Where references are looked up: `load_catalogue(["own.toml"])` has a user's own beside the built-in ones.
+    way
+        Whether temperatures are followed with a lag, and in which form effects are written; what it leaves open is
+        for the data to say.
     options
         Components, tangent-following, bases, robustness.
     rig_sensitivity, rig_covariance
         From `geoerr.rig_sensitivity(rig, observations)` and `rig.covariance`: the calibration's uncertainty is then
         part of every standard error.
+    on_progress
+        Called with the number of steps that are done, and of all.
 
     Raises
     ------
     GeometryError
         where nothing can be fitted.
     InputFileError
-        for a reference that names no effect, or an axis that it is not for.
+        for a reference that names no effect, an axis that it is not for, or a column that the data do not have.
     """
     options = options or FitOptions()
     terms: tuple[Term, ...] = ()
     if isinstance(machine, Model):
         terms, components = (*machine.all_machine_terms, *machine.rig_terms), "none"
         machine = machine.machine
-    fitted = fit_terms(
-        machine,
-        tables,
-        effects=[*terms, *(e if isinstance(e, Term) else _term_of(e, machine) for e in effects)],
-        options=options if components is None else replace(options, components=components),
-        rig_sensitivity=rig_sensitivity,
-        rig_covariance=rig_covariance,
-    )
-    return result_of(fitted)
+    described, options = machine, options if components is None else replace(options, components=components)
+
+    def fit(more: Sequence[Term]) -> Fitted:
+        return fit_terms(
+            described,
+            tables,
+            effects=[*terms, *more],
+            options=options,
+            rig_sensitivity=rig_sensitivity,
+            rig_covariance=rig_covariance,
+        )
+
+    on_progress(0, 2 + len(effects))
+    asked = additions(effects, known or catalogue(), described, sightings_of(*tables), options.components, fit, way)
+    fitted = fit([term for one in asked for term in one.terms])
+    # A model that was composed names its new effects by having no values for them.
+    added = [Addition(term.id, term.title, (term,)) for term in terms if _is_new(term)] + asked
+    total, done = 2 + len(added), iter(range(1, 3 + len(added)))
+    on_progress(next(done), total)
+    steps = steps_to(fitted, added, lambda: on_progress(next(done), total))
+    result = replace(result_of(fitted, history_of(steps, added)), steps=steps)
+    on_progress(total, total)
+    return result
 
 
-def _term_of(reference: str | EffectReference, machine: Machine) -> Term:
-    effect, checked = catalogue().resolve(reference)
-    return effect.term(checked.axis, checked.covariate, machine)
+def _is_new(term: Term) -> bool:
+    return term.kind != "classic" and any(math.isnan(p.value) for p in (*term.coefficients, *term.inner))

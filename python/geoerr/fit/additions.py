@@ -1,25 +1,146 @@
 """From a reference to the terms that are fitted: what the data carry, and in which way the effect is written best.
 
 An effect may have several forms, and a temperature is followed at once or with a lag; all of them are one candidate
-under one name. Which way it is written is for the data to say.
+under one name. Which way it is written is for the data to say, or for the user (`Way`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.effects import Effect
+from geoerr.effects import Catalogue, Effect
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
 from geoerr.errors import InputFileError
+from geoerr.fit.classic import Components, names_of
+from geoerr.fit.empirical import empirical_term, is_empirical
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.inner import best_start
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
 from geoerr.machine import Machine
-from geoerr.terms import EffectReference, Term
+from geoerr.terms import SQUARENESS_CHANNELS, EffectReference, Term, parse_effect_reference
+
+
+@dataclass(frozen=True)
+class Way:
+    """How effects are to be written; what is None is for the data to say.
+
+    Attributes
+    ----------
+    lagged
+        Whether effects that follow a temperature do so through a first-order lag.
+    form
+        Name of the form, for effects that have one of that name.
+    """
+
+    lagged: bool | None = None
+    form: str | None = None
+
+
+@dataclass(frozen=True)
+class Addition:
+    """An effect beyond the classic errors: its reference as reports write it, its title, its terms."""
+
+    reference: str
+    title: str
+    terms: tuple[Term, ...]
+
+
+def additions(
+    wanted: Sequence[Term | EffectReference | str],
+    known: Catalogue,
+    machine: Machine,
+    sightings: Sightings,
+    components: Components,
+    fit: Callable[[Sequence[Term]], Fitted],
+    way: Way | None = None,
+) -> list[Addition]:
+    """Give effects that were asked for as terms whose values are unknown.
+
+    Parameters
+    ----------
+    wanted
+        References, or terms as they are.
+    known
+        Where references are looked up.
+    machine
+        For ranges, sides and the reference temperature.
+    sightings
+        The data: they must hold the columns that an effect needs.
+    components
+        Classic errors of the model: one of them is not added a second time.
+    fit
+        Fits the model with these terms beyond its own: asked for where the data have to say how an effect is written.
+    way
+        How to write them.
+
+    Raises
+    ------
+    InputFileError
+        for a reference that names no effect, a column that the data do not have, what the model holds already, or a
+        form or a lag that no effect has.
+    """
+    way = way or Way()
+    _refuse_way(way, wanted, known)
+    held = {*names_of(components), *(() if components == "none" else SQUARENESS_CHANNELS)}
+    added: list[Addition] = []
+    for one in wanted:
+        found = _addition(one, known, machine, sightings, way, lambda: fit([t for a in added for t in a.terms]))
+        channels = [channel for term in found.terms for channel in term.channels]
+        if not isinstance(one, Term) and _is_classic(found, known) and held.issuperset(channels):
+            raise InputFileError(
+                found.reference,
+                f"is in the model already, among its {components} components: {', '.join(channels)}",
+                remedy="leave it out, or fit it with --components none",
+            )
+        names = {term.id for other in added for term in other.terms}
+        if names.intersection(term.id for term in found.terms):
+            raise InputFileError(found.reference, "is added twice", remedy="name it once")
+        added.append(found)
+    return added
+
+
+def _refuse_way(way: Way, wanted: Sequence[Term | EffectReference | str], known: Catalogue) -> None:
+    """Refuse a lag or a form that nothing that was asked for can have."""
+    effects = [known.resolve(one)[0] for one in wanted if not isinstance(one, Term) and not is_empirical(str(one))]
+    if way.lagged is not None and not any(effect.follows_temperature for effect in effects):
+        raise InputFileError("lag", "is asked for, and no effect follows a temperature", remedy="leave it out")
+    forms = dict.fromkeys(name for effect in effects for name in effect.form_names if name)
+    if way.form is not None and way.form not in forms:
+        has = (
+            f"forms are {', '.join(map(repr, forms))}" if forms else "these effects have one form each; leave it out"
+        )
+        raise InputFileError(way.form, "is a form of none of these effects", remedy=has)
+
+
+def _addition(
+    wanted: Term | EffectReference | str,
+    known: Catalogue,
+    machine: Machine,
+    sightings: Sightings,
+    way: Way,
+    fit: Callable[[], Fitted],
+) -> Addition:
+    if isinstance(wanted, Term):
+        return Addition(wanted.id, wanted.title, (wanted,))
+    if is_empirical(str(wanted)):
+        term = empirical_term(fit(), wanted)
+        return Addition(term.id, term.title, (term,))
+    effect, reference = known.resolve(wanted)
+    refuse_wanting(effect, reference, sightings)
+    ways = ways_of(effect, reference, machine, sightings, way)
+    terms = best_terms(fit(), effect, reference, way) if len(ways) > 1 else (*ways,)
+    return Addition(str(reference), effect.title, terms or usual_terms(effect, reference, machine, sightings))
+
+
+def _is_classic(found: Addition, known: Catalogue) -> bool:
+    name = parse_effect_reference(found.reference).effect
+    return name in known and known[name].is_classic
 
 
 def refuse_wanting(effect: Effect, reference: EffectReference, sightings: Sightings) -> None:
@@ -56,7 +177,9 @@ def usual_terms(
     return (_term(effect, reference, machine, sightings, None, lagged=False),)
 
 
-def best_terms(fitted: Fitted, effect: Effect, reference: EffectReference) -> tuple[Term, ...]:
+def best_terms(
+    fitted: Fitted, effect: Effect, reference: EffectReference, way: Way | None = None
+) -> tuple[Term, ...]:
     """Give the terms of an effect in the form, lagged or not, that explains most of what a fit leaves.
 
     Forms are compared by Schwarz's evidence, so that a lag has to earn its parameter. Inner parameters have the
@@ -67,7 +190,7 @@ def best_terms(fitted: Fitted, effect: Effect, reference: EffectReference) -> tu
     sigma = fitted.scale if math.isfinite(fitted.scale) and fitted.scale > 0.0 else 1.0
     price = 0.5 * math.log(max(int(fitted.sightings.is_measured[fitted.solved.used].sum()), 2))
     found, most = None, -math.inf
-    for term in _ways(fitted, effect, reference):
+    for term in ways_of(effect, reference, fitted.machine, fitted.sightings, way):
         started, gain = best_start(fitted, term, threads=fitted.threads)
         evidence = 0.5 * gain / sigma**2 - price * (len(term.coefficients) + len(term.inner))
         if evidence > most:
@@ -75,20 +198,37 @@ def best_terms(fitted: Fitted, effect: Effect, reference: EffectReference) -> tu
     return usual_terms(effect, reference, fitted.machine, fitted.sightings) if found is None else (found,)
 
 
-def _ways(fitted: Fitted, effect: Effect, reference: EffectReference) -> list[Term]:
-    """Give the term of every form that the data carry, lagged and not."""
-    sightings, columns = fitted.sightings, fitted.sightings.covariate_columns
+def ways_of(
+    effect: Effect, reference: EffectReference, machine: Machine, sightings: Sightings, way: Way | None = None
+) -> list[Term]:
+    """Give the term of every form that the data carry, lagged and not, as far as `way` leaves it open.
+
+    Raises
+    ------
+    InputFileError
+        for a lag in data that have no time.
+    """
+    way, columns = way or Way(), sightings.covariate_columns
+    if effect.is_smooth:
+        return []
+    can_lag = reference.covariate is not None and effect.follows_temperature
+    if way.lagged and can_lag and "t" not in columns:
+        raise InputFileError(
+            str(reference),
+            "can have no lag: the data have no time",
+            remedy="add a column t (s), or leave the lag out",
+        )
     ways = []
-    for form in effect.forms:
+    for form in [one for one in effect.forms if one.name == way.form] or effect.forms:
         if columns_wanting(form, effect.parameter_names, columns) is not None:
             continue
         if reference.covariate not in (*temperature_choices(form, columns), *form.covariates):
             continue
-        for lagged in (False, True):
-            if lagged and (reference.covariate is None or not effect.follows_temperature or "t" not in columns):
+        for lagged in (False, True) if way.lagged is None or not can_lag else (way.lagged,):
+            if lagged and (not can_lag or "t" not in columns):
                 continue
             try:
-                ways.append(_term(effect, reference, fitted.machine, sightings, form.name, lagged=lagged))
+                ways.append(_term(effect, reference, machine, sightings, form.name, lagged=lagged))
             except InputFileError:
                 # This form belongs to another covariate.
                 continue

@@ -130,7 +130,7 @@ def fit_terms(
     options = options or FitOptions()
     sightings = sightings_of(*tables)
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
-    shared = _shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
+    shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     given = dict(options.bases or {})
     rich = dict(given)
     for name in names_of(options.components):
@@ -272,21 +272,26 @@ class Given:
         return Given(self.displacement_mm[kept], self.falsified_mm[kept], self.is_used[kept])
 
 
-def _shared_unknowns(
+def shared_unknowns(
     tables: Sequence[Observations | CircularTest],
     sightings: Sightings,
     rig_sensitivity: Numbers | None,
     rig_covariance: Numbers | None,
 ) -> _Shared | None:
-    """Bring the calibration's uncertainty into unknowns of unit variance: S Σ Sᵀ = (S F)(S F)ᵀ with Σ = F Fᵀ."""
+    """Bring the calibration's uncertainty into unknowns of unit variance: S Σ Sᵀ = (S F)(S F)ᵀ with Σ = F Fᵀ.
+
+    The sensitivity (n, 3, p) is that of the rows of the one table of points; circular tests know no camera.
+    """
     if rig_sensitivity is None or rig_covariance is None:
         return None
     value, vector = np.linalg.eigh(rig_covariance)
     keep = value > max(float(value.max()), 0.0) * 1e-14
     root = vector[:, keep] * np.sqrt(value[keep])
-    if len(tables) != 1:
+    if sum(isinstance(table, Observations) for table in tables) != 1:
         raise GeometryError("the calibration's uncertainty can be taken along for one table of points only")
-    derivative = rig_sensitivity[sightings.source_row] @ root
+    is_point = np.array([kind != "circle" for kind in sightings.frames])[sightings.session]
+    derivative = np.zeros((len(sightings), 3, root.shape[1]))
+    derivative[is_point] = rig_sensitivity[sightings.source_row[is_point]] @ root
     if not np.isfinite(derivative).all():
         raise GeometryError(
             "some rows have no pixels, so that the calibration's part in their uncertainty is unknown\n"

@@ -15,13 +15,14 @@ from scipy import stats
 
 from geoerr import _core
 from geoerr.errors import GeometryError
-from geoerr.fit.fit import LACKING, FitOptions, Given, Posed
+from geoerr.fit.fit import LACKING, FitOptions, Given, Posed, shared_unknowns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import Frames
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
+from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term
 
 # Rows on either side that a row is held against.
@@ -104,9 +105,23 @@ def frames_only(machine: Machine, sightings: Sightings, terms: Sequence[Term], *
     return fitted
 
 
-def own_freedom(machine: Machine, sightings: Sightings, terms: Sequence[Term], *, threads: int = 0) -> Fitted:
-    """Fit the terms anew, bases as they are, inner parameters from the values that they have."""
-    return Posed(machine, sightings, None, FitOptions(components="none", threads=threads)).fit(tuple(terms))
+def own_freedom(
+    machine: Machine,
+    sightings: Sightings,
+    terms: Sequence[Term],
+    *,
+    tables: Sequence[Observations | CircularTest] = (),
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
+    threads: int = 0,
+) -> Fitted:
+    """Fit the terms anew, bases as they are, inner parameters from the values that they have.
+
+    `rig_sensitivity` (of the rows of the one table of points) and `rig_covariance` are the calibration, where it is
+    to be fitted along; the sightings are those of `tables` then.
+    """
+    shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
+    return Posed(machine, sightings, shared, FitOptions(components="none", threads=threads)).fit(tuple(terms))
 
 
 def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:

@@ -6,11 +6,13 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import polars as pl
 
+from geoerr.fit.fit import refit
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
@@ -19,6 +21,8 @@ from geoerr.terms import RAW_VARIABLES
 
 # Directions of parameters whose part in the model is below this are those of the measuring frames alone.
 _NOTHING = 1e-9
+# In a record's `noise`: how many unknowns of the calibration were fitted along, held by its covariance.
+CALIBRATION_UNKNOWNS = "calibration_unknowns"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +35,19 @@ class FitResult:
         The model with its record; `write_model` writes it.
     fitted
         Residuals, choices, outliers, and the core's objects.
+    steps
+        Fits of the same rows with none of the effects that were asked for, with the first, ..., with all; empty where
+        the steps are not known.
     """
 
     model: Model
     fitted: Fitted
+    steps: tuple[Fitted, ...] = ()
+
+    @cached_property
+    def before(self) -> Fitted:
+        """The same rows fitted without the effects; where there are none, with a machine without errors."""
+        return self.steps[0] if len(self.steps) > 1 else refit(self.fitted, ())
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -99,15 +112,19 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         n_outliers=len(fitted.outliers),
         range_mm=moved,
         covariate_spans=spans,
-        noise=_numbers(
-            {
-                "scale": fitted.scale,
-            }
-        ),
+        noise=_numbers({"scale": fitted.scale} | _calibration(fitted)),
         figures=_numbers({name: value for name, value in figures_document(fitted).items() if _is_plain(value)}),
         history=tuple(history),
     )
     return FitResult(Model(fitted.machine, terms=fitted.terms, record=record), fitted)
+
+
+def _calibration(fitted: Fitted) -> dict[str, float]:
+    """Count the unknowns of the calibration that were fitted along; nothing where there are none."""
+    count = (
+        0 if fitted.prior is None else int(fitted.prior[:, fitted.problem.first_shared_column :].any(axis=1).sum())
+    )
+    return {CALIBRATION_UNKNOWNS: float(count)} if count else {}
 
 
 def figures_document(fitted: Fitted) -> dict[str, Any]:
