@@ -36,14 +36,14 @@ def record(one: Set, n_rows: int, *, is_study: bool) -> dict[str, Any]:
     except CannotCarryError as why:
         return line | {"failed": "not-carried", "why": str(why)}
     line |= {"seed": case.seed, "chain": case.chain, "plan": case.plan, "n": len(case.observations)}
-    line["truth"] = [_truth(case, place) for place in range(len(case.truth))]
+    line["truth"] = [truth_of(case, place) for place in range(len(case.truth))]
     try:
         start = time.perf_counter()
         fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
         fitted_at = time.perf_counter()
         diagnosis = diagnose(fitted, threads=1)
         line["seconds"] = {"fit": fitted_at - start, "diagnose": time.perf_counter() - fitted_at}
-        line |= _answer(diagnosis)
+        line |= answer_of(diagnosis)
         if case.truth:
             line["oracle_um"] = _held_out_um(fit_terms(case.machine, [without_hidden(case)], options=OPTIONS))
     except Exception as failure:
@@ -52,7 +52,8 @@ def record(one: Set, n_rows: int, *, is_study: bool) -> dict[str, Any]:
     return line
 
 
-def _truth(case: Case, place: int) -> dict[str, Any]:
+def truth_of(case: Case, place: int) -> dict[str, Any]:
+    """Give what was hidden, as a line has it."""
     effect = case.truth[place]
     bounds = inner_bounds(case) if place == 0 and effect.effect is not None else {}
     name = None if effect.effect is None else str(EffectReference(effect.effect, effect.axis, effect.covariate))
@@ -70,7 +71,8 @@ def _truth(case: Case, place: int) -> dict[str, Any]:
     }
 
 
-def _answer(diagnosis: Diagnosis) -> dict[str, Any]:
+def answer_of(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Give what was found, as a line has it."""
     document = diagnosis.to_document()
     unknown = document["unknown"]
     return {
