@@ -125,13 +125,25 @@ def test_short_ways_to_write_an_effect(tmp_path: Path, body: str, axis: str | No
         ('["x", "y"]', '"x"', "axes", "not a list"),
         ('["x", "y"]', '["work-x"]', "axes", "direction of the work"),
         ('["x", "y"]', "[]", "axes", "moving axis"),
-        ("expression =", "expresion =", "expression", "is missing"),
+        ("expression =", "expresion =", "expresion", "did you mean expression"),
+        ('unit = "1/K"', 'unt = "1/K"', "coefficients.alpha: unt", "did you mean unit"),
+        ('range = "axis"', 'Range = "axis"', "inner.q_fixed: Range", "did you mean range"),
+        ("looks_like =", "looks_lke =", "looks_lke", "did you mean looks_like"),
+        ("what =", "waht =", "plausible[1]: waht", "did you mean what"),
+        ("alpha*T*", "alpha*Tt*", "expression", r"unknown name `Tt` .*`T`.*\n  alpha\*Tt\*.*\n        \^\^\n"),
+        ("alpha*T*", "alpha*T*dx*", "expression", r"`dx` .*`d_x`"),
+        ("alpha*T*", "alpha*T*mean_vx*", "expression", r"`mean_vx` .*`mean_v_x`"),
         ('expression = "', 'expression = "q_b*', "expression", "pair"),
         ('expression = "', 'expression = "q_cross*', "expression", "needs_xy"),
         ('covariates = ["temp"]', "", "expression", "names no temperature"),
         ('covariates = ["temp"]', 'covariates = ["temp", "temp_b"]', "covariates", "two temperatures"),
         ('covariates = ["temp"]', 'covariates = ["temp bed"]', "covariates", "not a column"),
-        ("alpha*T", "alhpa*T", "coefficients.alpha", "stands in no formula"),
+        (
+            "alpha*T",
+            "alhpa*T",
+            "coefficients.alpha",
+            r"stands in no formula, but `alhpa` .*\n  alhpa.*\n  \^\^\^\^\^\n",
+        ),
         ("- q_fixed", "", "inner.q_fixed", "stands in no formula"),
         ("alpha*T*(", "sin(alpha)*T*(", "expression", "alpha"),
         ("alpha*T*(", "5 + alpha*T*(", "expression", "5"),
@@ -154,7 +166,7 @@ def test_short_ways_to_write_an_effect(tmp_path: Path, body: str, axis: str | No
         ("coefficients.c]", 'coefficients."a b"]', "a b", "cannot be a parameter's name"),
         ('effect = "scale"', 'effect = "scael"', "mistaken_for", "id of no effect"),
         ('effect = "scale"', "effect = 5", "effect", "not a text"),
-        ("separate_by =", "separated_by =", "separate_by", "is missing"),
+        ("separate_by =", "separated_by =", "separated_by", "did you mean separate_by"),
         ("source =", 'part = [{ expression = "c*q" }]\nsource =', "part", "stands beside"),
         ("source =", 'basis = "smooth"\nsource =', "expression", "stands beside basis"),
         ("source =", "classic = 1\nsource =", "classic", "neither true nor false"),
@@ -176,6 +188,25 @@ def test_a_wrong_entry_is_refused_by_file_effect_and_key(
     assert caught.value.column.startswith("effect ")
     assert key in caught.value.column
     assert caught.value.remedy
+    # The line that an editor shows: of the key, or of the effect where the key is missing.
+    assert caught.value.row is not None
+    line = text.splitlines()[caught.value.row - 1]
+    word = caught.value.column.rpartition(": ")[2].rpartition(".")[2]
+    assert word.partition("[")[0] in line or line == "[[effect]]"
+
+
+def test_keys_and_columns_of_one_s_own_are_left_alone(tmp_path: Path) -> None:
+    text = OWN.replace("some_key_of_mine", "cause_of_death").replace("humidity", "force")
+    (effect,) = load(tmp_path, text)
+    assert effect.wanting(("temp",)) == "wanting: the column force"
+    (listed,) = load(tmp_path, OWN.replace("humidity", "dx").replace('["temp"]', '["temp", "dx"]'))
+    assert listed.wanting(("temp", "dx")) is None
+
+
+def test_a_name_that_no_effect_has_is_answered_with_what_may_be_meant() -> None:
+    for name, expected in (("backlsh", "backlash"), ("sag", "gravity-sag"), ("nope", "docs/catalogue.md")):
+        with pytest.raises(InputFileError, match=f"no effect has this id\nhint: .*{expected}"):
+            catalogue().resolve(f"{name}:z")
 
 
 @pytest.mark.parametrize(
@@ -185,7 +216,7 @@ def test_a_wrong_entry_is_refused_by_file_effect_and_key(
         ('channel = "tool"\naxes = ["xy"]\nexpression = "k"', "needs a direction"),
         ('channel = "rig"\ndirection = "tx"\nexpression = "k*q"', "belongs to an axis"),
         ('channel = "rig"\ndirection = "tx"\nexpression = "k*T"', "names no temperature"),
-        ('channel = "along"\naxes = ["x"]\nexpression = "q"', "has no coefficient"),
+        ('channel = "along"\naxes = ["x"]\nexpression = "q"', r"has no coefficient\n  q\n  \^\n"),
         ('channel = "along"\naxes = ["x"]\npart = []', "is empty"),
         ('channel = "along"\naxes = ["x"]\nform = []', "is empty"),
         ('channel = "along"\naxes = ["x"]\nbasis = "rough"', "not known"),

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geoerr.effects.covariates import is_temperature_entry, temperature_entry
-from geoerr.effects.definitions import AXIS_NAMES, PAIR_NAMES, pair_of
+from geoerr.effects.definitions import AXIS_NAMES, PAIR_NAMES, RESERVED_NAMES, pair_of
 from geoerr.effects.description import PAIRS, FormSpec, PartSpec
 from geoerr.effects.effect import Effect
-from geoerr.effects.formula import check_formula
+from geoerr.effects.formula import check_formula, marked
+from geoerr.effects.places import line_of, meant
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.terms import EMPIRICAL, names_in
@@ -22,15 +23,22 @@ _SMOOTH_CHANNELS = ("along", "across", "angular")
 _FORMULA_HINT = "names, functions and signs that may stand in a formula: README.md of geoerr.effects"
 
 
-def check_effect(effect: Effect, path: str | Path) -> None:
+def check_effect(effect: Effect, path: str | Path, number: int) -> None:
     """Refuse an effect that could not become a term on one of its axes.
+
+    Parameters
+    ----------
+    effect
+        As it was read.
+    path, number
+        Its file, and its place among the effects of the file, from 1.
 
     Raises
     ------
     InputFileError
         names the file, the effect, the key and the remedy; in a formula the place is marked.
     """
-    check = _Check(effect, path)
+    check = _Check(effect, path, number)
     if effect.id == EMPIRICAL:
         raise check.refuse("id", "names a curve without a cause", "give your effect another id")
     if effect.is_smooth:
@@ -44,6 +52,7 @@ def check_effect(effect: Effect, path: str | Path) -> None:
             check.body_axes(part)
             check.short_names(part)
             check.temperature(form, part)
+            check.slips(form, part)
     check.parameters()
     check.ranges()
     for form in effect.forms:
@@ -59,8 +68,11 @@ class _Check:
     effect: Effect
     path: str | Path
 
+    number: int
+
     def refuse(self, key: str, problem: str, remedy: str | None = None) -> InputFileError:
-        return InputFileError(self.path, problem, column=f"effect {self.effect.id!r}: {key}", remedy=remedy)
+        row = line_of(self.path, self.number, key)
+        return InputFileError(self.path, problem, row=row, column=f"effect {self.effect.id!r}: {key}", remedy=remedy)
 
     def smooth(self) -> None:
         if self.effect.channel not in _SMOOTH_CHANNELS:
@@ -118,8 +130,20 @@ class _Check:
 
     def temperature(self, form: FormSpec, part: PartSpec) -> None:
         if "T" in names_in(part.expression) and temperature_entry(form) is None:
-            problem = "T stands in the formula, but covariates names no temperature"
+            problem = "T stands in the formula, but covariates names no temperature" + marked(part.expression, "T")
             raise self.refuse("expression", problem, 'write covariates = ["temp"]')
+
+    def slips(self, form: FormSpec, part: PartSpec) -> None:
+        """Refuse a name that would be taken for a column, and is a short name with a slip: `Tt`, `dx`, `Alpha`."""
+        listed = {name for entry in form.covariates for choice in entry.split("|") for name in choice.split("-")}
+        for name in names_in(part.expression):
+            if name in RESERVED_NAMES | listed | self.effect.parameter_names:
+                continue
+            word = _short_name_meant(name) or meant(name, [one for one in RESERVED_NAMES if len(one) > 3])
+            if word is not None:
+                problem = f"unknown name `{name}` (did you mean `{word}`?)" + marked(part.expression, name)
+                remedy = f"if the data have a column {name}, list it in covariates"
+                raise self.refuse("expression", problem, remedy)
 
     def short_names(self, part: PartSpec) -> None:
         """Check that `q`, `d`, ... and `q_a`, `q_b`, ... belong to an axis that is there."""
@@ -129,13 +153,16 @@ class _Check:
         if own and (part.axis in PAIRS or (not axes and part.axis not in AXES)):
             example = "x, y or z" if own[0] in ("q", "L") else f"{own[0]}_x"
             remedy = f"write {example}, or name the axis (axes, or axis of the part)"
-            raise self.refuse("expression", f"{own[0]} belongs to an axis, and there is none here", remedy)
+            problem = f"{own[0]} belongs to an axis, and there is none here" + marked(part.expression, own[0])
+            raise self.refuse("expression", problem, remedy)
         for name in names:
             which = 0 if name.endswith("_a") else 1
             if name in PAIR_NAMES and not (axes and all(pair_of(axis)[which] for axis in axes)):
-                raise self.refuse("expression", f"{name} belongs to a pair of axes", 'write axes = ["xy"]')
+                problem = f"{name} belongs to a pair of axes" + marked(part.expression, name)
+                raise self.refuse("expression", problem, 'write axes = ["xy"]')
         if "q_cross" in names and not (axes and set(axes) <= {"x", "y"}):
-            raise self.refuse("expression", "q_cross is the other of x and y", 'write axes = ["x", "y"]')
+            problem = "q_cross is the other of x and y" + marked(part.expression, "q_cross")
+            raise self.refuse("expression", problem, 'write axes = ["x", "y"]')
 
     def parameters(self) -> None:
         """Check that every part has a coefficient and that every parameter is used."""
@@ -153,12 +180,22 @@ class _Check:
             used |= names
             if not names & linear:
                 remedy = f"multiply it by one of {', '.join(sorted(linear))}"
-                raise self.refuse("expression", f"{part.expression!r} has no coefficient", remedy)
+                raise self.refuse("expression", "this part has no coefficient" + marked(part.expression), remedy)
         for group, specs in (("coefficients", effect.coefficients), ("inner", effect.inner)):
             for spec in specs:
                 if spec.name not in used:
                     remedy = "use it, or take it out; check the spelling"
-                    raise self.refuse(f"{group}.{spec.name}", "stands in no formula", remedy)
+                    raise self.refuse(
+                        f"{group}.{spec.name}", f"stands in no formula{self._slip_of(spec.name)}", remedy
+                    )
+
+    def _slip_of(self, parameter: str) -> str:
+        """Show the name in a formula that a parameter which stands in none was probably meant by."""
+        for part in (part for form in self.effect.forms for part in form.parts):
+            for name in names_in(part.expression):
+                if name not in RESERVED_NAMES | self.effect.parameter_names and meant(name, [parameter]):
+                    return f", but `{name}` does (did you mean `{parameter}`?){marked(part.expression, name)}"
+        return ""
 
     def ranges(self) -> None:
         """Check that a range `axis` has an axis to be the range of."""
@@ -179,7 +216,9 @@ class _Check:
         split = sorted(name for name, found in kinds.items() if len(found) > 1)
         if split:
             problem = f"{split[0]} is one number for each direction in one part, and one number in another"
-            raise self.refuse("expression", problem, "give the parts different coefficients, or write direction")
+            first = next(part.expression for part in form.parts if split[0] in names_in(part.expression))
+            remedy = "give the parts different coefficients, or write direction"
+            raise self.refuse("expression", problem + marked(first, split[0]), remedy)
 
     def expansion(self, form: FormSpec, axis: str | None) -> None:
         """Expand the effect for one axis and have the core read each formula."""
@@ -199,6 +238,16 @@ class _Check:
             problem = check_formula(part.expression or "", variables, coefficients, inner, part.definitions)
             if problem is not None:
                 raise self.refuse("expression", problem, _FORMULA_HINT)
+
+
+def _short_name_meant(name: str) -> str | None:
+    """Give the short name (`T`, `q`, `d_x`, ...) that a name is but for case, an underscore or a doubled letter."""
+    single = name[0] if len(name) == 2 and name[0].lower() == name[1].lower() else name
+    folded = single.lower().replace("_", "")
+    short = sorted(one for one in RESERVED_NAMES if len(one) <= 3)
+    same = [one for one in short if one.lower().replace("_", "") == folded]
+    # `T` and `t` are both short names: what is written as it is comes first.
+    return next((one for one in same if one == single), same[0] if same else None)
 
 
 def _has_directions(part: PartSpec) -> bool:

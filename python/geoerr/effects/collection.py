@@ -13,6 +13,7 @@ from geoerr.effects.check import check_effect
 from geoerr.effects.definitions import pair_of
 from geoerr.effects.description import Description, Rival, Twin
 from geoerr.effects.effect import Effect
+from geoerr.effects.places import line_of
 from geoerr.effects.read import read_descriptions
 from geoerr.errors import InputFileError
 from geoerr.terms import EffectReference, TermSource, parse_effect_reference
@@ -52,13 +53,17 @@ class Catalogue:
         """
         if name in self.effects:
             return self.effects[name]
-        near = difflib.get_close_matches(name, self.effects, n=3, cutoff=0.5)
-        remedy = (
-            f"did you mean {', '.join(near)}?"
-            if near
-            else "docs/catalogue.md lists them; --effects FILE adds your own"
-        )
-        raise InputFileError(name, "no effect has this id", remedy=remedy)
+        raise InputFileError(name, "no effect has this id", remedy=self._meant(name))
+
+    def _meant(self, name: str) -> str:
+        """Say which effects a name that none has may be meant for: by spelling, or by a word of id or title."""
+        near = difflib.get_close_matches(name, self.effects, n=3, cutoff=0.6)
+        words = [one.id for one in self if len(name) > 2 and (name in one.id.split("-") or name in one.title.lower())]
+        found = list(dict.fromkeys([*near, *words]))[:4]
+        if found:
+            return f"did you mean {' or '.join(found)}?"
+        nearest = difflib.get_close_matches(name, self.effects, n=3, cutoff=0.0)
+        return f"nearest are {', '.join(nearest)}; docs/catalogue.md lists all, --effects FILE adds your own"
 
     def resolve(self, reference: str | EffectReference) -> tuple[Effect, EffectReference]:
         """Give the effect of a reference, and the reference as reports write it.
@@ -82,23 +87,25 @@ class Catalogue:
         """
         joined = dict(self.effects)
         added = tuple(effects)
-        for effect in added:
+        for number, effect in enumerate(added, start=1):
             if effect.id in joined:
                 kind = "a built-in effect" if joined[effect.id].origin == "built-in" else "an effect read before"
                 raise InputFileError(
                     path,
                     f"is the id of {kind}",
+                    row=line_of(path, number, "id"),
                     column=f"effect {effect.id!r}: id",
                     remedy=f"give yours another id, for example own-{effect.id}",
                 )
             joined[effect.id] = effect
-        for effect in added:
+        for number, effect in enumerate(added, start=1):
             for key, names in _mentioned(effect).items():
                 for name in names:
                     if name not in joined:
                         raise InputFileError(
                             path,
                             f"{name!r} is the id of no effect",
+                            row=line_of(path, number, key),
                             column=f"effect {effect.id!r}: {key}",
                             remedy="check the spelling; docs/catalogue.md lists the built-in ids",
                         )
@@ -179,10 +186,10 @@ def load_catalogue(paths: Iterable[str | Path]) -> Catalogue:
 
 def _read(path: str | Path, origin: TermSource) -> tuple[Effect, ...]:
     found = []
-    for description in read_descriptions(path, origin):
+    for number, description in enumerate(read_descriptions(path, origin), start=1):
         values = {item.name: getattr(description, item.name) for item in fields(Description)}
         effect = Effect(**values)
-        check_effect(effect, path)
+        check_effect(effect, path, number)
         found.append(effect)
     return tuple(found)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from geoerr.effects.places import line_of, meant
 from geoerr.errors import InputFileError
 from geoerr.terms import MAX_TEXT
 
@@ -23,15 +25,28 @@ class Entries:
         The file, for messages.
     place
         Its own name in messages, such as `effect "backlash"`.
+    effect_number
+        Of the effect in the file, from 1: tells the line of a refusal.
     """
 
     content: dict[str, Any]
     path: str | Path
     place: str
+    effect_number: int
 
     def refuse(self, key: str, problem: str, remedy: str | None = None) -> InputFileError:
         """Make a refusal of one key."""
-        return InputFileError(self.path, problem, column=f"{self.place}: {key}", remedy=remedy)
+        row = line_of(self.path, self.effect_number, key)
+        return InputFileError(self.path, problem, row=row, column=f"{self.place}: {key}", remedy=remedy)
+
+    def only(self, known: Collection[str]) -> Entries:
+        """Refuse a key that is a known one misspelled; keys of the user's own are left alone."""
+        absent = [key for key in known if key not in self.content]
+        for key in self.content:
+            word = None if key in known else meant(key, absent)
+            if word is not None:
+                raise self.refuse(key, f"is no key of this table (did you mean {word}?)", "correct the spelling")
+        return self
 
     def text(self, key: str, default: str | None = None, choices: tuple[str, ...] = ()) -> str:
         """Give a text, one of `choices` where they are given; without a default it must be there."""
@@ -81,7 +96,7 @@ class Entries:
         value = self.content.get(key, {})
         if not isinstance(value, dict):
             raise self.refuse(key, f"{shortened(value)} is not a table", f"write it as [effect.{key}.NAME]")
-        return Entries(value, self.path, f"{self.place}: {key}")
+        return Entries(value, self.path, f"{self.place}: {key}", self.effect_number)
 
     def tables(self, key: str) -> list[Entries]:
         """Give the tables of a list; an absent one is empty."""
@@ -89,7 +104,8 @@ class Entries:
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
             raise self.refuse(key, f"{shortened(value)} is not a list of tables", f"write each as [[effect.{key}]]")
         return [
-            Entries(item, self.path, f"{self.place}: {key}[{number}]") for number, item in enumerate(value, start=1)
+            Entries(item, self.path, f"{self.place}: {key}[{place}]", self.effect_number)
+            for place, item in enumerate(value, start=1)
         ]
 
 

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from geoerr._core import Expression
 from geoerr.errors import ExpressionError
+
+
+def marked(text: str, name: str | None = None) -> str:
+    """Give a formula on a line of its own, with the first place of a name marked below it; all of it without one."""
+    start, end = 0, len(text)
+    if name is not None:
+        found = re.search(rf"(?<![A-Za-z0-9_.]){re.escape(name)}(?![A-Za-z0-9_])", text)
+        start, end = (0, len(text)) if found is None else found.span()
+    return f"\n  {text}\n  {' ' * start}{'^' * (end - start)}"
 
 
 def check_formula(

@@ -36,6 +36,14 @@ _DIRECTIONS: dict[str, tuple[str, ...]] = {
     "target": AXES,
     "rig": RIG_DIRECTIONS,
 }
+_PART_KEYS = ("channel", "axis", "direction", "expression", "turns_on_work_side", "linear_in")
+_FORM_KEYS = ("name", "covariates", "part", *_PART_KEYS)
+_EFFECT_KEYS = (
+    *("id", "title", "axes", "covariates", "source", "looks_like", "cause", "remedy", "mistaken_for", "twins"),
+    *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session"),
+    *("part", "form", "coefficients", "inner", *_PART_KEYS),
+)
+_PARAMETER_KEYS = ("unit", "plausible", "range", "spacing", "sign")
 _RANGES = ("axis", *AXES, "time")
 _SIGNS = {"any": 0, "positive": 1, "negative": -1}
 
@@ -69,8 +77,8 @@ def read_descriptions(path: str | Path, origin: TermSource) -> tuple[Description
 def _description(
     table: dict[str, Any], number: int, path: str | Path, family: str, origin: TermSource
 ) -> Description:
-    name = Entries(table, path, f"effect {number}").text("id")
-    entries = Entries(table, path, f"effect {shortened(name)}")
+    name = Entries(table, path, f"effect {number}", number).only(_EFFECT_KEYS).text("id")
+    entries = Entries(table, path, f"effect {shortened(name)}", number)
     if not is_effect_id(name):
         raise entries.refuse("id", f"{shortened(name)} is not an id", _ID_HINT)
     channel = _channel(entries)
@@ -144,6 +152,8 @@ def _forms(entries: Entries, *, has_no_formula: bool) -> tuple[FormSpec, ...]:
 
 
 def _form(form: Entries, effect: Entries, name: str) -> FormSpec:
+    if form is not effect:
+        form.only(_FORM_KEYS)
     covariates = form.texts("covariates") if "covariates" in form.content else effect.texts("covariates")
     for needed in covariates:
         for choice in needed.split("|"):
@@ -151,7 +161,7 @@ def _form(form: Entries, effect: Entries, name: str) -> FormSpec:
                 remedy = "write column names; temp stands for every temperature column"
                 raise form.refuse("covariates", f"{shortened(choice)} is not a column", remedy)
     if "part" in form.content:
-        parts = tuple(_part(part, effect) for part in form.tables("part"))
+        parts = tuple(_part(part.only(_PART_KEYS), effect) for part in form.tables("part"))
         if not parts:
             raise form.refuse("part", "is empty", "write [[effect.part]] tables")
     else:
@@ -199,7 +209,8 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
         if not is_name(name) or name in FUNCTIONS | CONSTANTS | RESERVED_NAMES:
             remedy = "choose another name of letters, digits and underscores"
             raise tables.refuse(name, "cannot be a parameter's name" + _why_not(name), remedy)
-        entries = Entries(tables.table(name).content, tables.path, f"{tables.place}.{name}")
+        entries = Entries(tables.table(name).content, tables.path, f"{tables.place}.{name}", tables.effect_number)
+        entries.only(_PARAMETER_KEYS)
         found.append(
             ParameterSpec(
                 name=name,
@@ -219,6 +230,7 @@ def _why_not(name: str) -> str:
 
 
 def _plausible(entries: Entries) -> Plausible:
+    entries.only(("value", "what", "within"))
     value, what, within = entries.number("value"), entries.text("what"), entries.number("within", Plausible.within)
     if not what:
         raise entries.refuse("what", "is empty", "say what the value is of")
@@ -245,6 +257,7 @@ def _check_log_range(spec: ParameterSpec, entries: Entries) -> None:
 
 
 def _rival(entries: Entries) -> Rival:
+    entries.only(("effect", "what", "separate_by", "plan", "minutes"))
     effect = _other_id(entries, "effect") if "effect" in entries.content else None
     what = entries.optional_text("what")
     if effect is None and what is None:
