@@ -102,7 +102,7 @@ def test_an_effect_is_named_with_value_worth_place_and_doubt(named: Diagnosis) -
     assert "µm rms, " in text
     assert "end of y" in text
     assert "held out " in text
-    assert "chance does as much in one search of" in text
+    assert "certain as can be: chance does as much in" in text
     assert lines[-1] == "  geoerr add m.json o.csv thermal-expansion:y@temp_bed -o model2.json"
     assert "load-deflection: " in text
     verbose = text_of(named, verbose=True)
@@ -223,8 +223,7 @@ def test_a_model_of_other_data_keeps_its_numbers(tmp_path: Path) -> None:
 
 def test_a_lag_is_chosen_where_there_is_one() -> None:
     """`add` follows the temperature in the way that explains more: ten minutes late, or at once."""
-    rng = np.random.default_rng(8)
-    moved = motion(rng, PLAN)
+    moved = motion(np.random.default_rng(8), Plan(n_sessions=1, n_lines=20, n_points=12, seconds=12.0))
     # Each session begins with a part as warm as its sensor.
     late = moved.bed.copy()
     for row in range(1, len(late)):
@@ -234,10 +233,38 @@ def test_a_lag_is_chosen_where_there_is_one() -> None:
     for temperature, n_inner in ((late, 2), (moved.bed, 1)):
         hidden = 12e-3 * ((temperature - 20.0) * (moved.q[:, 1] - 200.0))[:, None] * np.eye(3)[1]
         observations = measure(np.random.default_rng(9), moved, NOISE, hidden)
-        base = geoerr.fit_model(machine(), observations, options=OPTIONS).model
+        base = geoerr.fit_model(machine(), observations, components="12", options=OPTIONS).model
         change = add_effect(base, observations, reference="thermal-expansion:y@temp_bed", threads=1)
         term = change.after.terms[-1]
         assert len(term.inner) == n_inner
         if n_inner == 2:
             tau = next(one for one in term.inner if one.name == "tau")
             assert abs(tau.value - 600.0) < 4.0 * tau.std
+
+
+def test_circular_tests_alone_are_ranked(tmp_path: Path) -> None:
+    """Both senses at one feed: play of x of 12 µm, from the nominal machine."""
+    table, nominal, page = tmp_path / "circle.csv", tmp_path / "machine.toml", tmp_path / "page.html"
+    rng = np.random.default_rng(3)
+    rows = ["line,dir,x,y,z,r,feed"]
+    for sense in (1, -1):
+        angle = sense * 2.0 * np.pi * (np.arange(180) + 0.5) / 180
+        gap_um = -0.5 * 12.0 * -sense * np.sign(np.sin(angle)) * np.cos(angle)
+        radius = 100.0 + 1e-3 * (gap_um + rng.normal(0.0, 0.5, len(angle)))
+        places = zip(200.0 + 100.0 * np.cos(angle), 200.0 + 100.0 * np.sin(angle), radius, strict=True)
+        rows += [f"XY,{sense},{x:.6f},{y:.6f},200,{r:.6f},1000" for x, y, r in places]
+    table.write_text("\n".join(rows) + "\n")
+    ranges = "".join(f"[axes.{axis}]\nrange = [0.0, 400.0]\n" for axis in "xyz")
+    nominal.write_text(f'[machine]\nname = "mill"\nchain = "wXYbZt"\n{ranges}')
+    runner = CliRunner()
+    arguments = ["diagnose", str(nominal), str(table), "--threads", "1"]
+    outcome = runner.invoke(app, [*arguments, "--json", "--report", str(page)])
+    assert outcome.exit_code == 0, outcome.output
+    document = json.loads(outcome.stdout)
+    assert document["found"][0]["axis"] == "x"
+    assert document["circle"]["runs"][0]["plane"] == "XY"
+    assert document["circle"]["ranked"][0] in page.read_text(encoding="utf-8")
+    text = runner.invoke(app, arguments).stdout
+    assert "The circle is off by" in text
+    assert "unexplained" in text
+    assert max(len(line) for line in text.splitlines() if "geoerr add" not in line) <= WIDTH

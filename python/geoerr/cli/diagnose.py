@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from geoerr.cli.diagnose_circle_text import circle_diagnosis_lines
 from geoerr.cli.diagnose_text import diagnosis_lines
 from geoerr.cli.measurements import read_measurements
 from geoerr.cli.options import (
@@ -20,6 +21,7 @@ from geoerr.cli.options import (
     print_json,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
 from geoerr.effects import load_effects
 from geoerr.model import load_model
@@ -62,15 +64,21 @@ def diagnose_verb(
     """Which physical effect a model lacks, by measurements; or that none is missing, or none that is known.
 
     On data that the model was not fitted to its numbers stay as they are, and only the pose of each session's
-    measuring frame is fitted.
+    measuring frame is fitted. Circular tests alone are ranked as ball-bar software does.
     """
     inputs = [model, *observations, *(effects or [])]
     check_output(report, inputs)
     known = load_model(model)
     own = [effect for path in effects or [] for effect in load_effects(path)]
     measured = read_measurements(observations)
+    diagnosis: Diagnosis | CircleDiagnosis
     with progress_bar("diagnose", quiet) as advance:
-        diagnosis = diagnose(known, *measured.tables, effects=own, refit=refit, progress=advance, threads=threads)
+        if measured.points is None and not refit:
+            advance(0, 1)
+            diagnosis = diagnose_circles(known, *measured.circles, effects=own, threads=threads)
+            advance(1, 1)
+        else:
+            diagnosis = diagnose(known, *measured.tables, effects=own, refit=refit, progress=advance, threads=threads)
         document = diagnosis.to_document()
         provenance = provenance_of_command(inputs)
         if report is not None:
@@ -85,7 +93,12 @@ def diagnose_verb(
         return
     command = " ".join(["geoerr add", str(model), *map(str, observations)])
     own_files = "".join(f" --effects {path}" for path in effects or [])
-    for line in diagnosis_lines(diagnosis, command, own_files, verbose=verbose):
+    lines = (
+        circle_diagnosis_lines(diagnosis, command, own_files, verbose=verbose)
+        if isinstance(diagnosis, CircleDiagnosis)
+        else diagnosis_lines(diagnosis, command, own_files, verbose=verbose)
+    )
+    for line in lines:
         typer.echo(line)
     note_set_aside(measured.set_aside, quiet)
     for why, count in diagnosis.fitted.sightings.left_out.items():
@@ -94,8 +107,11 @@ def diagnose_verb(
         note(f"report: {report}", quiet)
 
 
-def _write_report(report: Path, diagnosis: Diagnosis, provenance: Provenance) -> None:
+def _write_report(report: Path, diagnosis: Diagnosis | CircleDiagnosis, provenance: Provenance) -> None:
     # Plotly comes with these: only a page pays for it.
-    from geoerr.report.diagnosis_page import write_diagnosis_page
+    from geoerr.report.diagnosis_page import write_circle_diagnosis_page, write_diagnosis_page
 
-    write_diagnosis_page(report, diagnosis, provenance)
+    if isinstance(diagnosis, CircleDiagnosis):
+        write_circle_diagnosis_page(report, diagnosis, provenance)
+    else:
+        write_diagnosis_page(report, diagnosis, provenance)

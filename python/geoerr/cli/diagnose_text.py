@@ -43,7 +43,7 @@ def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose
     """
     yield from _data(diagnosis)
     yield ""
-    yield from _wrapped(f"{diagnosis.sentence[0].upper()}{diagnosis.sentence[1:]}.")
+    yield from narrow(f"{diagnosis.sentence[0].upper()}{diagnosis.sentence[1:]}.")
     yield from _figures(diagnosis)
     for number, finding in enumerate(diagnosis.found, start=1):
         yield ""
@@ -53,7 +53,7 @@ def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose
     if diagnosis.unknown is not None:
         yield from _unknown(diagnosis.unknown)
     yield from _others(diagnosis, verbose=verbose)
-    yield from _not_offered(diagnosis.not_offered, verbose=verbose)
+    yield from not_offered_lines(diagnosis.not_offered, verbose=verbose)
     yield from _next(diagnosis, command, options)
 
 
@@ -61,9 +61,9 @@ def _data(diagnosis: Diagnosis) -> Iterator[str]:
     sightings = diagnosis.fitted.sightings
     machine = diagnosis.fitted.machine
     rows = f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')}"
-    yield from _wrapped(f"{machine.name} ({machine.chain}): {rows}")
+    yield from narrow(f"{machine.name} ({machine.chain}): {rows}")
     if diagnosis.comparison is not None:
-        yield from _wrapped(_MEANINGS[diagnosis.comparison.freedom])
+        yield from narrow(_MEANINGS[diagnosis.comparison.freedom])
 
 
 def _figures(diagnosis: Diagnosis) -> Iterator[str]:
@@ -74,30 +74,30 @@ def _figures(diagnosis: Diagnosis) -> Iterator[str]:
         texts.append(f"noise floor {um_words(floor)} (what repeats scatter)")
     elif noise is not None:
         texts.append(f"noise {um_words(noise)} as stated")
-    yield from _wrapped(f"error now: {', '.join(texts)}")
+    yield from narrow(f"error now: {', '.join(texts)}")
     if diagnosis.found or diagnosis.unknown is not None:
-        yield from _wrapped(f"that nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}")
+        yield from narrow(f"that nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}")
 
 
 def _finding(finding: Finding, number: str) -> Iterator[str]:
     whose = ", of the cameras" if finding.is_rig else ""
-    yield from _wrapped(f"{number}{finding.reference}{whose}: {finding.effect.title}")
+    yield from narrow(f"{number}{finding.reference}{whose}: {finding.effect.title}")
     for text in finding.value_words:
-        yield from _wrapped(text, "    ")
-    yield from _wrapped(f"worth {um_words(finding.worth_um)} rms, {finding.where.words()}", "    ")
+        yield from narrow(text, "    ")
+    yield from narrow(f"worth {um_words(finding.worth_um)} rms, {finding.where.words()}", "    ")
     if finding.held_out_words is not None:
-        yield from _wrapped(finding.held_out_words, "    ")
-    yield from _wrapped(sure_words(finding.p_value), "    ")
-    yield from _wrapped(f"cause: {finding.effect.cause}", "    ")
-    yield from _wrapped(f"to do: {finding.effect.remedy}", "    ")
+        yield from narrow(finding.held_out_words, "    ")
+    yield from narrow(sure_words(finding.p_value), "    ")
+    yield from narrow(f"cause: {finding.effect.cause}", "    ")
+    yield from narrow(f"to do: {finding.effect.remedy}", "    ")
     if finding.is_rig:
-        yield from _wrapped("an error of the cameras is explained, and never compensated in a program", "    ")
+        yield from narrow("an error of the cameras is explained, and never compensated in a program", "    ")
     if finding.in_model:
-        yield from _wrapped("the model has it with another value: fit it to these data (--refit)", "    ")
+        yield from narrow("the model has it with another value: fit it to these data (--refit)", "    ")
     like = [alias for alias in finding.aliases if not finding.tied]
     if like:
         names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in like[:_MOST_OTHERS]]
-        yield from _wrapped(f"looks like (correlation): {', '.join(names)}", "    ")
+        yield from narrow(f"looks like (correlation): {', '.join(names)}", "    ")
 
 
 def _tied(diagnosis: Diagnosis) -> Iterator[str]:
@@ -105,35 +105,35 @@ def _tied(diagnosis: Diagnosis) -> Iterator[str]:
     if not rivals:
         return
     yield ""
-    yield from _wrapped("these data cannot tell it from:")
+    yield from narrow("these data cannot tell it from:")
     for rival in rivals:
-        yield from _wrapped(f"{rival.reference}: {rival.effect.title}", "  ")
-        yield from _wrapped("; ".join(rival.value_words), "    ")
+        yield from narrow(f"{rival.reference}: {rival.effect.title}", "  ")
+        yield from narrow("; ".join(rival.value_words), "    ")
         after = "" if rival.held_out_words is None else f", {rival.held_out_words}"
-        yield from _wrapped(f"worth {um_words(rival.worth_um)} rms{after}", "    ")
+        yield from narrow(f"worth {um_words(rival.worth_um)} rms{after}", "    ")
         if rival.separate_by is not None:
             minutes = rival.separate_by.minutes
             time = "" if minutes is None else f" (≈ {minutes:g} min)"
-            yield from _wrapped(f"{rival.separate_by.text} would{time}", "    ")
+            yield from narrow(f"{rival.separate_by.text} would{time}", "    ")
             if rival.separate_by.plan:
-                yield from _wrapped(f"plan: {rival.separate_by.plan}", "    ")
+                yield from narrow(f"plan: {rival.separate_by.plan}", "    ")
 
 
 def _unknown(unknown: Unknown) -> Iterator[str]:
     yield ""
-    yield from _wrapped(
+    yield from narrow(
         f"unknown: acts along {unknown.component}, depends on {listed(unknown.depends_on)}, "
         f"worth {um_words(unknown.worth_um)} rms"
     )
-    yield from _wrapped(unknown.where.words(), "    ")
+    yield from narrow(unknown.where.words(), "    ")
     if unknown.shape is not None:
-        yield from _wrapped(f"shape: it {unknown.shape}", "    ")
-    yield from _wrapped(sure_words(unknown.p_value), "    ")
+        yield from narrow(f"shape: it {unknown.shape}", "    ")
+    yield from narrow(sure_words(unknown.p_value), "    ")
     held = unknown.held_out
     if held is not None and held.before_um is not None and held.after_um is not None:
-        yield from _wrapped(f"as a curve: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
+        yield from narrow(f"as a curve: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
     if unknown.is_the_models_own:
-        yield from _wrapped("one position alone: the model's error functions are too stiff here", "    ")
+        yield from narrow("one position alone: the model's error functions are too stiff here", "    ")
     if unknown.curve is not None:
         yield from _curve(unknown.curve)
 
@@ -189,7 +189,8 @@ def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
         yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
 
 
-def _not_offered(not_offered: Sequence[tuple[str, str]], *, verbose: bool) -> Iterator[str]:
+def not_offered_lines(not_offered: Sequence[tuple[str, str]], *, verbose: bool) -> Iterator[str]:
+    """Give what was not looked for, grouped by the reason."""
     if not not_offered:
         return
     reasons: dict[str, list[str]] = {}
@@ -200,7 +201,7 @@ def _not_offered(not_offered: Sequence[tuple[str, str]], *, verbose: bool) -> It
     ordered = sorted(reasons.items(), key=lambda item: -len(item[1]))
     for why, names in ordered if verbose else ordered[:_MOST_REASONS]:
         shown = names if verbose or len(names) <= _MOST_EFFECTS else [*names[:_MOST_EFFECTS], "..."]
-        yield from _wrapped(f"{', '.join(shown)}: {why}", "  ")
+        yield from narrow(f"{', '.join(shown)}: {why}", "  ")
     if not verbose and len(ordered) > _MOST_REASONS:
         yield f"  and {counted(len(ordered) - _MOST_REASONS, 'more reason')} (--verbose)"
 
@@ -220,7 +221,8 @@ def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
     yield from lines
 
 
-def _wrapped(text: str, indent: str = "") -> list[str]:
+def narrow(text: str, indent: str = "") -> list[str]:
+    """Break a sentence into lines of eighty columns, the first indented, the next ones more."""
     # A number stays with its sign, its error and its unit.
     for tied in (" µm", " mm", " ± ", " = ", "≈ "):
         text = text.replace(tied, tied.replace(" ", "\u00a0"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.diagnose.words import sure_words
@@ -26,6 +27,46 @@ def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Pro
         summary.append("An error of the cameras is explained, and never compensated in a program.")
     title = f"{diagnosis.fitted.machine.name}: what is missing"
     write_report(path, title, summary, _sections(diagnosis), provenance)
+
+
+def write_circle_diagnosis_page(path: str | Path, diagnosis: CircleDiagnosis, provenance: Provenance) -> None:
+    """Write the page of circular tests, whole or not at all."""
+    shares = diagnosis.shares
+    summary = [
+        f"{len(diagnosis.found)} causes found; the verdict is {diagnosis.verdict}.",
+        f"That nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}.",
+        f"The trace is {style.text_um(shares.total**0.5)} rms, its causes {style.text_um(shares.explained**0.5)}, "
+        f"unexplained {style.text_um(shares.rest**0.5)}, noise {style.text_um(diagnosis.noise_um)}.",
+        *diagnosis.notes,
+    ]
+    caption = "Each cause's part of what is more than noise."
+    sections = [Section("What the circles are off by", (Figure(figures.circle_causes(diagnosis), caption),))]
+    for cause in diagnosis.ranked:
+        texts = [f"{cause.words()}.", f"Cause: {cause.effect.cause}.", f"What to do: {cause.effect.remedy}."]
+        separation = cause.separate_by
+        if separation is not None:
+            texts.append(f"These runs cannot tell it apart; what would: {separation.plan or separation.text}.")
+        sections.append(Section(f"{cause.effect.title}: {cause.reference}", tuple(map(Paragraph, texts))))
+    if diagnosis.unknown is not None:
+        sections.append(Section("What has no name", (Paragraph(f"{diagnosis.unknown.words()}."),)))
+    rows = tuple(
+        (
+            run.name,
+            run.plane.upper(),
+            f"{run.sense:+d}",
+            _number(run.feed_mm_min),
+            f"{run.circular_deviation_um:.2f}",
+            f"{run.explained_um:.2f}",
+            f"{run.rest_um:.2f}",
+        )
+        for run in diagnosis.runs
+    )
+    header = ("run", "plane", "sense", "feed, mm/min", "G (ISO 230-4), µm", "of the causes, µm", "rest, µm")
+    sections.append(Section("Runs", (Table("Circular deviation", header, rows),)))
+    if diagnosis.not_offered:
+        table = Table("Causes and why", ("cause", "why"), tuple(diagnosis.not_offered))
+        sections.append(Section("What was not looked for", (table,)))
+    write_report(path, f"{diagnosis.fitted.machine.name}: circular tests", summary, sections, provenance)
 
 
 def _sections(diagnosis: Diagnosis) -> list[Section]:

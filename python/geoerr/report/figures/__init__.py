@@ -2,7 +2,7 @@
 
 from geoerr.report.figures.calibration import CalibrationView, calibration_views
 from geoerr.report.figures.circle import circle
-from geoerr.report.figures.diagnosis import diagnosis_bars, unknown_curve
+from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unknown_curve
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
 from geoerr.report.figures.measurement import measurement_residuals
@@ -22,6 +22,7 @@ __all__ = [
     "LineCurve",
     "calibration_views",
     "circle",
+    "circle_causes",
     "diagnosis_bars",
     "error_curves",
     "error_field",

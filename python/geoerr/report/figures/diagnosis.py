@@ -8,6 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding
 from geoerr.errors import GeoerrError
@@ -87,6 +88,36 @@ def diagnosis_bars(diagnosis: Diagnosis) -> go.Figure:
     )
 
 
+def circle_causes(diagnosis: CircleDiagnosis) -> go.Figure:
+    """Draw the causes of circular tests by their part of what is more than noise, and the unexplained part."""
+    rows = [(str(cause.reference), cause.percent or 0.0, _FOUND, cause.is_rig) for cause in diagnosis.ranked]
+    rows.append(("unexplained", diagnosis.shares.percent_unexplained, _UNKNOWN, False))
+    figure = go.Figure(
+        go.Bar(
+            y=[name for name, *_ in rows],
+            x=[percent for _, percent, *_ in rows],
+            orientation="h",
+            marker={
+                "color": [_COLORS[kind] for *_, kind, _ in rows],
+                "pattern": {"shape": ["/" if is_rig else "" for *_, is_rig in rows]},
+            },
+            text=[f"{percent:.0f} %" for _, percent, *_ in rows],
+            textposition="outside",
+            cliponaxis=False,
+            hovertemplate="%{y}: %{x:.1f} %<extra></extra>",
+        )
+    )
+    figure.update_yaxes(autorange="reversed", showgrid=False)
+    figure.update_xaxes(range=[0.0, 1.12 * max(percent for _, percent, *_ in rows) + 1e-9], title_text="%")
+    return style.finish(
+        figure,
+        "What the circles are off by",
+        f"Part of the mean square that is more than noise ({style.text_um(diagnosis.noise_um)}). "
+        "Hatched: the measuring device's own.",
+        style.HEADING_PX + _OTHER_PX + _ROW_PX * max(len(rows), 3),
+    )
+
+
 def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
     """Draw structure without a name: its curve with a 95 % band, or its surface over two variables.
 
@@ -112,7 +143,9 @@ def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
 def _line(curve: Curve) -> go.Figure:
     at, value_um = curve.at[0], curve.value_um
     figure = go.Figure()
-    figure.add_trace(style.band(at, value_um, style.COVERAGE_95 * curve.std_um, style.PURPLE, name="95 %", mode="lines"))
+    figure.add_trace(
+        style.band(at, value_um, style.COVERAGE_95 * curve.std_um, style.PURPLE, name="95 %", mode="lines")
+    )
     figure.add_trace(
         go.Scatter(
             x=at,

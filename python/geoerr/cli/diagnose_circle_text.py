@@ -1,0 +1,115 @@
+"""The diagnosis of circular tests in words and tables that fit eighty columns: ranked as ball-bar software ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from geoerr.cli.diagnose_text import narrow, not_offered_lines
+from geoerr.cli.fit_text import counted
+from geoerr.diagnose.circles import Cause, CircleDiagnosis
+from geoerr.diagnose.words import listed, sure_words, um_words
+
+_MOST_OTHERS = 5
+_NAME_WIDTH = 34
+
+
+def circle_diagnosis_lines(
+    diagnosis: CircleDiagnosis, command: str, options: str, *, verbose: bool = False
+) -> Iterator[str]:
+    """Give everything that the verb prints; parameters as for `diagnosis_lines`."""
+    machine = diagnosis.fitted.machine
+    yield from narrow(f"{machine.name} ({machine.chain}): {counted(len(diagnosis.runs), 'circular run')}")
+    yield ""
+    sentence = circle_sentence(diagnosis)
+    yield from narrow(f"{sentence[0].upper()}{sentence[1:]}.")
+    shares = diagnosis.shares
+    yield from narrow(
+        f"of the trace {um_words(shares.total**0.5)} rms: causes {um_words(shares.explained**0.5)}, "
+        f"unexplained {um_words(shares.rest**0.5)} ({shares.percent_unexplained:.0f} % of what is more than noise), "
+        f"noise {um_words(diagnosis.noise_um)}"
+    )
+    if diagnosis.found or diagnosis.unknown is not None:
+        yield from narrow(f"that nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}")
+    for number, cause in enumerate(diagnosis.ranked, start=1):
+        yield ""
+        yield from _cause(cause, f"{number}. ")
+    if diagnosis.unknown is not None:
+        yield ""
+        yield from narrow(f"unknown: {diagnosis.unknown.words()}")
+    yield from _others(diagnosis, verbose=verbose)
+    yield from _runs(diagnosis)
+    for text in diagnosis.notes:
+        yield from narrow(f"note: {text}")
+    yield from not_offered_lines(diagnosis.not_offered, verbose=verbose)
+    if diagnosis.ranked:
+        yield ""
+        yield "to add the first and see the error fall:"
+        yield f"  {command} {diagnosis.ranked[0].reference}{options} -o model2.json"
+
+
+def circle_sentence(diagnosis: CircleDiagnosis) -> str:
+    """Say the verdict in a sentence."""
+    causes = [
+        f"{cause.effect.title[0].lower()}{cause.effect.title[1:]} ({cause.reference})" for cause in diagnosis.ranked
+    ]
+    more = "" if diagnosis.unknown is None else "; and there is more, which no known cause explains"
+    if diagnosis.verdict == "missing":
+        return f"the circle is off by {listed(causes)}{more}"
+    if diagnosis.verdict == "ambiguous":
+        return f"the circle is off by {listed(causes)}, some of which these runs cannot tell from others{more}"
+    if diagnosis.unknown is not None:
+        return diagnosis.unknown.words()
+    return f"nothing is wrong that these runs could show: {sure_words(diagnosis.p_value)}"
+
+
+def _cause(cause: Cause, number: str) -> Iterator[str]:
+    share = "" if cause.percent is None else f", {cause.percent:.0f} %".replace("-", "−")
+    yield from narrow(f"{number}{cause.reference}{share}: {cause.effect.title}")
+    for reading in cause.readings:
+        yield from narrow(reading.words().replace("-", "−"), "    ")
+    yield from narrow(
+        f"worth {um_words(cause.worth_um)} rms, {cause.peak_to_peak_um:.1f} ± {cause.peak_to_peak_std_um:.1f} µm "
+        "peak to peak",
+        "    ",
+    )
+    yield from narrow(sure_words(cause.p_value), "    ")
+    yield from narrow(f"cause: {cause.effect.cause}", "    ")
+    yield from narrow(f"to do: {cause.effect.remedy}", "    ")
+    if cause.is_rig:
+        yield from narrow("an error of the measuring device is explained, and never compensated", "    ")
+    if cause.aliases:
+        names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in cause.aliases[:_MOST_OTHERS]]
+        yield from narrow(f"looks like (correlation): {', '.join(names)}", "    ")
+    separation = cause.separate_by
+    if separation is not None:
+        minutes = "" if separation.minutes is None else f" (≈ {separation.minutes:g} min)"
+        plan = "" if separation.plan is None else f": {separation.plan}"
+        yield from narrow(f"these runs cannot tell it apart; {separation.text} would{minutes}{plan}", "    ")
+
+
+def _others(diagnosis: CircleDiagnosis, *, verbose: bool) -> Iterator[str]:
+    named = {cause.reference for cause in diagnosis.found}
+    others = [cause for cause in diagnosis.candidates if cause.reference not in named]
+    if not others:
+        return
+    yield ""
+    yield f"{'looked at and left, best first':<{_NAME_WIDTH}}{'worth':>11}{'p':>9}"
+    for cause in others if verbose else others[:_MOST_OTHERS]:
+        tied = "   cannot be told from the first" if cause.tied else ""
+        name, worth = str(cause.reference), um_words(cause.worth_um)
+        yield f"  {name:<{_NAME_WIDTH - 2}}{worth:>11}{cause.p_value:>9.1g}{tied}"
+    if not verbose and len(others) > _MOST_OTHERS:
+        yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
+
+
+def _runs(diagnosis: CircleDiagnosis) -> Iterator[str]:
+    yield ""
+    yield f"{'run':<24}{'plane':>6}{'sense':>7}{'feed':>8}{'rows':>7}{'G, µm':>9}{'causes':>8}{'rest':>8}"
+    for run in diagnosis.runs:
+        feed = "–" if run.feed_mm_min is None else f"{run.feed_mm_min:g}"
+        name = run.name if len(run.name) <= 23 else f"{run.name[:22]}…"
+        sense = "+1" if run.sense > 0 else "−1"
+        yield (
+            f"{name:<24}{run.plane.upper():>6}{sense:>7}{feed:>8}{run.n_rows:>7}"
+            f"{run.circular_deviation_um:>9.1f}{run.explained_um:>8.1f}{run.rest_um:>8.1f}"
+        )
