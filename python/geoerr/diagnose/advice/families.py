@@ -21,7 +21,7 @@ from geoerr.terms import Parameter, Term
 # in standard errors.
 _COARSE = {1: 11, 2: 7}
 _NEAR = (-2.5, -1.0, 1.0, 2.5)
-_MOST_TRIALS = 30
+_MOST_TRIALS = 48
 # A formula is affine in a parameter where the middle is the mean of the ends to this share.
 _AFFINE = 1e-9
 _ROWS = 200
@@ -29,60 +29,73 @@ _ROWS = 200
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """The trials of one candidate.
+    """The trials of one candidate, in all its forms.
 
     Attributes
     ----------
     name
         As references are written.
     terms
-        Copies of the term, inner parameters fixed; `n_corners` of them, one after the other, are one trial.
-    n_corners
-        Ends of affine parameters.
+        Copies of the terms, inner parameters fixed, as trials need them.
+    trials
+        For each trial the places of its copies among `terms`: one, or the corners of affine parameters.
     is_spread : (n_trials,)
         Whether a trial belongs to the even spread over the range, or is the value that was found (the first).
     """
 
     name: str
     terms: tuple[Term, ...]
-    n_corners: int
+    trials: tuple[tuple[int, ...], ...]
     is_spread: np.ndarray
 
-    @property
-    def n_trials(self) -> int:
-        """Number of trials."""
-        return len(self.is_spread)
-
-    @property
-    def width(self) -> int:
-        """Columns of a trial."""
-        return self.n_corners * len(self.terms[0].coefficients)
+    def columns(self) -> list[list[int]]:
+        """Give for each trial its columns, counted from this family's first."""
+        counts = [len(term.coefficients) for term in self.terms]
+        ends = np.cumsum(counts).tolist()
+        own = [range(end - count, end) for end, count in zip(ends, counts, strict=True)]
+        return [[column for place in trial for column in own[place]] for trial in self.trials]
 
 
-def family_of(machine: Machine, term: Term, number: int, sightings: Sightings, poses: Poses) -> Family:
-    """Spread trial values around the values that a term has, and over the ranges of its inner parameters."""
-    inner = [_valued(parameter) for parameter in term.inner]
+def family_of(machine: Machine, forms: Sequence[Term], number: int, sightings: Sightings, poses: Poses) -> Family:
+    """Spread trial values around the values that the first form has, and over the ranges of all forms.
+
+    Parameters
+    ----------
+    forms
+        Ways to write the candidate, the one that fits best first.
+    number
+        Of the candidate, for names that differ.
+    """
+    copies: list[Term] = []
+    trials: list[tuple[int, ...]] = []
+    is_spread: list[bool] = []
+    for form in forms:
+        inner = [_valued(parameter) for parameter in form.inner]
+        free = [place for place, one in enumerate(inner) if not one.is_fixed]
+        affine = _affine(machine, form, inner, free, sightings, poses) if free else []
+        corners = list(itertools.product(*[_ends(inner[place]) for place in affine]))
+        own = _trials(inner, [place for place in free if place not in affine], _MOST_TRIALS // len(forms))
+        for trial, spread in own:
+            first = len(copies)
+            for corner in corners:
+                at = list(trial)
+                for place, value in zip(affine, corner, strict=True):
+                    at[place] = value
+                copies.append(_fixed(form, at, f"c{number}-{len(copies)}"))
+            trials.append(tuple(range(first, len(copies))))
+            is_spread.append(spread)
+    return Family(forms[0].id, tuple(copies), tuple(trials), np.array(is_spread))
+
+
+def _trials(inner: Sequence[Parameter], free: Sequence[int], most: int) -> list[tuple[list[float], bool]]:
+    """Give values of all inner parameters at each trial, one free one at a time, and whether it is of the spread."""
     values = [parameter.value for parameter in inner]
-    affine = [place for place, one in enumerate(inner) if not one.is_fixed] if inner else []
-    if affine:
-        affine = _affine(machine, term, inner, affine, sightings, poses)
-    free = [place for place, one in enumerate(inner) if place not in affine and not one.is_fixed]
-    trials, is_spread = [list(values)], [True]
+    found = [(list(values), True)]
     for place in free:
         coarse, near = _values(inner[place], len(free))
-        for value in (*coarse, *near):
-            trials.append([*values[:place], value, *values[place + 1 :]])
-            is_spread.append(value in coarse)
-    trials, is_spread = trials[:_MOST_TRIALS], is_spread[:_MOST_TRIALS]
-    corners = list(itertools.product(*[_ends(inner[place]) for place in affine]))
-    copies: list[Term] = []
-    for trial in trials:
-        for corner in corners:
-            at = list(trial)
-            for place, value in zip(affine, corner, strict=True):
-                at[place] = value
-            copies.append(_fixed(term, at, f"c{number}-{len(copies)}"))
-    return Family(term.id, tuple(copies), len(corners), np.array(is_spread))
+        found += [([*values[:place], value, *values[place + 1 :]], True) for value in coarse]
+        found += [([*values[:place], value, *values[place + 1 :]], False) for value in near]
+    return found[: max(most, 1)]
 
 
 def _ends(parameter: Parameter) -> tuple[float, float]:

@@ -23,7 +23,7 @@ from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 
 # Directions of unit columns below this share are held by nothing: the ridge keeps them from mattering.
-_RIDGE = 1e-10
+_RIDGE, _ROUND_OFF = 1e-10, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,11 @@ def eliminated(inside: Numbers, across: Numbers, outside: Numbers, size: Numbers
     scale = np.where(size > 0.0, 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0)), 0.0)
     unit = inside * scale[:, None] * scale
     unit[np.diag_indices_from(unit)] += _RIDGE + (size <= 0.0)
-    factor = linalg.cholesky(unit, lower=True, check_finite=False)
+    factor, failed = linalg.lapack.dpotrf(unit, lower=1)
+    if failed:
+        # Round-off of what was eliminated before exceeds the ridge: directions of that size say nothing either.
+        unit[np.diag_indices_from(unit)] += _ROUND_OFF
+        factor = linalg.cholesky(unit, lower=True, check_finite=False)
     half = linalg.solve_triangular(factor, across * scale[:, None], lower=True, check_finite=False)
     return np.asarray(outside - half.T @ half)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from geoerr.diagnose.advice import menu_conditions, menu_set_up
 from geoerr.diagnose.advice.course import Course, along
 from geoerr.diagnose.advice.measurement import Measurement, feeds_words, listed, tidy_feed, uneven
+from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
@@ -26,30 +27,38 @@ _WINDOW_MM, _N_FINE = 25.0, 36
 _N_ROUND = 48
 
 
-def menu(situation: Situation, axes: Sequence[str], variables: Collection[str]) -> Iterator[Measurement]:
-    """Give every plan for some axes and for candidates that use these variables.
+def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
+    """Give every plan that varies what some candidate is a function of.
 
     Circular tests where nothing else was measured.
     """
     if situation.is_circular:
         yield from _circular_tests(situation)
         return
-    if situation.is_in_motion:
+    yield from _motions(situation, question)
+    yield diagonals(situation)
+    yield from menu_set_up.menu(situation, question)
+    yield from menu_conditions.menu(situation, question)
+
+
+def _motions(situation: Situation, question: Question) -> Iterator[Measurement]:
+    axes = question.axes
+    if question.follows_speed and situation.is_in_motion:
         yield at_rest(situation, axes)
-    for axis in axes:
-        yield four_feeds(situation, [axis])
-        yield there_back_back_there(situation, axis)
-        yield short_reversals(situation, axis)
-        yield one_sided(situation, axis)
-        yield fine_pitch(situation, axis)
-    if len(axes) > 1:
-        yield four_feeds(situation, axes)
-    if situation.is_in_motion:
         for plane in _planes(axes):
             yield circles(situation, plane)
-    yield diagonals(situation)
-    yield from menu_set_up.menu(situation, axes)
-    yield from menu_conditions.menu(situation, axes, variables)
+    if question.follows_speed:
+        for some in [*((axis,) for axis in axes), *([axes] if len(axes) > 1 else [])]:
+            yield four_feeds(situation, some)
+    for axis in axes:
+        if question.follows_direction or question.follows_time:
+            yield there_back_back_there(situation, axis)
+        if question.follows_travel:
+            yield short_reversals(situation, axis)
+        if question.follows_direction:
+            yield one_sided(situation, axis)
+        if axis in question.variables:
+            yield fine_pitch(situation, axis)
 
 
 def feeds_of(situation: Situation) -> list[float]:

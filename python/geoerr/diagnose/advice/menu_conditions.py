@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from geoerr.diagnose.advice.course import Course, along
 from geoerr.diagnose.advice.measurement import Measurement, duration, listed, uneven
 from geoerr.diagnose.advice.menu_set_up import BAR_MINUTES, TARGETS_MINUTES, bar, lines, marker
+from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
@@ -25,29 +26,28 @@ _WORK_MINUTES = 20.0
 _IDLE_DUTY, _FULL_DUTY = 0.05, 0.95
 
 
-def menu(situation: Situation, axes: Sequence[str], variables: Collection[str]) -> Iterator[Measurement]:
-    """Give the plans for some axes, of conditions that some candidate is a function of."""
-    temperatures = [name for name in situation.temperatures if name in variables]
-    if temperatures or "t" in variables:
+def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
+    """Give the plans that change the conditions that candidates are functions of."""
+    axes = question.axes
+    names = tuple(name for name in situation.temperatures if name in question.variables)
+    needs_marker = question.moves_view and not situation.has_marker
+    if names or question.follows_time:
         yield rest(situation, axes)
-        if not situation.has_marker:
+        if needs_marker:
             yield _with_marker(rest(situation, axes), situation)
-    if "duty" in variables or any(name.startswith("mean_v_") for name in variables):
+    if question.follows_use:
         for axis in axes:
             yield work(situation, axis)
-    # Others than the one in question are heated, too: what they do alone is not its doing.
-    names = tuple(situation.temperatures) if temperatures or "t" in variables else ()
-    groups = [*((name,) for name in names), *([names] if len(names) > 1 else [])]
-    for heated in groups:
+    for heated in [*((name,) for name in names), *([names] if len(names) > 1 else [])]:
         warm = warming(situation, axes, heated)
         yield warm
         yield warming(situation, axes, heated, cools=True)
-        if not situation.has_marker:
+        if needs_marker:
             yield _with_marker(warm, situation)
-    if names:
-        yield _with_bar(warming(situation, axes, names), situation)
+        if question.scales_view:
+            yield _with_bar(warm, situation)
     for name, (usual, high) in situation.conditions.items():
-        if name in variables and high > usual:
+        if name in question.variables and high > usual:
             yield changed(situation, axes, name, usual, high)
 
 
@@ -116,15 +116,17 @@ def warming(situation: Situation, axes: Sequence[str], heated: Sequence[str], *,
         conditions[name] = cold + (hot - cold) * follows
     what = listed(
         [
-            f"{name} from {situation.temperatures[name][0]:.0f} to {situation.temperatures[name][1]:.0f} °C"
-            for name in heated
+            f"what {name} measures from {cold:.0f} to {hot:.0f} °C"
+            for name, (cold, hot) in situation.temperatures.items()
+            if name in heated
         ]
     )
-    others = "" if len(heated) == len(situation.temperatures) else ", the other places left cold"
-    end = f" and let it cool for {duration(_COOL_MINUTES)}" if cools else ""
+    others = "" if len(heated) == len(situation.temperatures) else " (nothing else)"
+    end = f", then watch it cool for {duration(_COOL_MINUTES)}" if cools else ""
     words = (
-        f"Run {listed(list(axes))} there and back cold, heat {what}{others}{end}, watch {_places(axes)} every "
-        f"{_EVERY_MINUTES:.0f} min meanwhile, and run the lines again warm, all in one set-up"
+        f"In one set-up: run {listed(list(axes))} there and back cold, heat {what}{others} for "
+        f"{duration(_HEAT_MINUTES)}, watching {_places(axes)} every {_EVERY_MINUTES:.0f} min, and run the lines "
+        f"again warm{end}"
     )
     name = f"{'warm-cool' if cools else 'warm'}:{'+'.join(heated)}"
     title = f"another temperature of {listed(list(heated))}" + (", rising and falling" if cools else "")

@@ -8,9 +8,9 @@ import numpy as np
 
 from geoerr.diagnose.advice.course import Course, along
 from geoerr.diagnose.advice.measurement import Measurement, listed, uneven
+from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation, Target
 from geoerr.fit.sightings import Numbers
-from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
 
 _N_POINTS = 13
@@ -24,14 +24,16 @@ TARGETS_MINUTES, BAR_MINUTES = 10.0, 10.0
 _BASE = CARRIERS.index("base")
 
 
-def menu(situation: Situation, axes: Sequence[str]) -> Iterator[Measurement]:
-    """Give the plans for some axes."""
+def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
+    """Give the plans that bring into play where the candidates act."""
     moving = [target for target in situation.targets if target.carrier != _BASE]
-    for axis in axes:
-        if moving:
+    if question.turns and moving:
+        for axis in question.axes:
             yield second_lever(situation, axis, moving[0])
-    yield moved_cameras(situation, axes)
-    yield with_bar(situation, axes)
+    if question.stays_in_view:
+        yield moved_cameras(situation, question.axes)
+    if question.scales_view:
+        yield with_bar(situation, question.axes)
 
 
 def lines(course: Course, axes: Sequence[str], name: str = "", repeat: int = 0, n_points: int = _N_POINTS) -> None:
@@ -84,7 +86,7 @@ def moved_cameras(situation: Situation, axes: Sequence[str]) -> Measurement:
         ]
     )
     words = (
-        f"Run {listed(list(axes))} there and back, turn the cameras by 90 degrees about the work and repeat, then put "
+        f"Run {listed(list(axes))} there and back, turn the cameras by 90 degrees about the work, repeat, then put "
         "them back, a third of what they see to the side and a tenth further away, and repeat"
     )
     return Measurement(
@@ -109,9 +111,9 @@ def bar(situation: Situation) -> tuple[Target, ...]:
 def with_bar(situation: Situation, axes: Sequence[str]) -> Measurement:
     """Hold a scale bar before the cameras in every picture."""
     course = Course(situation)
-    lines(course, axes or AXES)
+    lines(course, axes)
     words = (
-        f"Stand a scale bar of {_BAR_MM:.0f} mm before the cameras and run {listed(list(axes or AXES))} there and "
+        f"Stand a scale bar of {_BAR_MM:.0f} mm before the cameras and run {listed(list(axes))} there and "
         "back with its two targets in every picture"
     )
     return Measurement(

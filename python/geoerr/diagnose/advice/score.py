@@ -56,36 +56,41 @@ class Candidates:
     families
         In the order of their columns.
     columns
-        For each family its columns by trial, (n_trials, width).
+        For each family its columns by trial, (n_trials, width); of a narrower trial the last ones are one of nothing.
+    n_columns
+        Of all families; the column of nothing stands behind them.
     """
 
     def __init__(self, families: Sequence[Family]) -> None:
         self.families = tuple(families)
+        self.n_columns = sum(len(term.coefficients) for family in self.families for term in family.terms)
         self.columns: list[np.ndarray] = []
         first = 0
         for family in self.families:
-            n = family.n_trials * family.width
-            self.columns.append(np.arange(first, first + n).reshape(family.n_trials, family.width))
-            first += n
-        self.n_columns = first
+            own = family.columns()
+            table = np.full((len(own), max(len(one) for one in own)), self.n_columns)
+            for trial, columns in enumerate(own):
+                table[trial, : len(columns)] = np.array(columns) + first
+            self.columns.append(table)
+            first += sum(len(term.coefficients) for term in family.terms)
 
     def gains(self, data: Measured) -> Numbers:
         """Give by how much each family at its best lets χ² of the data fall, (n_families,)."""
-        beyond = data.information.beyond_model()
+        beyond, raw, scores = _padded(data.information.beyond_model(), data.information.candidates, data.score)
         gains = []
         for columns in self.columns:
-            score = data.score[columns]
-            inverse = _inverses(beyond, data.information.candidates, columns, _SEEN)
+            score = scores[columns]
+            inverse = _inverses(beyond, raw, columns, _SEEN)
             gains.append(float((score[:, None, :] @ inverse @ score[:, :, None]).max()))
         return np.array(gains)
 
     def truths(self, data: Measured) -> Truths:
         """Give for each family the trials that explain the data as well as its best, at their best coefficients."""
-        beyond = data.information.beyond_model()
+        beyond, raw, scores = _padded(data.information.beyond_model(), data.information.candidates, data.score)
         found, numbers = [], []
         for number, (family, columns) in enumerate(zip(self.families, self.columns, strict=True)):
-            inverse = _inverses(beyond, data.information.candidates, columns, _SEEN)
-            score = data.score[columns]
+            inverse = _inverses(beyond, raw, columns, _SEEN)
+            score = scores[columns]
             theta = np.einsum("lij,lj->li", inverse, score)
             gain = (theta * score).sum(axis=1)
             good = np.flatnonzero((gain > gain.max() - _AS_GOOD) & family.is_spread)
@@ -93,21 +98,21 @@ class Candidates:
             if len(good) > _MOST_TRUTHS:
                 good = good[np.rint(np.linspace(0, len(good) - 1, _MOST_TRUTHS)).astype(np.int64)]
             for trial in dict.fromkeys([best, *good.tolist()]):
-                coefficients = np.zeros(self.n_columns)
+                coefficients = np.zeros(self.n_columns + 1)
                 coefficients[columns[trial]] = theta[trial]
-                found.append(coefficients)
+                found.append(coefficients[:-1])
                 numbers.append(number)
         return Truths(np.array(found).T, np.array(numbers))
 
     def apart(self, information: Information, truths: Truths) -> Numbers:
         """Give what every family, fitted instead, leaves of every truth, (n_families, n_truths); 0 of its own."""
-        beyond = information.beyond_model()
-        pull = beyond @ truths.coefficients
-        size = (truths.coefficients * pull).sum(axis=0)
+        beyond, raw, _ = _padded(information.beyond_model(), information.candidates, None)
+        pull = beyond[:, :-1] @ truths.coefficients
+        size = (truths.coefficients * pull[:-1]).sum(axis=0)
         left = np.empty((len(self.families), len(size)))
         for number, columns in enumerate(self.columns):
             own = pull[columns]
-            inverse = _inverses(beyond, information.candidates, columns, _ROUND_OFF)
+            inverse = _inverses(beyond, raw, columns, _ROUND_OFF)
             explained = (own * (inverse @ own)).sum(axis=1)
             left[number] = size - explained.max(axis=0)
         left[truths.family, np.arange(len(size))] = 0.0
@@ -119,6 +124,12 @@ def is_believable(data: Information, plan: Information, truths: Truths) -> np.nd
     theta = truths.coefficients
     each = [(theta * (one.candidates @ theta)).sum(axis=0) / one.n_numbers for one in (plan, data)]
     return np.asarray(each[0] <= _LARGEST**2 * np.maximum(each[1], 1e-300))
+
+
+def _padded(beyond: Numbers, raw: Numbers, score: Numbers | None) -> tuple[Numbers, Numbers, Numbers]:
+    """Give products and scores with those of the column of nothing behind them."""
+    scores = np.zeros(len(raw)) if score is None else score
+    return np.pad(beyond, (0, 1)), np.pad(raw, (0, 1)), np.append(scores, 0.0)
 
 
 def _inverses(beyond: Numbers, raw: Numbers, columns: np.ndarray, least: float) -> Numbers:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,11 +14,12 @@ from geoerr.diagnose.advice.information import Information, Measured, expected, 
 from geoerr.diagnose.advice.measurement import Measurement, listed
 from geoerr.diagnose.advice.menu import menu
 from geoerr.diagnose.advice.planned import noise_of, planned
+from geoerr.diagnose.advice.question import question_of
 from geoerr.diagnose.advice.score import Candidates, Truths, is_believable
 from geoerr.diagnose.advice.situation import Situation, situation_of
+from geoerr.diagnose.findings import Separation
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
-from geoerr.machine import AXES
 from geoerr.terms import Term
 
 # The search takes a difference of χ² of 20 as decided. It scatters by 2√λ about its expectation λ: with λ = 41 it
@@ -25,11 +27,12 @@ from geoerr.terms import Term
 MARGIN = 41.0
 # Of what some plan would separate the chosen one separates so much: nine cases of ten.
 _ENOUGH = 0.9
+_LITTLE_MORE = 1.3
 # How often a plan may be carried out, and how long all may take.
 _TIMES = (1, 2, 4)
 MOST_MINUTES = 120.0
 # Pairs of plans are tried among so many.
-_PAIRED = 5
+_PAIRED = 8
 _ALTERNATIVES = 3
 
 
@@ -43,9 +46,9 @@ class Alternative:
     expected_delta_chi2: float
 
 
-@dataclass(frozen=True, eq=False)
-class Separation:
-    """The measurement that would tell candidates apart.
+@dataclass(frozen=True)
+class Advice(Separation):
+    """The measurement that would tell candidates apart, computed for the data at hand.
 
     Attributes
     ----------
@@ -54,14 +57,14 @@ class Separation:
     plan
         What to do, in sentences with durations; None where nothing would do.
     minutes
-        Of machine time.
+        Of machine time, with what it takes to prepare.
     expected_delta_chi2
         By which the right candidate is expected to fit better than the other one that comes nearest: in the middle
         of the cases, of what may be true by these data and can be told apart at all.
     separated_share
         Of these cases, how many reach the margin.
     same_again_delta_chi2
-        The same for as much of the same data again.
+        The same as `expected_delta_chi2` for as much of the same data again.
     measurements
         The plan as it can be carried out: measurements in their order, each with how often.
     contained
@@ -71,15 +74,12 @@ class Separation:
         Other plans that would do.
     """
 
-    text: str
-    plan: str | None
-    minutes: float | None
-    expected_delta_chi2: float | None
-    separated_share: float | None
-    same_again_delta_chi2: float | None
-    measurements: tuple[tuple[Measurement, int], ...]
-    contained: tuple[tuple[str, str], ...]
-    alternatives: tuple[Alternative, ...]
+    expected_delta_chi2: float | None = None
+    separated_share: float | None = None
+    same_again_delta_chi2: float | None = None
+    measurements: tuple[tuple[Measurement, int], ...] = ()
+    contained: tuple[tuple[str, str], ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +98,9 @@ class Adviser:
     ----------
     space
         What a fit leaves, with its noise.
-    terms
-        The tied candidates, with the values that were found.
+    candidates
+        The tied candidates, with the values that were found; one that can be written in several ways as a sequence
+        of them, the one that fits best first.
     added
         Effects that the space counts as the model's own, besides the fit's.
     acceleration_mm_s2
@@ -116,7 +117,7 @@ class Adviser:
     def __init__(
         self,
         space: Space,
-        terms: Sequence[Term],
+        candidates: Sequence[Term | Sequence[Term]],
         *,
         added: Sequence[Term] = (),
         acceleration_mm_s2: float | None = None,
@@ -125,11 +126,12 @@ class Adviser:
         fitted = space.fitted
         poses = poses_of(fitted)
         self.situation: Situation = situation_of(fitted, space.noise, acceleration_mm_s2=acceleration_mm_s2)
+        forms = [(one,) if isinstance(one, Term) else tuple(one) for one in candidates]
         families = [
-            family_of(fitted.machine, term, number, fitted.sightings, poses) for number, term in enumerate(terms)
+            family_of(fitted.machine, own, number, fitted.sightings, poses) for number, own in enumerate(forms)
         ]
-        self.terms = tuple(terms)
-        self.names = tuple(term.id for term in terms)
+        self.names = tuple(own[0].id for own in forms)
+        terms = [term for own in forms for term in own]
         self._candidates = Candidates(families)
         self._model = Terms(fitted.machine, (*fitted.terms, *added), with_inner=True)
         self._columns = Terms(
@@ -139,8 +141,7 @@ class Adviser:
         self._data: Measured = measured(space, self._model, self._columns, poses, prior, threads=threads)
         self._truths: Truths = self._candidates.truths(self._data)
         self._known: dict[int, tuple[Measurement, Information]] = {}
-        variables = {name for term in self.terms for name in term.variables}
-        self.plans: tuple[Measurement, ...] = tuple(menu(self.situation, axes_of(self.terms), variables))
+        self.plans: tuple[Measurement, ...] = tuple(menu(self.situation, question_of(terms)))
 
     @property
     def gains(self) -> Numbers:
@@ -165,7 +166,7 @@ class Adviser:
         *,
         margin: float = MARGIN,
         most_minutes: float = MOST_MINUTES,
-    ) -> Separation:
+    ) -> Advice:
         """Choose the shortest plan that tells candidates apart (all of them, if not said which).
 
         Every candidate may be true, at every value that explains the data as well as its best. Of those cases that
@@ -174,7 +175,7 @@ class Adviser:
         """
         among = range(len(self.names)) if among is None else among
         options = [
-            _Option(((place, times),), plan.minutes(times), self._left([(plan, times)]))
+            self._option(((place, times),))
             for place, plan in enumerate(self.plans)
             for times in _TIMES
             if plan.minutes(times) <= most_minutes
@@ -185,12 +186,15 @@ class Adviser:
         if not reachable.any():
             return self._none(among, options, asked, contained)
         found = [one for one in options if self._share(one, reachable, margin) >= _ENOUGH]
-        found = found or self._paired(options, reachable, margin, most_minutes)
+        shortest = min((one.minutes for one in found), default=most_minutes)
+        found += self._paired(options, reachable, margin, shortest)
         found = found or [max(options, key=lambda one: (self._share(one, reachable, margin), -one.minutes))]
         found.sort(key=lambda one: one.minutes)
-        best = found[0]
+        # A little more time is worth being surer.
+        near = [one for one in found if one.minutes <= _LITTLE_MORE * found[0].minutes]
+        best = max(near, key=lambda one: self._nearest(one.left, reachable))
         again = self._candidates.apart(self._data.information.plus(self._data.information), self._truths)
-        return Separation(
+        return Advice(
             listed([self.plans[place].title for place, _ in best.plans], "and then"),
             self._sentences(best),
             best.minutes,
@@ -199,7 +203,7 @@ class Adviser:
             self._nearest(again, reachable),
             tuple((self.plans[place], times) for place, times in best.plans),
             contained,
-            self._others(found, reachable),
+            self._others(best, found, reachable),
         )
 
     def _left(self, plans: Sequence[tuple[Measurement, int]]) -> Numbers:
@@ -242,22 +246,30 @@ class Adviser:
     def _paired(
         self, options: Sequence[_Option], reachable: np.ndarray, margin: float, most_minutes: float
     ) -> list[_Option]:
-        """Try one plan after another, among those that separate most for their time."""
+        """Try one plan after another, among those that separate most; of each pair the shortest that is enough."""
         best: dict[int, _Option] = {}
         for one in sorted(options, key=lambda option: -self._share(option, reachable, margin)):
             best.setdefault(one.plans[0][0], one)
-        first = sorted(best.values(), key=lambda one: -self._share(one, reachable, margin))[:_PAIRED]
-        found = []
-        for number, one in enumerate(first):
-            for other in first[number + 1 :]:
-                minutes = one.minutes + other.minutes
-                if minutes > most_minutes:
-                    continue
-                plans = one.plans + other.plans
-                both = _Option(plans, minutes, self._left([(self.plans[place], times) for place, times in plans]))
-                if self._share(both, reachable, margin) >= _ENOUGH:
-                    found.append(both)
+        most = {place: max(one.plans[0][1] for one in options if one.plans[0][0] == place) for place in best}
+        found: list[_Option] = []
+        for first, second in itertools.combinations(list(best)[:_PAIRED], 2):
+            often = itertools.product(*[[n for n in _TIMES if n <= most[place]] for place in (first, second)])
+            plans = sorted((((first, one), (second, other)) for one, other in often), key=self._minutes)
+            plans = [both for both in plans if self._minutes(both) < most_minutes]
+            if not plans or self._share(self._option(plans[-1]), reachable, margin) < _ENOUGH:
+                continue
+            enough = (one for both in plans if self._share(one := self._option(both), reachable, margin) >= _ENOUGH)
+            found.append(next(enough))
+            most_minutes = min(most_minutes, found[-1].minutes)
         return found
+
+    def _minutes(self, plans: tuple[tuple[int, int], ...]) -> float:
+        return sum(self.plans[place].minutes(times) for place, times in plans)
+
+    def _option(self, plans: tuple[tuple[int, int], ...]) -> _Option:
+        return _Option(
+            plans, self._minutes(plans), self._left([(self.plans[place], times) for place, times in plans])
+        )
 
     def _middle(self, left: Numbers, counted: np.ndarray) -> Numbers:
         """Give the middle over each candidate's truths of what each other one leaves, (n, n)."""
@@ -292,10 +304,10 @@ class Adviser:
     def _sentences(self, option: _Option) -> str:
         return ". Then: ".join(self.plans[place].text(times) for place, times in option.plans)
 
-    def _others(self, found: Sequence[_Option], reachable: np.ndarray) -> tuple[Alternative, ...]:
-        taken = {place for place, _ in found[0].plans}
+    def _others(self, best: _Option, found: Sequence[_Option], reachable: np.ndarray) -> tuple[Alternative, ...]:
+        taken = {place for place, _ in best.plans}
         others = []
-        for one in found[1:]:
+        for one in found:
             places = {place for place, _ in one.plans}
             if places & taken:
                 continue
@@ -310,20 +322,12 @@ class Adviser:
         options: Sequence[_Option],
         asked: np.ndarray,
         contained: tuple[tuple[str, str], ...],
-    ) -> Separation:
+    ) -> Advice:
         """Say that nothing would do, and how far the best would get."""
         names = listed([self.names[place] for place in among])
         reached = max((self._nearest(one.left, asked) for one in options), default=0.0)
         text = f"no measurement known here would tell {names} apart at their present size"
-        return Separation(text, None, None, reached, 0.0, None, (), contained, ())
-
-
-def axes_of(terms: Sequence[Term]) -> list[str]:
-    """Give the axes that candidates are about, x before y before z; all of them where one has none."""
-    if any(term.axis is None for term in terms):
-        return list(AXES)
-    letters = {letter for term in terms for letter in (term.axis or "").removeprefix("work-")}
-    return [axis for axis in AXES if axis in letters]
+        return Advice(text, None, None, reached, 0.0, None, (), contained, ())
 
 
 def _prior(prior: Numbers | None, model: Terms, n_fitted: int) -> Numbers | None:

@@ -1,0 +1,130 @@
+"""Advice for a diagnosis, for any tied candidates, and for a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geoerr.diagnose.advice.columns import Terms, poses_of
+from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser
+from geoerr.diagnose.findings import Separation
+from geoerr.diagnose.noise import blocks_of, fit_noise
+from geoerr.diagnose.space import Space, offset_weights, orthonormal, whitened_space
+from geoerr.effects import catalogue
+from geoerr.effects.collection import Catalogue
+from geoerr.fit import Fitted
+from geoerr.fit.held_out import projected_rows
+from geoerr.fit.sightings import Numbers
+from geoerr.terms import Term
+
+if TYPE_CHECKING:
+    from geoerr.diagnose.diagnosis import Diagnosis
+    from geoerr.diagnose.search import Judged, Settled
+
+
+def advise(diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: float = MARGIN) -> Separation | None:
+    """Say which measurement would tell apart what a diagnosis leaves tied; None where nothing is tied.
+
+    Parameters
+    ----------
+    known
+        The catalogue for what nothing can be computed for; the built-in one if not said.
+    margin
+        Expected Δχ² that counts as told apart.
+    """
+    searched = diagnosis.searched
+    names = [str(one.reference) for one in diagnosis.tied]
+    if len(names) < 2:
+        return None
+    first = searched.found[0]
+    after = searched.found[1].looked if len(searched.found) > 1 else searched.last
+    judged = [(first.judged, first.settled), *((one.judged, one.settled) for one in first.rivals)]
+    forms = [own for one in judged if (own := forms_of(*one)) and own[0].id in names]
+    return separation_for(after.space, forms, known=known, margin=margin)
+
+
+def separation_for(
+    space: Space,
+    candidates: Sequence[Term | Sequence[Term]],
+    *,
+    added: Sequence[Term] = (),
+    known: Catalogue | None = None,
+    margin: float = MARGIN,
+    acceleration_mm_s2: float | None = None,
+    threads: int = 1,
+) -> Separation | None:
+    """Give the measurement that tells candidates apart, or what the catalogue says where none can be computed.
+
+    Parameters
+    ----------
+    space
+        What a fit leaves; best the one whose noise was estimated with the first candidate in the model, because a
+        noise that was estimated without has taken part of it for its own.
+    candidates
+        With the values that were found; one that can be written in several ways as a sequence of them, the one that
+        fits best first.
+    added
+        Effects that were found before, and count as the model's own.
+    known
+        The catalogue; the built-in one if not said.
+    margin
+        Expected Δχ² that counts as told apart.
+    acceleration_mm_s2
+        Of the axes, for how long moves take; boundless if not said.
+    """
+    adviser = Adviser(space, candidates, added=added, acceleration_mm_s2=acceleration_mm_s2, threads=threads)
+    advice = adviser.separation(margin=margin)
+    if advice.plan is not None:
+        return advice
+    firsts = [one if isinstance(one, Term) else one[0] for one in candidates]
+    said = _by_catalogue(firsts, known or catalogue())
+    return advice if said is None else said
+
+
+def adviser_of(fitted: Fitted, candidates: Sequence[Term], *, threads: int = 1) -> Adviser:
+    """Give an adviser for a fit without any diagnosis: to ask what would tell two effects apart.
+
+    The noise is estimated with the first candidate in the model, at the values that its inner parameters have.
+
+    Examples
+    --------
+    >>> terms = [Effect.term("x", None, machine) for Effect in (backlash, lag)]  # doctest: +SKIP
+    >>> print(adviser_of(fitted, terms).separation().plan)  # doctest: +SKIP
+    """
+    return Adviser(_space_with(fitted, candidates[0], threads), candidates, threads=threads)
+
+
+def forms_of(judged: Judged, settled: Settled) -> tuple[Term, ...]:
+    """Give all ways to write a candidate that the search found: the settled one, then the others."""
+    if settled.term is None:
+        return ()
+    others = [shapes.term for shapes in judged.what.shapes]
+    return (settled.term, *(one for one in others if one is not None and one.parts != settled.term.parts))
+
+
+def _by_catalogue(terms: Sequence[Term], known: Catalogue) -> Separation | None:
+    for other in terms[1:]:
+        names = [term.effect for term in (terms[0], other) if term.effect]
+        rival = known.separation(*names) if len(names) == 2 and all(name in known for name in names) else None
+        if rival is not None:
+            return Separation(rival.separate_by, rival.plan, rival.minutes)
+    return None
+
+
+def _space_with(fitted: Fitted, term: Term, threads: int) -> Space:
+    """Give the space that the model and a term leave, with the noise estimated with the term in the model."""
+    solved, sightings = fitted.solved, fitted.sightings
+    rows: Numbers = (sightings.is_measured & solved.used[:, None]).astype(np.float64)
+    used = solved.used.astype(np.float64)
+    own = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, used, threads)
+    terms = Terms(fitted.machine, [term], with_inner=False)
+    columns = terms.columns(sightings, poses_of(fitted), scale=used, threads=threads)[:, :, : terms.n_columns]
+    joined = np.concatenate([own, columns * rows[:, :, None]], axis=2)
+    basis = orthonormal(joined.reshape(-1, joined.shape[2])).reshape(*rows.shape, -1)
+    noise = fit_noise(blocks_of(sightings), offset_weights(fitted), solved.whitened * rows, basis)
+    return whitened_space(fitted, noise, rows, basis)
+
+
+__all__ = ["Advice", "advise", "adviser_of", "forms_of", "separation_for"]
