@@ -288,6 +288,12 @@ def test_a_form_can_be_asked_for(folder: Path) -> None:
         raise run(folder, *wave, "--form", "sawtooth").exception or AssertionError
 
 
+def test_columns_that_place_a_row_are_not_offered(folder: Path) -> None:
+    with pytest.raises(InputFileError) as refused:
+        raise run(folder, "--add", "thermal-expansion:x@temp_head").exception or AssertionError
+    assert refused.value.remedy == "columns that an effect may follow are temp_bed"
+
+
 def test_an_own_effect_is_fitted_and_predicted_as_a_built_in_one(folder: Path) -> None:
     grid(2, alpha=ALPHA).write_csv(folder / "grid.csv")
     models = {}

@@ -98,6 +98,7 @@ def test_what_the_model_does_already_is_left_out() -> None:
     ("reference", "problem"),
     [
         ("empirical:x@nothing", "no column nothing"),
+        ("empirical:x@file_row", "file_row says where a row stands"),
         ("empirical:x@fixed", "never changes"),
         ("empirical:xy@feed", "along which axis"),
         ("empirical:x", "names no curve"),

@@ -21,13 +21,12 @@ from geoerr.error_functions import (
 from geoerr.fit import Fitted
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
+from geoerr.model.fit_words import lack_of_fit_words
 from geoerr.terms import Parameter, Term
 
 WIDTH = 96
 _MICRO = 1e6
 _UM_PER_MM = 1e3
-# Below this probability, what a model leaves over is not noise.
-_SIGNIFICANCE = 0.01
 _KINDS = {"bspline": "spline", "fourier": "waves", "linear": "linear elements", "quadratic": "quadratic elements"}
 _DEGREES = {1: "line", 2: "parabola", 3: "cubic"}
 _FIGURES = {
@@ -145,18 +144,8 @@ def _figure(value: float | None) -> str:
 def quality_in_words(fitted: Fitted) -> list[str]:
     """Say what the residual is: noise, or more."""
     split, sightings = fitted.split, fitted.sightings
-    sentences = []
-    if split.lack_of_fit_p is None:
-        sentences.append(
-            "whether the model lacks anything cannot be told: nothing was measured twice, no uncertainty is stated"
-        )
-    elif split.lack_of_fit_p < _SIGNIFICANCE:
-        against = "repeats scatter" if split.is_from_repeats else "the stated uncertainties allow"
-        sentences.append(
-            f"the model lacks something: the residual is more than {against} (p = {split.lack_of_fit_p:.2g})"
-        )
-    else:
-        sentences.append(f"what is left is noise, as far as can be told (p = {split.lack_of_fit_p:.2g})")
+    p_value, beyond_um = (math.nan if v is None else v for v in (split.lack_of_fit_p, split.lack_of_fit_um))
+    sentences = [lack_of_fit_words(p_value, beyond_um, split.is_from_repeats)]
     if sightings.is_stated and fitted.scale > 1.0:
         sentences.append(
             f"the scatter is {fitted.scale:.2f} times what is stated: standard uncertainties are multiplied by that"

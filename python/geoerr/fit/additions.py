@@ -164,7 +164,7 @@ def refuse_wanting(effect: Effect, reference: EffectReference, sightings: Sighti
         raise InputFileError(
             str(reference),
             f"the data have no column {absent[0]}",
-            remedy=f"their columns of numbers are {', '.join(columns)}",
+            remedy=f"columns that an effect may follow are {', '.join(sightings.free_columns) or 'none'}",
         )
 
 

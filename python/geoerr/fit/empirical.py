@@ -204,11 +204,13 @@ def _variables(reference: EffectReference, fitted: Fitted) -> list[_Variable]:
     sightings = fitted.sightings
     found = []
     for number, name in enumerate(reference.covariate.split("*")):
-        if name not in RAW_VARIABLES and name not in sightings.covariate_columns:
+        if name not in RAW_VARIABLES and name not in sightings.free_columns:
             raise InputFileError(
                 str(reference),
-                f"the data have no column {name}",
-                remedy=f"their columns of numbers are {', '.join(sightings.covariate_columns)}; "
+                f"the data have no column {name}"
+                if name not in sightings.covariate_columns
+                else f"{name} says where a row stands, which no curve can follow",
+                remedy=f"such columns are {', '.join(sightings.free_columns) or 'not there'}; "
                 "positions are x, directions d_x, travel s_x, speeds v_x",
             )
         values = variable_columns(sightings, [name])[0]

@@ -21,6 +21,7 @@ from geoerr.terms import RAW_VARIABLES
 
 # Directions of parameters whose part in the model is below this are those of the measuring frames alone.
 _NOTHING = 1e-9
+_UM_PER_MM = 1e3
 # In a record's `noise`: how many unknowns of the calibration were fitted along, held by its covariance.
 CALIBRATION_UNKNOWNS = "calibration_unknowns"
 
@@ -112,11 +113,16 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         n_outliers=len(fitted.outliers),
         range_mm=moved,
         covariate_spans=spans,
-        noise=_numbers({"scale": fitted.scale} | _calibration(fitted)),
+        noise=_numbers(_scatter(fitted) | _calibration(fitted)),
         figures=_numbers({name: value for name, value in figures_document(fitted).items() if _is_plain(value)}),
         history=tuple(history),
     )
     return FitResult(Model(fitted.machine, terms=fitted.terms, record=record), fitted)
+
+
+def _scatter(fitted: Fitted) -> dict[str, float]:
+    """Give what stated uncertainties were multiplied by; where none are stated, the scatter of a component."""
+    return {"scale": fitted.scale} if fitted.sightings.is_stated else {"scatter_um": fitted.scale * _UM_PER_MM}
 
 
 def _calibration(fitted: Fitted) -> dict[str, float]:

@@ -24,6 +24,28 @@ _BY_ROW = (
     *("commanded_mm", "offset_mm", "measured_mm", "is_measured", "whitening"),
     *("carrier", "session", "pass_number", "directions", "source_row"),
 )
+# Columns of numbers that say where a row stands, what was measured and how surely: nothing that an error follows.
+_PLACING = frozenset(
+    {
+        *(
+            "file_row",
+            "moving",
+            "repeat",
+            "session",
+            "x",
+            "y",
+            "z",
+            "tx",
+            "ty",
+            "tz",
+            "dir",
+            "dir_x",
+            "dir_y",
+            "dir_z",
+        ),
+        *("mx", "my", "mz", "sx", "sy", "sz", "cxx", "cxy", "cxz", "cyy", "cyz", "czz", "r", "sr"),
+    }
+)
 # A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
 _LEAST_STD_MM = 1e-7
 # Positions closer than this are one position: a hundredth of a micrometre is below every command's resolution.
@@ -128,6 +150,11 @@ class Sightings:
             for name, kind in self.table.schema.items()
             if kind.is_numeric() and bool(np.isfinite(self.numbers(name)).any())
         )
+
+    @property
+    def free_columns(self) -> tuple[str, ...]:
+        """Names of the columns of numbers that an effect may follow: covariates, not what places a row."""
+        return tuple(name for name in self.covariate_columns if name not in _PLACING)
 
 
 def sightings_of(*tables: Observations | CircularTest) -> Sightings:

@@ -45,7 +45,7 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
         else:
             raise GeoerrError(
                 f"the data have no column {name!r}, which the model needs\n"
-                f"hint: columns of numbers are {', '.join(sightings.covariate_columns)}"
+                f"hint: columns that an effect may follow are {', '.join(sightings.free_columns) or 'none'}"
             )
     return columns
 

@@ -13,6 +13,7 @@ import numpy as np
 from geoerr.effects.plausible import plausible_words
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, SQUARENESS, is_angular
 from geoerr.machine import AXES
+from geoerr.model.fit_words import FIGURES, fit_sentences, other_figures
 from geoerr.model.groups import POSITIONING
 from geoerr.model.parameters import Correlation
 from geoerr.terms import Parameter, Term
@@ -26,6 +27,8 @@ _MICRO = 1e6
 _MOST_CORRELATIONS = 12
 _LEAST_CORRELATION = 0.8
 _INDENT = "    "
+# Of the record's `noise`, what stands in a sentence.
+_SAID = frozenset({"scale", "scatter_um", "calibration_unknowns"})
 # How a figure's name ends, and its unit on paper.
 _SHOWN_UNITS = {"um": "µm", "urad": "µrad", "mm": "mm", "s": "s", "degc": "°C"}
 
@@ -79,11 +82,15 @@ def _data(model: Model) -> Iterator[str]:
 def _fit(model: Model) -> Iterator[str]:
     record = model.record
     assert record is not None
-    figures = {**record.figures, **{f"noise, {name}": value for name, value in record.noise.items()}}
-    for name, value in figures.items():
-        if not math.isnan(value):
+    for sentence in fit_sentences(record.figures, record.noise):
+        yield from _wrapped(sentence)
+    stated = {f"noise, {name}": value for name, value in record.noise.items() if name not in _SAID}
+    figures = {**record.figures, **stated}
+    names = [*(name for name in FIGURES if name in figures), *other_figures(figures)]
+    for name in names:
+        if not math.isnan(figures[name]):
             yield from _wrapped(f"{_title(name)[0]}: {_of(figures, name)}")
-    unknown = [_title(name)[0] for name, value in figures.items() if math.isnan(value)]
+    unknown = [_title(name)[0] for name in names if math.isnan(figures[name])]
     if unknown:
         yield from _wrapped(f"not computable: {'; '.join(unknown)}")
     if not figures:
@@ -205,10 +212,10 @@ def _of(figures: Mapping[str, float], name: str) -> str:
 
 
 def _title(name: str) -> tuple[str, str]:
-    """Split a figure's name into words and unit: `held_out_rmse_um` is `held out rmse`, `µm`."""
+    """Split a figure's name into words and unit: `stated_rmse_um` is `stated rmse`, `µm`."""
     head, _, last = name.rpartition("_")
     if head and last in _SHOWN_UNITS:
-        return head.replace("_", " "), _SHOWN_UNITS[last]
+        return FIGURES.get(name, head.replace("_", " ")), _SHOWN_UNITS[last]
     return name.replace("_", " "), ""
 
 

@@ -1,0 +1,62 @@
+"""What the figures of a fit mean, in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+# Less probable than this, what the residual has beyond the noise is not chance.
+_SIGNIFICANCE = 0.01
+# Figures that a report shows as numbers, in its order: name in the record, name on paper.
+FIGURES = {
+    "rmse_um": "residual, rms",
+    "radial_rms_um": "residual of radii, rms",
+    "held_out_rmse_um": "residual of passes held out, rms",
+    "expected_held_out_rmse_um": "the same for a right model",
+    "noise_floor_um": "noise floor (what repeats scatter)",
+    "within_pass_floor_um": "noise floor within a pass",
+    "noise_um": "noise (repeats, or as stated)",
+}
+# Figures that stand in the sentences, or count rows.
+_IN_SENTENCES = frozenset({"lack_of_fit_um", "lack_of_fit_p", "held_out_not_computable", "n", "n_radial"})
+
+
+def other_figures(figures: Mapping[str, float]) -> list[str]:
+    """Name the figures that have neither a name on paper nor a sentence."""
+    return [name for name in figures if name not in FIGURES and name not in _IN_SENTENCES]
+
+
+def fit_sentences(figures: Mapping[str, float], noise: Mapping[str, float]) -> Iterator[str]:
+    """Say whether the model lacks anything, what its uncertainties are made of, and what could not be predicted."""
+    p_value = figures.get("lack_of_fit_p", math.nan)
+    beyond_um = figures.get("lack_of_fit_um", math.nan)
+    if "lack_of_fit_p" in figures:
+        yield lack_of_fit_words(p_value, beyond_um, math.isfinite(figures.get("noise_floor_um", math.nan)))
+    scale, scatter_um = noise.get("scale", math.nan), noise.get("scatter_um", math.nan)
+    if scale > 1.0:
+        yield (
+            f"the points scatter {scale:.2f} times as far as stated: standard uncertainties are larger by that factor"
+        )
+    elif math.isfinite(scale):
+        yield "the points scatter as stated or less: standard uncertainties follow from the stated ones"
+    elif math.isfinite(scatter_um):
+        yield (
+            f"no uncertainty is stated; a measured component scatters {scatter_um:.3g} µm about the model, and "
+            "standard uncertainties follow from that"
+        )
+    if noise.get("calibration_unknowns", 0.0) > 0.0:
+        yield "the calibration of the measuring device is part of every standard uncertainty"
+    lost = figures.get("held_out_not_computable", 0.0)
+    if lost > 0.0:
+        yield f"{lost:.0f} rows cannot be predicted with their pass held out: the other passes do not determine them"
+
+
+def lack_of_fit_words(p_value: float, beyond_um: float, is_from_repeats: bool) -> str:
+    """Say whether the residual is noise; NaN where it cannot be told."""
+    if math.isnan(p_value):
+        return "whether the model lacks anything cannot be told: nothing was measured twice, no uncertainty is stated"
+    if p_value >= _SIGNIFICANCE:
+        return f"what is left is noise, as far as can be told (p = {p_value:.2g})"
+    against = "repeats scatter" if is_from_repeats else "the stated uncertainties allow"
+    size = f", by {beyond_um:.2g} µm rms" if beyond_um > 0.0 else ""
+    return f"the model lacks something: the residual is more than {against}{size} (p = {p_value:.2g})"
