@@ -91,3 +91,14 @@ def test_a_lag_inside_its_range_is_found_from_either_side() -> None:
         lag = result.terms[0].inner[0]
         assert result.solved.converged
         assert abs(lag.value - truth_s) < 5.0 * lag.std
+
+
+def test_a_model_that_nothing_holds_does_not_run_away() -> None:
+    """One point, seen by cameras whose scale is said to follow a temperature: no residual and no figure is lost."""
+    observations = measured(at_once())
+    scale = catalogue()["rig-scale-thermal"].term(None, "temp_bed", MACHINE, lagged=True)
+    known = replace(scale, inner=(replace(scale.inner[0], value=600.0, low=600.0, high=600.0),))
+    bending = catalogue()["thermal-bending"].term("x", "temp_bed", MACHINE)
+    result = fitted(observations, bending, known)
+    assert np.isfinite(result.solved.chi_squared)
+    assert result.held_out.figures is not None

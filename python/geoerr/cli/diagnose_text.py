@@ -111,12 +111,17 @@ def _tied(diagnosis: Diagnosis) -> Iterator[str]:
         yield from narrow("; ".join(rival.value_words), "    ")
         after = "" if rival.held_out_words is None else f", {rival.held_out_words}"
         yield from narrow(f"worth {um_words(rival.worth_um)} rms{after}", "    ")
-        if rival.separate_by is not None:
-            minutes = rival.separate_by.minutes
-            time = "" if minutes is None else f" (≈ {minutes:g} min)"
-            yield from narrow(f"{rival.separate_by.text} would{time}", "    ")
-            if rival.separate_by.plan:
-                yield from narrow(f"plan: {rival.separate_by.plan}", "    ")
+    separations = dict.fromkeys(
+        (one.separate_by.text, one.separate_by.plan, one.separate_by.minutes)
+        for one in rivals
+        if one.separate_by is not None
+    )
+    for text, plan, minutes in separations:
+        if plan is None:
+            yield from narrow(text, "  ")
+            continue
+        time = "" if minutes is None else f" (≈ {minutes:.0f} min)"
+        yield from narrow(f"what would: {text}{time}: {plan}", "  ")
 
 
 def _unknown(unknown: Unknown) -> Iterator[str]:

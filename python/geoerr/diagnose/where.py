@@ -161,4 +161,4 @@ def _span_words(span: Span) -> str:
         return {"low": "at the beginning", "middle": "midway in time", "high": "at the end"}[
             span.part
         ] + f" (t {values})"
-    return f"where {span.variable} is {span.part} ({values})"
+    return f"where {span.variable} is {'middling' if span.part == 'middle' else span.part} ({values})"

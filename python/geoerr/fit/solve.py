@@ -26,6 +26,8 @@ _GROSS = 1e-7
 _LEAST_LEFT_OVER = 0.15
 # More rows in a row than this, each once in ten million by chance, are no mistakes.
 _LONGEST_MISTAKE = 2
+# First order is not exact: a linear model's sum of squares may rise by rounding and by that, but never by more.
+_LINEAR_RISE = 1e-2
 # An inner parameter this near to an end of its range, as a share of it, is at the end.
 _AT_AN_END = 1e-9
 # Huber's constant: 95 % efficient for Gaussian noise.
@@ -283,8 +285,9 @@ def _gauss_newton(
             trial = problem.corrected(state, factor * step)
             trial_residual = problem.residuals(trial, threads)
             trial_cost = _cost(problem, trial_residual, row_scale, _held(problem, trial, prior))
-            # A linear model's full step cannot fail; another's is halved until it helps.
-            if is_linear or trial_cost <= cost * (1.0 + 1e-9) or factor < 1e-6 * longest:
+            # A linear model's full step fails only where nothing holds it; another's is halved until it helps.
+            most = cost * (1.0 + (_LINEAR_RISE if is_linear else 1e-9))
+            if trial_cost <= most or factor < 1e-6 * longest:
                 break
             factor *= 0.5
         state, residual, cost = trial, trial_residual, trial_cost
