@@ -193,6 +193,47 @@ class Hexahedra:
     def evaluate(self, q_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
 
 @final
+class CandidateScene:
+    """What a fit leaves, as the core judges candidates against it.
+
+    Parameters
+    ----------
+    whitened : (3, n_basis + 1 + n_draws, n)
+        By component: basis, residual and draws of noise; float32 or float64 is the precision of the products.
+    directions : (n_channels, 3, n)
+        Whitened displacement of each row by one unit on each channel.
+    unit : (3, n)
+        Entry of U of each row (`geoerr.diagnose.noise`).
+    session_starts
+        First block of each session.
+    less_one
+        For each component and session T − I.
+    """
+
+    def __init__(
+        self,
+        whitened: npt.NDArray[np.float32] | npt.NDArray[np.float64],
+        n_basis: int,
+        directions: npt.NDArray[np.float64],
+        sigma: list[float],
+        block: npt.NDArray[np.int64],
+        n_blocks: int,
+        unit: npt.NDArray[np.float64],
+        session_starts: npt.NDArray[np.int64],
+        less_one: list[list[npt.NDArray[np.float64]]],
+    ) -> None: ...
+    def scan(
+        self,
+        variables: npt.NDArray[np.float64],
+        starts: npt.NDArray[np.int64],
+        t: npt.NDArray[np.float64] | None,
+        formulas: list[tuple[Expression, list[float]]],
+        given: npt.NDArray[np.float64],
+        products: list[tuple[int, int]],
+        groups: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64], int]],
+        threads: int,
+    ) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]]: ...
+
 class Expression:
     """A parsed formula; `columns` is (k, n): one row for each of `variables`, C-contiguous float64.
 

@@ -1,5 +1,6 @@
 //! The one way from Python into the core: interpreter released, threads bounded, errors mapped.
 
+use geoerr_core::least_squares::clear_wide_registers;
 use pyo3::marker::Ungil;
 use pyo3::prelude::*;
 
@@ -14,6 +15,8 @@ where
     T: Send + Ungil,
     E: Into<CoreError> + Send + Ungil,
 {
+    // NumPy may have multiplied matrices on this thread.
+    clear_wide_registers();
     let outcome = py.detach(|| -> Result<Result<T, E>, CoreError> {
         if threads == 0 {
             return Ok(work());

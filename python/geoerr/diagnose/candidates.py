@@ -9,29 +9,30 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr import _core
+from geoerr.diagnose.functions import CompiledPart, Functions
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.covariates import columns_wanting, temperature_choices
+from geoerr.effects.description import FormSpec
 from geoerr.effects.effect import Effect
 from geoerr.errors import InputFileError
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
-from geoerr.fit.variables import times_s, variable_columns
-from geoerr.model.compile import compile_terms, core_part
-from geoerr.terms import EffectReference, Parameter, Term
+from geoerr.fit.variables import times_s
+from geoerr.terms import EffectReference, Parameter, Term, names_in
 
-# Trial values before any are put in between, for so many inner parameters that are not affine.
-_SEEDS = {1: 9, 2: 5}
-_FEWEST_SEEDS = 3
-# Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.95 of its gain.
+# Trial values of each inner parameter that is not affine, by how many of them a formula has.
+_TRIALS = {1: 12, 2: 6}
+_FEWEST_TRIALS = 4
+# Of the moment of a jump: nothing between two moments is like either.
+_MOMENTS = 48
+# Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.9 of its gain.
 _ALIKE = 0.8
 _DEEPEST = 9
-_MOST_TRIALS = {1: 600, 2: 150}
+_MOST_TRIALS = 600
 _ROWS_TO_COMPARE = 300
 # A formula is affine in a parameter where the middle is the mean of the ends to this share.
 _AFFINE = 1e-9
@@ -57,10 +58,8 @@ class Shapes:
         Values of the affine parameters (by place) at each corner.
     trials
         Values of all inner parameters at each trial; affine ones at their middle.
-    place : (n,)
-        Number of each row's set of variables: rows of one set have one value.
-    values : (n_trials, n_columns, n_sets)
-        The formulas.
+    codes : (n_trials, n_columns)
+        The function of each column (`Functions`).
     """
 
     term: Term | None
@@ -69,8 +68,7 @@ class Shapes:
     n_coefficients: int
     corners: tuple[dict[int, float], ...]
     trials: tuple[tuple[float, ...], ...]
-    place: np.ndarray
-    values: Numbers
+    codes: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +87,8 @@ class Candidate:
 
 def candidates_of(
     fitted: Fitted, known: Catalogue, present: Sequence[str] = ()
-) -> tuple[list[Candidate], list[tuple[str, str]]]:
-    """Give every candidate that the data can carry, and the effects that are not offered, with the reason.
+) -> tuple[list[Candidate], list[tuple[str, str]], Functions]:
+    """Give every candidate that the data can carry, the effects that are not offered (with the reason), the functions.
 
     Parameters
     ----------
@@ -101,7 +99,7 @@ def candidates_of(
     columns = [*sightings.covariate_columns]
     is_circular = "circle" in sightings.frames
     taken = {term.id for term in fitted.terms} | set(present)
-    found: list[Candidate] = []
+    offered: list[tuple[EffectReference, Effect, list[Term]]] = []
     not_offered: list[tuple[str, str]] = []
     for effect in known:
         why = _why_not(effect, fitted, columns, is_circular)
@@ -114,10 +112,16 @@ def candidates_of(
         for reference in references:
             if str(reference) in taken:
                 continue
-            shapes = [shapes_of(fitted, term) for term in _terms(effect, reference, fitted, columns)]
-            if shapes:
-                found.append(Candidate(reference, effect, tuple(shapes)))
-    return found, not_offered
+            terms = _terms(effect, reference, fitted, columns)
+            if terms:
+                offered.append((reference, effect, terms))
+    functions = Functions(fitted, [term for _, _, terms in offered for term in terms])
+    grids: dict[tuple[object, ...], list[float]] = {}
+    found = [
+        Candidate(reference, effect, tuple(shapes_of(functions, term, grids) for term in terms))
+        for reference, effect, terms in offered
+    ]
+    return found, not_offered, functions
 
 
 def _why_not(effect: Effect, fitted: Fitted, columns: Sequence[str], is_circular: bool) -> str | None:
@@ -137,6 +141,9 @@ def _terms(effect: Effect, reference: EffectReference, fitted: Fitted, columns: 
     span = (float(times.min()), float(times.max()))
     result = []
     for form in effect.forms:
+        if any(_refines(form, other) for other in effect.forms):
+            # The plain form finds it; which form it is to have is for the fit to say.
+            continue
         if columns_wanting(form, effect.parameter_names, columns) is not None:
             continue
         if reference.covariate not in (*temperature_choices(form, columns), *form.covariates):
@@ -162,105 +169,66 @@ def _terms(effect: Effect, reference: EffectReference, fitted: Fitted, columns: 
     return result
 
 
+def _refines(form: FormSpec, other: FormSpec) -> bool:
+    """Tell whether a form has all that another one has, and more: a harmonic, a second time constant."""
+    own, others = ({name for part in one.parts for name in names_in(part.expression)} for one in (form, other))
+    return form.covariates == other.covariates and others < own
+
+
 class Formulas:
     """A term's formulas at the rows of the data."""
 
-    def __init__(self, fitted: Fitted, term: Term) -> None:
-        sightings = fitted.sightings
-        compiled = compile_terms(fitted.machine, (term,))
-        variables = variable_columns(sightings, compiled.variables)
-        self.known = np.isfinite(variables).all(axis=0)
-        variables = np.nan_to_num(variables)
-        self.times = times_s(sightings) if compiled.needs_order else None
-        self.starts = sightings.starts
-        if compiled.needs_order:
-            self.variables, self.place = np.ascontiguousarray(variables), np.arange(len(sightings))
-        else:
-            self.variables, self.place = _sets(variables)
-            self.starts = np.zeros(0, dtype=np.int64)
-        self.parts: list[tuple[_core.Expression | _core.Basis, int, list[int], list[int]]] = []
-        channels, columns = [], []
-        for number, part in enumerate(term.parts):
-            channel, factor, axis, shape, coefficients, inner = core_part(term, part, compiled.variables)
-            channels.append((channel, factor))
-            self.parts.append((shape, axis, coefficients, inner))
-            columns += [(number, place) for place in coefficients]
-        self.channels, self.columns = tuple(channels), tuple(columns)
+    def __init__(self, functions: Functions, term: Term) -> None:
+        self.functions = functions
+        self.parts: list[CompiledPart] = [functions.part(term, part) for part in term.parts]
+        self.channels = tuple((part.channel, part.factor) for part in self.parts)
+        self.columns = tuple((number, place) for number, part in enumerate(self.parts) for place in part.coefficients)
+        self.key = tuple((part.expression, part.inner) for part in self.parts)
 
-        self.kept: np.ndarray | None = None
+    @property
+    def needs_order(self) -> bool:
+        """Whether some formula is a recursion along rows."""
+        return any(self.functions.expression(part).needs_order for part in self.parts)
 
-    def some(self, rows: np.ndarray) -> Formulas:
-        """Give the formulas at some of the sets; one that is a recursion along rows is evaluated at all."""
-        result = copy(self)
-        if self.times is None:
-            result.variables = np.ascontiguousarray(self.variables[:, rows])
-        else:
-            result.kept = rows
-        return result
+    def codes(self, inner: Sequence[float]) -> list[int]:
+        """Give the function of each column."""
+        return [code for part in self.parts for code in self.functions.formula(part, inner)]
 
-    def at(self, inner: Sequence[float]) -> Numbers:
-        """Give all columns (n_columns, n_sets); 0 where there is no value."""
-        blocks = []
-        for shape, _, _, places in self.parts:
-            assert isinstance(shape, _core.Expression)
-            own = np.array([inner[place] for place in places], dtype=np.float64)
-            blocks.append(shape.coefficient_columns(self.variables, own, self.starts, self.times, 1).T)
-        values = np.concatenate(blocks)
-        if self.kept is not None:
-            values = values[:, self.kept]
-        return values if np.isfinite(values.sum()) else np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+    def at(self, inner: Sequence[float], rows: np.ndarray | None = None) -> Numbers:
+        """Give all columns (n_columns, n); 0 where there is no value."""
+        return np.concatenate([self.functions.evaluate(part, inner, rows) for part in self.parts])
 
 
-def _sets(variables: Numbers) -> tuple[Numbers, np.ndarray]:
-    """Give the different columns of the variables (k, m), and the number of each row's (n,)."""
-    if not len(variables):
-        return np.zeros((0, 1)), np.zeros(variables.shape[1], dtype=np.int64)
-    if len(variables) == 1:
-        values, place = np.unique(variables[0], return_inverse=True)
-        return values[None, :], place.ravel()
-    # One number a row first: whole rows compare slowly.
-    codes = np.zeros(variables.shape[1], dtype=np.int64)
-    for row in variables:
-        _, own = np.unique(row, return_inverse=True)
-        _, codes = np.unique(codes * (int(own.max()) + 1) + own.ravel(), return_inverse=True)
-    _, first, place = np.unique(codes, return_index=True, return_inverse=True)
-    return np.ascontiguousarray(variables[:, first]), place.ravel()
+def shapes_of(functions: Functions, term: Term, grids: dict[tuple[object, ...], list[float]] | None = None) -> Shapes:
+    """Lay out a term's columns at trial values of its inner parameters.
 
-
-def shapes_of(fitted: Fitted, term: Term) -> Shapes:
-    """Evaluate a term at trial values of its inner parameters."""
-    formulas = Formulas(fitted, term)
+    Parameters
+    ----------
+    grids
+        Trial values of formulas that were laid out before: alike formulas have the same.
+    """
+    formulas = Formulas(functions, term)
     inner = term.inner
     middle = [_middle(parameter) for parameter in inner]
-    affine = [place for place in range(len(inner)) if _is_affine(formulas, inner, middle, place)]
-    free = [
-        place for place, one in enumerate(inner) if place not in affine and np.isnan(one.value) and not one.is_fixed
-    ]
+    rows = _few_rows(functions.n_rows)
+    affine = [place for place in range(len(inner)) if _is_affine(formulas, inner, middle, place, rows)]
+    free = [place for place, one in enumerate(inner) if place not in affine and is_free(one)]
     corners = [
         dict(zip(affine, values, strict=True))
         for values in itertools.product(*[_ends(inner[place]) for place in affine])
     ]
-    grids = [
-        _grid(formulas, inner, middle, place, len(free)) if place in free else [middle[place]]
-        for place in range(len(inner))
-    ]
-    most = _MOST_TRIALS.get(len(free), _MOST_TRIALS[2]) if free else 1
-    while np.prod([len(grid) for grid in grids], dtype=np.float64) > most:
-        longest = max(range(len(grids)), key=lambda place: len(grids[place]))
-        grids[longest] = grids[longest][::2]
-    trials = [tuple(values) for values in itertools.product(*grids)]
-    values = np.stack(
-        [
-            np.concatenate(
-                [formulas.at([corner.get(place, value) for place, value in enumerate(trial)]) for corner in corners]
-            )
-            for trial in trials
-        ]
-    )
+    known = {} if grids is None else grids
+    choices = []
+    for place, parameter in enumerate(inner):
+        if place not in free:
+            choices.append([middle[place]])
+            continue
+        key = (formulas.key, place, parameter.low, parameter.high, len(free))
+        if key not in known:
+            known[key] = _grid(formulas, inner, middle, place, len(free), rows)
+        choices.append(known[key])
+    trials = tuple(tuple(values) for values in itertools.product(*choices))
     k = len(term.coefficients)
-    # Rows that lack a covariate have no value: their set is the last, and 0.
-    place = np.where(formulas.known, formulas.place, values.shape[2])
-    values = np.concatenate([values, np.zeros((*values.shape[:2], 1))], axis=2)
     return Shapes(
         term,
         formulas.channels,
@@ -271,10 +239,30 @@ def shapes_of(fitted: Fitted, term: Term) -> Shapes:
         ),
         k * len(corners),
         tuple(corners),
-        tuple(trials),
-        place,
-        values,
+        trials,
+        np.array(
+            [
+                [
+                    code
+                    for corner in corners
+                    for code in formulas.codes([corner.get(place, value) for place, value in enumerate(trial)])
+                ]
+                for trial in trials
+            ],
+            dtype=np.int64,
+        ),
     )
+
+
+def is_free(parameter: Parameter) -> bool:
+    """Tell whether an inner parameter's value is to be found."""
+    return bool(np.isnan(parameter.value)) and not parameter.is_fixed
+
+
+def _few_rows(n_rows: int) -> np.ndarray:
+    if n_rows <= _ROWS_TO_COMPARE:
+        return np.arange(n_rows)
+    return np.sort(np.random.default_rng(n_rows).choice(n_rows, _ROWS_TO_COMPARE, replace=False))
 
 
 def _ends(parameter: Parameter) -> tuple[float, float]:
@@ -290,46 +278,53 @@ def _middle(parameter: Parameter) -> float:
     return float(np.sqrt(low) * np.sqrt(high)) if parameter.spacing == "log" else 0.5 * (low + high)
 
 
-def _is_affine(formulas: Formulas, inner: Sequence[Parameter], middle: Sequence[float], place: int) -> bool:
-    if not np.isnan(inner[place].value) or inner[place].is_fixed:
+def _is_affine(
+    formulas: Formulas, inner: Sequence[Parameter], middle: Sequence[float], place: int, rows: np.ndarray
+) -> bool:
+    if not is_free(inner[place]) or inner[place].spacing == "log":
         return False
     low, high = _ends(inner[place])
+    few = None if formulas.needs_order else rows
     at = [
         [*middle[:place], value, *middle[place + 1 :]]
         for value in (low, 0.5 * (low + high), high, 0.7 * low + 0.3 * high)
     ]
-    first, mean, last, other = (formulas.at(values) for values in at)
+    first, mean, last, other = (formulas.at(values, few) for values in at)
     size = max(float(np.abs(first).max()), float(np.abs(last).max()), 1e-300)
     off = max(float(np.abs(mean - 0.5 * (first + last)).max()), float(np.abs(other - 0.7 * first - 0.3 * last).max()))
     return off < _AFFINE * size
 
 
+def _spaced(parameter: Parameter, n: int) -> list[float]:
+    low, high = _ends(parameter)
+    return [float(value) for value in (np.geomspace if parameter.spacing == "log" else np.linspace)(low, high, n)]
+
+
 def _grid(
-    formulas: Formulas, inner: Sequence[Parameter], middle: Sequence[float], place: int, n_free: int
+    formulas: Formulas,
+    inner: Sequence[Parameter],
+    middle: Sequence[float],
+    place: int,
+    n_free: int,
+    rows: np.ndarray,
 ) -> list[float]:
     """Give trial values: seeds, and between neighbours that are too different others."""
     parameter = inner[place]
-    low, high = _ends(parameter)
+    seeds = _spaced(parameter, _TRIALS.get(n_free, _FEWEST_TRIALS))
+    if n_free > 1 or formulas.needs_order:
+        return seeds
     is_log = parameter.spacing == "log"
-    spaced = (np.geomspace if is_log else np.linspace)(low, high, _SEEDS.get(n_free, _FEWEST_SEEDS))
-    seeds = [float(value) for value in spaced]
-    n_sets = formulas.at(middle).shape[1]
-    rows = np.arange(n_sets)
-    if n_sets > _ROWS_TO_COMPARE:
-        rows = np.sort(np.random.default_rng(n_sets).choice(n_sets, _ROWS_TO_COMPARE, replace=False))
-    formulas = formulas.some(rows)
 
     def spaces(values: Sequence[float]) -> list[Numbers]:
-        columns = np.stack([formulas.at([*middle[:place], value, *middle[place + 1 :]]) for value in values])
+        columns = np.stack([formulas.at([*middle[:place], value, *middle[place + 1 :]], rows) for value in values])
         return list(_spaces(columns, formulas.columns))
 
     found = dict(zip(seeds, spaces(seeds), strict=True))
-    most = _MOST_TRIALS.get(n_free, _MOST_TRIALS[2])
     gaps = list(itertools.pairwise(sorted(found)))
     for _ in range(_DEEPEST):
         cosines = _cosines(*(np.stack([found[gap[end]] for gap in gaps]) for end in (0, 1)))
         wide = [gap for gap, cosine in zip(gaps, cosines, strict=True) if cosine < _ALIKE]
-        wide = wide[: max(most - len(found), 0)]
+        wide = wide[: max(_MOST_TRIALS - len(found), 0)]
         if not wide:
             break
         between = [float(np.sqrt(a) * np.sqrt(b)) if is_log else 0.5 * (a + b) for a, b in wide]

@@ -1,62 +1,54 @@
-"""What chance alone finds: signs of whole passes turned at random, the whole search repeated for each.
+"""What chance alone finds: the whole search repeated on draws of noise.
 
-Under the null the scores of passes are symmetric about 0 and, in the metric of the noise, independent. The largest
-statistic over all candidates and all their trials is compared with the largest of each turn of signs (Westfall &
-Young 1993): the family-wise error is controlled whatever the dependence between candidates and within passes. Beyond
-what the turns can show, the tail is that of the largest of M numbers from a χ² distribution, M and the scale of its
-logarithm by the moments of the turns.
+The largest statistic over all candidates and all their trials is compared with the largest of each draw (Westfall &
+Young 1993): the family-wise error is controlled whatever the dependence between candidates, and the p-value of the
+largest is uniform where the noise is as it was drawn. Beyond what the draws can show, the tail is that of the largest
+of M numbers from a χ² distribution, M and the scale of its logarithm by the moments of the draws.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
-from geoerr.diagnose.scan import Scanned
 from geoerr.fit.sightings import Numbers
 
-N_TURNS = 199
-_SEED = 20_210_917
-# With fewer turns above it the share of turns is too coarse, and the tail speaks.
+N_DRAWS = 199
+# With fewer draws above it the share of draws is too coarse, and the tail speaks.
 _FEW = 10
+# Half a χ² beyond which its tail is computed by its leading terms.
+_FAR = 600.0
 # Standard deviation of a Gumbel variable of scale 1, and Euler's constant, its mean.
 _GUMBEL_STD = math.pi / math.sqrt(6.0)
 _EULER = 0.5772156649015329
 
 
-def turns(n_passes: int, n_turns: int = N_TURNS) -> Numbers:
-    """Give signs (n_passes, n_turns), always the same ones."""
-    return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(n_passes, n_turns))
-
-
 def surprise(gain: Numbers, rank: np.ndarray | int, n_trials: int) -> Numbers:
     """Give −ln of the χ² tail beyond the gain, less ln of the number of trials; lower than 0 for nothing at all."""
-    return np.asarray(-stats.chi2.logsf(np.maximum(gain, 0.0), np.maximum(rank, 1)) - math.log(max(n_trials, 1)))
+    half, degrees = 0.5 * np.maximum(np.asarray(gain, dtype=np.float64), 0.0), 0.5 * np.maximum(rank, 1)
+    with np.errstate(divide="ignore"):
+        log_tail = np.log(special.gammaincc(degrees, half))
+    # Where the tail is no number any more: the leading terms of its continued fraction.
+    far = (degrees - 1.0) * np.log(np.maximum(half, 1.0)) - half - special.gammaln(degrees)
+    far -= np.log1p(-np.minimum((degrees - 1.0) / np.maximum(half, 1.0), 0.5))
+    return np.asarray(-np.where(half > _FAR, far, log_tail) - math.log(max(n_trials, 1)))
 
 
-def turned(scanned: Sequence[Scanned], signs: Numbers, n_trials: int) -> Numbers:
-    """Give the surprise of one candidate (all its forms) for each turn of signs, (n_turns,)."""
-    best: dict[int, Numbers] = {}
-    for one in scanned:
-        n, k, n_passes = one.by_pass.shape
-        gain = ((one.by_pass.reshape(-1, n_passes) @ signs).reshape(n, k, -1) ** 2).sum(axis=1)
-        for rank in np.unique(one.rank):
-            if rank == 0:
-                continue
-            largest = gain[one.rank == rank].max(axis=0)
-            best[int(rank)] = np.maximum(best[int(rank)], largest) if int(rank) in best else largest
-    if not best:
-        return np.full(signs.shape[1], -math.inf)
-    return np.asarray(np.max([surprise(gain, rank, n_trials) for rank, gain in best.items()], axis=0))
+def largest_surprise(largest: Numbers, n_trials: int) -> Numbers:
+    """Give the largest surprise of each draw, (n_draws,), of largest gains by rank (n_ranks, n_draws)."""
+    found = np.full(largest.shape[1], -math.inf)
+    for rank in range(1, len(largest)):
+        if largest.shape[1] and largest[rank, 0] >= 0.0:
+            found = np.maximum(found, surprise(largest[rank], rank, n_trials))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
 class Null:
-    """The largest surprise of every turn of signs, (n_turns,)."""
+    """The largest surprise of every draw, (n_draws,)."""
 
     largest: Numbers
 

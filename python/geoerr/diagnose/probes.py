@@ -12,6 +12,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr.diagnose.candidates import Shapes
+from geoerr.diagnose.functions import Functions
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.noise import _NOT_CONDITIONS
 from geoerr.fit.sightings import Numbers
@@ -20,7 +21,7 @@ from geoerr.machine import AXES
 
 # Degrees of the functions of one variable, and of the products of two: the low ones cost less.
 _ONE = (3, 8)
-_TWO = (1, 2, 3)
+_TWO = (1, 2)
 # A variable of at most so many values is a list of cases, not a curve.
 _FEW_VALUES = 4
 # Two variables whose ranks agree so far are one.
@@ -51,33 +52,39 @@ class Probe:
         return len(self.shapes)
 
 
-def probes_of(fitted: Fitted) -> list[Probe]:
-    """Give all probes that the data can carry."""
-    variables = _variables(fitted)
-    rows = np.arange(len(fitted.sightings))
-    functions = {name: _functions(values) for name, values in variables.items()}
-    bases: list[tuple[tuple[str, ...], list[Numbers]]] = [
-        ((name,), [own[: min(degree, len(own))] for degree in _ONE]) for name, own in functions.items()
+def probes_of(fitted: Fitted, functions: Functions) -> list[Probe]:
+    """Give all probes that the data can carry; their functions are added to `functions`."""
+    codes = {
+        name: [functions.given(one) for one in _functions(values)] for name, values in _variables(fitted).items()
+    }
+    groups: list[tuple[tuple[str, ...], list[list[int]]]] = [
+        ((name,), _different([own[:degree] for degree in _ONE])) for name, own in codes.items()
     ]
-    for first, second in itertools.combinations(functions, 2):
-        one, two = functions[first], functions[second]
-        products = [(one[:degree, None] * two[None, :degree]).reshape(-1, len(rows)) for degree in _TWO]
-        bases.append(((first, second), products))
-    found = []
-    for axis in AXES:
-        for names, columns in bases:
-            shapes = [_shapes(f"target-{axis}", own, rows) for own in _different(columns)]
-            found.append(Probe(axis, tuple(sorted(names)), tuple(shapes)))
-    return found
+    for first, second in itertools.combinations(codes, 2):
+        most = max(_TWO)
+        one, two = codes[first][:most], codes[second][:most]
+        product = [[functions.product(a, b) for b in two] for a in one]
+        groups.append(
+            (
+                (first, second),
+                _different([[code for row in product[:degree] for code in row[:degree]] for degree in _TWO]),
+            )
+        )
+    return [
+        Probe(axis, tuple(sorted(names)), tuple(_shapes(f"target-{axis}", own) for own in columns))
+        for axis in AXES
+        for names, columns in groups
+    ]
 
 
-def _different(columns: list[Numbers]) -> list[Numbers]:
+def _different(columns: list[list[int]]) -> list[list[int]]:
     return [own for number, own in enumerate(columns) if number == 0 or len(own) > len(columns[number - 1])]
 
 
-def _shapes(channel: str, values: Numbers, rows: np.ndarray) -> Shapes:
-    n = len(values)
-    return Shapes(None, ((channel, 1.0),), tuple((0, k) for k in range(n)), n, ({},), ((),), rows, values[None])
+def _shapes(channel: str, codes: list[int]) -> Shapes:
+    n = len(codes)
+    columns = tuple((0, k) for k in range(n))
+    return Shapes(None, ((channel, 1.0),), columns, n, ({},), ((),), np.array([codes], dtype=np.int64))
 
 
 def _variables(fitted: Fitted) -> dict[str, Numbers]:

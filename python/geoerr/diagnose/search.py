@@ -8,17 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoerr.diagnose.candidates import Candidate, Formulas, Shapes, candidates_of
+from geoerr.diagnose.candidates import Candidate, Formulas, Shapes, candidates_of, is_free
+from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.noise import NoiseModel, blocks_of, fit_noise, without_drift
-from geoerr.diagnose.null import Null, surprise, turned, turns
+from geoerr.diagnose.null import N_DRAWS, Null, largest_surprise, surprise
 from geoerr.diagnose.probes import Probe, probes_of
-from geoerr.diagnose.scan import Scanned, Scanner, all_channels, columns_of, raw_columns
+from geoerr.diagnose.scan import Scanned, Scanner, all_channels, estimate, off_model
 from geoerr.diagnose.space import Channels, Space, offset_weights, orthonormal, whitened_space
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import Term
+from geoerr.terms import Parameter, Term
 
 # Family-wise: one half for the catalogue, the other for probes.
 ALPHA = 0.05
@@ -35,6 +36,8 @@ _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 TIED_CORRELATION = 0.95
 # Falls of the sum of squares that differ by less than 6 are e^3 in likelihood, which is little; by 20, decided.
 _LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
+# Refinement of an inner parameter: points between two trials, so many times.
+_REFINED, _REFINEMENTS = 17, 3
 # Candidates that are looked at closely.
 _CLOSELY = 12
 
@@ -103,8 +106,8 @@ class Settled:
 class Bench:
     """A fit, the effects added so far, and the space that they leave."""
 
-    def __init__(self, fitted: Fitted, *, threads: int = 0) -> None:
-        self.fitted = fitted
+    def __init__(self, fitted: Fitted, functions: Functions, *, names: Sequence[str], threads: int = 0) -> None:
+        self.fitted, self.functions, self.names, self.threads = fitted, functions, tuple(names), threads
         solved = fitted.solved
         scale = solved.used.astype(np.float64)
         raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
@@ -113,7 +116,14 @@ class Bench:
         self.blocks = blocks_of(fitted.sightings)
         self.weights = offset_weights(fitted)
         self.channels = Channels(fitted, self.rows, threads=threads)
+        self.channels.need(self.names)
         self.noise: NoiseModel | None = None
+
+    def scanner(self, space: Space, *, n_draws: int = N_DRAWS) -> Scanner:
+        """Give a space in the form in which the core multiplies it."""
+        return Scanner(
+            space, self.channels, self.functions, names=self.names, n_draws=n_draws, threads=self.threads
+        )
 
     def basis(self, added: Sequence[Numbers]) -> Numbers:
         """Give orthonormal columns of the model and of what was added, (n, 3, r)."""
@@ -168,24 +178,24 @@ class Round:
 def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Sequence[Probe]) -> Round:
     """Judge every candidate and probe."""
     everything: list[Candidate | Probe] = [*candidates, *probes]
-    bench.channels.need(all_channels([one for what in everything for one in what.shapes]))
-    scanner = Scanner(space, bench.channels)
-    signs = turns(space.n_passes)
+    scanner = bench.scanner(space)
+    scanned = iter(scanner.scan([shapes for what in everything for shapes in what.shapes]))
     judged: list[list[Judged]] = []
     nulls: list[Null] = []
     invisible: list[Candidate] = []
     groups: tuple[Sequence[Candidate | Probe], ...] = (candidates, probes)
     for group in groups:
         own: list[Judged] = []
-        largest = np.full(signs.shape[1], -math.inf)
+        largest = np.full(scanner.n_draws, -math.inf)
         for what in group:
-            scanned = [scanner.scan(shapes) for shapes in what.shapes]
-            best = _best(space, what, scanned)
+            found = [next(scanned) for _ in what.shapes]
+            best = _best(space, what, found)
             if best is None:
                 if isinstance(what, Candidate):
                     invisible.append(what)
                 continue
-            largest = np.maximum(largest, turned(scanned, signs, what.n_trials))
+            for one in found:
+                largest = np.maximum(largest, largest_surprise(one.largest, what.n_trials))
             own.append(best)
         null = Null(largest)
         nulls.append(null)
@@ -204,8 +214,9 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         return looked
     basis = bench.basis(added)
     calm = whitened_space(bench.fitted, without_drift(looked.space.noise, bench.weights), bench.rows, basis)
-    scanner = Scanner(calm, bench.channels)
-    tops = [_best(calm, one.what, [scanner.scan(shapes) for shapes in one.what.shapes]) for one in like]
+    scanner = bench.scanner(calm, n_draws=0)
+    scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
+    tops = [_best(calm, one.what, [next(scanned) for _ in one.what.shapes]) for one in like]
     clear = sorted((one for one in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
     if not clear:
         return looked
@@ -214,7 +225,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     for one in clear[:_MOST_LIKE_DRIFT]:
         # A drift forgives no jump at the wrong moment: the time is found first.
         single = settle(calm, scanner, one).shapes
-        columns = raw_columns(bench.channels, single, single.values[0])
+        columns = scanner.raw_columns(single, 0)
         with_it = bench.fit_noise(bench.basis([*added, columns]), restricted=False).log_likelihood
         gain = max(2.0 * (with_it - without), 0.0)
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
@@ -266,74 +277,77 @@ def _evidence(space: Space, gain: Numbers, rank: np.ndarray, n_trials: int) -> N
 
 def settle(space: Space, scanner: Scanner, judged: Judged) -> Settled:
     """Refine the inner parameters of a candidate, and give its values with standard errors."""
-    shapes, channels = judged.shapes, scanner.channels
+    shapes = judged.shapes
     if shapes.term is None:
-        raw = raw_columns(channels, shapes, shapes.values[judged.trial])
-        scanned = scanner.scan(shapes, shapes.values[judged.trial : judged.trial + 1])
-        columns = columns_of(space, channels, shapes, shapes.values[judged.trial])
-        displacement = columns @ scanned.estimate[0]
-        return Settled(None, shapes, judged.gain, raw, displacement, visible_um(space, displacement))
+        raw = scanner.raw_columns(shapes, judged.trial)
+        coefficients, _, gain = estimate(space, raw)
+        displacement = off_model(space, raw) @ coefficients
+        return Settled(None, shapes, float(gain), raw, displacement, visible_um(space, displacement))
     term = shapes.term
-    formulas = Formulas(space.fitted, term)
+    formulas = Formulas(scanner.functions, term)
     inner = list(shapes.trials[judged.trial])
-    k = len(term.coefficients)
-    single = replace(shapes, columns=formulas.columns, n_coefficients=k, corners=({},), trials=(tuple(inner),))
-    affine = sorted(shapes.corners[0])
-    free = [place for place, one in enumerate(term.inner) if one.low != one.high]
+    single = replace(shapes, columns=formulas.columns, n_coefficients=len(term.coefficients), corners=({},))
+    free = [place for place, one in enumerate(term.inner) if is_free(one)]
 
-    def values_at(trials: Sequence[Sequence[float]]) -> Numbers:
-        rows = np.stack([formulas.at(trial) for trial in trials])
-        return np.concatenate([rows, np.zeros((*rows.shape[:2], 1))], axis=2)
+    def at(trials: Sequence[Sequence[float]]) -> Shapes:
+        codes = np.array([formulas.codes(trial) for trial in trials], dtype=np.int64)
+        return replace(single, trials=tuple(tuple(trial) for trial in trials), codes=codes)
 
-    def grid(place: int, low: float, high: float, n: int) -> list[float]:
-        is_log = term.inner[place].spacing == "log"
-        return [float(v) for v in (np.geomspace if is_log else np.linspace)(low, high, n)]
-
-    bounds = {}
-    for place in free:
-        low, high = term.inner[place].low, term.inner[place].high
-        assert low is not None
-        assert high is not None
-        tried = sorted({trial[place] for trial in shapes.trials})
-        at = tried.index(inner[place])
-        bounds[place] = (
-            (low, high) if place in affine else (tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)])
-        )
-    for _ in range(7):
+    bounds = {place: _neighbours(shapes, judged.trial, place) for place in free}
+    for _ in range(_REFINEMENTS):
         for place in free:
             low, high = bounds[place]
             if not low < high:
                 continue
-            points = grid(place, low, high, 9)
+            points = _between(term.inner[place], low, high)
             trials = [[*inner[:place], value, *inner[place + 1 :]] for value in points]
-            best = int(np.argmax(scanner.scan(single, values_at(trials)).gain))
+            best = int(np.argmax(scanner.exact(at(trials)).gain))
             inner[place] = points[best]
-            bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, 8)])
-    values = values_at([inner])
-    single = replace(single, trials=(tuple(inner),), values=values)
-    scanned = scanner.scan(single)
-    estimate = scanned.estimate[0]
-    parts = [raw_columns(channels, single, values[0])]
+            bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
+    single = at([inner])
+    raw = scanner.raw_columns(single, 0)
+    coefficients, _, gain = estimate(space, raw)
+    parts = [raw]
     for place in free:
-        low, high = term.inner[place].low or 0.0, term.inner[place].high or 0.0
+        low, high = _range(term.inner[place])
         step = 1e-4 * (abs(inner[place]) if term.inner[place].spacing == "log" else high - low)
-        up, down = ([*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0))
-        sides = [raw_columns(channels, single, values_at([side])[0]) @ estimate for side in (up, down)]
-        parts.append(((sides[0] - sides[1]) / (2.0 * step))[:, :, None])
+        sides = at([[*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0)])
+        up, down = (scanner.raw_columns(sides, side) @ coefficients for side in (0, 1))
+        parts.append(((up - down) / (2.0 * step))[:, :, None])
     joined = np.concatenate(parts, axis=2)
-    whitened = space.noise.whiten(joined).reshape(-1, joined.shape[2])
-    basis = space.basis.reshape(len(whitened), -1)
-    beyond = whitened - basis @ (basis.T @ whitened)
+    beyond = off_model(space, joined).reshape(-1, joined.shape[2])
     size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
     covariance = np.linalg.pinv(beyond.T @ beyond / np.outer(size, size), rcond=1e-9) / np.outer(size, size)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    k = len(coefficients)
     inner_std = np.zeros(len(inner))
     inner_std[free] = std[k:]
     valued = term.with_values(
-        estimate.tolist(), inner, coefficients_std=std[:k].tolist(), inner_std=inner_std.tolist()
+        coefficients.tolist(), inner, coefficients_std=std[:k].tolist(), inner_std=inner_std.tolist()
     )
-    displacement = columns_of(space, channels, single, values[0]) @ estimate
-    return Settled(valued, single, float(scanned.gain[0]), joined, displacement, visible_um(space, displacement))
+    displacement = off_model(space, raw) @ coefficients
+    return Settled(valued, single, float(gain), joined, displacement, visible_um(space, displacement))
+
+
+def _range(parameter: Parameter) -> tuple[float, float]:
+    assert parameter.low is not None
+    assert parameter.high is not None
+    return parameter.low, parameter.high
+
+
+def _neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
+    """Give the trial values on both sides of one; the whole range of a parameter that was not tried."""
+    assert shapes.term is not None
+    tried = sorted({values[place] for values in shapes.trials})
+    if len(tried) == 1:
+        return _range(shapes.term.inner[place])
+    at = tried.index(shapes.trials[trial][place])
+    return tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
+
+
+def _between(parameter: Parameter, low: float, high: float) -> list[float]:
+    spaced = np.geomspace if parameter.spacing == "log" else np.linspace
+    return [float(value) for value in spaced(low, high, _REFINED)]
 
 
 def visible_um(space: Space, displacement: Numbers) -> float:
@@ -345,9 +359,9 @@ def visible_um(space: Space, displacement: Numbers) -> float:
     return 1e3 * float(np.sqrt(((mm**2 * space.rows).sum(axis=0) / count).sum()))
 
 
-def correlation(first: Settled, other: Judged, space: Space, channels: Channels) -> float:
+def correlation(first: Settled, other: Judged, scanner: Scanner) -> float:
     """Give the share, as a cosine, of what one candidate explains that another could have explained."""
-    columns = columns_of(space, channels, other.shapes, other.shapes.values[other.trial])
+    columns = scanner.columns(other.shapes, other.trial)
     own = orthonormal(columns.reshape(-1, columns.shape[2]))
     flat = first.displacement.reshape(-1)
     size = float(np.linalg.norm(flat))
@@ -376,7 +390,7 @@ def rivals_of(looked: Round, best: Settled, others: Sequence[Judged]) -> list[Ri
     """Look closely at the next best candidates."""
     found = []
     for other in others[:_CLOSELY]:
-        alike = correlation(best, other, looked.space, looked.scanner.channels)
+        alike = correlation(best, other, looked.scanner)
         settled = settle(looked.space, looked.scanner, other)
         difference = best.gain - settled.gain
         z = vuong(looked.space, best.displacement, settled.displacement)
@@ -423,9 +437,11 @@ class Searched:
 
 def search(fitted: Fitted, known: Catalogue, *, threads: int = 0) -> Searched:
     """Add what is missing, best first, until chance explains what is left or a probe beats every name."""
-    bench = Bench(fitted, threads=threads)
-    candidates, not_offered = candidates_of(fitted, known)
-    probes = probes_of(fitted)
+    candidates, not_offered, functions = candidates_of(fitted, known)
+    probes = probes_of(fitted, functions)
+    everything: list[Candidate | Probe] = [*candidates, *probes]
+    names = all_channels([shapes for what in everything for shapes in what.shapes])
+    bench = Bench(fitted, functions, names=names, threads=threads)
     found: list[Found] = []
     unknown: tuple[Judged, Settled] | None = None
     first: Round | None = None
@@ -462,7 +478,7 @@ def _without_superfluous(bench: Bench, found: list[Found]) -> list[Found]:
         others = [one.settled.raw for number, one in enumerate(found) if number != place]
         space = bench.space(others)
         one = found[place]
-        scanned = Scanner(space, bench.channels).scan(one.settled.shapes)
+        scanned = bench.scanner(space).exact(one.settled.shapes)
         if float(_evidence(space, scanned.gain, scanned.rank, one.judged.what.n_trials)[0]) <= 0.0:
             return [other for number, other in enumerate(found) if number != place]
     return found

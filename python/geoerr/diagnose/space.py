@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 from scipy import linalg
 
 from geoerr import _core
@@ -23,6 +24,8 @@ from geoerr.fit.start import KINDS
 from geoerr.model.compile import compile_terms
 from geoerr.terms import Parameter, Part, Term
 
+NumbersOfDraws = npt.NDArray[np.float32]
+_SEED = 20_210_917
 # A direction of a pass that the rest determines by less than this share is the pass's own, and says nothing.
 _OWN = 1e-3
 # Columns whose part off the others is below this share of them are inside already.
@@ -67,6 +70,24 @@ class Space:
     def n_numbers(self) -> int:
         """Number of measured numbers that count."""
         return int(self.rows.sum())
+
+    def draws(self, n_draws: int) -> NumbersOfDraws:
+        """Give noise off Q as chance might have left it, (n_draws, n, 3), whitened, in single precision.
+
+        Numbers of the residual, each in units of its own standard deviation, drawn with replacement and with a sign of
+        their own: white, with the tails that they have. Always the same draws of the same residual.
+        """
+        basis = self.basis.reshape(-1, self.basis.shape[2]).astype(np.float32)
+        counts = self.rows.reshape(-1) > 0.0
+        own = 1.0 - np.einsum("ir,ir->i", basis, basis)
+        residual = self.residual.reshape(-1)[counts] / np.sqrt(np.maximum(own[counts], _OWN))
+        residual /= max(float(np.sqrt((residual**2).mean())), 1e-300)
+        rng = np.random.default_rng(_SEED)
+        drawn = np.zeros((n_draws, len(counts)), dtype=np.float32)
+        picked = rng.integers(0, 2 * len(residual), size=(n_draws, len(residual)), dtype=np.int32)
+        drawn[:, counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
+        drawn -= (drawn @ basis) @ basis.T
+        return drawn.reshape(n_draws, *self.rows.shape)
 
     @cached_property
     def basis_back(self) -> Numbers:

@@ -22,6 +22,7 @@ use faer::{Accum, Conj, Mat, MatMut, MatRef, Par};
 
 use super::LeastSquaresError;
 use super::matrix::Matrix;
+use super::registers::WideRegisters;
 
 /// Columns of one Householder block; 16 to 64 are within 5 % of one another at 300 columns.
 const PANEL: usize = 32;
@@ -37,6 +38,7 @@ fn view_mut(matrix: &mut Matrix) -> MatMut<'_, f64> {
 
 /// `left · right`.
 pub fn product(left: &Matrix, right: &Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let mut result = Matrix::zeros(left.n_rows(), right.n_columns());
     matmul::matmul(view_mut(&mut result), Accum::Replace, view(left), view(right), 1.0, Par::Seq);
     result
@@ -44,6 +46,7 @@ pub fn product(left: &Matrix, right: &Matrix) -> Matrix {
 
 /// `leftᵀ · right`.
 pub fn transposed_product(left: &Matrix, right: &Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let mut result = Matrix::zeros(left.n_columns(), right.n_columns());
     matmul::matmul(view_mut(&mut result), Accum::Replace, view(left).transpose(), view(right), 1.0, Par::Seq);
     result
@@ -51,6 +54,7 @@ pub fn transposed_product(left: &Matrix, right: &Matrix) -> Matrix {
 
 /// `b − A x` of a block `[A | b]`.
 pub fn residuals(block: &Matrix, x: &Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let n = x.n_rows();
     let mut result = block.with_columns(n..block.n_columns());
     let a = view(block).subcols(0, n);
@@ -60,6 +64,7 @@ pub fn residuals(block: &Matrix, x: &Matrix) -> Matrix {
 
 /// `Aᵀ · right` for the first `n` columns A of a block.
 pub fn leading_transposed_product(block: &Matrix, n: usize, right: &Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let mut result = Matrix::zeros(n, right.n_columns());
     let a = view(block).subcols(0, n).transpose();
     matmul::matmul(view_mut(&mut result), Accum::Replace, a, view(right), 1.0, Par::Seq);
@@ -68,6 +73,7 @@ pub fn leading_transposed_product(block: &Matrix, n: usize, right: &Matrix) -> M
 
 /// `A · right` for the first `right.n_rows()` columns A of a block.
 pub fn leading_product(block: &Matrix, right: &Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let mut result = Matrix::zeros(block.n_rows(), right.n_columns());
     let a = view(block).subcols(0, right.n_rows());
     matmul::matmul(view_mut(&mut result), Accum::Replace, a, view(right), 1.0, Par::Seq);
@@ -83,6 +89,7 @@ pub fn gram(matrix: &Matrix) -> Matrix {
 
 /// `matrixᵀ · matrix`, the lower triangle; zeros above it.
 pub fn lower_gram(matrix: &Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let n = matrix.n_columns();
     let mut result = Matrix::zeros(n, n);
     triangular::matmul(
@@ -125,6 +132,7 @@ fn householder(matrix: MatMut<'_, f64>) -> (usize, Mat<f64>) {
 /// The matrix is used up. A column whose part across the earlier ones is below 16·n_rows·ε of it counts as their combination (faer); the part is
 /// dropped, a change of the matrix within what Householder reflections may round.
 pub fn triangle(matrix: &mut Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let (n_rows, n) = (matrix.n_rows(), matrix.n_columns());
     let mut result = Matrix::zeros(n, n);
     if n_rows > 0 && n > 0 {
@@ -142,6 +150,7 @@ pub fn triangle(matrix: &mut Matrix) -> Matrix {
 /// Panel by panel: under panel `k` only the first rows of `below` are not zero, so the work is `2/3 n³` where a QR of the
 /// stack that knows nothing of zeros would take `10/3 n³`.
 pub fn merged_triangle(mut top: Matrix, mut below: Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let n = top.n_columns();
     for start in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - start);
@@ -195,16 +204,19 @@ fn reflect(basis: MatRef<'_, f64>, factors: &Mat<f64>, rank: usize, mut matrix: 
 
 /// Solves `R x = b` in place for the upper triangle `R`.
 pub fn solve_upper(triangle: &Matrix, right: &mut Matrix) {
+    let _wide = WideRegisters;
     solve_upper_triangular_in_place(view(triangle), view_mut(right), Par::Seq);
 }
 
 /// Solves `Rᵀ x = b` in place for the upper triangle `R`.
 pub fn solve_upper_transposed(triangle: &Matrix, right: &mut Matrix) {
+    let _wide = WideRegisters;
     solve_lower_triangular_in_place(view(triangle).transpose(), view_mut(right), Par::Seq);
 }
 
 /// Inverse of an upper triangle without a zero on its diagonal.
 pub fn upper_inverse(triangle: &Matrix) -> Matrix {
+    let _wide = WideRegisters;
     let n = triangle.n_columns();
     let mut result = Matrix::zeros(n, n);
     invert_upper_triangular(view_mut(&mut result), view(triangle), Par::Seq);
@@ -213,6 +225,7 @@ pub fn upper_inverse(triangle: &Matrix) -> Matrix {
 
 /// The upper triangle `R` of `RᵀR = matrix`, `None` unless the symmetric matrix is positive definite to working precision.
 pub fn cholesky(mut matrix: Matrix) -> Option<Matrix> {
+    let _wide = WideRegisters;
     let n = matrix.n_columns();
     if n > 0 {
         let mut memory =
@@ -238,6 +251,7 @@ pub struct Svd {
 
 /// Singular value decomposition with square `U` and `V`.
 pub fn svd(matrix: &Matrix) -> Result<Svd, LeastSquaresError> {
+    let _wide = WideRegisters;
     use svd::ComputeSvdVectors::Full;
     let (n_rows, n_columns) = (matrix.n_rows(), matrix.n_columns());
     let mut u = Matrix::identity(n_rows);
@@ -257,6 +271,7 @@ pub fn svd(matrix: &Matrix) -> Result<Svd, LeastSquaresError> {
 
 /// Eigenvalues, smallest first, and eigenvectors, one a column, of a symmetric matrix.
 pub fn symmetric_eigen(matrix: &Matrix) -> Result<(Vec<f64>, Matrix), LeastSquaresError> {
+    let _wide = WideRegisters;
     let n = matrix.n_columns();
     let mut values = Diag::<f64>::zeros(n);
     let mut vectors = Matrix::identity(n);

@@ -5,6 +5,8 @@ use std::ops::{Add, AddAssign, Mul};
 use faer::linalg::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
+use super::registers::WideRegisters;
+
 /// Numbers that products are made of: `f32` where a ranking is enough, `f64` where digits count.
 pub trait Real:
     faer::traits::RealField
@@ -61,6 +63,7 @@ impl Real for f64 {
 ///
 /// Slices whose lengths are not those of such matrices are cut to the columns that fit.
 pub fn add_transposed_product<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize) {
+    let _wide = WideRegisters;
     let (m, k) = (left.len() / n_rows.max(1), right.len() / n_rows.max(1));
     if sum.len() < m * k || n_rows == 0 || m == 0 || k == 0 {
         return;
@@ -73,6 +76,7 @@ pub fn add_transposed_product<T: Real>(sum: &mut [T], left: &[T], right: &[T], n
 
 /// `result = left · right`, all column after column: `left` (n × m), `right` (m × k).
 pub fn set_product<T: Real>(result: &mut [T], left: &[T], right: &[T], n_rows: usize) {
+    let _wide = WideRegisters;
     let m = left.len() / n_rows.max(1);
     let k = right.len() / m.max(1);
     if result.len() < n_rows * k || n_rows == 0 || m == 0 || k == 0 {
