@@ -89,7 +89,8 @@ def listed(words: list[str], last: str = "and") -> str:
 def uneven(n: int) -> Numbers:
     """Give n shares from 0 to 1 whose steps have no common measure: every period shows in them."""
     steps = 0.5 + np.mod(np.arange(1, n) * 0.6180339887498949, 1.0)
-    return np.concatenate([[0.0], np.cumsum(steps) / steps.sum()])
+    sums = np.cumsum(steps)
+    return np.concatenate([[0.0], sums / sums[-1]])
 
 
 def tidy_feed(feed_mm_min: float) -> float:

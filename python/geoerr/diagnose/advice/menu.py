@@ -122,8 +122,6 @@ def there_back_back_there(situation: Situation, axis: str) -> Measurement:
     for number in range(2):
         for sense, way in enumerate((points, points[::-1], points[::-1], points)):
             course.go(way[0], feed)
-            # The first point is taken on the way, too: its approach is the same as that of all others.
-            course.go(way[0] + 0.2 * (way[0] - way[1]), feed)
             course.visit(way, feed, f"{axis.upper()} ABBA", 4 * number + sense)
     words = f"Run {axis} {_range(situation, axis)} in the order there, back, back, there, twice over, {_at_rest()}"
     return Measurement(
@@ -143,8 +141,9 @@ def short_reversals(situation: Situation, axis: str) -> Measurement:
     for feed in feeds:
         for share in (0.15, 0.5, 0.85):
             start = along(situation, axis, situation.middle_mm, np.array([share]))[0]
-            course.go(start - 0.15 * length * unit, situation.feed_mm_min)
-            course.go(start, situation.feed_mm_min)
+            # Pictures wherever the axis turns: without them nobody knows the travel since.
+            way_in = np.array([start - 0.15 * length * unit, start])
+            course.visit(way_in, situation.feed_mm_min, f"{axis.upper()} reversals", repeat)
             for stroke in strokes:
                 close = np.array([*(close for close in _CLOSE_MM if close < 0.5 * stroke), 0.5 * stroke, stroke])
                 for sense in (-1.0, 1.0):

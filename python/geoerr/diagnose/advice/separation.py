@@ -132,6 +132,7 @@ class Adviser:
         ]
         self.names = tuple(own[0].id for own in forms)
         terms = [term for own in forms for term in own]
+        self.space = space
         self._candidates = Candidates(families)
         self._model = Terms(fitted.machine, (*fitted.terms, *added), with_inner=True)
         self._columns = Terms(

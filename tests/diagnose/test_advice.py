@@ -1,0 +1,192 @@
+"""Ties that the advised measurement breaks and the same again does not, simulated by the tests' own arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import polars as pl
+import pytest
+from advice_machine import Hidden, Log, again, joined, lines_at_one_feed, machine, measure, planned_log
+
+from geoerr.diagnose.advice import Advice, Adviser, adviser_of, separation_for
+from geoerr.diagnose.findings import Separation
+from geoerr.diagnose.space import space_of
+from geoerr.effects import catalogue
+from geoerr.fit import FitOptions, fit_terms
+from geoerr.observations import CircularTest, read_circular_test
+from geoerr.terms import Term
+
+X, Z = np.eye(3)[0], np.eye(3)[2]
+# A difference of χ² by which a likelihood is e³ times another's: less is a tie.
+TOLD_APART = 6.0
+SIZE_UM = 4.0
+FEED_MM_S = 25.0
+
+
+def term(reference: str) -> Term:
+    effect, checked = catalogue().resolve(reference)
+    return effect.term(checked.axis, checked.covariate, machine())
+
+
+def adviser(log: Log, hidden: Hidden, names: tuple[str, ...], seed: int, drift: Hidden | None = None) -> Adviser:
+    fitted = fit_terms(machine(), [measure(log, hidden, seed, drift=drift)], options=FitOptions(threads=1))
+    return adviser_of(fitted, [term(name) for name in names])
+
+
+def carried_out(log: Log, advice: Advice) -> Log:
+    parts, first = [log], int(log.session.max()) + 1
+    for plan, times in advice.measurements:
+        parts.append(planned_log(plan, times, first))
+        first += times * plan.n_sessions
+    return joined(*parts)
+
+
+def lead(own: Adviser, truth: str, advice: Advice) -> float:
+    """By how much the truth is better than every other one but those that contain it."""
+    others = [n for n, name in enumerate(own.names) if name != truth and (truth, name) not in advice.contained]
+    return float(own.gains[own.names.index(truth)] - own.gains[others].max())
+
+
+def _backlash(log: Log) -> np.ndarray:
+    return -SIZE_UM * log.d[:, :1] * X
+
+
+def _lag(log: Log) -> np.ndarray:
+    return -SIZE_UM / FEED_MM_S * log.speed[:, :1] * X
+
+
+def _stick_slip(log: Log) -> np.ndarray:
+    slower = np.exp(-(np.abs(log.speed[:, :1]) - FEED_MM_S) / 20.0)
+    return -SIZE_UM * log.d[:, :1] * slower * X
+
+
+def _windup(log: Log) -> np.ndarray:
+    """e → −b·d/2 over 3 mm of travel after each reversal, from where it was."""
+    travel, result, at_reversal = log.travel, np.zeros(len(log)), 0.0
+    for row in range(len(log)):
+        aim = -SIZE_UM * log.d[row, 0]
+        if row == 0 or log.session[row] != log.session[row - 1]:
+            at_reversal = aim
+        elif log.d[row, 0] != log.d[row - 1, 0]:
+            at_reversal = result[row - 1]
+        result[row] = aim + (at_reversal - aim) * np.exp(-travel[row] / 3.0)
+    return result[:, None] * X
+
+
+REVERSALS = ("backlash:x", "lag:x", "stick-slip:x", "reversal-windup:x")
+
+
+@pytest.mark.parametrize(
+    ("truth", "hidden"),
+    list(zip(REVERSALS, (_backlash, _lag, _stick_slip, _windup), strict=True)),
+    ids=REVERSALS,
+)
+def test_what_looks_alike_at_one_feed_is_told_apart_by_the_advice(truth: str, hidden: Hidden) -> None:
+    log = lines_at_one_feed(np.random.default_rng(103))
+    first = adviser(log, hidden, REVERSALS, 3)
+    advice = first.separation()
+    assert advice.plan is not None
+    assert advice.minutes is not None
+    assert advice.minutes < 60.0
+    assert advice.separated_share is not None
+    assert advice.separated_share >= 0.9
+    # Backlash is wind-up over no travel, and stick-slip that no speed ends.
+    assert ("backlash:x", "reversal-windup:x") in advice.contained
+    assert first.gains.max() - first.gains.min() < 20.0
+    after = adviser(carried_out(log, advice), hidden, REVERSALS, 3)
+    assert lead(after, truth, advice) > TOLD_APART
+
+
+def test_as_much_of_the_same_again_leaves_the_tie() -> None:
+    log = lines_at_one_feed(np.random.default_rng(103))
+    first = adviser(log, _backlash, REVERSALS, 3)
+    advice = first.separation()
+    assert advice.same_again_delta_chi2 is not None
+    assert advice.same_again_delta_chi2 < TOLD_APART
+    more = adviser(joined(log, again(log)), _backlash, REVERSALS, 3)
+    assert lead(more, "backlash:x", advice) < TOLD_APART
+
+
+def _warming(log: Log) -> Log:
+    log.columns["temp_bed"] = 20.0 + 30.0 * log.t / log.t.max()
+    return log
+
+
+def test_thermal_drift_and_cameras_that_drift_are_told_apart_by_a_static_marker() -> None:
+    log = _warming(lines_at_one_feed(np.random.default_rng(5), is_moving=False))
+    names = ("thermal-drift:z@temp_bed", "camera-drift")
+
+    def cameras(log: Log) -> np.ndarray:
+        return 0.01 * log.t[:, None] * Z
+
+    def nothing(log: Log) -> np.ndarray:
+        return 0.0 * log.q
+
+    first = adviser(log, nothing, names, 1, drift=cameras)
+    advice = first.separation()
+    assert advice.text == "a static reference marker"
+    assert [plan.name for plan, _ in advice.measurements] == ["marker+warm:temp_bed"]
+    after = adviser(carried_out(log, advice), nothing, names, 1, drift=cameras)
+    assert lead(after, "camera-drift", advice) > TOLD_APART
+
+
+def _circle(senses: tuple[int, ...], error: Callable[..., tuple[np.ndarray, np.ndarray]], path: str) -> CircularTest:
+    rng, frames = np.random.default_rng(1), []
+    n, radius, feed = 120, 100.0, 1500.0
+    for number, sense in enumerate((*senses, *senses)):
+        angle = sense * 2.0 * np.pi * np.arange(n) / n + 0.1
+        cosine, sine = np.cos(angle), np.sin(angle)
+        x, y = 200.0 + radius * cosine, 200.0 + radius * sine
+        along = error(y - 200.0, -sense * sine * feed / 60.0, sense * cosine * feed / 60.0)
+        r = radius + 1e-3 * (along[0] * cosine + along[1] * sine + rng.normal(size=n))
+        columns = {"x": x, "y": y, "z": np.full(n, 200.0), "r": r, "feed": np.full(n, feed)}
+        frames.append(pl.DataFrame(columns).with_columns(line=pl.lit(f"c{number}"), dir=pl.lit(sense)))
+    pl.concat(frames).write_csv(path)
+    return read_circular_test(path)
+
+
+def _shear(y: np.ndarray, _vx: np.ndarray, _vy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return -0.04 * y, 0.0 * y
+
+
+def test_squareness_and_servo_mismatch_are_told_apart_by_both_senses(tmp_path: object) -> None:
+    names = ("squareness:xy", "servo-mismatch:xy")
+    options = FitOptions(threads=1, components="none")
+    path = f"{tmp_path}/circle.csv"
+    fitted = fit_terms(machine(), [_circle((1,), _shear, path)], options=options)
+    own = adviser_of(fitted, [term(name) for name in names])
+    assert abs(own.gains[0] - own.gains[1]) < 1e-3 * own.gains[0]
+    advice = own.separation()
+    assert advice.text == "both senses of the circle"
+    assert advice.same_again_delta_chi2 is not None
+    assert advice.same_again_delta_chi2 < 0.01
+    both = fit_terms(machine(), [_circle((1, -1), _shear, path)], options=options)
+    after = adviser_of(both, [term(name) for name in names])
+    assert after.gains[0] > after.gains[1] + 100.0
+
+
+def test_what_acts_through_the_lever_is_told_apart_by_other_levers() -> None:
+    log = lines_at_one_feed(np.random.default_rng(6), n_lines=6, is_moving=False)
+    log.offset[:] = np.array([0.0, 0.0, -100.0])
+    own = adviser(log, lambda log: -5.0 * log.d[:, :1] * X, ("backlash:x", "angular-reversal:x"), 2)
+    # The lever is the target's offset, or where the axes that the carriage carries stand: both vary it.
+    titles = {one.text for one in own.separation().alternatives} | {own.separation().text}
+    assert "targets at other offsets" in titles
+
+
+def test_what_is_too_small_to_be_told_apart_falls_back_on_the_catalogue() -> None:
+    log = lines_at_one_feed(np.random.default_rng(7), n_lines=4, n_points=8)
+    table = measure(log, lambda log: 0.0 * log.q, 7)
+    fitted = fit_terms(machine(), [table], options=FitOptions(threads=1, components="none"))
+    space = space_of(fitted, threads=1)
+    terms = [term("backlash:x"), term("stick-slip:x")]
+    found = separation_for(space, terms, margin=1e9)
+    assert isinstance(found, Separation)
+    assert not isinstance(found, Advice)
+    assert found.text == "a sweep of feeds"
+    # Of a pair that the catalogue knows nothing of it is said that nothing would do.
+    unknown = separation_for(space, [term("backlash:x"), term("squareness:yz")], margin=1e9)
+    assert isinstance(unknown, Advice)
+    assert unknown.plan is None
+    assert "no measurement known here would tell backlash:x and squareness:yz apart" in unknown.text

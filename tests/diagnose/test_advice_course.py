@@ -1,0 +1,171 @@
+"""What plans command: inside the travel, in the time that the moves take, each as its words say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from advice_machine import lines_at_one_feed, machine, measure
+
+from geoerr.diagnose.advice.course import Course
+from geoerr.diagnose.advice.measurement import duration, tidy_feed, uneven
+from geoerr.diagnose.advice.menu import feeds_of, four_feeds, menu, short_reversals
+from geoerr.diagnose.advice.menu_conditions import warming, work
+from geoerr.diagnose.advice.planned import planned
+from geoerr.diagnose.advice.question import Question, question_of
+from geoerr.diagnose.advice.situation import Situation, situation_of
+from geoerr.diagnose.space import space_of
+from geoerr.effects import catalogue
+from geoerr.fit import FitOptions, fit_terms
+
+EVERYTHING = Question(
+    ("x", "y", "z"),
+    frozenset({"x", "y", "d_x", "s_x", "v_x", "t_rev_x", "mean_v_x", "t", "temp_bed", "temp_frame", "load"}),
+    frozenset({"EXX", "EAX", "rig-scale", "rig-tx", "rig-depth", "target-x"}),
+)
+
+
+@pytest.fixture(scope="module")
+def situation() -> Situation:
+    log = lines_at_one_feed(np.random.default_rng(1), n_lines=2, n_points=6)
+    n = len(log)
+    log.columns |= {
+        "temp_bed": np.linspace(20.0, 50.0, n),
+        "temp_frame": np.full(n, 21.0),
+        "load": np.where(np.arange(n) % 2, 2.0, 0.0),
+    }
+    table = measure(log, lambda log: 0.0 * log.q, 1)
+    fitted = fit_terms(machine(), [table], options=FitOptions(components="none", threads=1, is_robust=False))
+    return situation_of(fitted, space_of(fitted, threads=1).noise)
+
+
+def test_a_move_takes_the_time_of_its_trapezium(situation: Situation) -> None:
+    own = replace(situation, acceleration_mm_s2=500.0, dwell_s=2.0)
+    course = Course(own, is_oriented=False)
+    before = course.t_s
+    # 100 mm at 50 mm/s: 2 s, and 0.1 s to speed up and slow down.
+    course.go(course.at_mm + np.array([100.0, 0.0, 0.0]), 3000.0)
+    assert course.t_s - before == pytest.approx(2.1)
+    # 1 mm is too short for that speed: up and down in 2 √(1/500).
+    before = course.t_s
+    course.go(course.at_mm + np.array([0.0, 1.0, 0.0]), 3000.0)
+    assert course.t_s - before == pytest.approx(2.0 * np.sqrt(1.0 / 500.0))
+    before = course.t_s
+    course.look("L")
+    assert course.t_s - before == pytest.approx(2.0)
+    assert course.direction.tolist() == [1, 1, 1]
+    course.go(course.at_mm - np.array([0.0, 1.0, 0.0]), 3000.0)
+    assert course.direction.tolist() == [1, -1, 1]
+
+
+def test_a_run_in_motion_takes_as_many_pictures_as_the_cameras_can(situation: Situation) -> None:
+    own = replace(situation, acceleration_mm_s2=None, interval_s=0.5, dwell_s=1.0)
+    course = Course(own, is_oriented=False)
+    course.at_mm = np.array([0.0, 200.0, 200.0])
+    points = np.column_stack([np.linspace(10.0, 300.0, 30), np.full((30, 2), 200.0)])
+    course.sweep(points, 3000.0, "L")
+    taken = course.pictures()
+    # 25 mm in half a second: every third point, and the last one at rest.
+    assert taken.is_moving.tolist() == [True] * 10 + [False]
+    np.testing.assert_allclose(taken.q_mm[:-1, 0], points[:-1:3, 0])
+    np.testing.assert_allclose(taken.t_s[:-1], taken.q_mm[:-1, 0] / 50.0)
+    assert taken.t_s[-1] == pytest.approx(300.0 / 50.0 + 1.0)
+    # Another run takes others.
+    course.go(np.array([0.0, 200.0, 200.0]), 3000.0)
+    course.sweep(points, 3000.0, "L", 1)
+    assert course.pictures().q_mm[11, 0] == points[1, 0]
+
+
+def test_every_plan_stays_inside_what_was_measured_and_goes_forward_in_time(situation: Situation) -> None:
+    plans = list(menu(situation, EVERYTHING))
+    names = [plan.name for plan in plans]
+    assert len(set(names)) == len(names)
+    kinds = {name.split(":")[0] for name in names}
+    assert {
+        *("at-rest", "circles", "feeds", "abba", "short-reversals", "one-sided", "fine-pitch", "diagonals"),
+        *("second-lever", "moved-cameras", "scale-bar", "rest", "marker+rest", "work", "warm", "warm-cool"),
+        *("marker+warm", "scale-bar+warm", "changed"),
+    } <= kinds
+    low, high = situation.span_mm.T
+    for plan in plans:
+        pictures = plan.pictures
+        # The way in before a line may begin a step outside what was measured; no picture is taken there.
+        assert (pictures.q_mm >= low - 1e-6).all(), plan.name
+        assert (pictures.q_mm <= high + 1e-6).all(), plan.name
+        for session in np.unique(pictures.session):
+            assert (np.diff(pictures.t_s[pictures.session == session]) > 0.0).all(), plan.name
+        assert all(len(values) == len(pictures) for values in plan.conditions.values()), plan.name
+        assert plan.minutes(2) == pytest.approx(plan.handling_minutes + 2.0 * pictures.minutes)
+        assert plan.text().endswith(duration(plan.minutes())), plan.name
+        rows = planned(situation, plan)
+        assert len(rows.sightings) == len(pictures) * len(plan.targets)
+
+
+def test_directions_are_those_of_the_moves(situation: Situation) -> None:
+    for plan in (short_reversals(situation, "x"), four_feeds(situation, ["y"])):
+        pictures = plan.pictures
+        step = np.diff(pictures.q_mm, axis=0)
+        moved = step != 0.0
+        np.testing.assert_array_equal(np.sign(step)[moved], pictures.direction[1:][moved])
+
+
+def test_four_feeds_are_none_beyond_what_the_machine_has_run_at(situation: Situation) -> None:
+    for top in (500.0, 1500.0, 6000.0, 30_000.0):
+        feeds = feeds_of(replace(situation, top_feed_mm_min=top))
+        assert len(feeds) == 4
+        assert feeds == sorted(feeds)
+        assert feeds[-1] == top
+        assert feeds[0] <= 0.15 * top
+
+
+def test_what_is_heated_gets_hot_and_the_rest_hardly(situation: Situation) -> None:
+    plan = warming(situation, ["z"], ["temp_bed"], cools=True)
+    bed, frame = plan.conditions["temp_bed"], plan.conditions["temp_frame"]
+    assert bed[0] == 20.0
+    # Forty minutes are four time constants of ten.
+    assert bed.max() == pytest.approx(50.0 - 30.0 * np.exp(-4.0), abs=0.5)
+    assert bed[-1] < 25.0
+    assert frame.max() - frame.min() == pytest.approx(0.1 * 20.0, rel=0.1)
+    assert "heat what temp_bed measures from 20 to 50 °C (nothing else)" in plan.words
+    assert "temp_frame" not in plan.words
+
+
+def test_hard_use_is_use(situation: Situation) -> None:
+    plan = work(situation, "x")
+    # Between two rounds the axis runs for four minutes.
+    gaps = np.diff(plan.pictures.t_s)
+    assert (gaps > 200.0).sum() >= 5
+    assert plan.minutes() > 40.0
+
+
+def test_uneven_steps_show_every_period() -> None:
+    at = 25.0 * uneven(36)
+    assert at[0] == 0.0
+    assert at[-1] == 25.0
+    steps = np.diff(at)
+    assert steps.min() > 0.0
+    assert steps.max() < 4.0 * steps.min()
+    # Sine and cosine of any period from two mean steps up are no constant and not each other.
+    for period in np.geomspace(1.5, 25.0, 60):
+        angle = 2.0 * np.pi * at / period
+        columns = np.column_stack([np.ones(36), np.sin(angle), np.cos(angle)])
+        assert np.linalg.svd(columns / 6.0, compute_uv=False)[-1] > 0.3
+
+
+def test_feeds_and_durations_as_people_write_them() -> None:
+    assert [tidy_feed(feed) for feed in (74.0, 812.0, 2210.0, 6100.0)] == [80.0, 800.0, 2000.0, 6000.0]
+    assert [duration(minutes) for minutes in (0.2, 12.3, 119.0, 150.0)] == ["1 min", "12 min", "119 min", "2.5 h"]
+
+
+def test_a_question_is_what_its_candidates_are_about() -> None:
+    terms = [
+        catalogue()[name].term(axis, covariate, machine())
+        for name, axis, covariate in (("thermal-drift", "work-z", "temp_bed"), ("reversal-windup", "x", None))
+    ]
+    question = question_of(terms)
+    assert question.axes == ("x", "z")
+    assert question.follows_travel
+    assert not question.follows_time
+    assert not question.moves_view
+    assert question_of([catalogue()["camera-drift"].term(None, None, machine())]).moves_view
