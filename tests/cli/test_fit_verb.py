@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import geoerr
 from geoerr.cli import fit as verb
-from geoerr.effects import catalogue, load_catalogue
+from geoerr.effects import catalogue, load_catalogue, load_effects
 from geoerr.errors import ExpressionError, GeoerrError, InputFileError
 from geoerr.machine import write_machine
 
@@ -224,6 +224,10 @@ def test_python_writes_the_same_model_file_with_its_history(folder: Path) -> Non
     assert [entry.reference for entry in history] == list(added)
     assert history[0].figures_before["rmse_um"] == result.before.figures.rmse_um
     assert seen == [(step, 5) for step in range(6)]
+    growth = load_effects(own)[1].at("x", "temp_bed")
+    table = geoerr.read_observations(folder / "grid.csv")
+    placed = geoerr.fit_model(MACHINE, table, components="none", effects=["scale:x", growth, "backlash:x"])
+    assert placed.model.terms == result.model.terms
     # A model that was composed names its new effects by having no values for them.
     known, new = result.model.without_terms(["backlash:x"]), catalogue()["backlash"].term("x", None, MACHINE)
     composed = geoerr.fit_model(known + new, geoerr.read_observations(folder / "grid.csv"))

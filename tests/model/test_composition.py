@@ -20,8 +20,9 @@ from fitted_models import (
 )
 from model_machines import drawn_errors, machine
 
+from geoerr.effects import catalogue
 from geoerr.error_functions import ALL_NAMES
-from geoerr.errors import GeoerrError, ShapeError
+from geoerr.errors import GeoerrError, InputFileError, ShapeError
 from geoerr.model import GROUPS, FitRecord, Model
 from geoerr.model.document import document_of
 from geoerr.terms import Part
@@ -95,6 +96,24 @@ class TestLaws:
             model + "backlash:y"
         with pytest.raises(TypeError):
             model + 3  # type: ignore[operator]
+
+    def test_effects_in_their_places(self) -> None:
+        base, known = Model(machine(), None, classic_terms()), catalogue()
+        placed = base + known["thermal-expansion"].at("x", "temp_bed") + known["backlash"].at("y")
+        assert placed.terms == (base + "thermal-expansion:x@temp_bed" + "backlash:y").terms
+        lagged = base + known["thermal-drift"].at("z", "temp_bed", lagged=True)
+        assert [parameter.name for parameter in lagged.terms[-1].inner] == ["tau"]
+        # One place to act in needs no word; several are named.
+        alone = base + known["rig-scale"]
+        assert alone.terms[-1].id == "rig-scale"
+        with pytest.raises(InputFileError, match=r"backlash: needs an axis\nhint: write backlash:AXIS .* x, y, z"):
+            base + known["backlash"]
+        with pytest.raises(InputFileError, match="needs a temperature column"):
+            base + dataclasses.replace(known["thermal-expansion"], axes=("x",))
+        # Smooth functions are a term for each of their channels.
+        smooth = Model(machine()) + known["straightness"].at("x")
+        assert [term.id for term in smooth.terms] == ["EYX", "EZX"]
+        assert (Model(machine()) + "straightness:x").terms == smooth.terms
 
     def test_terms_on_tables(self) -> None:
         errors = drawn_errors(machine())

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from geoerr.effects.collection import Catalogue, catalogue, load_catalogue, load_effects
 from geoerr.effects.description import Description, FormSpec, ParameterSpec, PartSpec, Rival, Twin
-from geoerr.effects.effect import Effect
+from geoerr.effects.effect import Effect, PlacedEffect
 from geoerr.effects.plausible import plausible_match, plausible_words
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "FormSpec",
     "ParameterSpec",
     "PartSpec",
+    "PlacedEffect",
     "Rival",
     "Twin",
     "catalogue",

@@ -98,6 +98,31 @@ class Effect(Description):
             EffectReference(self.id, axis, covariate) for axis in self.axes or (None,) for covariate in covariates
         ]
 
+    def at(
+        self,
+        axis: str | None = None,
+        covariate: str | None = None,
+        *,
+        lagged: bool = False,
+        form: str | None = None,
+    ) -> PlacedEffect:
+        """Give the effect in one place, to be added to a model: `model + backlash.at("x")`.
+
+        Parameters
+        ----------
+        axis, covariate
+            As a reference writes them; what is the only one that the effect is for may be left out.
+        lagged, form
+            As for `term`.
+
+        Raises
+        ------
+        InputFileError
+            if the effect is not for that axis or covariate, naming those that it is for.
+        """
+        reference = self.checked_reference(axis, covariate, form)
+        return PlacedEffect(self, reference, lagged, form)
+
     def form(self, name: str | None = None, covariate: str | None = None) -> FormSpec:
         """Give a form by name; without one, the first whose own column `covariate` is, or else the first.
 
@@ -284,6 +309,33 @@ class Effect(Description):
         if not self.each_session:
             return (place.suffix,)
         return tuple(f"{place.suffix}_{number}".removeprefix("_") for number in range(1, max(n_sessions, 2)))
+
+
+@dataclass(frozen=True)
+class PlacedEffect:
+    """An effect with its axis and its covariate; made by `Effect.at`.
+
+    Attributes
+    ----------
+    effect
+        Of the catalogue, or a user's own.
+    reference
+        Axis and covariate, checked.
+    lagged, form
+        As for `Effect.term`.
+    """
+
+    effect: Effect
+    reference: EffectReference
+    lagged: bool = False
+    form: str | None = None
+
+    def terms(self, machine: Machine) -> tuple[Term, ...]:
+        """Give its terms for a machine, values unknown: one, or those of a smooth effect."""
+        axis, covariate = self.reference.axis, self.reference.covariate
+        if self.effect.is_smooth:
+            return self.effect.terms(axis, covariate, machine)
+        return (self.effect.term(axis, covariate, machine, lagged=self.lagged, form=self.form),)
 
 
 def _default_basis(axis: str, machine: Machine) -> BasisSpec:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from geoerr.effects import Catalogue, catalogue
-from geoerr.fit.additions import Addition, Way, additions
+from geoerr.fit.additions import Addition, Wanted, Way, additions
 from geoerr.fit.classic import Components
 from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
@@ -19,7 +19,7 @@ from geoerr.fit.split import Split
 from geoerr.machine import Machine
 from geoerr.model import Model
 from geoerr.observations import CircularTest, Observations
-from geoerr.terms import EffectReference, Term
+from geoerr.terms import Term
 
 __all__ = [
     "Addition",
@@ -50,7 +50,7 @@ def fit_model(
     machine: Machine | Model,
     *tables: Observations | CircularTest,
     components: Components | None = None,
-    effects: Sequence[Term | EffectReference | str] = (),
+    effects: Sequence[Wanted] = (),
     known: Catalogue | None = None,
     way: Way | None = None,
     options: FitOptions | None = None,
@@ -80,8 +80,8 @@ def fit_model(
     components
         `21` (Li), `12` (Dobariya: no angles) or `none`; short for the field of `options`, and wins over it.
     effects
-        What there is beyond the classic errors: references (`"backlash:x"`), or terms. The model's history has an
-        entry for each.
+        What there is beyond the classic errors: references (`"backlash:x"`), effects in their places
+        (`own.at("x", "temp_bed")`), or terms. The model's history has an entry for each.
     known
         Where references are looked up: `load_catalogue(["own.toml"])` has a user's own beside the built-in ones.
     way

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
-from geoerr.effects import Catalogue, Effect
+from geoerr.effects import Catalogue, Effect, PlacedEffect
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
 from geoerr.errors import InputFileError
@@ -24,6 +25,9 @@ from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
 from geoerr.machine import Machine
 from geoerr.terms import SQUARENESS_CHANNELS, EffectReference, Term, parse_effect_reference
+
+# What can be asked for: a term as it is, an effect in its place (or with only one), a reference.
+Wanted: TypeAlias = Term | Effect | PlacedEffect | EffectReference | str
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Addition:
 
 
 def additions(
-    wanted: Sequence[Term | EffectReference | str],
+    wanted: Sequence[Wanted],
     known: Catalogue,
     machine: Machine,
     sightings: Sightings,
@@ -65,7 +69,7 @@ def additions(
     Parameters
     ----------
     wanted
-        References, or terms as they are.
+        References, effects in their places, or terms as they are.
     known
         Where references are looked up.
     machine
@@ -105,9 +109,10 @@ def additions(
     return added
 
 
-def _refuse_way(way: Way, wanted: Sequence[Term | EffectReference | str], known: Catalogue) -> None:
+def _refuse_way(way: Way, wanted: Sequence[Wanted], known: Catalogue) -> None:
     """Refuse a lag or a form that nothing that was asked for can have."""
-    effects = [known.resolve(one)[0] for one in wanted if not isinstance(one, Term) and not is_empirical(str(one))]
+    references = [one for one in wanted if isinstance(one, str | EffectReference)]
+    effects = [known.resolve(one)[0] for one in references if not is_empirical(str(one))]
     if way.lagged is not None and not any(effect.follows_temperature for effect in effects):
         raise InputFileError("lag", "is asked for, and no effect follows a temperature", remedy="leave it out")
     forms = dict.fromkeys(name for effect in effects for name in effect.form_names if name)
@@ -119,7 +124,7 @@ def _refuse_way(way: Way, wanted: Sequence[Term | EffectReference | str], known:
 
 
 def _addition(
-    wanted: Term | EffectReference | str,
+    wanted: Wanted,
     known: Catalogue,
     machine: Machine,
     sightings: Sightings,
@@ -128,6 +133,10 @@ def _addition(
 ) -> Addition:
     if isinstance(wanted, Term):
         return Addition(wanted.id, wanted.title, (wanted,))
+    if isinstance(wanted, Effect | PlacedEffect):
+        placed = wanted.at() if isinstance(wanted, Effect) else wanted
+        refuse_wanting(placed.effect, placed.reference, sightings)
+        return Addition(str(placed.reference), placed.effect.title, _placed(placed, machine, sightings))
     if is_empirical(str(wanted)):
         term = empirical_term(fit(), wanted)
         return Addition(term.id, term.title, (term,))
@@ -136,6 +145,12 @@ def _addition(
     ways = ways_of(effect, reference, machine, sightings, way)
     terms = best_terms(fit(), effect, reference, way) if len(ways) > 1 else (*ways,)
     return Addition(str(reference), effect.title, terms or usual_terms(effect, reference, machine, sightings))
+
+
+def _placed(wanted: PlacedEffect, machine: Machine, sightings: Sightings) -> tuple[Term, ...]:
+    if wanted.effect.is_smooth:
+        return wanted.terms(machine)
+    return (_term(wanted.effect, wanted.reference, machine, sightings, wanted.form, lagged=wanted.lagged),)
 
 
 def _is_classic(found: Addition, known: Catalogue) -> bool:

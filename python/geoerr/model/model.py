@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from geoerr import _core
 from geoerr.bases import basis_of
-from geoerr.effects import catalogue
+from geoerr.effects import Effect, PlacedEffect, catalogue
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, NotConvergedError, NotDeterminedError, ShapeError
 from geoerr.machine import AXES, Machine
@@ -607,22 +607,35 @@ class Model:
         record = None if self.record is None else self._record_of_machine
         return mean_scales(self.machine, self.all_machine_terms, record, self.measured_range_mm)
 
-    def __add__(self, other: Term | EffectReference | str) -> Model:
-        """Give the model with one more term, or effect of the catalogue by its reference.
+    def __add__(self, other: Term | Effect | PlacedEffect | EffectReference | str) -> Model:
+        """Give the model with one more term, or effect.
 
-        `model + "thermal-expansion:x@temp_bed"` is a model whose new parameters have no values yet.
-        A record is kept where the term says how uncertain it is (it counts as independent of the fit), and dropped
-        where it does not: a term that is yet to be fitted.
+        `model + "thermal-expansion:x@temp_bed"` (of the catalogue), `model + own.at("x", "temp_bed")` (of any file),
+        and `model + own` where the effect has only one place to act in, are models whose new parameters have no
+        values yet. A record is kept where the term says how uncertain it is (it counts as independent of the fit), and
+        dropped where it does not: a term that is yet to be fitted.
+
+        Raises
+        ------
+        InputFileError
+            for a reference that names no effect, and an effect without axis or covariate where it could have several,
+            naming them.
         """
         if isinstance(other, str | EffectReference):
             effect, reference = catalogue().resolve(other)
-            other = effect.term(reference.axis, reference.covariate, self.machine)
-        if not isinstance(other, Term):
-            return NotImplemented
-        record = self.record
-        if record is not None:
-            record = with_independent(record, self._all.n_coefficients, other)
-        return Model(self.machine, self.errors, (*self.terms, other), record)
+            other = PlacedEffect(effect, reference)
+        elif isinstance(other, Effect):
+            other = other.at()
+        terms = other.terms(self.machine) if isinstance(other, PlacedEffect) else (other,)
+        result = self
+        for term in terms:
+            if not isinstance(term, Term):
+                return NotImplemented
+            record = result.record
+            if record is not None:
+                record = with_independent(record, result._all.n_coefficients, term)
+            result = Model(self.machine, self.errors, (*result.terms, term), record)
+        return result
 
     def without(self, names: str | Iterable[str]) -> Model:
         """Give the model with some errors taken out (set to 0), for asking what they matter.
