@@ -29,6 +29,7 @@ from geoerr.fit import FitResult, Fitted
 from geoerr.model import GROUPS, Model
 from geoerr.model.arrays import Numbers, points
 from geoerr.model.conditions import Conditions
+from geoerr.model.program_conditions import extrapolated_conditions
 from geoerr.terms import Term
 from geoerr.vision.rig import Rig
 
@@ -333,6 +334,7 @@ def uncertainty_budget(
         sources, silent = sources_of_fit(fitted, estimator, rig, calibration_dof)
         stages = stages_of(fitted, rig)
     stages += stages_of_parameters(model, predictor.at)
+    silent += [f"{one}: whether its form holds there" for one in extrapolated_conditions(model, at)]
     how = implementation or Implementation()
     sources += [*conditions_of(at_std or {}), *how.sources()]
     if how.controller_step_mm is None:

@@ -28,6 +28,7 @@ VERBS = (
     "diagnose",
     "add",
     "remove",
+    "budget",
     "compensate",
     "verify",
     "simulate",

@@ -612,8 +612,8 @@ class Model:
 
         `model + "thermal-expansion:x@temp_bed"` (of the catalogue), `model + own.at("x", "temp_bed")` (of any file),
         and `model + own` where the effect has only one place to act in, are models whose new parameters have no
-        values yet. A record is kept where the term says how uncertain it is (it counts as independent of the fit), and
-        dropped where it does not: a term that is yet to be fitted.
+        values yet. A record is kept where the term says how uncertain it is (it counts as independent of the fit),
+        and dropped where it does not: a term that is yet to be fitted.
 
         Raises
         ------
