@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,6 +102,13 @@ def test_every_plan_stays_inside_what_was_measured_and_goes_forward_in_time(situ
         assert plan.text().endswith(duration(plan.minutes())), plan.name
         rows = planned(situation, plan)
         assert len(rows.sightings) == len(pictures) * len(plan.targets)
+
+
+def test_every_plan_is_in_the_documentation(situation: Situation) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "next_measurement.md").read_text(encoding="utf-8")
+    plans = [*menu(situation, EVERYTHING), *menu(replace(situation, is_circular=True), EVERYTHING)]
+    kinds = {plan.name.split(":")[0] for plan in plans}
+    assert [kind for kind in kinds if f"`{re.sub('[+].*', '+...', kind)}`" not in page] == []
 
 
 def test_directions_are_those_of_the_moves(situation: Situation) -> None:

@@ -14,7 +14,7 @@ from geoerr.fit.sightings import Numbers
 _TIMES = {1: "", 2: ", twice", 3: ", three times", 4: ", four times"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Measurement:
     """A plan.
 
@@ -53,6 +53,9 @@ class Measurement:
     n_on_bar: int = 0
     is_circular: bool = False
     handling_minutes: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"<{self.name}: {len(self.pictures)} pictures, {self.minutes():.0f} min>"
 
     def minutes(self, times: int = 1) -> float:
         """Give how long it takes, carried out so often."""
