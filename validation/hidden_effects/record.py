@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from dataclasses import replace
 from typing import Any
 
@@ -49,6 +50,7 @@ def record(one: Set, n_rows: int, *, is_study: bool) -> dict[str, Any]:
     except Exception as failure:
         # A set that cannot be diagnosed is a result of the study, not its end.
         line["failed"] = f"{type(failure).__name__}: {failure}"
+        line["traceback"] = traceback.format_exc()
     return line
 
 
