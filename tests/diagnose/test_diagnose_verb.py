@@ -117,6 +117,8 @@ def test_what_the_data_cannot_tell_apart_is_said_with_what_would(ambiguous: Diag
     assert "these data cannot tell it from:" in text
     assert "  what would: " in text
     assert " min): " in text.replace("\n    ", " ")
+    # One measurement for all of them.
+    assert len({id(one.separate_by) for one in ambiguous.tied}) == 1
 
 
 def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> None:

@@ -56,7 +56,9 @@ def test_how_sure() -> None:
     assert sure_words(0.0) == "certain as can be: chance does as much in fewer than one search of a billion"
     assert sure_words(0.43).startswith("not beyond chance: chance does as much in 43 of 100")
     assert sure_words(1.0).endswith("in every search")
-    assert [counted_words(count) for count in (16.7, 450.0, 4320.0, 2.34e6)] == ["20", "450", "4,300", "2.3 million"]
+    assert [counted_words(count) for count in (16.7, 450.0, 4320.0, 2.34e6, 1.61e8)] == [
+        *("20", "450", "4,300", "2.3 million", "160 million")
+    ]
 
 
 def curve(function: object, at: np.ndarray, name: str = "feed", std_um: float = 0.2) -> Curve:

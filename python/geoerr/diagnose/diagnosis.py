@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from geoerr.diagnose.advice import advise
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.probes import Probe
@@ -217,7 +218,7 @@ class _Summary:
             verdict = "ambiguous" if any(one.tied for one in candidates[1:]) else "missing"
         elif unknown is not None:
             verdict = "unknown"
-        return Diagnosis(
+        diagnosis = Diagnosis(
             verdict,
             searched.first.p_value,
             self.fitted,
@@ -228,6 +229,18 @@ class _Summary:
             searched,
             self.comparison,
         )
+        return self._with_advice(diagnosis) if verdict == "ambiguous" else diagnosis
+
+    def _with_advice(self, diagnosis: Diagnosis) -> Diagnosis:
+        """Say with everything tied which one measurement tells all of it apart, for this machine and these data."""
+        separation = advise(diagnosis, known=self.known)
+        if separation is None:
+            return diagnosis
+        tied = {finding.reference for finding in diagnosis.tied}
+        candidates = tuple(
+            replace(one, separate_by=separation) if one.reference in tied else one for one in diagnosis.candidates
+        )
+        return replace(diagnosis, candidates=candidates, found=(candidates[0], *diagnosis.found[1:]))
 
     def _found(self, place: int) -> Finding:
         one = self.searched.found[place]
@@ -336,12 +349,8 @@ class _Summary:
 
 
 def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:
-    """Fit with more terms, their inner parameters held where the search found them."""
-    added = [
-        replace(term, inner=tuple(replace(one, low=one.value, high=one.value) for one in term.inner))
-        for term in terms
-        if term is not None
-    ]
+    """Fit with more terms: everything free, inner parameters starting where the search found them."""
+    added = [term for term in terms if term is not None]
     return refit(fitted, [*fitted.terms, *added]) if added else fitted
 
 

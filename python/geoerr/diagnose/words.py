@@ -92,10 +92,13 @@ def counted_words(count: float) -> str:
     """Write a large number as people say it: `4,300`, `2.3 million`."""
     for size, name in ((1e9, "billion"), (1e6, "million")):
         if count >= size:
-            return f"{count / size:.2g} {name}"
-    digits = 2 if count >= 100 else 1
-    rounded = round(count, digits - 1 - math.floor(math.log10(max(count, 1.0))))
-    return f"{rounded:,.0f}"
+            scaled = _rounded(count / size, 2)
+            return f"{scaled:.{0 if scaled >= 10.0 else 1}f} {name}".replace(".0 ", " ")
+    return f"{_rounded(count, 2 if count >= 100 else 1):,.0f}"
+
+
+def _rounded(value: float, digits: int) -> float:
+    return round(value, digits - 1 - math.floor(math.log10(max(value, 1.0))))
 
 
 def listed(texts: Sequence[str], last: str = "and") -> str:
@@ -115,7 +118,10 @@ def _read_in(parameter: Parameter) -> tuple[str, float]:
     if unit in _READ_IN:
         return _READ_IN[unit]
     size = abs(parameter.value)
-    if not math.isfinite(size) or size == 0.0 or _SMALLEST <= size < _LARGEST:
+    if size == 0.0:
+        # Of nothing the unit does not matter, and this one would read as a number.
+        return "" if unit.startswith("1/") else unit, 1.0
+    if not math.isfinite(size) or _SMALLEST <= size < _LARGEST:
         return unit, 1.0
     power = 3 * math.floor(math.log10(size) / 3.0)
     rest = unit[1:] if unit.startswith("1/") else f" {unit}"
