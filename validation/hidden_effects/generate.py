@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from validation.hidden_effects.chain import BASE, CARRIERS, RELATIVE, Array, Displacements, nothing, places_mm
 from validation.hidden_effects.kinds import Acting, Kind
+from validation.hidden_effects.limited import Limits, limited_plan
 from validation.hidden_effects.listed import LISTED
 from validation.hidden_effects.log import Log, arms_mm, make_log
 from validation.hidden_effects.machines import ErrorFunctions, draw_machine
@@ -127,7 +128,7 @@ class Case:
 def generate(
     seed: int,
     chain: str | None = None,
-    plan: str = "mixed",
+    plan: str | Limits = "mixed",
     noise: str | Noise = "gauss-10",
     hidden: Sequence[Hidden | str] = (),
     strength_um: float = 4.0,
@@ -145,7 +146,7 @@ def generate(
     chain
         Structural code; None = drawn.
     plan
-        One of `plans.PLANS`.
+        One of `plans.PLANS`, or what a measurement lacks.
     noise
         One of `noise.NOISES`, or a noise of one's own.
     hidden
@@ -165,8 +166,10 @@ def generate(
     whole, in_noise = (np.random.default_rng([seed, stream]) for stream in range(2))
     drawing = in_effects(seed)
     machine, errors = draw_machine(whole, chain)
-    drawn = draw_plan(whole, machine, plan, n_rows)
-    log = make_log(whole, machine, drawn)
+    if isinstance(plan, Limits):
+        log = make_log(whole, machine, limited_plan(whole, machine, plan, n_rows), plan)
+    else:
+        log = make_log(whole, machine, draw_plan(whole, machine, plan, n_rows))
     scene = Scene(log, errors.at(machine, log.q_mm))
     moved, truth = nothing(log.n_rows), []
     for one in hidden:
@@ -177,9 +180,9 @@ def generate(
     noise_kind = NOISES[noise] if isinstance(noise, str) else noise
     noisy = draw_noise(in_noise, noise_kind, log.pass_number, log.session, log.t_s)
     measured = scene.measured_mm(moved) + noisy.total_mm
-    observations = observations_from_columns(_columns(log, measured, noisy.stated_mm), f"case {seed}")
+    observations = observations_from_columns(columns_of(log, measured, noisy.stated_mm), f"case {seed}")
     return Case(
-        *(seed, machine.chain, drawn.name, observations, machine, tuple(truth), errors, noise_kind),
+        *(seed, machine.chain, log.plan.name, observations, machine, tuple(truth), errors, noise_kind),
         outlier_rows=noisy.is_outlier,
         displacement_mm=scene.effect_mm(moved),
         log=log,
@@ -307,7 +310,8 @@ def _off(log: Log, rng: np.random.Generator, acting: Acting, kind: Kind, share: 
     return replace(acting, moved=acting.moved.times(factor)), "xyz"[axis]
 
 
-def _columns(log: Log, measured: Array, stated: Array) -> dict[str, Array | list[str]]:
+def columns_of(log: Log, measured: Array, stated: Array) -> dict[str, Array | list[str]]:
+    """Give the columns that a user has."""
     moments, rows, moment = log.plan.moments, log.plan.rows, log.moment
     passes = [moments.passes[number] for number in log.pass_number]
     columns: dict[str, Array | list[str]] = {

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import lfilter
 from validation.hidden_effects.chain import RELATIVE, TOOL, Array, nothing, places_mm
+from validation.hidden_effects.limited import Limits, limited_temperatures
 from validation.hidden_effects.plans import Integers, Moments, Plan
 
 from geoerr.machine import Machine
@@ -230,18 +231,20 @@ class Log:
         return {"u_left": left, "v_left": v, "u_right": right, "v_right": v}
 
 
-def make_log(rng: np.random.Generator, machine: Machine, plan: Plan) -> Log:
+def make_log(rng: np.random.Generator, machine: Machine, plan: Plan, limits: Limits | None = None) -> Log:
     """Draw poses and temperatures, and put everything by row."""
     moments, rows = plan.moments, plan.rows
     motion = motion_of(moments)
     sensors = temperatures(rng, moments, motion, is_rich=plan.name == "mixed")
+    if limits is not None:
+        sensors = limited_temperatures(limits, sensors)
     by_moment = {**sensors, **plan.columns}
     arm = arms_mm(machine, plan)
     nominal = places_mm(machine.chain, rows.carrier, moments.q_mm[rows.moment], arm, nothing(len(rows.moment)))
     turn, place = np.zeros((len(arm), 3, 3)), np.zeros((len(arm), 3))
     for session in np.unique(moments.session):
         mine = moments.session[rows.moment] == session
-        pose, shift = _camera(rng, nominal[mine])
+        pose, shift = camera_of(rng, nominal[mine])
         turn[mine] = pose
         place[mine] = nominal[mine] @ pose.T + shift
     columns = {name: values[rows.moment] for name, values in by_moment.items()}
@@ -254,7 +257,7 @@ def arms_mm(machine: Machine, plan: Plan) -> Array:
     return plan.rows.offset_mm + np.where(on_tool[:, None], np.asarray(machine.tool_offset_mm), 0.0)
 
 
-def _camera(rng: np.random.Generator, places: Array) -> tuple[Array, Array]:
+def camera_of(rng: np.random.Generator, places: Array) -> tuple[Array, Array]:
     """Draw a pose that sees the places from 1.1 to 1.5 m: rotation camera from base, and translation."""
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))

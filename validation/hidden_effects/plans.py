@@ -125,9 +125,9 @@ def _nine_lines(rng: np.random.Generator, machine: Machine, n_rows: int) -> Plan
             for repeat in range(n_repeats):
                 feed = float(rng.choice(FEEDS_MM_MIN[1:]))
                 passes += _there_and_back(session, f"{'XYZ'[axis]}{place + 1}", repeat, base, axis, positions, feed)
-    moments = _in_time(rng, passes)
+    moments = in_time(rng, passes)
     every = np.arange(len(moments.t_s))
-    rows = _seen(rng, machine, [(body, target, every) for body in bodies for target in range(3)])
+    rows = seen(rng, machine, [(body, target, every) for body in bodies for target in range(3)])
     return Plan("nine-lines", moments, rows, is_seen_by_cameras=True)
 
 
@@ -145,10 +145,12 @@ def _volume(rng: np.random.Generator, machine: Machine, n_rows: int, *, is_relat
             later = int(rng.integers(index + 1, len(runs) + 1))
             runs.insert(later, [_again(one) for one in runs[index]])
         passes += [one for run in runs for one in run]
-    moments = _in_time(rng, passes)
+    moments = in_time(rng, passes)
     of_line = rng.integers(0, 3, len(moments.passes))[moments.pass_number]
-    seen = [(body, target, np.flatnonzero((of_line + body) % 3 == target)) for body in bodies for target in range(3)]
-    rows = _seen(rng, machine, seen)
+    targets = [
+        (body, target, np.flatnonzero((of_line + body) % 3 == target)) for body in bodies for target in range(3)
+    ]
+    rows = seen(rng, machine, targets)
     return Plan("volume-relative" if is_relative else "volume-floor", moments, rows, not is_relative)
 
 
@@ -168,11 +170,13 @@ def _mixed(rng: np.random.Generator, machine: Machine, n_rows: int) -> Plan:
                 passes += _diagonal(rng, machine, session, f"D{line}", n_points)
             else:
                 passes += _random_line(rng, machine, session, f"L{line}", n_points)
-    moments = _in_time(rng, passes)
+    moments = in_time(rng, passes)
     n_moments = len(moments.t_s)
     of_line = rng.integers(0, 3, len(moments.passes))[moments.pass_number]
-    seen = [(body, target, np.flatnonzero((of_line + body) % 3 == target)) for body in bodies for target in range(3)]
-    seen.append((BASE, 0, np.arange(0, n_moments, 3)))
+    targets = [
+        (body, target, np.flatnonzero((of_line + body) % 3 == target)) for body in bodies for target in range(3)
+    ]
+    targets.append((BASE, 0, np.arange(0, n_moments, 3)))
     n_passes = len(moments.passes)
     held = rng.choice([0.0, 0.0, 20.0, 50.0, 80.0], n_moments)
     is_probing = (rng.random(n_passes) < 0.4)[moments.pass_number]
@@ -186,23 +190,24 @@ def _mixed(rng: np.random.Generator, machine: Machine, n_rows: int) -> Plan:
             3,
         ),
     }
-    return Plan("mixed", moments, _seen(rng, machine, seen), True, columns)
+    return Plan("mixed", moments, seen(rng, machine, targets), True, columns)
 
 
-def _limits(machine: Machine) -> tuple[Array, Array]:
+def limits_mm(machine: Machine) -> tuple[Array, Array]:
+    """Give the lowest and highest position that is measured, a little inside the travel."""
     ranges = np.array([machine.axes[axis].range_mm for axis in "xyz"])
     room = MARGIN * (ranges[:, 1] - ranges[:, 0])
     return ranges[:, 0] + room, ranges[:, 1] - room
 
 
 def _anywhere(rng: np.random.Generator, machine: Machine, *, near_low: bool = False) -> Array:
-    low, high = _limits(machine)
+    low, high = limits_mm(machine)
     return low + (high - low) * (rng.uniform(0.0, 0.05, 3) if near_low else rng.random(3))
 
 
 def _positions(rng: np.random.Generator, machine: Machine, axis: int, n_points: int) -> Array:
     """Points along an axis from end to end, uneven, with fine steps after either end."""
-    low, high = _limits(machine)
+    low, high = limits_mm(machine)
     return low[axis] + (high[axis] - low[axis]) * _shares(rng, n_points, high[axis] - low[axis])
 
 
@@ -261,7 +266,7 @@ def _diagonal(rng: np.random.Generator, machine: Machine, session: int, line: st
 def _ramps(rng: np.random.Generator, machine: Machine, session: int, line: str, n_points: int) -> list[Pass]:
     """Draw a trapezium of speed along an axis: most pictures in the ramps, one of them where each ends."""
     axis = int(rng.integers(3))
-    low, high = _limits(machine)
+    low, high = limits_mm(machine)
     base = _anywhere(rng, machine)
     length = 0.9 * (high[axis] - low[axis])
     acceleration = float(rng.uniform(150.0, 900.0))
@@ -307,7 +312,7 @@ def _again(one: Pass) -> Pass:
     return Pass(one.session, one.line, 1, one.is_back, one.q_mm, one.feed_mm_min, one.is_moving)
 
 
-def _in_time(rng: np.random.Generator, passes: list[Pass]) -> Moments:
+def in_time(rng: np.random.Generator, passes: list[Pass]) -> Moments:
     """Put passes one after the other: pictures at rest wait until the machine has settled."""
     return Moments(*_columns_in_time(rng, passes), passes=tuple(passes))
 
@@ -350,9 +355,9 @@ def _columns_in_time(rng: np.random.Generator, passes: list[Pass]) -> Iterator[n
     yield acceleration
 
 
-def _seen(rng: np.random.Generator, machine: Machine, seen: list[tuple[int, int, Integers]]) -> Rows:
+def seen(rng: np.random.Generator, machine: Machine, targets: list[tuple[int, int, Integers]]) -> Rows:
     """Make rows, by moment; targets sit at three places that are on no common line on each body."""
-    low, high = _limits(machine)
+    low, high = limits_mm(machine)
     middle = 0.5 * (low + high)
     places = {
         TOOL: _triangle(rng, 110.0),
@@ -360,9 +365,9 @@ def _seen(rng: np.random.Generator, machine: Machine, seen: list[tuple[int, int,
         WORK: middle + _triangle(rng, 150.0),
         BASE: middle + _triangle(rng, 250.0),
     }
-    moment = np.concatenate([moments for _, _, moments in seen])
-    carrier = np.concatenate([np.full(len(moments), body) for body, _, moments in seen])
-    target = np.concatenate([np.full(len(moments), name) for _, name, moments in seen])
+    moment = np.concatenate([moments for _, _, moments in targets])
+    carrier = np.concatenate([np.full(len(moments), body) for body, _, moments in targets])
+    target = np.concatenate([np.full(len(moments), name) for _, name, moments in targets])
     order = np.argsort(moment, kind="stable")
     moment, carrier, target = moment[order], carrier[order], target[order]
     offset = np.zeros((len(moment), 3))

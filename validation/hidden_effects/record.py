@@ -58,7 +58,9 @@ def truth_of(case: Case, place: int) -> dict[str, Any]:
     """Give what was hidden, as a line has it."""
     effect = case.truth[place]
     bounds = inner_bounds(case) if place == 0 and effect.effect is not None else {}
-    name = None if effect.effect is None else str(EffectReference(effect.effect, effect.axis, effect.covariate))
+    # A candidate is named by its temperature; a column that its formula names is no choice.
+    covariate = effect.covariate if (effect.covariate or "").startswith("temp") else None
+    name = None if effect.effect is None else str(EffectReference(effect.effect, effect.axis, covariate))
     return {
         "kind": effect.kind,
         "name": name,

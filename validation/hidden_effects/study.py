@@ -19,12 +19,12 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 # Before NumPy is loaded, here and in the processes that are started: sets run beside each other, not threads in one.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -32,6 +32,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 from validation.hidden_effects.record import finite, record
 from validation.hidden_effects.sets import PARTS, Set, sets_of
 
+T, R = TypeVar("T"), TypeVar("R")
 RESULTS = Path(__file__).parents[1] / "hidden_effects.jsonl"
 
 
@@ -60,14 +61,14 @@ def done(path: Path) -> set[str]:
     return keys
 
 
-def results(tasks: Sequence[Task], n_jobs: int) -> Iterator[dict[str, Any]]:
+def in_processes(run_one: Callable[[T], R], tasks: Sequence[T], n_jobs: int) -> Iterator[R]:
     """Run tasks beside each other, and give the results as they come."""
     if n_jobs == 1:
-        yield from map(run, tasks)
+        yield from map(run_one, tasks)
         return
     # A process of its own for each job, started clean; none outlives this one, however it ends.
     with multiprocessing.get_context("spawn").Pool(n_jobs, _begin, (os.getpid(),)) as pool:
-        yield from pool.imap_unordered(run, tasks)
+        yield from pool.imap_unordered(run_one, tasks)
 
 
 def _begin(parent: int) -> None:
@@ -79,6 +80,16 @@ def _begin(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[None]:
+    """End in good order when told to: what is running is dropped, what is done is kept."""
+    signal.signal(signal.SIGTERM, _stop)
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.exit("stopped; the same command goes on from here")
 
 
 def _stop(_: int, __: FrameType | None) -> None:
@@ -106,16 +117,12 @@ def main() -> None:
         if one.key not in known and (not given.strength or one.strength_um in given.strength)
     ]
     print(f"{len(tasks)} sets to run, {len(known)} known", flush=True)
-    signal.signal(signal.SIGTERM, _stop)
-    try:
-        with given.resume.open("a", encoding="utf-8") as file:
-            for number, line in enumerate(results(tasks, given.jobs), start=1):
-                file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
-                file.flush()
-                if given.verbose:
-                    print(number, summary(line), flush=True)
-    except KeyboardInterrupt:
-        sys.exit("stopped; the same command goes on from here")
+    with stop_on_signals(), given.resume.open("a", encoding="utf-8") as file:
+        for number, line in enumerate(in_processes(run, tasks, given.jobs), start=1):
+            file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
+            file.flush()
+            if given.verbose:
+                print(number, summary(line), flush=True)
 
 
 def summary(line: dict[str, Any]) -> str:
