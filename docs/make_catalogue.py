@@ -27,7 +27,8 @@ _HEAD = """# The catalogue of physical effects
 Made by `python docs/make_catalogue.py` from `python/geoerr/effects/*.toml`; do not edit it here.
 
 `q` is the coordinate of the candidate's axis, `d` its direction of approach, `s` the travel and `t_rev` the time
-since its last reversal, `v` and `a` its speed and acceleration, `L` its length (then `q` counts from the low end),
+since its last reversal, `v` and `a` its speed and acceleration, `L` its length (then `q` counts from the low end,
+as `q_low` always does), `t` the time in a session, `clock` the time with all sessions laid end to end,
 `T` a temperature minus the reference or a difference of two temperatures. Lengths are in mm, angles in rad, times
 in s. A coefficient *across* an axis or of its *angles* exists once for each direction, with `_x`, `_y` or `_z`
 behind its name.

@@ -43,6 +43,8 @@ HISTORY_NAMES = ("d", "s", "t_rev", "v", "a", "mean_v")
 PLACE_NAMES = ("bed_x", "bed_y")
 # Running number of the row's session, 0 for the first.
 SESSION_NAME = "session"
+# Time since the first session began, all sessions laid end to end: a moment of one session is no moment of another.
+CLOCK_NAME = "clock"
 RAW_VARIABLES = frozenset(
     {
         *AXES,
@@ -51,6 +53,7 @@ RAW_VARIABLES = frozenset(
         *(f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES),
         *PLACE_NAMES,
         SESSION_NAME,
+        CLOCK_NAME,
     }
 )
 FUNCTIONS = frozenset(
@@ -520,6 +523,11 @@ class Term:
         parameters = {parameter.name for parameter in self.coefficients + self.inner}
         names = dict.fromkeys(name for part in self.parts for name in part.names)
         return tuple(name for name in names if name not in parameters)
+
+    @property
+    def is_of_time(self) -> bool:
+        """Whether the time of a row itself counts."""
+        return "t" in self.variables or CLOCK_NAME in self.variables
 
     @property
     def needs(self) -> tuple[str, ...]:

@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from geoerr.fit.sightings import sightings_of
-from geoerr.fit.variables import variable_columns
-from geoerr.observations import CircularTest
+from geoerr.fit.variables import clock_span_s, variable_columns
+from geoerr.observations import CircularTest, Observations
 
 RADIUS_MM, FEED_MM_MIN = 100.0, 3000.0
 CENTRE_MM = (212.0, 270.0)
@@ -47,3 +47,33 @@ def test_speed_and_acceleration_of_a_circular_test(n_points: int) -> None:
         assert np.allclose(a_y[rows], -(v**2) / RADIUS_MM * sin, rtol=0.0, atol=1e-8 * v**2)
         moves = np.abs(sin) > 1e-6
         assert (d_x[rows][moves] == np.sign(-sense * sin[moves])).all()
+
+
+def test_the_clock_lays_sessions_end_to_end() -> None:
+    """As `t` in the first session; a moment of one session is at no other session's moment."""
+    table = pl.DataFrame(
+        {
+            "session": ["a"] * 3 + ["b"] * 3 + ["c"] * 2,
+            "carrier": "tool",
+            "line": "X",
+            "repeat": 0,
+            "tx": 0.0,
+            "ty": 0.0,
+            "tz": 0.0,
+            "x": np.arange(8.0),
+            "y": 0.0,
+            "z": 0.0,
+            "mx": np.arange(8.0),
+            "my": 0.0,
+            "mz": 0.0,
+            "t": [2.0, 5.0, 9.0, 0.0, 4.0, 4.5, 100.0, 101.0],
+        }
+    )
+    sightings = sightings_of(Observations(table))
+    (clock,) = variable_columns(sightings, ["clock"])
+    assert clock.tolist() == [2.0, 5.0, 9.0, 9.0, 13.0, 13.5, 13.5, 14.5]
+    assert clock_span_s(sightings) == (2.0, 14.5)
+    # Without times the rows themselves count.
+    (rows,) = variable_columns(sightings_of(Observations(table.drop("t"))), ["clock"])
+    assert rows.tolist() == [0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 4.0, 5.0]
+    assert clock_span_s(sightings_of(Observations(table[:1]))) is None

@@ -17,11 +17,11 @@ from geoerr.diagnose.functions import CompiledPart, Functions
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.description import FormSpec
-from geoerr.effects.effect import Effect
+from geoerr.effects.effect import DEFAULT_TIME_RANGE_S, Effect
 from geoerr.errors import InputFileError
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
-from geoerr.fit.variables import times_s
+from geoerr.fit.variables import clock_span_s
 from geoerr.terms import EffectReference, Parameter, Term, names_in
 
 # Trial values of each inner parameter that is not affine, by how many of them a formula has.
@@ -137,8 +137,7 @@ def _why_not(effect: Effect, fitted: Fitted, columns: Sequence[str], is_circular
 def _terms(effect: Effect, reference: EffectReference, fitted: Fitted, columns: Sequence[str]) -> list[Term]:
     """Give the term of every form of a candidate, lagged and not."""
     sightings = fitted.sightings
-    times = times_s(sightings)
-    span = (float(times.min()), float(times.max()))
+    span = clock_span_s(sightings) or DEFAULT_TIME_RANGE_S
     result = []
     for form in effect.forms:
         if any(_refines(form, other) for other in effect.forms):

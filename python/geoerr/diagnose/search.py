@@ -245,7 +245,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
 
 
 def _is_of_time(what: Candidate | Probe) -> bool:
-    return any(shapes.term is not None and "t" in shapes.term.variables for shapes in what.shapes)
+    return any(shapes.term is not None and shapes.term.is_of_time for shapes in what.shapes)
 
 
 def _best(space: Space, what: Candidate | Probe, scanned: Sequence[Scanned]) -> Judged | None:

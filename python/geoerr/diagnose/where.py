@@ -13,13 +13,14 @@ from geoerr.diagnose.words import number_words
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
-from geoerr.terms import RAW_VARIABLES, Term
+from geoerr.terms import CLOCK_NAME, RAW_VARIABLES, Term
 
 UM_PER_MM = 1e3
 _PARTS = ("low", "middle", "high")
 # An effect that is so much larger in one third of a variable than in the least of them is named with that third.
 _LARGER = 1.6
 _MOST_SPANS = 2
+_TIMES = ("t", CLOCK_NAME)
 # A line is named where its share of the effect is so much more than the mean.
 _STANDS_OUT = 1.2
 
@@ -108,11 +109,15 @@ def where_of(sightings: Sightings, moved_um: Numbers, is_used: np.ndarray, varia
 
 def variables_of_term(term: Term, columns: Sequence[str]) -> tuple[str, ...]:
     """Give what a term depends on and a place can be told by: positions, time and conditions that are columns."""
-    named = [name for name in term.variables if name in AXES or name == "t" or name not in RAW_VARIABLES]
+    named = [name for name in term.variables if name in AXES or name in _TIMES or name not in RAW_VARIABLES]
     named += [part.basis.axis for part in term.parts if part.basis is not None]
     if any(name.startswith(("v_", "mean_v_", "a_")) for name in term.variables) and "feed" in columns:
         named.append("feed")
-    return tuple(dict.fromkeys(name for name in named if name in columns or name in AXES))
+    return tuple(
+        dict.fromkeys(
+            name for name in named if name in columns or name in AXES or (name == CLOCK_NAME and "t" in columns)
+        )
+    )
 
 
 def _line(sightings: Sightings, size: Numbers, is_used: np.ndarray) -> tuple[str | None, float | None]:
@@ -157,8 +162,8 @@ def _span_words(span: Span) -> str:
         )
     ends = [number_words(span.low), number_words(span.high)]
     values = " to ".join(dict.fromkeys(ends))
-    if span.variable == "t":
+    if span.variable in _TIMES:
         return {"low": "at the beginning", "middle": "midway in time", "high": "at the end"}[
             span.part
-        ] + f" (t {values})"
+        ] + f" ({span.variable} {values})"
     return f"where {span.variable} is {'middling' if span.part == 'middle' else span.part} ({values})"

@@ -8,7 +8,7 @@ from geoerr.machine import AXES, Machine
 from geoerr.terms import HISTORY_NAMES, RAW_VARIABLES, names_in
 
 # Short names that follow an axis; `q_a`, `q_b`, `d_a` ... are those of the first and second axis of a pair.
-AXIS_NAMES = ("q", "L", *(name for name in HISTORY_NAMES if name != "mean_v"))
+AXIS_NAMES = ("q", "q_low", "L", *(name for name in HISTORY_NAMES if name != "mean_v"))
 PAIR_NAMES = tuple(f"{name}_{which}" for name in AXIS_NAMES for which in "ab")
 OWN_NAMES = frozenset({*AXIS_NAMES, *PAIR_NAMES, "q_cross", "T"})
 RESERVED_NAMES = OWN_NAMES | RAW_VARIABLES
@@ -30,8 +30,9 @@ def position_text(axis: str, machine: Machine, *, from_low_end: bool) -> str:
 
 
 def axis_definitions(axis: str, machine: Machine, suffix: str, *, from_low_end: bool) -> dict[str, str]:
-    """Give `q`, `d`, `s`, `t_rev`, `v`, `a`, `L` of one axis, each with `suffix` (`""`, `_a`, `_b`)."""
+    """Give `q`, `q_low`, `d`, `s`, `t_rev`, `v`, `a`, `L` of one axis, each with `suffix` (`""`, `_a`, `_b`)."""
     texts = {"q": position_text(axis, machine, from_low_end=from_low_end)}
+    texts["q_low"] = position_text(axis, machine, from_low_end=True)
     texts["L"] = number_text(machine.axes[axis].length_mm)
     texts |= {name: f"{name}_{axis}" for name in AXIS_NAMES if name not in texts}
     return {f"{name}{suffix}": text for name, text in texts.items()}

@@ -22,7 +22,7 @@ from geoerr.fit.empirical import empirical_term, is_empirical
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.inner import best_start
 from geoerr.fit.sightings import Sightings
-from geoerr.fit.variables import times_s
+from geoerr.fit.variables import clock_span_s
 from geoerr.machine import Machine
 from geoerr.terms import SQUARENESS_CHANNELS, EffectReference, Term, parse_effect_reference
 
@@ -259,14 +259,12 @@ def _term(
     *,
     lagged: bool,
 ) -> Term:
-    times = times_s(sightings)
-    span = (float(times.min()), float(times.max())) if len(times) else DEFAULT_TIME_RANGE_S
     return effect.term(
         reference.axis,
         reference.covariate,
         machine,
         lagged=lagged,
         form=form,
-        time_range_s=span if span[1] > span[0] else DEFAULT_TIME_RANGE_S,
+        time_range_s=clock_span_s(sightings) or DEFAULT_TIME_RANGE_S,
         n_sessions=len(sightings.sessions),
     )

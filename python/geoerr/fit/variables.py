@@ -12,7 +12,7 @@ from geoerr.fit.circle_motion import circle_motion
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
-from geoerr.terms import HISTORY_NAMES, PLACE_NAMES, SESSION_NAME
+from geoerr.terms import CLOCK_NAME, HISTORY_NAMES, PLACE_NAMES, SESSION_NAME
 
 _HISTORY = {f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES}
 
@@ -40,6 +40,8 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
             columns[row] = sightings.session
         elif name == "t":
             columns[row] = times_s(sightings)
+        elif name == CLOCK_NAME:
+            columns[row] = clock_s(sightings)
         elif name in sightings.table.columns:
             columns[row] = sightings.numbers(name)
         else:
@@ -52,13 +54,40 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
 
 def times_s(sightings: Sightings) -> Numbers:
     """Give the time of every row; where a session has none in some row, the row's number in it (unit: rows)."""
-    times = sightings.numbers("t")
-    starts = sightings.starts
-    for number, start in enumerate(starts):
-        rows = slice(int(start), int(starts[number + 1]) if number + 1 < len(starts) else len(sightings))
+    # A column may be the table's own memory.
+    times = np.array(sightings.numbers("t"))
+    for rows in _sessions(sightings):
         if not np.isfinite(times[rows]).all():
             times[rows] = np.arange(times[rows].size, dtype=np.float64)
     return times
+
+
+def clock_s(sightings: Sightings) -> Numbers:
+    """Give the time of every row on one clock: sessions laid end to end, each from where the one before ended.
+
+    It is `times_s` in the first session. What lies between two sessions is not known, and takes no time.
+    """
+    clock = times_s(sightings)
+    end = None
+    for rows in _sessions(sightings):
+        own = clock[rows]
+        if own.size:
+            clock[rows] = own if end is None else own + (end - own.min())
+            end = float(clock[rows].max())
+    return clock
+
+
+def clock_span_s(sightings: Sightings) -> tuple[float, float] | None:
+    """Give when the data begin and end on that clock; None where no time passes."""
+    clock = clock_s(sightings)
+    if not clock.size or not clock.min() < clock.max():
+        return None
+    return float(clock.min()), float(clock.max())
+
+
+def _sessions(sightings: Sightings) -> list[slice]:
+    ends = [*sightings.starts[1:].tolist(), len(sightings)]
+    return [slice(start, end) for start, end in zip(sightings.starts.tolist(), ends, strict=True)]
 
 
 def _place_on_work(sightings: Sightings, index: int) -> Numbers:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from geoerr.errors import GeoerrError, ShapeError
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, as_numbers
-from geoerr.terms import PLACE_NAMES
+from geoerr.terms import CLOCK_NAME, PLACE_NAMES
 
 REFERENCE: Literal["reference"] = "reference"
 
@@ -59,7 +59,8 @@ def variables_of(
     carrier
         What the target is fixed to: `bed_x bed_y` is the place on the work that it is, or stands over.
     at
-        The rest. Within `lag()` the mean speed is the speed itself, if it is not given: a steady state.
+        The rest. Within `lag()` the mean speed is the speed itself, if it is not given: a steady state. Without a
+        `clock`, `t` is that of the first session.
 
     Raises
     ------
@@ -72,6 +73,8 @@ def variables_of(
     for axis in AXES:
         if f"v_{axis}" in given:
             given.setdefault(f"mean_v_{axis}", given[f"v_{axis}"])
+    if "t" in given:
+        given.setdefault(CLOCK_NAME, given["t"])
     missing = [name for name in names if name not in OF_POSITION and name not in given]
     if missing:
         raise GeoerrError(refusal(missing, machine))
@@ -113,6 +116,8 @@ def bound_conditions(
     for axis in AXES:
         if f"v_{axis}" in constants:
             constants.setdefault(f"mean_v_{axis}", constants[f"v_{axis}"])
+    if "t" in constants:
+        constants.setdefault(CLOCK_NAME, constants["t"])
     missing = [name for name in names if name not in constants and name not in moving]
     if missing:
         raise GeoerrError(refusal(missing, machine))
@@ -156,4 +161,6 @@ def _meaning(name: str, machine: Machine) -> str:
         return f"{_MEANING[head]}, of {axis}"
     if name == "session":
         return "the number of the session, from 0"
+    if name == CLOCK_NAME:
+        return "the time, s, from session to session"
     return "the time, s" if name == "t" else "in the unit of the measured column"

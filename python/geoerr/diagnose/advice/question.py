@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoerr.machine import AXES
-from geoerr.terms import Term
+from geoerr.terms import CLOCK_NAME, Term
 
 # What names of variables begin with that change with the feed, with the travel since a reversal, with the direction.
 _SPEED = ("v_", "a_", "mean_v_", "t_rev_")
@@ -54,7 +54,7 @@ class Question:
     @property
     def follows_time(self) -> bool:
         """Whether time itself changes something."""
-        return "t" in self.variables
+        return "t" in self.variables or CLOCK_NAME in self.variables
 
     @property
     def follows_use(self) -> bool:

@@ -15,8 +15,10 @@ import numpy as np
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.effects import Effect
 from geoerr.effects.collection import Catalogue
+from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
 from geoerr.errors import InputFileError
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import clock_s, clock_span_s
 from geoerr.machine import Machine
 from geoerr.terms import EffectReference, Parameter, Part, Term, mentions
 
@@ -160,7 +162,7 @@ def _terms(runs: Runs, effect: Effect, axis: str | None) -> list[Term]:
         return [_pitch(runs, effect, axis or "", orders) for orders in ("h", "hs")]
     if effect.id == "radial-shrink":
         return [_shrink(effect, axis or "", machine)]
-    span = (float(runs.time_s.min()), float(runs.time_s.max()))
+    span = clock_span_s(runs.fitted.sightings) or DEFAULT_TIME_RANGE_S
     return [effect.term(axis, None, machine, form=form.name, time_range_s=span) for form in effect.forms]
 
 
@@ -290,10 +292,11 @@ def _frequencies_hz(runs: Runs, low: float, high: float) -> Sequence[float]:
 
 
 def _jumps_s(runs: Runs) -> Sequence[float]:
-    """Give times inside the runs; a jump between two runs is another set-up."""
+    """Give times inside the runs, on the clock of all of them; a jump between two runs is another set-up."""
     found: list[Numbers] = []
+    clock = clock_s(runs.fitted.sightings)[runs.rows]
     for own in runs.slices:
-        t = runs.time_s[own]
+        t = clock[own]
         turns = float(runs.travelled_rad[own][-1]) / (2.0 * np.pi)
         n = min(max(int(_JUMPS_OF_A_TURN * turns), 2), len(t) - 2)
         found.append(np.linspace(t[0], t[-1], n + 2)[1:-1])
