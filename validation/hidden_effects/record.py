@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 from validation.hidden_effects.bound import inner_bounds
-from validation.hidden_effects.generate import CannotCarryError, Case
+from validation.hidden_effects.generate import CannotCarryError, Case, TrueEffect
 from validation.hidden_effects.sets import Set
 
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
@@ -64,7 +64,7 @@ def truth_of(case: Case, place: int) -> dict[str, Any]:
     return {
         "kind": effect.kind,
         "name": name,
-        "parameters": effect.parameters,
+        "parameters": {**effect.parameters, **_on_one_clock(case, effect)},
         "inner": list(effect.inner),
         "bounds": bounds,
         "variables": list(effect.variables),
@@ -73,6 +73,18 @@ def truth_of(case: Case, place: int) -> dict[str, Any]:
         "raw_um": effect.raw_rms_um,
         "ranges": {axis: list(case.machine.axes[axis].range_mm) for axis in "xyz"},
     }
+
+
+def _on_one_clock(case: Case, effect: TrueEffect) -> dict[str, float]:
+    """Give the moment of a jump with sessions laid end to end, as the catalogue counts it."""
+    if "session" not in effect.parameters:
+        return {}
+    log, before = case.log, 0.0
+    for session in range(int(effect.parameters["session"]) + 1):
+        own = log.t_s[log.session == session]
+        shift = before - own.min() if session else 0.0
+        before = shift + own.max()
+    return {"t0": shift + effect.parameters["t0"]}
 
 
 def answer_of(diagnosis: Diagnosis) -> dict[str, Any]:
