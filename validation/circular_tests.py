@@ -86,7 +86,9 @@ def plans() -> dict[str, Plan]:
         "three planes": Plan(
             "three planes",
             tuple(
-                Run(plane=p, sense=s, line="XYZ"[p[0]] + "XYZ"[p[1]]) for p in ((0, 1), (1, 2), (2, 0)) for s in (1, -1)
+                Run(plane=p, sense=s, line="XYZ"[p[0]] + "XYZ"[p[1]])
+                for p in ((0, 1), (1, 2), (2, 0))
+                for s in (1, -1)
             ),
             n_rows=240,
         ),
@@ -174,9 +176,7 @@ def periodic(axis: int, a_um: float, pitch_mm: float) -> Cause:
 
 
 def vibration(axis: int, a_um: float, f_hz: float) -> Cause:
-    return _along(
-        axis, lambda m, rng: a_um * UM * np.sin(2.0 * np.pi * f_hz * m.t + rng.uniform(0.0, 2.0 * np.pi))
-    )
+    return _along(axis, lambda m, rng: a_um * UM * np.sin(2.0 * np.pi * f_hz * m.t + rng.uniform(0.0, 2.0 * np.pi)))
 
 
 def stick_slip(axis: int, b_um: float, v_mm_s: float) -> Cause:
@@ -226,7 +226,7 @@ def _along(axis: int, of: Callable[[Motion, np.random.Generator], np.ndarray]) -
 class Noise:
     """Noise of the radius in µm.
 
-    `white` scatter; `short` wanders within 5 degrees, `smooth` within 10 without corners, `drift` over a turn;
+    `white` scatter; `short` wanders within 5 degrees, `smooth` within 7 without corners, `drift` over a turn;
     `offset` of each run; `tails` degrees of freedom of Student's t; `outliers` share of rows; `by_feed` how much the
     scatter grows with the feed (power).
     """
@@ -250,7 +250,7 @@ NOISES = {
         Noise("heavy tails", tails=3.0),
         Noise("outliers", outliers=0.005),
         Noise("wanders within 5°", short=0.4),
-        Noise("smooth within 10°", smooth=0.4),
+        Noise("smooth within 7°", smooth=0.4),
         Noise("drifts over a turn", drift=0.6),
         Noise("offset of each run", offset=1.0),
         Noise("louder at speed", by_feed=1.0),
@@ -276,7 +276,7 @@ def noise_um(run: Run, n: int, turned: np.ndarray, noise: Noise, rng: np.random.
                 walk[k] = keep * walk[k - 1] + np.sqrt(1.0 - keep**2) * rng.standard_normal()
             result += size * walk
     if noise.smooth:
-        width = np.radians(10.0) / step
+        width = np.radians(7.0) / step
         kernel = np.exp(-0.5 * (np.arange(-4 * int(width), 4 * int(width) + 1) / width) ** 2)
         kernel /= np.sqrt((kernel**2).sum())
         result += noise.smooth * np.convolve(rng.standard_normal(n + len(kernel) - 1), kernel, mode="valid")

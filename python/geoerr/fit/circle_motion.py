@@ -11,7 +11,7 @@ reversal lies before them:
 | `t_rev` | φ R / F |
 | `v`, `a` | tangent · F, −(F/R)² · arm |
 
-The axis that stands still has no history of its own here.
+The axis that stands still has come from somewhere, on a long stroke and long ago: on a circle that is a constant.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from geoerr.fit.sightings import Numbers, Sightings
 # Commanded points farther from their circle than this share of its radius lie on none: told by the order of rows.
 _OFF_CIRCLE = 1e-2
 _FEWEST_POINTS = 4
+# Of the axis that stands still: direction, travel, time since the reversal.
+_RESTING = {"d": 1.0, "s": 100.0, "t_rev": 1e3, "v": 0.0, "a": 0.0}
 # Slower than this share of the feed an axis is at its reversal.
 _AT_REVERSAL = 1e-9
 NAMES = ("d", "s", "t_rev", "v", "a")
@@ -73,6 +75,8 @@ def _one_pass(
     mean_speed = radius * abs(travelled) / time if time > 0.0 else np.nan
     speed = np.where(np.isfinite(feed), feed / 60.0, mean_speed)
     tangent = sense[:, None] * np.column_stack([-arm[:, 1], arm[:, 0]]) / radius
+    for name, value in _RESTING.items():
+        found[f"{name}_{'xyz'[third]}"][rows] = value
     for place, index in enumerate((first, second)):
         own = arm[:, place]
         direction = np.where(np.abs(tangent[:, place]) > _AT_REVERSAL, np.sign(tangent[:, place]), -np.sign(own))

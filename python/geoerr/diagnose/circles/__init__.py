@@ -11,4 +11,13 @@ from geoerr.diagnose.circles.diagnosis import (
 from geoerr.diagnose.circles.readings import Reading
 from geoerr.diagnose.circles.shares import Shares
 
-__all__ = ["Cause", "CircleDiagnosis", "CircleUnknown", "Reading", "RunFigures", "SetUpFigures", "Shares", "diagnose_circles"]
+__all__ = [
+    "Cause",
+    "CircleDiagnosis",
+    "CircleUnknown",
+    "Reading",
+    "RunFigures",
+    "SetUpFigures",
+    "Shares",
+    "diagnose_circles",
+]

@@ -64,7 +64,7 @@ class Group:
     @property
     def n_trials(self) -> int:
         """Number of trials."""
-        return self.columns.shape[1] // self.k
+        return int(self.columns.shape[1] // self.k)
 
 
 def groups_of(radii: Radii, what: Sequence[Suspect | Probe]) -> list[Group]:
@@ -139,14 +139,24 @@ class Bench:
             return np.stack([_gram(white[own], group.k) for own in self.slices])
         return _gram(white, group.k)
 
-    def judge(self, basis: Numbers, residual: Numbers, n_rows: int, *, most_trials: int | None = None) -> list[Judged]:
+    def judge(
+        self,
+        basis: Numbers,
+        residual: Numbers,
+        n_rows: int,
+        *,
+        most_trials: int | None = None,
+        only: int | None = None,
+    ) -> list[Judged]:
         """Judge everything against a model with the basis Q (n, r) that leaves r (n,): best way of each.
 
-        With `most_trials` only ways of at most so many trials.
+        With `most_trials` only ways of at most so many trials; with `only` one suspect, and each way of it.
         """
-        best: dict[int, Judged] = {}
+        best: dict[tuple[int, int], Judged] = {}
         for group, white, inner in zip(self.groups, self.white, self.inner, strict=True):
             if most_trials is not None and (group.n_trials > most_trials or group.by_run):
+                continue
+            if only is not None and group.what != only:
                 continue
             gain, rank, share = self._gains(group, white, inner, basis, residual[:, None])
             evidence = 0.5 * gain[:, 0] - 0.5 * rank * np.log(n_rows) - np.log(self.n_trials[group.what])
@@ -154,11 +164,12 @@ class Bench:
             trial = int(np.argmax(evidence))
             if rank[trial] == 0:
                 continue
-            known = best.get(group.what)
+            key = (group.what, 0 if only is None else group.way)
+            known = best.get(key)
             if known is not None and evidence[trial] <= known.evidence:
                 continue
             surprise = float(_surprise(gain[trial, :1], int(rank[trial]), self.n_trials[group.what])[0])
-            best[group.what] = Judged(
+            best[key] = Judged(
                 group.what,
                 group,
                 trial,

@@ -20,7 +20,7 @@ from geoerr.errors import InputFileError
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import clock_s, clock_span_s
 from geoerr.machine import Machine
-from geoerr.terms import EffectReference, Parameter, Part, Term, mentions
+from geoerr.terms import EffectReference, Parameter, Part, Term
 
 # In this order: of two that explain the same, the one that is named first is the one that shops find more often.
 _OF_PAIRS = ("squareness", "scale-mismatch", "servo-mismatch", "radial-shrink", "change-over")
@@ -37,7 +37,9 @@ BY_RUN = ("vibration",)
 # A wave is searched down to this many rows of a run, at mean spacing.
 _ROWS_OF_A_WAVE = 2.5
 # Longer waves than this share of the radius are curves: straightness, or an uneven scale.
-_LONGEST_WAVE = 1.0
+_LONGEST_WAVE = 0.45
+# Vibration has so many waves a turn at least.
+_LEAST_WAVES = 12.0
 # Trial values of waves lie so close that the phase at the ends of the data differs by a quarter turn at most.
 _PHASE_STEP = 0.3
 _MOST_WAVES = 500
@@ -50,9 +52,9 @@ _WHY_NOT = {
     "lag": "a circle sees only the difference of two axes' lags: offered as servo-mismatch",
     "angular": "one circle at one tool length cannot tell it from scale, squareness and straightness: measure lines "
     "with targets at two offsets",
-    "angular-reversal": "at one tool length it looks like backlash or lateral play: measure with targets at two offsets",
+    "angular-reversal": "at one tool length it looks like backlash or lateral play: measure targets at two offsets",
     "gantry-racking": "at one place across it looks like backlash or lateral play: measure at two places across",
-    "acceleration": "a circle at one feed has one acceleration; offered as radial-shrink, whose sign tells them apart",
+    "acceleration": "offered as radial-shrink: of the other sign, a circle that grows with the feed",
 }
 _SCALE = "the radius is free, so that one plane sees only the difference of two scales: offered as scale-mismatch"
 _TIMES = "needs the feed, or times: state feed (mm/min) or t (s)"
@@ -94,39 +96,31 @@ def suspects_of(
     present
         Ids of terms that the model has already.
     """
-    machine = runs.fitted.machine
     taken = {*present, *(term.id for term in runs.fitted.terms)}
-    found: list[Suspect] = []
     why_not: dict[str, str] = {}
-    for name in _OF_PAIRS:
-        for pair in _pairs(runs):
-            found += _suspect(runs, known[name], pair, why_not)
-    if len(runs.planes) > 1:
-        for axis in runs.axes:
-            found += _suspect(runs, known["scale"], axis, why_not)
-    for name in _OF_AXES:
-        for axis in runs.axes:
-            found += _suspect(runs, known[name], axis, why_not)
-    for name in _OTHERS:
-        found += _suspect(runs, known[name], None, why_not)
-    columns = [*runs.fitted.sightings.covariate_columns, "moving"]
+    found: list[Suspect] = []
+    for name, axis in _named(runs):
+        found += _suspect(runs, known[name], axis, why_not)
     for effect in own:
-        wanting = effect.wanting(columns, is_circular=True)
-        if wanting is not None:
-            why_not[effect.id] = wanting
-            continue
-        for reference in effect.candidates(machine, columns, is_circular=True):
-            found += _own(runs, effect, reference, why_not)
+        found += _own(runs, effect, why_not)
     offered = {one.reference.effect for one in found}
     for effect in known:
-        if effect.id not in offered and effect.id not in why_not:
-            reason = _SCALE if effect.id == "scale" else _WHY_NOT.get(effect.id, _ELSEWHERE)
-            why_not[effect.id] = reason
+        if effect.id not in offered:
+            why_not.setdefault(effect.id, _SCALE if effect.id == "scale" else _WHY_NOT.get(effect.id, _ELSEWHERE))
     return [one for one in found if str(one.reference) not in taken], list(why_not.items())
 
 
-def _pairs(runs: Runs) -> list[str]:
-    return [pair for pair in ("xy", "xz", "yz") if any(set(pair) == set(plane) for plane in runs.planes)]
+def _named(runs: Runs) -> list[tuple[str, str | None]]:
+    """Give every cause with every axis or pair that it may be of."""
+    pairs = [pair for pair in ("xy", "xz", "yz") if any(set(pair) == set(plane) for plane in runs.planes)]
+    # In one plane the scale of either axis is their mismatch.
+    scales = [("scale", axis) for axis in runs.axes] if len(runs.planes) > 1 else []
+    return [
+        *((name, pair) for name in _OF_PAIRS for pair in pairs),
+        *scales,
+        *((name, axis) for name in _OF_AXES for axis in runs.axes),
+        *((name, None) for name in _OTHERS),
+    ]
 
 
 def _suspect(runs: Runs, effect: Effect, axis: str | None, why_not: dict[str, str]) -> list[Suspect]:
@@ -142,16 +136,24 @@ def _suspect(runs: Runs, effect: Effect, axis: str | None, why_not: dict[str, st
     return [Suspect(EffectReference(effect.id, axis), effect, tuple(ways))]
 
 
-def _own(runs: Runs, effect: Effect, reference: EffectReference, why_not: dict[str, str]) -> list[Suspect]:
-    try:
-        terms = [
-            effect.term(reference.axis, reference.covariate, runs.fitted.machine, form=form.name)
-            for form in effect.forms
-        ]
-    except InputFileError as error:
-        why_not[effect.id] = str(error)
+def _own(runs: Runs, effect: Effect, why_not: dict[str, str]) -> list[Suspect]:
+    """Give the suspects of a user's own effect."""
+    machine, columns = runs.fitted.machine, [*runs.fitted.sightings.covariate_columns, "moving"]
+    wanting = effect.wanting(columns, is_circular=True)
+    if wanting is not None:
+        why_not[effect.id] = wanting
         return []
-    return [Suspect(reference, effect, tuple(Way(term, _trials(runs, term)) for term in terms))]
+    found = []
+    for reference in effect.candidates(machine, columns, is_circular=True):
+        try:
+            terms = [
+                effect.term(reference.axis, reference.covariate, machine, form=form.name) for form in effect.forms
+            ]
+        except InputFileError as error:
+            why_not[effect.id] = str(error)
+            continue
+        found.append(Suspect(reference, effect, tuple(Way(term, _trials(runs, term)) for term in terms)))
+    return found
 
 
 def _terms(runs: Runs, effect: Effect, axis: str | None) -> list[Term]:
@@ -167,7 +169,7 @@ def _terms(runs: Runs, effect: Effect, axis: str | None) -> list[Term]:
 
 
 def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
-    """Bow (`h`: how far the middle of the circle's diameter stands out) and S (`s`) across an axis."""
+    """Give bow (`h`: how far the middle of the circle's diameter stands out) and S (`s`) across an axis."""
     across = [other for other in runs.axes if other != axis and _share_a_plane(runs, axis, other)]
     parts, coefficients = [], []
     for other in across:
@@ -179,7 +181,7 @@ def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
 
 
 def _pitch(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
-    """The same shapes along the axis: a scale that grows from one end to the other."""
+    """Give the same shapes along the axis: a scale that changes from one end to the other."""
     part = Part(f"E{axis.upper()}{axis.upper()}", _low_orders(list(orders)), _relative(runs, axis))
     return _classic(effect, axis, (part,), tuple(Parameter(name, "mm") for name in orders))
 
@@ -282,9 +284,10 @@ def _periods_mm(runs: Runs, axis: str, low: float, high: float) -> Sequence[floa
 
 def _frequencies_hz(runs: Runs, low: float, high: float) -> Sequence[float]:
     longest = max(float(np.ptp(runs.time_s[own])) for own in runs.slices)
-    # Slower than six waves a turn it is a shape of the circle.
-    low = max(low, 6.0 / _turn_s(runs))
-    high = min(high, 1.0 / (_ROWS_OF_A_WAVE * _step_s(runs)))
+    # Slower it is a shape of the circle.
+    low = max(low, _LEAST_WAVES / _turn_s(runs))
+    slowest = max(float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices)
+    high = min(high, 1.0 / (_ROWS_OF_A_WAVE * slowest))
     if not low < high:
         return ()
     n = min(int(np.ceil((high - low) * longest / (2.0 * _PHASE_STEP))) + 2, _MOST_WAVES)
@@ -301,8 +304,3 @@ def _jumps_s(runs: Runs) -> Sequence[float]:
         n = min(max(int(_JUMPS_OF_A_TURN * turns), 2), len(t) - 2)
         found.append(np.linspace(t[0], t[-1], n + 2)[1:-1])
     return [float(value) for value in np.sort(np.concatenate(found))]
-
-
-def has_recursion(term: Term) -> bool:
-    """Tell whether a formula runs along the rows."""
-    return any(part.expression and mentions(part.expression, "windup") for part in term.parts)

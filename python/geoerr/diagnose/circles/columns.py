@@ -43,6 +43,9 @@ class Radii:
         return result
 
     def _channel(self, name: str) -> Numbers:
+        if name not in self._channels and name == "rig-scale":
+            # A bar whose length changes: the radius that it shows is in proportion.
+            self._channels[name] = UM_PER_MM * self.runs.radius_mm[self.runs.run]
         if name not in self._channels:
             fitted = self.runs.fitted
             n = len(fitted.sightings)

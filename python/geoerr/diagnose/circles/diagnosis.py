@@ -11,10 +11,11 @@ from typing import Any, Literal
 import numpy as np
 
 from geoerr.diagnose.circles.causes import Suspect, suspects_of
+from geoerr.diagnose.circles.found import Found, Rival, Searched
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.readings import Reading, readings_of
 from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
-from geoerr.diagnose.circles.search import Found, Rival, Searched, search
+from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Separation, finite, reference_document
@@ -186,7 +187,8 @@ class CircleUnknown:
         """Say it in a sentence."""
         where = "in the radius" if self.component == "r" else f"along {self.component}"
         on = " and ".join(self.depends_on)
-        return f"something that no known cause explains acts {where} and depends on {on}, worth {self.worth_um:.2f} µm rms"
+        worth = f"worth {self.worth_um:.2f} µm rms"
+        return f"something that no known cause explains acts {where} and depends on {on}, {worth}"
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it."""
@@ -453,7 +455,10 @@ def _valued(searched: Searched, place: int) -> tuple[Term, np.ndarray, list[tupl
         for index, at in enumerate(found.seen):
             coefficients[at], coefficients_std[at] = float(values[index]), float(std[own][index])
     valued = term.with_values(
-        coefficients, searched.estimate[inner].tolist(), coefficients_std=coefficients_std, inner_std=std[inner].tolist()
+        coefficients,
+        searched.estimate[inner].tolist(),
+        coefficients_std=coefficients_std,
+        inner_std=std[inner].tolist(),
     )
     whole = np.zeros((k + len(found.inner),) * 2)
     if not by_run:
@@ -506,9 +511,7 @@ def _separation(
 
 def _candidates(searched: Searched, found: tuple[Cause, ...], known: Catalogue) -> tuple[Cause, ...]:
     if found:
-        others = [
-            _listed(searched, rival, found[0], known) for rival in searched.rivals[0][:_LISTED]
-        ]
+        others = [_listed(searched, rival, found[0], known) for rival in searched.rivals[0][:_LISTED]]
         return (found[0], *others)
     return tuple(
         _suspected(searched.suspects[judged.what], p_value, judged.evidence, 0.0)
@@ -522,7 +525,9 @@ def _listed(searched: Searched, rival: Rival, first: Cause, known: Catalogue) ->
         rival.suspect, p_values.get(rival.judged.what, 1.0), rival.judged.evidence, _worth_um(searched, rival, first)
     )
     aliases = (Alias(first.reference, rival.correlation),) if rival.correlation > _ALIAS else ()
-    separate_by = _separation(rival.suspect.reference, first.reference, searched.runs, known) if rival.is_tied else None
+    separate_by = (
+        _separation(rival.suspect.reference, first.reference, searched.runs, known) if rival.is_tied else None
+    )
     return replace(cause, tied=rival.is_tied, aliases=aliases, separate_by=separate_by)
 
 
@@ -605,8 +610,8 @@ def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
     for plane in runs.planes:
         if not runs.has_both_senses(plane):
             notes.append(
-                f"{plane.upper()} was run in one sense only: what turns with the sense (backlash, play, servo) is told "
-                "from geometry by its shape alone; run it the other way too"
+                f"{plane.upper()} was run in one sense only: what turns with the sense (backlash, play, servo) is "
+                "told from geometry by its shape alone; run it the other way too"
             )
     if len(runs.feeds()) < 2:
         notes.append("one feed only: what grows with speed is not told from what does not; run a second feed")
@@ -621,7 +626,9 @@ def _after(searched: Searched, place: int) -> float | None:
     """Give the held-out error with this and all causes found before it in the model."""
     terms = []
     for number in range(place + 1):
-        if searched.found[number].judged.group.by_run:
+        found = searched.found[number]
+        if found.judged.group.by_run or found.way.term.is_rig:
+            # What differs from run to run, and what the bar does, predicts no other run.
             continue
         term = _valued(searched, number)[0]
         inner = tuple(replace(one, low=one.value, high=one.value) for one in term.inner)
@@ -633,5 +640,3 @@ def _after(searched: Searched, place: int) -> float | None:
 def _held_out_um(fitted: Fitted) -> float | None:
     figures = fitted.held_out.figures
     return None if figures is None else figures.headline_um
-
-

@@ -3,11 +3,12 @@
 A bar is read at one feed along one path, so that its noise is correlated with the angle: vibration that is not
 periodic, feed fluctuation, dirt under the balls, warming. Each run is a realisation of its own with the covariance
 
-    V = σ² s² (I + U K Uᵀ),   K = Σ_j θ_j exp(−|φ − φ'| / ℓ_j) + θ_0,
+    V = σ² s² (I + U K Uᵀ),   K = Σ_j θ_j exp(−|φ − φ'| / ℓ_j) + Σ_k θ_k exp(−(φ − φ')² / (2 ℓ_k²)) + θ_0,
 
-φ the angle travelled, ℓ_j from 3 degrees to two turns, each four times the last; a sum of such processes is close to
-any spectrum that falls with the frequency. θ_0 is an offset of a run, where runs share a set-up. s is the run's own
-level, where levels clearly differ (a higher feed shakes more).
+φ the angle travelled, ℓ_j from 3 degrees to two turns, ℓ_k from 3 to 14 degrees: noise with corners and noise
+without, whose sum is close to any spectrum that falls with the frequency. θ_0 is an offset of a run, where runs share
+a set-up; a few runs tell it badly, and so its upper bound counts. s is the run's own level, where levels clearly
+differ (a higher feed shakes more).
 
 What could be a cause must not count as noise, and noise not as a cause: σ and θ maximise the restricted likelihood,
 which charges for the shapes of all causes, so that they are learnt from what no cause could be: the rest of the
@@ -28,18 +29,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg, optimize, stats
 
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.fit.sightings import Numbers
 
 MEMORIES_RAD = tuple(float(np.radians(3.0)) * 4.0**k for k in range(5))
+SMOOTH_RAD = tuple(float(np.radians(angle)) for angle in (3.0, 6.5, 14.0))
+_N_PARTS = len(MEMORIES_RAD) + len(SMOOTH_RAD)
 _BLOCK_RAD = float(np.radians(3.0))
 _MOST_BLOCKS = 160
 _LEAST_LOG, _MOST_LOG = -14.0, 9.0
 _START_LOG = -4.0
 # Levels of runs that differ by less than this factor are one.
 _OTHER_LEVEL = 1.5
+# How strongly doubt about the noise counts against causes, where causes lie. A variance that ν numbers tell is raised
+# by 1 + 2·4/ν: about as far out as Student's t lies beyond Gauss at one in a thousand.
+CAUTION = 4.0
+# The offset of a run is larger than its bound once in twenty.
+_OFFSET_DOUBT = 0.05
+# An offset that is quite unknown: a millimetre.
+_FREE_UM2 = 1e6
 # Standard deviation of Gaussian noise over the median of absolute values.
 _NORMAL = 0.6745
 
@@ -55,12 +65,11 @@ class Blocks:
 
     def sums(self, columns: Numbers) -> Numbers:
         """Apply Uᵀ to columns (n, k)."""
-        sums: Numbers = np.add.reduceat(columns, self.starts, axis=0)
-        return sums / np.sqrt(self.counts)[:, None]
+        return np.asarray(np.add.reduceat(columns, self.starts, axis=0) / np.sqrt(self.counts)[:, None])
 
     def spread(self, sums: Numbers) -> Numbers:
         """Apply U to sums (n_blocks, k)."""
-        return np.repeat(sums / np.sqrt(self.counts)[:, None], self.counts.astype(np.int64), axis=0)
+        return np.asarray(np.repeat(sums / np.sqrt(self.counts)[:, None], self.counts.astype(np.int64), axis=0))
 
 
 def blocks_of(runs: Runs) -> Blocks:
@@ -89,7 +98,7 @@ class Noise:
         Its blocks.
     sigma_um
         Scatter from row to row, of a run of level 1 and a row of weight 1.
-    theta : (6,)
+    theta : (9,)
         Variances of the wandering parts, and of a run's offset, in units of σ².
     level : (n,)
         Of each row: its weight times its run's level.
@@ -114,9 +123,9 @@ class Noise:
 
     @property
     def total_um(self) -> float:
-        """Standard deviation of one row: scatter and wandering."""
+        """Standard deviation of one row: scatter and wandering, a run's offset apart."""
         mean = float(np.sqrt(np.mean(self.level**2)))
-        return self.sigma_um * mean * float(np.sqrt(1.0 + self.theta.sum()))
+        return self.sigma_um * mean * float(np.sqrt(1.0 + self.theta[:-1].sum()))
 
     @property
     def wander_um(self) -> float:
@@ -125,17 +134,18 @@ class Noise:
 
 
 class _Geometry:
-    """Covariances of one kind of run: which runs have it, and G_j (6, b, b)."""
+    """Covariances of one kind of run: which runs have it, and G_j (9, b, b)."""
 
     def __init__(self, blocks: Blocks, own: slice, *, with_offset: bool) -> None:
         apart = np.abs(blocks.angle[own, None] - blocks.angle[None, own])
         root = np.sqrt(np.outer(blocks.counts[own], blocks.counts[own]))
         parts = [np.exp(-apart / memory) * root for memory in MEMORIES_RAD]
+        parts += [np.exp(-0.5 * (apart / width) ** 2) * root for width in SMOOTH_RAD]
         self.parts = np.stack([*parts, root if with_offset else np.zeros_like(root)])
         self.own: list[slice] = []
 
 
-def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers) -> Noise:
+def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers, caution: float = CAUTION) -> Noise:
     """Fit the noise.
 
     Parameters
@@ -144,6 +154,8 @@ def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers) -
         Measured radius beyond the model.
     shapes : (n, k)
         Columns of set-up and causes; any length, may depend on each other.
+    caution
+        How strongly doubt about the noise counts; 0 is the restricted likelihood alone.
     """
     level = runs.weight * _levels(runs, signal_um, shapes)[runs.run]
     x = orthonormal(shapes / level[:, None])
@@ -156,10 +168,11 @@ def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers) -
     pull = x.T @ y - sums_x.T @ sums_y
     square = float(y @ y - sums_y @ sums_y)
     dof = len(y) - x.shape[1]
-    n_free = len(MEMORIES_RAD) + int(has_offset)
+    n_free = _N_PARTS + int(has_offset)
+    among_causes = _among(kinds, blocks, shapes / level[:, None])
 
     def objective(log_theta: Numbers) -> tuple[float, Numbers]:
-        theta = np.zeros(len(MEMORIES_RAD) + 1)
+        theta = np.zeros(_N_PARTS + 1)
         theta[:n_free] = np.exp(log_theta)
         a, along, rest = inside.copy(), pull.copy(), square
         value, kept = 0.0, []
@@ -189,6 +202,9 @@ def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers) -
             q = inverse.T @ (ty - tx @ beta)
             gradient += done[id(kind)]
             gradient -= np.einsum("jab,ab->j", kind.parts, part @ part.T + scale * np.outer(q, q))
+        level_of_causes = 1.0 + float(theta[:-1] @ among_causes[:-1])
+        value -= 2.0 * caution * float(np.log(level_of_causes))
+        gradient[:-1] -= 2.0 * caution / level_of_causes * among_causes[:-1]
         return value, (gradient * theta)[:n_free]
 
     found = optimize.minimize(
@@ -199,22 +215,85 @@ def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers) -
         bounds=[(_LEAST_LOG, _MOST_LOG)] * n_free,
         options={"maxiter": 60, "ftol": 1e-8},
     )
-    theta = np.zeros(len(MEMORIES_RAD) + 1)
+    theta = np.zeros(_N_PARTS + 1)
     theta[:n_free] = np.exp(found.x)
-    transforms: dict[slice, Numbers] = {}
-    a, along, rest = inside.copy(), pull.copy(), square
+    if has_offset:
+        sigma2 = _sigma2(kinds, theta, inside, pull, square, sums_x, sums_y, dof)
+        theta[-1] = max(theta[-1], _offset_bound_um2(runs, signal_um, shapes) / max(sigma2, 1e-300))
+    transforms: dict[int, Numbers] = {}
     for kind in kinds:
-        factor = np.linalg.cholesky(np.eye(kind.parts.shape[1]) + np.tensordot(theta, kind.parts, 1))
-        inverse = linalg.solve_triangular(factor, np.eye(len(factor)), lower=True, check_finite=False)
+        inverse = _inverse_root(kind, theta)
         for own in kind.own:
             transforms[own.start] = inverse - np.eye(len(inverse))
+    sigma = float(np.sqrt(_sigma2(kinds, theta, inside, pull, square, sums_x, sums_y, dof)))
+    return Noise(blocks, sigma, theta, level, tuple(transforms[own.start] for own in blocks.of_run))
+
+
+def _inverse_root(kind: _Geometry, theta: Numbers) -> Numbers:
+    factor = np.linalg.cholesky(np.eye(kind.parts.shape[1]) + np.tensordot(theta, kind.parts, 1))
+    return np.asarray(linalg.solve_triangular(factor, np.eye(len(factor)), lower=True, check_finite=False))
+
+
+def _sigma2(
+    kinds: list[_Geometry],
+    theta: Numbers,
+    inside: Numbers,
+    pull: Numbers,
+    square: float,
+    sums_x: Numbers,
+    sums_y: Numbers,
+    dof: int,
+) -> float:
+    """Give σ² for these ratios."""
+    a, along, rest = inside.copy(), pull.copy(), square
+    for kind in kinds:
+        inverse = _inverse_root(kind, theta)
+        for own in kind.own:
             tx, ty = inverse @ sums_x[own], inverse @ sums_y[own]
             a += tx.T @ tx
             along += tx.T @ ty
             rest += float(ty @ ty)
     rss = max(rest - float(along @ np.linalg.lstsq(a, along, rcond=None)[0]), 1e-300)
-    sigma = float(np.sqrt(rss / max(dof, 1)))
-    return Noise(blocks, sigma, theta, level, tuple(transforms[own.start] for own in blocks.of_run))
+    return rss / max(dof, 1)
+
+
+def _offset_bound_um2(runs: Runs, signal_um: Numbers, shapes: Numbers) -> float:
+    """Give the upper bound of the variance of runs' offsets, µm².
+
+    Means of runs beyond what shapes explain by their course along the circle; a radius for each set-up and the square
+    of the feed may be in them. Where nothing is left to tell the variance by, every radius counts as free.
+    """
+    mean = np.zeros((runs.n_runs, len(runs)))
+    for number, own in enumerate(runs.slices):
+        mean[number, own] = 1.0 / (own.stop - own.start)
+
+    def centred(columns: Numbers) -> Numbers:
+        return np.asarray(columns - (mean @ columns)[runs.run])
+
+    size = np.linalg.norm(shapes, axis=0)
+    scaled = shapes[:, size > 0.0] / size[size > 0.0]
+    course = np.linalg.lstsq(centred(scaled), centred(signal_um[:, None])[:, 0], rcond=1e-6)[0]
+    offsets = mean @ (signal_um - scaled @ course)
+    design = [(runs.set_up == one).astype(np.float64) for one in np.unique(runs.set_up)]
+    if len(runs.feeds()) > 1:
+        design.append(np.nan_to_num(runs.feed_mm_min) ** 2 / float(np.nanmax(runs.feed_mm_min)) ** 2)
+    basis = orthonormal(np.column_stack(design))
+    left = offsets - basis @ (basis.T @ offsets)
+    dof = runs.n_runs - basis.shape[1]
+    if dof < 1:
+        return _FREE_UM2
+    return float(left @ left) / float(stats.chi2.ppf(_OFFSET_DOUBT, dof))
+
+
+def _among(kinds: list[_Geometry], blocks: Blocks, shapes: Numbers) -> Numbers:
+    """Give the mean variance that each part of the noise puts into a shape of length 1, (9,), in units of σ² θ."""
+    size = np.linalg.norm(shapes, axis=0)
+    sums = blocks.sums(shapes[:, size > 0.0] / size[size > 0.0])
+    total = np.zeros(_N_PARTS + 1)
+    for kind in kinds:
+        for own in kind.own:
+            total += np.einsum("ak,jab,bk->j", sums[own], kind.parts, sums[own], optimize=True)
+    return np.asarray(total / max(sums.shape[1], 1))
 
 
 def _kinds(blocks: Blocks, *, with_offset: bool) -> list[_Geometry]:

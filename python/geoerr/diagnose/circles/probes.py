@@ -55,7 +55,7 @@ def probes_of(runs: Runs) -> list[Probe]:
         inside = number[runs.run]
         both = runs.has_both_senses(plane)
         sense = runs.sense[runs.run].astype(np.float64)
-        a, b = plane
+        a, b = tuple(plane)
         most = min(len(runs) // max(runs.n_runs, 1) // _ROWS_OF_A_HARMONIC, max(_HARMONICS))
         orders = [order for order in _HARMONICS if order <= most] or [2]
         waves = [_waves(runs.angle_rad, order) * inside[:, None] for order in orders]

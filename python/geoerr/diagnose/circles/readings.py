@@ -38,7 +38,9 @@ class Reading:
 
     def words(self) -> str:
         """Write it: value ± standard uncertainty, unit, and what it says."""
-        digits = 0 if self.std >= 10.0 else min(max(1 - math.floor(math.log10(self.std)), 0), 6) if self.std > 0 else 3
+        digits = (
+            0 if self.std >= 10.0 else min(max(1 - math.floor(math.log10(self.std)), 0), 6) if self.std > 0 else 3
+        )
         text = f"{self.value:+.{digits}f} ± {self.std:.{digits}f} {self.unit}"
         if self.unit in ("mm", "Hz"):
             text = text.removeprefix("+")
@@ -46,7 +48,9 @@ class Reading:
         return f"{head} ({self.says})" if self.says else head
 
 
-def readings_of(term: Term, covariance: np.ndarray, runs: Runs, by_run: Sequence[Sequence[float]] = ()) -> tuple[Reading, ...]:
+def readings_of(
+    term: Term, covariance: np.ndarray, runs: Runs, by_run: Sequence[Sequence[float]] = ()
+) -> tuple[Reading, ...]:
     """Give a cause's readings.
 
     Parameters
@@ -88,17 +92,21 @@ _UNITS = {"mm": (UM_PER_MM, "µm"), "rad": (1e6, "µm/m"), "1": (1e6, "µm/m"), 
 def _squareness(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
     one = term.coefficients[0]
     angle = "wider" if one.value > 0.0 else "narrower"
-    return [_of(one, "", f"the angle between +{term.axis[0]} and +{term.axis[1]} is {angle} than 90°")] if term.axis else []
+    return (
+        [_of(one, "", f"the angle between +{term.axis[0]} and +{term.axis[1]} is {angle} than 90°")]
+        if term.axis
+        else []
+    )
 
 
 def _mismatch(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
-    one, (a, b) = term.coefficients[0], term.axis or "xy"
+    one, (a, b) = term.coefficients[0], tuple(term.axis or "xy")
     far, near = (a, b) if one.value > 0.0 else (b, a)
     return [_of(one, "", f"{far} travels farther than {near}")]
 
 
 def _servo(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
-    one, (a, b) = term.coefficients[0], term.axis or "xy"
+    one, (a, b) = term.coefficients[0], tuple(term.axis or "xy")
     late, early = (a, b) if one.value > 0.0 else (b, a)
     return [_of(one, "", f"{late} lags behind {early}")]
 
@@ -119,7 +127,9 @@ def _shrink(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
 
 def _backlash(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
     one = term.coefficients[0]
-    return [_of(one, "", "lost motion" if one.value > 0.0 else "negative: over-compensated, or the scale's side play")]
+    return [
+        _of(one, "", "lost motion" if one.value > 0.0 else "negative: over-compensated, or the scale's side play")
+    ]
 
 
 def _unequal(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
@@ -158,7 +168,9 @@ def _bow(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
     for parameter in _values(term).values():
         order, _, direction = parameter.name.partition("_")
         along = direction or term.axis or ""
-        what = ("bow" if order == "h" else "S") if term.effect == "straightness" else ("middle" if order == "h" else "S")
+        what = (
+            ("bow" if order == "h" else "S") if term.effect == "straightness" else ("middle" if order == "h" else "S")
+        )
         found.append(_of(parameter, f"{what} along {along}", "over the circle's diameter"))
     return found
 

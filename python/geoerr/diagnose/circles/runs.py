@@ -1,4 +1,4 @@
-"""Circular tests as a diagnosis needs them: runs, angles, the radius beyond the model, and what the set-up leaves free.
+"""Circular tests as a diagnosis needs them: runs, angles, the radius beyond the model and the set-up.
 
 A run is what was driven once: one set-up, one line, one sense, one feed, one repetition. What of the radius a machine
 without errors (or the model that is held) and the free set-up of the bar do not explain is the signal.
@@ -6,6 +6,7 @@ without errors (or the model that is held) and the free set-up of the bar do not
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -97,7 +98,7 @@ class Runs:
     def slices(self) -> tuple[slice, ...]:
         """Rows of each run."""
         ends = np.searchsorted(self.run, np.arange(self.n_runs + 1))
-        return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return tuple(slice(a, b) for a, b in itertools.pairwise(ends.tolist()))
 
     @cached_property
     def planes(self) -> tuple[str, ...]:
@@ -172,9 +173,7 @@ def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], 
     return tuple(result), problems, list(notes)
 
 
-def runs_of(
-    fitted: Fitted, problems: list[RowProblem] | None = None, notes: list[str] | None = None
-) -> Runs:
+def runs_of(fitted: Fitted, problems: list[RowProblem] | None = None, notes: list[str] | None = None) -> Runs:
     """Sort a fit of circular tests into runs."""
     sightings = fitted.sightings
     times = times_s(sightings)

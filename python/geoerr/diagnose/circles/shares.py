@@ -57,7 +57,12 @@ class Shares:
 
 
 def shares_of(
-    runs: Runs, noise: Noise, set_up: Numbers, traces_um: Numbers, rest_um: Numbers, floor_um: float | None,
+    runs: Runs,
+    noise: Noise,
+    set_up: Numbers,
+    traces_um: Numbers,
+    rest_um: Numbers,
+    floor_um: float | None,
     unknown_um: Numbers | None,
 ) -> Shares:
     """Share out the mean square of the measured trace.

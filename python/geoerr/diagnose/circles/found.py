@@ -1,0 +1,111 @@
+"""What the search for causes holds: causes in the model, rivals of each, and everything that came out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geoerr.diagnose.circles.bench import Judged
+from geoerr.diagnose.circles.causes import Suspect, Way
+from geoerr.diagnose.circles.noise import Noise
+from geoerr.diagnose.circles.probes import Probe
+from geoerr.diagnose.circles.runs import Runs
+from geoerr.fit.sightings import Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A cause in the model.
+
+    Attributes
+    ----------
+    suspect, way
+        What, and how it is written.
+    seen
+        Places of its coefficients that move the radius.
+    inner
+        Values of its inner parameters.
+    columns : (n, k)
+        In µm for a unit of each seen coefficient (of each run, where it is by run).
+    judged
+        At the round in which it was added.
+    p_value
+        Family-wise, then.
+    n_trials
+        Ways in which it was tried.
+    """
+
+    suspect: Suspect
+    way: Way
+    seen: tuple[int, ...]
+    inner: tuple[float, ...]
+    columns: Numbers
+    judged: Judged
+    p_value: float
+    n_trials: int
+
+    @property
+    def number(self) -> int:
+        """Its number among the suspects."""
+        return self.judged.what
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A suspect in place of a found cause: how alike, how much worse in the sum of squares, whether told apart."""
+
+    suspect: Suspect
+    judged: Judged
+    correlation: float
+    difference: float
+    is_tied: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What the search found.
+
+    Attributes
+    ----------
+    runs
+        Rows that count; gross ones are left out.
+    noise
+        The noise.
+    found
+        In the order in which they were added.
+    rivals
+        Of each found cause, best first.
+    first
+        All suspects judged against the model as it was, best first, with their p-values.
+    unknown
+        The probe that explains what is left, with its p-value and its µm in every row; or None.
+    withdrawn
+        Names that were taken back.
+    invisible
+        Suspects of which the set-up leaves nothing.
+    p_value
+        That nothing is missing, for everything that was looked at.
+    n_gross
+        Rows left out.
+    estimate, covariance
+        Of all coefficients and inner parameters of the found causes, one cause after the other.
+    traces : (n, n_found)
+        What each does to the radius, µm, off the set-up.
+    rest_um : (n,)
+        What is left.
+    """
+
+    runs: Runs
+    suspects: tuple[Suspect, ...]
+    noise: Noise
+    found: tuple[Found, ...]
+    rivals: tuple[tuple[Rival, ...], ...]
+    first: tuple[tuple[Judged, float], ...]
+    unknown: tuple[Probe, float, Numbers] | None
+    withdrawn: tuple[Found, ...]
+    invisible: tuple[Suspect, ...]
+    p_value: float
+    n_gross: int
+    estimate: Numbers
+    covariance: Numbers
+    traces: Numbers
+    rest_um: Numbers
