@@ -46,8 +46,8 @@ class Estimator:
         n_coefficients = fitted.compiled.n_coefficients
         self.places = [*range(n_coefficients), *(n_coefficients + place for place in free)]
         self.n_parameters = len(owners_of(fitted.terms))
-        root = np.asarray(fitted.solved.solution.covariance_root)
-        self.covariance = root @ root.T
+        # Rows along which free directions stay smallest: what the data say is the same for both factors.
+        self.covariance = fitted.root @ np.asarray(fitted.solved.solution.covariance_root).T
         self.gain = self.covariance[: len(self.places)]
         # The columns of a linear model are first order at the nominal machine, as the fit took them.
         self.state = fitted.solved.state if free else fitted.problem.start

@@ -29,6 +29,7 @@ from geoerr.fit.classic import (
     rich_basis,
 )
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.free_directions import concerned, held_smallest, limits_of
 from geoerr.fit.inner import has_unknown_inner, started
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
@@ -177,10 +178,17 @@ def fit_terms(
 
 def _without_effect(
     terms: Sequence[Term], compiled: Compiled, problem: _core.FitProblem, sightings: Sightings
-) -> list[int]:
+) -> tuple[list[int], Numbers]:
     """Give the places of coefficients whose formula is nothing but round-off at every row.
 
     A wave whose period divides the step is one: as a column of length 1 it would be determined, and absurd.
+
+    Returns
+    -------
+    places
+        Of such coefficients.
+    mm_per_unit : (n_coefficients,)
+        How far one unit of each coefficient moves points at most; 0 where no term has a formula.
 
     Raises
     ------
@@ -194,7 +202,7 @@ def _without_effect(
     for term, own in zip(terms, compiled.coefficient_slices, strict=True):
         has_formula[own] = any(part.basis is None for part in term.parts)
     if not has_formula.any():
-        return []
+        return [], largest
     for first in range(0, len(sightings), step):
         last = min(first + step, len(sightings))
         design = problem.design(problem.start, scale, first, last, 1)[:, : compiled.n_coefficients]
@@ -203,7 +211,8 @@ def _without_effect(
             raise _not_finite(terms, compiled, sightings, first + int(bad[0, 0]) // 3, int(bad[0, 1]))
         largest = np.maximum(largest, np.abs(design).max(axis=0, initial=0.0))
     is_nothing = has_formula & (largest > 0.0) & (largest < _ROUND_OFF * float(sightings.whitening.max()))
-    return [int(place) for place in np.flatnonzero(is_nothing)]
+    mm_per_unit = largest / float(sightings.whitening.max(initial=1e-300))
+    return [int(place) for place in np.flatnonzero(is_nothing)], mm_per_unit
 
 
 def _not_finite(
@@ -341,7 +350,8 @@ class Posed:
         gauge = np.zeros((len(rows), problem.n_columns))
         gauge[:, : compiled.n_coefficients] = rows
         prior = self._prior(terms, smoothness, problem)
-        nothing = _without_effect(terms, compiled, problem, sightings)
+        nothing, mm_per_unit = _without_effect(terms, compiled, problem, sightings)
+        limits = limits_of(terms, mm_per_unit, problem.n_columns)
         gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing]])
         solved = solve(
             problem,
@@ -354,11 +364,12 @@ class Posed:
             inner_ranges=_ranges(terms, free, compiled.n_coefficients),
             one_step=one_step,
             used=None if given is None else given.is_used,
+            limits=limits,
             threads=options.threads,
         )
         again = self._on(sightings, shared, given).fit
         return self._summary(
-            terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing
+            terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing, limits
         )
 
     def _on(self, sightings: Sightings, shared: Numbers | None, given: Given | None) -> Posed:
@@ -439,6 +450,7 @@ class Posed:
         prior: Numbers | None,
         again: Callable[[tuple[Term, ...]], Fitted],
         nothing: Sequence[int],
+        limits: Numbers,
     ) -> Fitted:
         n_numbers = int(sightings.is_measured[solved.used].sum())
         # Rows of a prior take their share of the unknowns; what the data do is left.
@@ -448,12 +460,16 @@ class Posed:
         places = [*range(compiled.n_coefficients), *(compiled.n_coefficients + place for place in free)]
         covariance = np.zeros((compiled.n_coefficients + compiled.n_inner,) * 2)
         null_space = np.zeros((len(covariance), solved.solution.null_space.shape[1]))
-        root = solved.solution.covariance_root[:n_model]
+        all_root = held_smallest(solved.solution.covariance_root, solved.solution.null_space, limits)
+        root = all_root[:n_model]
         covariance[np.ix_(places, places)] = root @ root.T * scale**2
-        null_space[places] = solved.solution.null_space[:n_model]
+        std = np.sqrt(np.diagonal(covariance)[: compiled.n_coefficients])
+        directions, is_determined = concerned(
+            solved.solution.null_space, np.asarray(solved.solution.is_determined), terms, limits, std
+        )
+        null_space[places] = directions[:n_model]
         touches = np.abs(null_space).max(axis=0, initial=0.0) > 0.0
         positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
-        is_determined = np.asarray(solved.solution.is_determined)
         is_determined[list(nothing)] = False
         return Fitted(
             machine=self.machine,
@@ -463,11 +479,12 @@ class Posed:
             problem=problem,
             solved=solved,
             covariance=covariance,
+            root=all_root,
             null_space=null_space[:, touches],
             not_determined=not_determined(
                 terms,
                 is_determined,
-                np.asarray(solved.solution.null_space),
+                directions,
                 sightings,
                 n_model,
                 [axis for axis in AXES if len(positions[axis]) < 2],

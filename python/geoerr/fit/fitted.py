@@ -47,6 +47,8 @@ class Fitted:
         The core's objects, for whoever asks further (candidates, predictions).
     covariance
         Of all parameters (coefficients of all terms, then inner), scaled.
+    root
+        (n_columns, rank) R with R Rᵀ the unscaled covariance of all unknowns; along free directions the smallest.
     null_space
         (m, k) over the same parameters: directions that the data do not determine.
     not_determined
@@ -73,6 +75,7 @@ class Fitted:
     problem: _core.FitProblem
     solved: Solved
     covariance: Numbers
+    root: Numbers
     null_space: Numbers
     not_determined: tuple[NotDetermined, ...]
     scale: float

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr import _core
+from geoerr.fit.free_directions import held_smallest
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
 
@@ -125,6 +126,7 @@ def solve(
     inner_ranges: Ranges | None = None,
     one_step: bool = False,
     used: np.ndarray | None = None,
+    limits: Numbers | None = None,
     threads: int = 0,
 ) -> Solved:
     """Fit all unknowns.
@@ -149,7 +151,10 @@ def solve(
         Whether to stay first order: one step from the start, residuals by the same columns.
     used : (n,) or None
         Rows that take part, where that is known; no other is then looked for.
+    limits : (n_columns,) or None
+        What is absurd for each unknown: along directions that the data leave free it stays smallest beside that.
     """
+    limits = np.full(problem.n_columns, np.inf) if limits is None else limits
     n_numbers = sightings.is_measured.sum(axis=1)
     first_frame_column = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
     gauge = np.vstack([gauge, planes_of_circles(sightings, first_frame_column, problem.n_columns)])
@@ -160,9 +165,11 @@ def solve(
     state, found = start, None
     for number in range(rounds):
         if one_step:
-            found = _first_order(problem, start, scale_of_rows, gauge, prior, threads)
+            found = _first_order(problem, start, scale_of_rows, gauge, prior, limits, threads)
         else:
-            found = _gauss_newton(problem, state, scale_of_rows, gauge, prior, is_linear, inner_ranges, threads)
+            found = _gauss_newton(
+                problem, state, scale_of_rows, gauge, prior, is_linear, inner_ranges, limits, threads
+            )
         state = found.state
         distance = np.sqrt((found.whitened**2).sum(axis=1))
         sigma = robust_scale(distance, n_numbers)
@@ -261,6 +268,7 @@ def _gauss_newton(
     prior: Numbers | None,
     is_linear: bool,
     ranges: Ranges | None,
+    limits: Numbers,
     threads: int,
 ) -> _Iterated:
     state = design_state = start
@@ -277,7 +285,7 @@ def _gauss_newton(
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
             gradient -= prior.T @ _held(problem, state, prior)
-        solution, step = _step_inside(triangle, solution, gauge, gradient, state, ranges, threads)
+        solution, step = _step_inside(triangle, solution, gauge, gradient, state, ranges, limits, threads)
         spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
         share = float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0))
         longest = factor = 1.0 if ranges is None else ranges.share_inside(state, step)
@@ -304,17 +312,18 @@ def _step_inside(
     gradient: Numbers,
     state: _core.FitState,
     ranges: Ranges | None,
+    limits: Numbers,
     threads: int,
 ) -> tuple[_core.FitSolution, Numbers]:
     """Give the step in which inner parameters at an end of their range that would leave it stay, and its solution."""
-    step = solution.step(gradient)
+    step = held_smallest(solution.step(gradient), solution.null_space, limits)
     if ranges is None:
         return solution, step
     stays = np.zeros(len(ranges.column), dtype=bool)
     while (leaving := ranges.leaving(state, step) & ~stays).any():
         stays |= leaving
         solution = triangle.solve(np.vstack([gauge, np.eye(len(step))[ranges.column[stays]]]), threads)
-        step = solution.step(gradient)
+        step = held_smallest(solution.step(gradient), solution.null_space, limits)
         step[ranges.column[stays]] = 0.0
     return solution, step
 
@@ -325,6 +334,7 @@ def _first_order(
     row_scale: Numbers,
     gauge: Numbers,
     prior: Numbers | None,
+    limits: Numbers,
     threads: int,
 ) -> _Iterated:
     residual = problem.residuals(start, threads)
@@ -333,7 +343,7 @@ def _first_order(
     gradient = problem.gradient(start, residual, row_scale, threads)
     if prior is not None:
         gradient -= prior.T @ _held(problem, start, prior)
-    step = solution.step(gradient)
+    step = held_smallest(solution.step(gradient), solution.null_space, limits)
     left = residual - problem.first_order_mm(start, step, threads)
     return _Iterated(
         problem.corrected(start, step), solution, triangle, left, problem.whitened(left), converged=True, steps=1
