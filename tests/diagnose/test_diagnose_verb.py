@@ -50,14 +50,16 @@ def nothing(moved: Motion) -> np.ndarray:
     return np.zeros_like(moved.q)
 
 
-def observed(hidden: Callable[[Motion], np.ndarray], seed: int = 1) -> Observations:
+def observed(hidden: Callable[[Motion], np.ndarray], seed: int = 1, feed_mm_min: float | None = None) -> Observations:
     rng = np.random.default_rng(seed)
     moved = motion(rng, PLAN)
+    if feed_mm_min is not None:
+        moved.feed[:] = feed_mm_min
     return measure(rng, moved, NOISE, hidden(moved))
 
 
-def diagnosed(hidden: Callable[[Motion], np.ndarray]) -> Diagnosis:
-    fitted = geoerr.fit_model(machine(), observed(hidden), options=OPTIONS).fitted
+def diagnosed(hidden: Callable[[Motion], np.ndarray], feed_mm_min: float | None = None) -> Diagnosis:
+    fitted = geoerr.fit_model(machine(), observed(hidden, feed_mm_min=feed_mm_min), options=OPTIONS).fitted
     return diagnosis_of(fitted, search(fitted, KNOWN, threads=1), KNOWN)
 
 
@@ -68,7 +70,8 @@ def named() -> Diagnosis:
 
 @pytest.fixture(scope="module")
 def ambiguous() -> Diagnosis:
-    return diagnosed(play)
+    """At one feed stick-slip is the same gap at every row."""
+    return diagnosed(play, feed_mm_min=600.0)
 
 
 @pytest.fixture(scope="module")
