@@ -15,6 +15,7 @@ BASE = {"errors", "files", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"terms", "bases", "effects", "model"}
+WORK = {"vision", "fit", "diagnose", "identify", "states", "budget", "compensate", "verify", "simulate"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "files": {"errors"},
@@ -33,16 +34,16 @@ ALLOWED: dict[str, set[str]] = {
     "vision": TABLES | CORE,
     "fit": MODEL,
     "identify": MODEL | {"fit"},
+    "states": MODEL | {"fit"},
     "diagnose": MODEL | {"fit"},
     "budget": MODEL | {"fit", "vision", "identify"},
     "compensate": MODEL,
     "verify": MODEL,
     "simulate": TABLES | {"vision.patterns", "vision.images"},
-    "report": MODEL | {"vision", "fit", "diagnose", "identify", "budget", "compensate", "verify", "simulate"},
-    "demo": MODEL | {"vision", "fit", "diagnose", "identify", "budget", "compensate", "verify", "simulate", "report"},
+    "report": MODEL | WORK,
+    "demo": MODEL | WORK | {"report"},
     "__main__": {"cli"},
-    "cli": MODEL
-    | {"vision", "fit", "diagnose", "identify", "budget", "compensate", "verify", "simulate", "report", "demo"},
+    "cli": MODEL | WORK | {"report", "demo"},
 }
 
 

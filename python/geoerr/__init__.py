@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         read_observations,
         write_observations,
     )
+    from geoerr.states import States, identify_states
     from geoerr.verify.ballbar import run_circular_test
     from geoerr.verify.path import compare_paths
     from geoerr.vision.calibrate import calibrate, calibrate_from_corners
@@ -74,6 +75,7 @@ _HOMES = {
     "GeoerrError": "geoerr.errors",
     "identify_joint": "geoerr.identify.joint",
     "identify_nine_line": "geoerr.identify.nine_line",
+    "identify_states": "geoerr.states",
     "integrate_straightness": "geoerr.geometry",
     "load_effects": "geoerr.effects",
     "load_model": "geoerr.model",
@@ -91,6 +93,7 @@ _HOMES = {
     "Rig": "geoerr.vision.rig",
     "rig_sensitivity": "geoerr.vision.sensitivity",
     "run_circular_test": "geoerr.verify.ballbar",
+    "States": "geoerr.states",
     "triangulate": "geoerr.geometry",
     "uncertainty_budget": "geoerr.budget",
     "uncertainty_map": "geoerr.budget",
@@ -113,6 +116,7 @@ __all__ = [
     "Model",
     "Observations",
     "Rig",
+    "States",
     "__version__",
     "add_effect",
     "analyze_nine_lines",
@@ -131,6 +135,7 @@ __all__ = [
     "fit_model",
     "identify_joint",
     "identify_nine_line",
+    "identify_states",
     "integrate_straightness",
     "load_effects",
     "load_model",

@@ -1,0 +1,309 @@
+"""One machine at several temperatures: each state's 21 errors, from fits that can be compared number by number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from geoerr.error_functions import ErrorFunctions
+from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError
+from geoerr.fit import FitOptions, Fitted, fit_terms
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
+from geoerr.machine import AXES, Machine
+from geoerr.observations import Observations
+from geoerr.states.common import common_bases, estimate_of, functions_of
+from geoerr.states.difference import Difference
+from geoerr.states.functions import Estimate, Functions
+from geoerr.states.joint import TemperatureFit, fit_temperature
+from geoerr.states.left_out import LeftOut, leave_one_out
+from geoerr.states.offsets import offset_sensitivity
+from geoerr.states.temperature_model import TemperatureModel, temperature_model
+from geoerr.states.text import states_report
+from geoerr.terms import BasisSpec, is_name
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The machine at one temperature.
+
+    Attributes
+    ----------
+    temperature_degc
+        As it was named.
+    mean_degc
+        Mean of the temperature's column: what the models with temperature are made with.
+    observations
+        Its rows, in sessions of its own.
+    fitted
+        The joint fit, with the bases that all states share.
+    errors
+        The 21 errors at the common positions, with standard uncertainties.
+    estimate
+        Parameters of the fit with their covariance.
+    sensitivity : (n, 3, p)
+        What was found of offsets of passes: unknowns of unit variance and how they move the rows.
+    """
+
+    temperature_degc: float
+    mean_degc: float
+    observations: Observations
+    fitted: Fitted
+    errors: ErrorFunctions
+    estimate: Estimate
+    sensitivity: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """One machine at several temperatures; `identify_states` makes it.
+
+    Attributes
+    ----------
+    machine
+        The machine.
+    covariate
+        Column that holds the temperature, °C.
+    functions
+        What all states are made of, and can be compared by.
+    states
+        Coldest first.
+    notes
+        Sentences for the reader.
+    """
+
+    machine: Machine
+    covariate: str
+    functions: Functions
+    states: tuple[State, ...]
+    notes: tuple[str, ...] = ()
+    threads: int = 0
+
+    @property
+    def temperatures_degc(self) -> tuple[float, ...]:
+        """Temperatures of the states, rising."""
+        return tuple(state.temperature_degc for state in self.states)
+
+    def __getitem__(self, temperature_degc: float) -> State:
+        """Give the state of a temperature.
+
+        Raises
+        ------
+        GeoerrError
+            where there is none, naming those that there are.
+        """
+        for state in self.states:
+            if state.temperature_degc == temperature_degc:
+                return state
+        known = ", ".join(f"{value:g}" for value in self.temperatures_degc)
+        raise GeoerrError(f"there is no state at {temperature_degc:g} °C\nhint: there are {known} °C")
+
+    def difference(self, first_degc: float, second_degc: float) -> Difference:
+        """Compare two states: the second minus the first; see `Difference`."""
+        first, second = self[first_degc], self[second_degc]
+        if first is second:
+            raise GeoerrError(f"the state at {first_degc:g} °C does not differ from itself\nhint: name two states")
+        return Difference(
+            f"{first.temperature_degc:g} °C",
+            f"{second.temperature_degc:g} °C",
+            self.functions,
+            first.estimate,
+            second.estimate,
+            self.threads,
+        )
+
+    @cached_property
+    def temperature_fit(self) -> TemperatureFit:
+        """How the errors follow temperature: terms chosen by evidence from the states' estimates."""
+        return fit_temperature(self.functions, self.estimates, self.machine.reference_temperature_degc)
+
+    @cached_property
+    def model(self) -> TemperatureModel:
+        """One model with temperature in it, those terms fitted to all observations at once."""
+        return temperature_model(
+            self.machine,
+            self.covariate,
+            self.functions,
+            self.temperature_fit,
+            [state.observations for state in self.states],
+            [state.sensitivity for state in self.states],
+            threads=self.threads,
+        )
+
+    @cached_property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """Every state predicted from the others, terms chosen anew without it; none of fewer than three states."""
+        return leave_one_out(
+            self.functions,
+            self.estimates,
+            {state.mean_degc: state.fitted for state in self.states},
+            self.machine.reference_temperature_degc,
+            threads=self.threads,
+        )
+
+    def report(self) -> str:
+        """Give all of it in words and numbers, at most 100 columns wide."""
+        return states_report(self)
+
+    def to_document(self) -> dict[str, Any]:
+        """Give plain values, for `--json`; the difference is that of the hottest and the coldest state."""
+        difference = self.difference(self.temperatures_degc[0], self.temperatures_degc[-1])
+        try:
+            volume = difference.volume().to_document()
+        except NotDeterminedError:
+            volume = None
+        return {
+            "temperatures_degc": list(self.temperatures_degc),
+            "states": [state.errors.to_document() for state in self.states],
+            "difference": {**difference.to_document(), "volume": volume},
+            "temperature_terms": [term.to_document() for term in self.model.temperature_terms],
+            "misfit_p_value": self.temperature_fit.misfit.p_value,
+            "left_out": [one.to_document() for one in self.left_out],
+        }
+
+    @property
+    def estimates(self) -> dict[float, Estimate]:
+        """Mean temperature to estimate."""
+        return {state.mean_degc: state.estimate for state in self.states}
+
+
+def identify_states(
+    observations: Mapping[float, Observations | Sequence[Observations]],
+    machine: Machine,
+    *,
+    covariate: str = "temp",
+    bases: Mapping[str, BasisSpec] | None = None,
+    threads: int = 0,
+) -> States:
+    """Find the 21 errors of a machine at each of several temperatures.
+
+    Parameters
+    ----------
+    observations
+        Temperature in °C to what was measured at it; two tables of one temperature are two sessions.
+    machine
+        The machine.
+    covariate
+        Column of the temperature. Where the tables have it, the joint model takes their numbers; where they do not,
+        it is filled with the state's temperature.
+    bases
+        Bases by ISO name; what is not named is chosen by the data, the same for all states.
+    threads
+        0 = all cores.
+
+    Returns
+    -------
+    States
+        Rows outside the range of axis positions that all states share take no part: bases must be the same.
+
+    Raises
+    ------
+    GeoerrError
+        for fewer than two temperatures, a name that is none, or a column that contradicts the temperatures.
+    GeometryError
+        where a state cannot be fitted, or the states share no range.
+
+    Notes
+    -----
+    Li et al. 2023, §5.2 (room temperature and 120 °C). All states have the same bases, chosen by their
+    evidence together: what these cannot follow is the same in every state, and cancels in differences. Offsets of
+    passes are found by restricted likelihood and are part of every uncertainty. The calibration of the cameras is
+    not: it is the same in all states, and cancels. Verified: tests/states, validation/hot_and_cold.md.
+    """
+    if len(observations) < 2:
+        raise GeoerrError("a comparison needs two temperatures or more\nhint: give one table for each temperature")
+    if not is_name(covariate):
+        raise GeoerrError(f"{covariate!r} cannot be a column's name\nhint: letters, digits and underscores, as temp")
+    tables = {
+        float(temperature): _one_table(float(temperature), given, covariate)
+        for temperature, given in sorted(observations.items())
+    }
+    _refuse_contradictions(tables, covariate)
+    tables, notes = _within_common_range(tables)
+    chosen, position_mm = common_bases(machine, tables, dict(bases or {}), threads)
+    options = FitOptions(bases=chosen, threads=threads)
+    fits: dict[float, tuple[Fitted, Numbers]] = {}
+    for temperature, table in tables.items():
+        fitted = fit_terms(machine, [table], options=options)
+        sensitivity = offset_sensitivity(fitted, len(table))
+        if sensitivity.shape[2]:
+            identity = np.eye(sensitivity.shape[2])
+            fitted = fit_terms(
+                machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=identity
+            )
+        fits[temperature] = fitted, sensitivity
+    functions = functions_of(machine, [fitted for fitted, _ in fits.values()], position_mm)
+    states = []
+    for temperature, (fitted, sensitivity) in fits.items():
+        estimate = estimate_of(fitted)
+        errors = functions.tables(estimate, "joint", (f"at {temperature:g} °C",))
+        table = tables[temperature]
+        mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
+        states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
+    return States(machine, covariate, functions, tuple(states), notes, threads)
+
+
+def _one_table(temperature: float, given: Observations | Sequence[Observations], covariate: str) -> Observations:
+    """Join the tables of one temperature: every table's sessions stay its own, and the temperature is in each row."""
+    if not math.isfinite(temperature):
+        raise GeoerrError(f"{temperature} is no temperature in °C\nhint: name each state by the number")
+    parts = [given] if isinstance(given, Observations) else list(given)
+    if not parts:
+        raise GeoerrError(f"nothing was measured at {temperature:g} °C\nhint: give a table, or leave it out")
+    frames = []
+    for number, part in enumerate(parts):
+        frame = part.frame.with_columns(
+            pl.format("{}/{}/{}", pl.lit(f"{temperature:g}"), pl.lit(number), pl.col("session")).alias("session")
+        )
+        if covariate not in frame.columns:
+            frame = frame.with_columns(pl.lit(temperature).alias(covariate))
+        frames.append(frame)
+    return Observations(
+        pl.concat(frames, how="diagonal_relaxed"),
+        tuple(source for part in parts for source in part.sources),
+        tuple(problem for part in parts for problem in part.set_aside),
+    )
+
+
+def _refuse_contradictions(tables: Mapping[float, Observations], covariate: str) -> None:
+    """Refuse a column that lies nearer to another state's temperature than to its own: files were swapped."""
+    for temperature, table in tables.items():
+        values = table.numbers(covariate)[:, 0]
+        if not np.isfinite(values).any():
+            raise GeoerrError(
+                f"the column {covariate} of the state at {temperature:g} °C is empty\n"
+                "hint: fill it, leave it out (the state's temperature is then taken), or name another with covariate"
+            )
+        mean = float(np.nanmean(values))
+        nearest = min(tables, key=lambda other: abs(other - mean))
+        if nearest != temperature:
+            raise GeoerrError(
+                f"the state at {temperature:g} °C has {covariate} = {mean:.1f} °C on average, nearer to {nearest:g}\n"
+                "hint: check which table belongs to which temperature, or name the column that tells it"
+            )
+
+
+def _within_common_range(tables: Mapping[float, Observations]) -> tuple[dict[float, Observations], tuple[str, ...]]:
+    low = np.max([table.commanded_mm.min(axis=0) for table in tables.values()], axis=0)
+    high = np.min([table.commanded_mm.max(axis=0) for table in tables.values()], axis=0)
+    narrow = [axis for axis, least, most in zip(AXES, low, high, strict=True) if least > most]
+    if narrow:
+        raise GeometryError(
+            f"the states share no range of {', '.join(narrow)}\nhint: measure the same volume at every temperature"
+        )
+    kept, notes = {}, []
+    for temperature, table in tables.items():
+        commanded = table.commanded_mm
+        inside = ((commanded >= low - SAME_POSITION_MM) & (commanded <= high + SAME_POSITION_MM)).all(axis=1)
+        kept[temperature] = table if inside.all() else table.select(inside)
+        if not inside.all():
+            notes.append(
+                f"{int((~inside).sum())} rows at {temperature:g} °C lie outside the range that all states share, and "
+                "take no part"
+            )
+    return kept, tuple(notes)

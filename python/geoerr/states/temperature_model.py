@@ -1,0 +1,92 @@
+"""One model with temperature in it: the chosen terms fitted to all observations of all states at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from geoerr.fit import FitOptions, FitResult, fit_terms, result_of
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import Machine
+from geoerr.model import Model
+from geoerr.observations import Observations
+from geoerr.states.functions import Functions
+from geoerr.states.joint import TemperatureFit
+from geoerr.states.shapes import temperature_terms
+from geoerr.terms import Term
+
+
+@dataclass(frozen=True, eq=False)
+class TemperatureModel:
+    """A fitted model that follows temperature.
+
+    Attributes
+    ----------
+    result
+        The fit; `result.model` is written by `write_model` and compensates with `--at temp=90`.
+    covariate
+        The condition that predictions need.
+    """
+
+    result: FitResult
+    covariate: str
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self.result.model
+
+    @property
+    def temperature_terms(self) -> tuple[Term, ...]:
+        """The terms that follow temperature, with values."""
+        return tuple(term for term in self.model.terms if self.covariate in term.variables)
+
+
+def temperature_model(
+    machine: Machine,
+    covariate: str,
+    functions: Functions,
+    chosen: TemperatureFit,
+    observations: Sequence[Observations],
+    sensitivities: Sequence[Numbers],
+    *,
+    threads: int = 0,
+) -> TemperatureModel:
+    """Fit the 21 errors and the chosen shapes of temperature to all states' observations.
+
+    Parameters
+    ----------
+    observations
+        Of each state.
+    sensitivities
+        For each state how its offsets of passes move its rows, (n, 3, p).
+    """
+    frame = pl.concat([one.frame for one in observations], how="diagonal_relaxed")
+    joined = Observations(frame, tuple(source for one in observations for source in one.sources))
+    bases = {term.id: spec for term in functions.terms if (spec := term.parts[0].basis) is not None}
+    offsets = _side_by_side(sensitivities)
+    fitted = fit_terms(
+        machine,
+        [joined],
+        effects=temperature_terms(chosen.shapes, functions, covariate, machine.reference_temperature_degc),
+        options=FitOptions(bases=bases, threads=threads),
+        rig_sensitivity=offsets,
+        rig_covariance=None if offsets is None else np.eye(offsets.shape[2]),
+    )
+    return TemperatureModel(result_of(fitted), covariate)
+
+
+def _side_by_side(sensitivities: Sequence[Numbers]) -> Numbers | None:
+    """Join (n_s, 3, p_s) of states to (Σ n, 3, Σ p): every state has unknowns of its own."""
+    total = sum(one.shape[2] for one in sensitivities)
+    if not total:
+        return None
+    joined = np.zeros((sum(len(one) for one in sensitivities), 3, total))
+    row = column = 0
+    for one in sensitivities:
+        joined[row : row + len(one), :, column : column + one.shape[2]] = one
+        row, column = row + len(one), column + one.shape[2]
+    return joined

@@ -1,0 +1,122 @@
+"""States in words: what differs, what is more than chance, what follows temperature, and whether that predicts."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from geoerr.effects.plausible import plausible_words
+from geoerr.error_functions import LI_NAMES, is_angular
+from geoerr.errors import NotDeterminedError
+from geoerr.states.difference import Difference
+
+if TYPE_CHECKING:
+    from geoerr.states.states import States
+
+WIDTH = 100
+_SIGNIFICANCE = 0.05
+# What is written of a probability: below it, there is nothing to tell apart.
+_LEAST_P = 1e-99
+_PER_MILLION = 1e6
+_UM_PER_MM = 1e3
+
+
+def states_report(states: States) -> str:
+    """Give the report's text, at most 100 columns wide."""
+    first, last = states.temperatures_degc[0], states.temperatures_degc[-1]
+    lines = [
+        f"{states.machine.name} ({states.machine.chain}) at "
+        + ", ".join(f"{value:g}" for value in states.temperatures_degc)
+        + f" °C: {len(states.functions.names)} of 21 errors comparable",
+        "",
+        *difference_lines(states.difference(first, last)),
+        "",
+        *_temperature_lines(states),
+        "",
+        *_left_out_lines(states),
+    ]
+    for sentence in (*states.notes, *_not_determined(states)):
+        lines += _wrapped(sentence)
+    return "\n".join(lines) + "\n"
+
+
+def difference_lines(difference: Difference) -> list[str]:
+    """Say how two states differ: over the volume, and function by function."""
+    lines = [f"[{difference.second} minus {difference.first}]"]
+    test = difference.test
+    lines += _wrapped(f"{_chance(test.p_value)} (χ² = {test.chi_squared:.0f} with {test.rank} degrees of freedom)")
+    lines += _wrapped("no difference: origins and directions of the frames, the work's set-up, the tool's tilt")
+    try:
+        volume = difference.volume()
+    except NotDeterminedError as error:
+        lines += _wrapped(str(error).splitlines()[0])
+    else:
+        lines += _wrapped(
+            f"over the volume {volume.rms_um:.1f} µm rms, {_UM_PER_MM * volume.length_mm.max():.1f} µm at most; two "
+            f"states that do not differ show {volume.rms_by_chance_um:.1f} µm; beyond chance at "
+            f"{int(volume.is_beyond.sum())} of {len(volume.is_beyond)} places"
+        )
+    lines += ["", "  error           rms  at most  band ±           p"]
+    for name, one in difference.by_name.items():
+        unit, factor = ("µrad", _PER_MILLION) if is_angular(name) else ("µm  ", _UM_PER_MM)
+        mark = "  beyond chance" if one.p_value < _SIGNIFICANCE else ""
+        lines.append(
+            f"  {name}  {LI_NAMES[name]:<5}{factor * one.rms:>8.1f} {factor * abs(one.value).max():>8.1f} "
+            f"{factor * one.half_width.max():>7.1f} {unit} {_probability(one.p_value).removeprefix('= '):>8}{mark}"
+        )
+    return lines
+
+
+def _temperature_lines(states: States) -> Iterator[str]:
+    fit, model = states.temperature_fit, states.model
+    reference = states.machine.reference_temperature_degc
+    yield f"[one model: {states.covariate} less {reference:g} °C]"
+    if not model.temperature_terms:
+        yield "  nothing follows temperature beyond chance"
+    for term in model.temperature_terms:
+        for parameter in term.coefficients:
+            words = plausible_words(parameter)
+            yield from _wrapped(
+                f"{term.id}.{parameter.name} = {parameter.value:.4g} ± {parameter.std:.2g} {parameter.unit}"
+                + (f"; {words}" if words else "")
+            )
+    yield from _wrapped(
+        f"what the states show beyond these: {_chance(fit.misfit.p_value)}"
+        + ("" if fit.scale == 1.0 else f"; uncertainties are multiplied by {fit.scale:.2f}")
+    )
+
+
+def _left_out_lines(states: States) -> Iterator[str]:
+    yield "[each temperature predicted from the others]"
+    if not states.left_out:
+        yield "  needs three temperatures: one that is left out leaves a line through two"
+        return
+    yield "                    over the volume, µm rms      measured points, µm rms    inside"
+    yield "      °C                 off     by chance         off       own fit          95 %"
+    for one in states.left_out:
+        kind = "beyond " if one.is_extrapolation else "between"
+        volume = f"{_number(one.rms_um):>9}     {_number(one.rms_by_chance_um):>9}"
+        points = f"{_number(one.predicted_rmse_um):>10}    {_number(one.own_rmse_um):>10}"
+        yield f"  {one.temperature_degc:>6.1f}  {kind}  {volume}  {points}       {100.0 * one.coverage:>5.1f} %"
+
+
+def _not_determined(states: States) -> list[str]:
+    names = [item.name for item in states.functions.not_determined]
+    return [f"not determined in every state, and not compared: {', '.join(names)}"] if names else []
+
+
+def _chance(p_value: float) -> str:
+    return f"chance alone does as much with p {_probability(p_value)}"
+
+
+def _probability(p_value: float) -> str:
+    return "< 1e-99" if p_value < _LEAST_P else f"= {p_value:.2g}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1f}"
+
+
+def _wrapped(sentence: str) -> list[str]:
+    return textwrap.wrap(sentence, WIDTH, initial_indent="  ", subsequent_indent="    ")
