@@ -64,7 +64,7 @@ def truth_of(case: Case, place: int) -> dict[str, Any]:
     return {
         "kind": effect.kind,
         "name": name,
-        "parameters": {**effect.parameters, **_on_one_clock(case, effect)},
+        "parameters": {**effect.parameters, **on_one_clock(case, effect)},
         "inner": list(effect.inner),
         "bounds": bounds,
         "variables": list(effect.variables),
@@ -75,7 +75,7 @@ def truth_of(case: Case, place: int) -> dict[str, Any]:
     }
 
 
-def _on_one_clock(case: Case, effect: TrueEffect) -> dict[str, float]:
+def on_one_clock(case: Case, effect: TrueEffect) -> dict[str, float]:
     """Give the moment of a jump with sessions laid end to end, as the catalogue counts it."""
     if "session" not in effect.parameters:
         return {}
