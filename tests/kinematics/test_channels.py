@@ -42,8 +42,10 @@ def seen(chain: str, carrier: str, q: Floats, offset: Floats, channels: Floats) 
         tool = tool @ matrix("XYZ".index(letter), 1, q, channels)
     for letter in reversed(work_letters):
         work = work @ matrix("XYZ".index(letter), -1, q, channels)
+    if carrier == "base":
+        return offset
     place = offset + target + (TOOL_OFFSET if carrier in ("tool", "relative") else np.zeros(3))
-    whole = {"tool": tool, "work": work, "base": np.eye(4), "relative": np.linalg.inv(work) @ tool}[carrier]
+    whole = {"tool": tool, "work": work, "relative": np.linalg.inv(work) @ tool}[carrier]
     position: Floats = (whole @ np.append(place, 1.0))[:3]
     return position
 

@@ -111,7 +111,7 @@ pub enum Channel {
     Tool(Axis),
     /// The work's own displacement in the base frame, mm: `work-x`.
     Work(Axis),
-    /// The target's own displacement on whatever carries it, mm: `target-x`.
+    /// The target's own displacement on the tool or the work, mm: `target-x`.
     Target(Axis),
     /// What the measuring rig adds, in the camera's frame: `rig-scale`.
     Rig(RigError),
@@ -265,7 +265,7 @@ pub enum Carrier {
     Tool = 0,
     /// On the work, seen from the floor.
     Work = 1,
-    /// On the base itself: a fixed reference target.
+    /// On the base itself: a fixed reference target, which no channel of the machine moves.
     Base = 2,
     /// On the tool, seen from the work.
     Relative = 3,

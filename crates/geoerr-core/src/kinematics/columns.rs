@@ -50,7 +50,9 @@ impl Chain {
                 put(columns, channel(axis), &scale(sign, &UNIT[axis.index()]));
             }
         };
-        own(&mut columns, Channel::Target, 1.0);
+        if carrier != Carrier::Base {
+            own(&mut columns, Channel::Target, 1.0);
+        }
         match carrier {
             Carrier::Base => {}
             Carrier::Tool | Carrier::Relative => {

@@ -25,7 +25,7 @@ pub struct Displacements {
     pub tool: [f64; 3],
     /// The work's own displacement, base frame, mm.
     pub work: [f64; 3],
-    /// The target's own displacement on the body that carries it, mm. It turns with that body.
+    /// The target's own displacement on the body that carries it, mm. It turns with that body; on the base there is none.
     pub target: [f64; 3],
 }
 
@@ -78,6 +78,7 @@ impl Chain {
     /// \begin{aligned}
     /// \text{tool:}&\quad T_{tool}(\mathbf l + \mathbf d_{target}) + \mathbf d_{tool}\\
     /// \text{work:}&\quad T_{work}(\mathbf w + \mathbf d_{target}) + \mathbf d_{work}\\
+    /// \text{base:}&\quad \mathbf l\\
     /// \text{relative:}&\quad T_{work}^{-1}\bigl(T_{tool}(\mathbf l + \mathbf d_{target}) + \mathbf d_{tool} - \mathbf d_{work}\bigr)
     /// \end{aligned}
     /// ```
@@ -116,7 +117,8 @@ impl Chain {
                 let point = Placed { nominal: *offset_mm, displacement: *target };
                 add(&self.work_to_base(q_mm, point, carriage).displacement, work)
             }
-            Carrier::Base => *target,
+            // A marker on the base is part of the measurement: no carriage, and no work or tool to displace.
+            Carrier::Base => [0.0; 3],
             Carrier::Relative => {
                 let mut placed = on_tool();
                 placed.displacement = std::array::from_fn(|c| placed.displacement[c] - work[c]);

@@ -46,11 +46,11 @@ fn by_isometries(
     let tool = Translation3::from(d.tool) * isometries(chain.tool_axes(), 1.0, q, d);
     let work = Translation3::from(d.work) * isometries(chain.work_axes(), -1.0, q, d);
     let on_tool = Point3::from(add(add(TOOL_OFFSET, offset), d.target));
-    let on_base = Point3::from(add(offset, d.target));
+    let on_work = Point3::from(add(offset, d.target));
     let seen = match carrier {
         Carrier::Tool => tool * on_tool,
-        Carrier::Work => work * on_base,
-        Carrier::Base => on_base,
+        Carrier::Work => work * on_work,
+        Carrier::Base => Point3::from(offset),
         Carrier::Relative => work.inverse() * tool * on_tool,
     };
     seen.coords.into()
@@ -143,6 +143,21 @@ fn impossible_squareness_is_that_rows_trouble() {
         assert!(found.iter().any(|c| c.is_nan()));
         let fixed = chain.displacement(Carrier::Base, &[1.0, 2.0, 3.0], &[0.0; 3], &TOOL_OFFSET, &d);
         assert_eq!(fixed, [0.0; 3]);
+    }
+}
+
+/// What stands on the base is nothing of the machine: no channel moves it, the target's own least of all.
+#[test]
+fn static_markers_stay() {
+    let mut draws = Draws(45);
+    for code in all_chains() {
+        let chain = Chain::parse(&code).unwrap();
+        let (q, offset) = (draws.point(350.0), draws.point(200.0));
+        let d = Displacements::from_channels(&drawn_channels(&mut draws, 1.0));
+        assert_eq!(chain.displacement(Carrier::Base, &q, &offset, &TOOL_OFFSET, &d), [0.0; 3]);
+        assert_eq!(chain.position(Carrier::Base, &q, &offset, &TOOL_OFFSET, &d), offset);
+        let columns = chain.channel_columns(Carrier::Base, &q, &offset, &TOOL_OFFSET);
+        assert!(columns.iter().all(|column| *column == [0.0; 3]), "{code}");
     }
 }
 
