@@ -19,8 +19,14 @@
 //! # Wind-up
 //! For a direction d, travel s since the reversal and length λ,
 //! `w = −d/2 + (w_rev + d/2)·e^(−s/λ)`, `w_rev` the value before the reversal. After a long stroke `w_rev = d/2`, so
-//! `w = −(d/2)(1 − 2e^(−s/λ))`; so it is at the start of a sequence, and where s shrinks while d stays (the axis went
-//! away and came back between two rows).
+//! `w = −(d/2)(1 − 2e^(−s/λ))`; so it is where the first row of a sequence has a travel (it says where the reversal
+//! was), and where s shrinks while d stays (the axis went away and came back between two rows).
+//!
+//! At the start of a sequence the direction may be known and the travel not: no row has shown a reversal, and the axis
+//! may have come any way. As a lag begins in its steady state, `w = −d/2` then, the value after a long way in this
+//! direction, and stays so until d turns. Of an unknown travel that is the least wrong: w is within ±1/2, and off −d/2
+//! by more than 5 % of its span only within 3λ behind a reversal. Where the travel gets lost later on (an approach
+//! from beyond, which no row shows), there was a reversal, how far away is unknown, and w is NaN.
 
 use super::functions::decay;
 
@@ -98,6 +104,7 @@ pub(super) enum Memory {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stroke {
     d: f64,
+    /// NaN where the sequence has not shown any travel yet.
     s: f64,
     /// Value before the reversal, and now.
     w_rev: f64,
@@ -204,25 +211,37 @@ pub(super) fn windup_tangent(
 
 fn wound(memory: &mut Memory, row: WindupRow, (ds, dlambda): (f64, f64), is_own_row: bool) -> Option<Stroke> {
     let WindupRow { d, s, lambda } = row;
-    let left = decay(s, lambda);
-    if left.is_nan() || d.is_nan() || d == 0.0 || s < 0.0 {
+    if d.is_nan() || d == 0.0 || lambda.is_nan() || lambda < 0.0 {
         return None;
     }
-    let (w_rev, dw_rev) = match *memory {
-        Memory::Windup(before) if before.d == d && s >= before.s => (before.w_rev, before.dw_rev),
-        Memory::Windup(before) if before.d != d => (before.w, before.dw),
-        _ => (0.5 * d, 0.0),
-    };
-    let dw_rev = if is_own_row { 0.0 } else { dw_rev };
-    // Without travel, or with λ = 0 (where all of it is gone), the fraction left does not change with λ or s.
-    let dleft = if left == 0.0 || lambda == 0.0 { 0.0 } else { left / lambda * (s / lambda * dlambda - ds) };
-    let stroke = Stroke {
-        d,
-        s,
-        w_rev,
-        w: -0.5 * d + (w_rev + 0.5 * d) * left,
-        dw_rev,
-        dw: dw_rev * left + (w_rev + 0.5 * d) * dleft,
+    let settled = Stroke { d, s: f64::NAN, w_rev: -0.5 * d, w: -0.5 * d, dw_rev: 0.0, dw: 0.0 };
+    let stroke = match *memory {
+        Memory::Windup(before) if s.is_nan() && before.s.is_nan() && before.d == d => settled,
+        Memory::Windup(_) if s.is_nan() => return None,
+        _ if s.is_nan() => settled,
+        ref past => {
+            let left = decay(s, lambda);
+            if left.is_nan() || s < 0.0 {
+                return None;
+            }
+            let (w_rev, dw_rev) = match *past {
+                Memory::Windup(before) if before.d != d => (before.w, before.dw),
+                Memory::Windup(before) if before.s.is_nan() || s >= before.s => (before.w_rev, before.dw_rev),
+                _ => (0.5 * d, 0.0),
+            };
+            let dw_rev = if is_own_row { 0.0 } else { dw_rev };
+            // Without travel, or with λ = 0 (where all of it is gone), the fraction left does not change with λ or s.
+            let dleft =
+                if left == 0.0 || lambda == 0.0 { 0.0 } else { left / lambda * (s / lambda * dlambda - ds) };
+            Stroke {
+                d,
+                s,
+                w_rev,
+                w: -0.5 * d + (w_rev + 0.5 * d) * left,
+                dw_rev,
+                dw: dw_rev * left + (w_rev + 0.5 * d) * dleft,
+            }
+        }
     };
     *memory = Memory::Windup(stroke);
     Some(stroke)

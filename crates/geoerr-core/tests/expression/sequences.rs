@@ -201,6 +201,32 @@ fn wind_up_limits() {
 }
 
 #[test]
+fn wind_up_begins_settled_where_nothing_has_shown_a_reversal() {
+    let (nan, lambda) = (f64::NAN, 2.0_f64);
+    // b = 2. At rest, then on in the same direction: −(b/2) d throughout; then back, after a long stroke.
+    let found = wound(&[1.0, 1.0, 1.0, 1.0, -1.0], &[nan, nan, 0.5, 3.0, 0.7], &[], lambda);
+    assert_eq!(found[..4], [-1.0; 4]);
+    assert_near(found[4], 1.0 - 2.0 * (-0.7 / lambda).exp(), 1e-15, "back");
+    // Each sequence begins so, in its own direction.
+    assert_eq!(wound(&[1.0, -1.0, -1.0], &[nan, nan, 4.0], &[0, 1], lambda), [-1.0, 1.0, 1.0]);
+    // Back at once; without knowing how far, it is not known until travel is shown again.
+    let found = wound(&[1.0, -1.0, -1.0], &[nan, nan, 0.4], &[], lambda);
+    assert!(found[1].is_nan());
+    assert_near(found[2], 1.0 - 2.0 * (-0.4 / lambda).exp(), 1e-15, "shown again");
+    // Lost later on: not known.
+    assert!(wound(&[1.0, 1.0], &[3.0, nan], &[], lambda)[1].is_nan());
+    assert!(wound(&[nan], &[nan], &[], lambda)[0].is_nan());
+    // Where it is settled, λ does not matter.
+    let expression = parse("b*windup(lambda)", &symbols("d s", "b", "lambda"));
+    let columns: [&[f64]; 2] = [&[1.0, 1.0, -1.0], &[nan, 0.5, 0.7]];
+    let rows = geoerr_core::expression::Rows { variables: &columns, n_rows: 3, starts: &[], t: None };
+    let mut slopes = vec![nan; 3];
+    expression.inner_derivatives(&rows, 0..3, &[2.0], &[lambda], &mut slopes).unwrap();
+    assert_eq!(slopes[..2], [0.0; 2]);
+    assert_near(slopes[2], -2.0 * 0.7 / lambda.powi(2) * (-0.7 / lambda).exp(), 1e-15, "slope");
+}
+
+#[test]
 fn a_sequence_begins_anew_and_parts_cost_nothing_but_time() {
     let symbols = symbols("x d s", "k b", "tau lambda");
     let expression = parse("k*lag(x, tau) + b*windup(lambda)", &symbols);
