@@ -25,14 +25,14 @@ from geoerr.fit.variables import clock_span_s
 from geoerr.terms import EffectReference, Parameter, Term, names_in
 
 # Trial values of each inner parameter that is not affine, by how many of them a formula has.
-_TRIALS = {1: 12, 2: 6}
+_TRIALS = {1: 8, 2: 5}
 _FEWEST_TRIALS = 4
 # Of the moment of a jump: nothing between two moments is like either.
 _MOMENTS = 48
-# Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.9 of its gain.
-_ALIKE = 0.8
+# Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.8 of its gain.
+_ALIKE = 0.6
 _DEEPEST = 9
-_MOST_TRIALS = 600
+_MOST_TRIALS = 400
 _ROWS_TO_COMPARE = 300
 # A formula is affine in a parameter where the middle is the mean of the ends to this share.
 _AFFINE = 1e-9

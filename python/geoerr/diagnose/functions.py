@@ -94,7 +94,9 @@ class Functions:
             stand_in = replace(
                 term,
                 parts=(alike,),
-                coefficients=tuple(replace(term.coefficients[p], name=names[term.coefficients[p].name]) for p in coefficients),
+                coefficients=tuple(
+                    replace(term.coefficients[p], name=names[term.coefficients[p].name]) for p in coefficients
+                ),
                 inner=tuple(replace(term.inner[p], name=names[term.inner[p].name]) for p in inner),
             )
             expression = core_part(stand_in, alike, self.names)[3]

@@ -271,7 +271,7 @@ def fit_noise(
         jac=True,
         method="L-BFGS-B",
         bounds=bounds,
-        options={"maxiter": 60, "ftol": 1e-7},
+        options={"maxiter": 60, "ftol": 1e-7 if start is None else 1e-6},
     )
     sigma, offset, drift, memory = np.ones(3), np.zeros(3), np.zeros(3), np.ones(3)
     for place, c in enumerate(used):

@@ -16,7 +16,7 @@ from scipy import special
 
 from geoerr.fit.sightings import Numbers
 
-N_DRAWS = 199
+N_DRAWS = 119
 # With fewer draws above it the share of draws is too coarse, and the tail speaks.
 _FEW = 10
 # Half a χ² beyond which its tail is computed by its leading terms.

@@ -10,6 +10,7 @@ import numpy as np
 
 from geoerr.diagnose.candidates import Candidate, Formulas, Shapes, candidates_of, is_free
 from geoerr.diagnose.functions import Functions
+from geoerr.diagnose.held_out_after import HeldOutAfter
 from geoerr.diagnose.noise import NoiseModel, blocks_of, fit_noise, without_drift
 from geoerr.diagnose.null import N_DRAWS, Null, largest_surprise, surprise
 from geoerr.diagnose.probes import Probe, probes_of
@@ -19,6 +20,7 @@ from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
 from geoerr.terms import Parameter, Term
 
 # Family-wise: one half for the catalogue, the other for probes.
@@ -30,7 +32,17 @@ _IMPOSTOR = 3.0
 _MOST_OF_IT = 0.75
 # Functions of time, which a drift can swallow, are judged with the drift estimated anew: so many of the best, and
 # such as would be a surprise if nothing drifted.
-_MOST_LIKE_DRIFT, _LEAST_SURPRISE = 6, 8.0
+_MOST_LIKE_DRIFT, _LEAST_SURPRISE = 3, 8.0
+# How many names at most are tried in place of a probe that beats each of them alone.
+_MOST_INSTEAD = 2
+# A name that does less than this share of what it does on components without an unknown is part of that.
+_ELSEWHERE = 0.7
+# Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
+# contains it.
+_TOO_ALIKE = 0.99
+# Logarithm of the evidence that a function of time needs beside a drift that is estimated anew: of drifts alone the
+# largest was 10.
+_LEAST_BESIDE_DRIFT = 12.5
 # Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
 _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 TIED_CORRELATION = 0.95
@@ -121,9 +133,12 @@ class Bench:
 
     def scanner(self, space: Space, *, n_draws: int = N_DRAWS) -> Scanner:
         """Give a space in the form in which the core multiplies it."""
-        return Scanner(
-            space, self.channels, self.functions, names=self.names, n_draws=n_draws, threads=self.threads
-        )
+        return Scanner(space, self.channels, self.functions, names=self.names, n_draws=n_draws, threads=self.threads)
+
+    @property
+    def held_out(self) -> HeldOutAfter:
+        """The held-out error with more in the model."""
+        return HeldOutAfter(self.fitted, self.base, self.rows)
 
     def basis(self, added: Sequence[Numbers]) -> Numbers:
         """Give orthonormal columns of the model and of what was added, (n, 3, r)."""
@@ -231,7 +246,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(_evidence(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
-        if evidence > judged[id(one.what)].evidence:
+        if evidence > max(judged[id(one.what)].evidence, _LEAST_BESIDE_DRIFT):
             judged[id(one.what)] = replace(
                 one,
                 shapes=single,
@@ -275,7 +290,7 @@ def _evidence(space: Space, gain: Numbers, rank: np.ndarray, n_trials: int) -> N
     return np.asarray(0.5 * gain - 0.5 * rank * math.log(max(space.n_numbers, 2)) - math.log(max(n_trials, 1)))
 
 
-def settle(space: Space, scanner: Scanner, judged: Judged) -> Settled:
+def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int = _REFINEMENTS) -> Settled:
     """Refine the inner parameters of a candidate, and give its values with standard errors."""
     shapes = judged.shapes
     if shapes.term is None:
@@ -294,7 +309,7 @@ def settle(space: Space, scanner: Scanner, judged: Judged) -> Settled:
         return replace(single, trials=tuple(tuple(trial) for trial in trials), codes=codes)
 
     bounds = {place: _neighbours(shapes, judged.trial, place) for place in free}
-    for _ in range(_REFINEMENTS):
+    for _ in range(refinements):
         for place in free:
             low, high = bounds[place]
             if not low < high:
@@ -378,31 +393,75 @@ def vuong(space: Space, first: Numbers, second: Numbers) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """A candidate beside the best: how alike they are, and whether these data tell them apart."""
+    """A candidate beside the best: how alike they are, and whether these data tell them apart.
+
+    Attributes
+    ----------
+    judged, settled
+        The candidate.
+    correlation
+        Share, as a cosine, of what the best explains that this one could have explained.
+    is_tied
+        Whether these data do not tell them apart.
+    contains
+        Whether it says what the best says, with more freedom: no rival, but the best written otherwise.
+    """
 
     judged: Judged
     settled: Settled
     correlation: float
     is_tied: bool
+    contains: bool
 
 
-def rivals_of(looked: Round, best: Settled, others: Sequence[Judged]) -> list[Rival]:
+def rivals_of(looked: Round, first: Judged, best: Settled, others: Sequence[Judged]) -> list[Rival]:
     """Look closely at the next best candidates."""
     found = []
     for other in others[:_CLOSELY]:
         alike = correlation(best, other, looked.scanner)
-        settled = settle(looked.space, looked.scanner, other)
-        difference = best.gain - settled.gain
+        is_far = best.gain - other.gain > 4.0 * _MOST_DIFFERENCE and best.gain > 2.0 * other.gain
+        settled = _unrefined(looked, other) if is_far else settle(looked.space, looked.scanner, other)
+        # In twice the logarithm of the evidence: what has more freedom has to earn it.
+        difference = best.gain - settled.gain + _price(first) - _price(other)
         z = vuong(looked.space, best.displacement, settled.displacement)
         is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
-        tied = alike > TIED_CORRELATION or (alike > _LEAST_CORRELATION and is_near)
-        found.append(Rival(other, settled, alike, tied))
+        contains = alike > _TOO_ALIKE and _freedom(other) > _freedom(first) and difference > 0.0
+        tied = not contains and (alike > _TOO_ALIKE or (alike > _LEAST_CORRELATION and is_near))
+        found.append(Rival(other, settled, alike, tied, contains))
     return found
+
+
+def _price(judged: Judged) -> float:
+    """Give what a candidate's freedom takes off its gain."""
+    return 2.0 * judged.evidence - judged.gain
+
+
+def _freedom(judged: Judged) -> int:
+    """Give the number of values that a candidate is free in."""
+    term = judged.shapes.term
+    return judged.rank if term is None else len(term.coefficients) + sum(is_free(one) for one in term.inner)
+
+
+def _unrefined(looked: Round, judged: Judged) -> Settled:
+    """Give a candidate as the trial found it: for one that is far behind the digits do not matter."""
+    if judged.shapes.term is None:
+        return settle(looked.space, looked.scanner, judged)
+    return settle(looked.space, looked.scanner, judged, refinements=0)
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An effect that the search added."""
+    """An effect that the search added.
+
+    Attributes
+    ----------
+    judged, settled
+        The effect.
+    rivals
+        What came next.
+    looked
+        The look that found it.
+    """
 
     judged: Judged
     settled: Settled
@@ -416,6 +475,8 @@ class Searched:
 
     Attributes
     ----------
+    bench
+        The fit, and what it is multiplied with.
     first
         The look at the model as it was.
     last
@@ -428,6 +489,7 @@ class Searched:
         Effects that the data cannot carry, and why.
     """
 
+    bench: Bench
     first: Round
     last: Round
     found: tuple[Found, ...]
@@ -436,7 +498,11 @@ class Searched:
 
 
 def search(fitted: Fitted, known: Catalogue, *, threads: int = 0) -> Searched:
-    """Add what is missing, best first, until chance explains what is left or a probe beats every name."""
+    """Add what is missing, best first, until chance explains what is left.
+
+    Where a probe beats every name, and two names together, there is something without a name: its columns are set
+    aside, and the search goes on for names on other components.
+    """
     candidates, not_offered, functions = candidates_of(fitted, known)
     probes = probes_of(fitted, functions)
     everything: list[Candidate | Probe] = [*candidates, *probes]
@@ -446,25 +512,59 @@ def search(fitted: Fitted, known: Catalogue, *, threads: int = 0) -> Searched:
     unknown: tuple[Judged, Settled] | None = None
     first: Round | None = None
     while True:
-        added = [one.settled.raw for one in found]
+        aside = [] if unknown is None else [unknown[1].raw]
+        added = [*aside, *(one.settled.raw for one in found)]
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
-        best = _passed(looked.candidates)
-        probe = _passed(looked.probes)
-        if probe is not None and (
-            best is None or (probe.evidence > best.evidence + _IMPOSTOR and best.gain < _MOST_OF_IT * probe.gain)
-        ):
+        best, probe = _passed(looked.candidates), _passed(looked.probes)
+        if unknown is None and probe is not None and _is_impostor(bench, looked, best, probe, added, candidates):
             unknown = (probe, settle(looked.space, looked.scanner, probe))
-            break
+            continue
         if best is None or len(found) >= MOST_EFFECTS:
             break
         settled = settle(looked.space, looked.scanner, best)
+        if unknown is not None and not _acts_elsewhere(settled, unknown[0]):
+            break
         others = [one for one in looked.candidates if one is not best]
-        found.append(Found(best, settled, tuple(rivals_of(looked, settled, others)), looked))
-        found = _without_superfluous(bench, found)
+        found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
+        found = _without_superfluous(bench, found, aside)
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
-    return Searched(first, looked, tuple(found), unknown, tuple(not_offered))
+    return Searched(bench, first, looked, tuple(found), unknown, tuple(not_offered))
+
+
+def _is_impostor(
+    bench: Bench,
+    looked: Round,
+    best: Judged | None,
+    probe: Judged,
+    added: Sequence[Numbers],
+    candidates: Sequence[Candidate],
+) -> bool:
+    """Tell whether the best name only stands in for something that has none.
+
+    A probe of two variables may beat each of two effects that are both missing: so many names together are tried.
+    """
+    if best is None:
+        return True
+    if probe.evidence <= best.evidence + _IMPOSTOR or best.gain >= _MOST_OF_IT * probe.gain:
+        return False
+    evidence, named, one = best.evidence, [], best
+    for _ in range(_MOST_INSTEAD - 1):
+        named.append(settle(looked.space, looked.scanner, one).raw)
+        looked = look(bench, bench.space([*added, *named]), [c for c in candidates if c is not one.what], [])
+        following = _passed(looked.candidates)
+        if following is None:
+            break
+        evidence, one = evidence + following.evidence, following
+    return evidence < probe.evidence
+
+
+def _acts_elsewhere(settled: Settled, unknown: Judged) -> bool:
+    """Tell whether a name acts on other components than something without a name, of which it would be a part."""
+    assert isinstance(unknown.what, Probe)
+    energy = (settled.displacement**2).sum(axis=0)
+    return float(energy[AXES.index(unknown.what.component)]) < (1.0 - _ELSEWHERE) * float(energy.sum())
 
 
 def _passed(judged: Sequence[Judged]) -> Judged | None:
@@ -472,10 +572,10 @@ def _passed(judged: Sequence[Judged]) -> Judged | None:
     return next((one for one in judged if one.p_value <= 0.5 * ALPHA and one.evidence > 0.0), None)
 
 
-def _without_superfluous(bench: Bench, found: list[Found]) -> list[Found]:
+def _without_superfluous(bench: Bench, found: list[Found], aside: list[Numbers]) -> list[Found]:
     """Drop an earlier effect that a later one makes superfluous."""
     for place in range(len(found) - 1):
-        others = [one.settled.raw for number, one in enumerate(found) if number != place]
+        others = [*aside, *(one.settled.raw for number, one in enumerate(found) if number != place)]
         space = bench.space(others)
         one = found[place]
         scanned = bench.scanner(space).exact(one.settled.shapes)

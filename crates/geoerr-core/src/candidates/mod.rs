@@ -21,6 +21,7 @@
 mod error;
 mod group;
 mod judge;
+mod lanes;
 mod noise;
 mod scan;
 mod scene;

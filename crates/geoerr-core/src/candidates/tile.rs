@@ -3,12 +3,13 @@
 use super::error::CandidateError;
 use super::group::Group;
 use super::judge::{Judged, Sums, judge};
+use super::lanes;
 use super::scene::Scene;
 use super::sources::{Numbering, Sources, evaluated};
 use crate::least_squares::{Real, add_transposed_product, set_product};
 
 /// Rows of one step: a block of each operand stays in the cache.
-const ROWS: usize = 512;
+pub(super) const ROWS: usize = 512;
 
 /// A function on a channel.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -121,15 +122,8 @@ impl<'a, T: Real> Tile<'a, T> {
                 right.clear();
                 right.resize((end - start) * width, T::default());
                 for (along, back) in direction.iter().zip(&scene.back) {
-                    if along.is_empty() {
-                        continue;
-                    }
-                    let along = &along[start..end];
-                    for (column, target) in right.chunks_exact_mut(end - start).enumerate() {
-                        let from = &back[column * scene.n_rows + start..column * scene.n_rows + end];
-                        for ((value, &a), &b) in target.iter_mut().zip(along).zip(from) {
-                            *value += a * b;
-                        }
+                    if !along.is_empty() {
+                        lanes::add_scaled_columns(&mut right, &along[start..end], back, scene.n_rows, start);
                     }
                 }
                 add_transposed_product(&mut sum, &left, &right, end - start);
@@ -163,9 +157,7 @@ impl<'a, T: Real> Tile<'a, T> {
                     weights.extend(along.iter().zip(unit).map(|(&a, &u)| a * T::nearest(u * per_sigma)));
                 }
                 let column = self.column(pair.function);
-                for &(start, end, block) in &scene.runs {
-                    sums[block] += dot(&column[start..end], &weights[start..end]);
-                }
+                lanes::add_by_run(sums, column, &weights, &scene.runs);
             }
             self.after[c] = self.transformed(c, &level);
             self.level[c] = level;
@@ -211,10 +203,10 @@ impl<'a, T: Real> Tile<'a, T> {
             if d.is_empty() || e.is_empty() {
                 continue;
             }
-            sum += product_of_four(f, d, g, e) / scene.noise.sigma[c].powi(2);
+            sum += lanes::product_of_four(f, d, g, e) / scene.noise.sigma[c].powi(2);
             let [a, b] = [a, b].map(|pair| pair * n_blocks..(pair + 1) * n_blocks);
-            sum += dot(&self.after[c][a.clone()], &self.after[c][b.clone()]).double()
-                - dot(&self.level[c][a], &self.level[c][b]).double();
+            sum += lanes::dot(&self.after[c][a.clone()], &self.after[c][b.clone()]).double()
+                - lanes::dot(&self.level[c][a], &self.level[c][b]).double();
         }
         sum
     }
@@ -253,48 +245,4 @@ fn add<T: Real>(sum: &mut [f64], factor: f64, values: &[T]) {
     for (total, &value) in sum.iter_mut().zip(values) {
         *total += factor * value.double();
     }
-}
-
-/// Lanes of a sum: one wide register in single precision.
-const LANES: usize = 16;
-
-fn dot<T: Real>(a: &[T], b: &[T]) -> T {
-    let (a_lanes, a_rest) = a.as_chunks::<LANES>();
-    let (b_lanes, b_rest) = b.as_chunks::<LANES>();
-    let mut sums = [T::default(); LANES];
-    for (a, b) in a_lanes.iter().zip(b_lanes) {
-        for lane in 0..LANES {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    let mut sum = T::default();
-    for lane in sums {
-        sum += lane;
-    }
-    for (&a, &b) in a_rest.iter().zip(b_rest) {
-        sum += a * b;
-    }
-    sum
-}
-
-/// `Σ f d g e`, in blocks whose sums are added in double precision.
-fn product_of_four<T: Real>(f: &[T], d: &[T], g: &[T], e: &[T]) -> f64 {
-    let mut total = 0.0;
-    for (((f, d), g), e) in f.chunks(ROWS).zip(d.chunks(ROWS)).zip(g.chunks(ROWS)).zip(e.chunks(ROWS)) {
-        let (f_lanes, f_rest) = f.as_chunks::<LANES>();
-        let (d_lanes, d_rest) = d.as_chunks::<LANES>();
-        let (g_lanes, g_rest) = g.as_chunks::<LANES>();
-        let (e_lanes, e_rest) = e.as_chunks::<LANES>();
-        let mut sums = [T::default(); LANES];
-        for (((f, d), g), e) in f_lanes.iter().zip(d_lanes).zip(g_lanes).zip(e_lanes) {
-            for lane in 0..LANES {
-                sums[lane] += (f[lane] * d[lane]) * (g[lane] * e[lane]);
-            }
-        }
-        total += sums.iter().map(|&lane| lane.double()).sum::<f64>();
-        for (((&f, &d), &g), &e) in f_rest.iter().zip(d_rest).zip(g_rest).zip(e_rest) {
-            total += ((f * d) * (g * e)).double();
-        }
-    }
-    total
 }
