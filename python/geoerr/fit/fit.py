@@ -53,6 +53,7 @@ _ROUND_OFF = 1e-9
 _ABSURD = {"mm": 3.0, "rad": 0.02}
 # Why a row is left out of one model and not of another.
 LACKING = "a covariate is empty"
+_BLOCK_ROWS = 4096
 # Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
 _SIGNIFICANCE = 0.01
 
@@ -176,59 +177,6 @@ def fit_terms(
     return replace(fitted, choices=choices)
 
 
-def _without_effect(
-    terms: Sequence[Term], compiled: Compiled, problem: _core.FitProblem, sightings: Sightings
-) -> tuple[list[int], Numbers]:
-    """Give the places of coefficients whose formula is nothing but round-off at every row.
-
-    A wave whose period divides the step is one: as a column of length 1 it would be determined, and absurd.
-
-    Returns
-    -------
-    places
-        Of such coefficients.
-    mm_per_unit : (n_coefficients,)
-        How far one unit of each coefficient moves points at most; 0 where no term has a formula.
-
-    Raises
-    ------
-    GeometryError
-        where a formula gives no number at some row, naming the term and the row.
-    """
-    step = 4096
-    scale = np.ones(len(sightings))
-    largest = np.zeros(compiled.n_coefficients)
-    has_formula = np.zeros(compiled.n_coefficients, dtype=bool)
-    for term, own in zip(terms, compiled.coefficient_slices, strict=True):
-        has_formula[own] = any(part.basis is None for part in term.parts)
-    if not has_formula.any():
-        return [], largest
-    for first in range(0, len(sightings), step):
-        last = min(first + step, len(sightings))
-        design = problem.design(problem.start, scale, first, last, 1)[:, : compiled.n_coefficients]
-        bad = np.argwhere(~np.isfinite(design))
-        if len(bad):
-            raise _not_finite(terms, compiled, sightings, first + int(bad[0, 0]) // 3, int(bad[0, 1]))
-        largest = np.maximum(largest, np.abs(design).max(axis=0, initial=0.0))
-    is_nothing = has_formula & (largest > 0.0) & (largest < _ROUND_OFF * float(sightings.whitening.max()))
-    mm_per_unit = largest / float(sightings.whitening.max(initial=1e-300))
-    return [int(place) for place in np.flatnonzero(is_nothing)], mm_per_unit
-
-
-def _not_finite(
-    terms: Sequence[Term], compiled: Compiled, sightings: Sightings, row: int, column: int
-) -> GeometryError:
-    term = next(one for one, own in zip(terms, compiled.coefficient_slices, strict=True) if column < own.stop)
-    file_row = sightings.numbers("file_row")[row]
-    place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {row + 1}"
-    at = ", ".join(f"{value:g}" for value in sightings.commanded_mm[row])
-    formula = next((part.expression for part in term.parts if part.expression), "")
-    return GeometryError(
-        f"{term.id} gives no finite number at ({at}) mm, {place}\n"
-        f"hint: its formula must hold wherever the machine was measured: {formula}"
-    )
-
-
 def _has_run_away(fitted: Fitted) -> bool:
     """Tell whether some error is less certain than errors of machines are large."""
     return any(
@@ -350,7 +298,8 @@ class Posed:
         gauge = np.zeros((len(rows), problem.n_columns))
         gauge[:, : compiled.n_coefficients] = rows
         prior = self._prior(terms, smoothness, problem)
-        nothing, mm_per_unit = _without_effect(terms, compiled, problem, sightings)
+        mm_per_unit = self._mm_per_unit(terms, compiled, sightings, variables, given)
+        nothing = np.flatnonzero((mm_per_unit > 0.0) & (mm_per_unit < _ROUND_OFF)).tolist()
         limits = limits_of(terms, mm_per_unit, problem.n_columns)
         gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing]])
         solved = solve(
@@ -371,6 +320,47 @@ class Posed:
         return self._summary(
             terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing, limits
         )
+
+    def _mm_per_unit(
+        self,
+        terms: Sequence[Term],
+        compiled: Compiled,
+        sightings: Sightings,
+        variables: Numbers,
+        given: Given | None,
+    ) -> Numbers:
+        """Give how far one unit of each coefficient of a formula moves points at most, (n_coefficients,).
+
+        Infinite for the classic errors, of which it is not asked: splines, and constants, which show everywhere.
+
+        A wave whose period divides the step moves none but by round-off: as a column of length 1 it would be
+        determined, and absurd.
+
+        Raises
+        ------
+        GeometryError
+            where a formula gives no number at some row, naming the term and the row.
+        """
+        largest = np.full(compiled.n_coefficients, np.inf)
+        pairs = [pair for pair in zip(terms, compiled.coefficient_slices, strict=True) if pair[0].kind != "classic"]
+        if not pairs:
+            return largest
+        own_terms = [term for term, _ in pairs]
+        own = compile_terms(self.machine, own_terms)
+        columns = np.ascontiguousarray(variables[[compiled.variables.index(name) for name in own.variables]])
+        problem = self._problem(own, own_terms, sightings, columns, None, given, [])
+        places = np.concatenate([np.arange(place.start, place.stop) for _, place in pairs])
+        scale = np.ones(len(sightings))
+        found = np.zeros(own.n_coefficients)
+        for first in range(0, len(sightings), _BLOCK_ROWS):
+            last = min(first + _BLOCK_ROWS, len(sightings))
+            design = problem.design(problem.start, scale, first, last, 1)[:, : own.n_coefficients]
+            bad = np.argwhere(~np.isfinite(design))
+            if len(bad):
+                raise _not_finite(own_terms, own, sightings, first + int(bad[0, 0]) // 3, int(bad[0, 1]))
+            found = np.maximum(found, np.abs(design).max(axis=0, initial=0.0))
+        largest[places] = found / float(sightings.whitening.max(initial=1e-300))
+        return largest
 
     def _on(self, sightings: Sightings, shared: Numbers | None, given: Given | None) -> Posed:
         """Give the same with these rows only, so that what is compared is compared on the same rows."""
@@ -507,6 +497,20 @@ def _ranges(terms: Sequence[Term], free: Sequence[int], n_coefficients: int) -> 
     inner = [parameter for term in terms for parameter in term.inner]
     ends = np.array([[inner[place].low, inner[place].high] for place in free], dtype=np.float64)
     return Ranges(np.array(free), n_coefficients + np.arange(len(free)), ends[:, 0], ends[:, 1])
+
+
+def _not_finite(
+    terms: Sequence[Term], compiled: Compiled, sightings: Sightings, row: int, column: int
+) -> GeometryError:
+    term = next(one for one, own in zip(terms, compiled.coefficient_slices, strict=True) if column < own.stop)
+    file_row = sightings.numbers("file_row")[row]
+    place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {row + 1}"
+    at = ", ".join(f"{value:g}" for value in sightings.commanded_mm[row])
+    formula = next((part.expression for part in term.parts if part.expression), "")
+    return GeometryError(
+        f"{term.id} gives no finite number at ({at}) mm, {place}\n"
+        f"hint: its formula must hold wherever the machine was measured: {formula}"
+    )
 
 
 def _complete_rows(

@@ -43,7 +43,8 @@ def limits_of(terms: Sequence[Term], mm_per_unit: Numbers, n_columns: int) -> Nu
     terms
         All terms, in the order of their coefficients.
     mm_per_unit : (n_coefficients,)
-        Largest displacement at the data by one unit of each coefficient: for those that are neither mm nor rad.
+        Largest displacement at the data by one unit of each coefficient, for those that are neither mm nor rad;
+        infinite where it is not known.
     n_columns
         Of all unknowns: inner parameters, frames and places after the coefficients.
     """
@@ -54,7 +55,7 @@ def limits_of(terms: Sequence[Term], mm_per_unit: Numbers, n_columns: int) -> Nu
         for parameter in term.coefficients:
             if parameter.unit in known:
                 limits[place] = known[parameter.unit]
-            elif mm_per_unit[place] > 0.0:
+            elif 0.0 < mm_per_unit[place] < np.inf:
                 limits[place] = known["mm"] / mm_per_unit[place]
             place += 1
     return limits

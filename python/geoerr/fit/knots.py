@@ -89,6 +89,7 @@ def choose_bases(
         (Dobariya §4), the kind and the number for each function.
     """
     wanted = {term.id for term in undecided}
+    ladder = _Ladder(positions_mm)
     choices = []
     first = 0
     for term in fitted:
@@ -100,9 +101,9 @@ def choose_bases(
             block = covariance[own, own]
             loose = null_space[own]
             places = positions_mm[basis.axis]
-            bases = _splines(term.id, basis, places) if family == "splines" else _elements(term.id, basis, places)
+            bases = ladder.splines(term.id, basis) if family == "splines" else _elements(term.id, basis, places)
             beyond = _BEYOND_THE_BEST if family == "splines" else 0
-            choices.append(_choose(term.id, basis, values, block, loose, places, bases, beyond))
+            choices.append(_choose(term.id, basis, values, block, loose, places, bases, beyond, ladder))
     return tuple(choices)
 
 
@@ -115,6 +116,7 @@ def _choose(
     positions_mm: Numbers,
     bases: Sequence[BasisSpec],
     beyond: int,
+    ladder: _Ladder,
 ) -> KnotChoice:
     places = _places(positions_mm, _PLACES_OF_A_FUNCTION * rich.n_functions)
     # What the data do not determine of the function says nothing of its shape.
@@ -129,7 +131,7 @@ def _choose(
     target = whiten @ (design @ coefficients)
     candidates = []
     for spec in bases:
-        columns = _gauged_columns(name, spec, places)
+        columns = ladder.columns(name, spec, places)
         solution, _, rank, _ = np.linalg.lstsq(whiten @ columns, target, rcond=1e-10)
         misfit = target - whiten @ (columns @ solution)
         chi_squared = float(misfit @ misfit)
@@ -154,17 +156,37 @@ def _places(positions_mm: Numbers, most: int) -> Numbers:
     return np.asarray(np.quantile(positions_mm, np.linspace(0.0, 1.0, most)))
 
 
-def _splines(name: str, rich: BasisSpec, positions_mm: Numbers) -> list[BasisSpec]:
-    """List polynomials, then cubic splines of growing number, up to the rich basis."""
-    low, high = float(positions_mm[0]), float(positions_mm[-1])
-    lowest = 2 if is_straightness(name) else 1
-    highest = min(3, rich.n_functions - 1)
-    bases = [
-        BasisSpec("polynomial", rich.axis, degree=degree, low_mm=low, high_mm=high)
-        for degree in range(min(lowest, highest), highest + 1)
-    ]
-    bases += [spline(rich.axis, positions_mm, count) for count in range(5, rich.n_functions)]
-    return [*bases, rich]
+class _Ladder:
+    """Candidates of each axis, made once: functions of one axis share them."""
+
+    def __init__(self, positions_mm: Mapping[str, Numbers]) -> None:
+        self._positions_mm = positions_mm
+        self._found: dict[tuple[str, int], BasisSpec] = {}
+        self._columns: dict[tuple[bool, int, BasisSpec], Numbers] = {}
+
+    def splines(self, name: str, rich: BasisSpec) -> list[BasisSpec]:
+        """List polynomials, then cubic splines of growing number, up to the rich basis."""
+        places = self._positions_mm[rich.axis]
+        low, high = float(places[0]), float(places[-1])
+        lowest = 2 if is_straightness(name) else 1
+        highest = min(3, rich.n_functions - 1)
+        bases = [
+            BasisSpec("polynomial", rich.axis, degree=degree, low_mm=low, high_mm=high)
+            for degree in range(min(lowest, highest), highest + 1)
+        ]
+        return [*bases, *(self._spline(rich.axis, count) for count in range(5, rich.n_functions)), rich]
+
+    def _spline(self, axis: str, count: int) -> BasisSpec:
+        if (axis, count) not in self._found:
+            self._found[axis, count] = spline(axis, self._positions_mm[axis], count)
+        return self._found[axis, count]
+
+    def columns(self, name: str, spec: BasisSpec, places_mm: Numbers) -> Numbers:
+        """Give the functions (n, k) of a basis at places, restricted to the gauge of a function of that name."""
+        key = (is_straightness(name), len(places_mm), spec)
+        if key not in self._columns:
+            self._columns[key] = _gauged_columns(name, spec, places_mm)
+        return self._columns[key]
 
 
 def _elements(name: str, rich: BasisSpec, positions_mm: Numbers) -> list[BasisSpec]:
