@@ -49,8 +49,14 @@ class Hidden:
     value: Callable[[float], float] | None = None
     parameter: str = ""
     plans: tuple[str, ...] = PLANS
+    in_three_planes: tuple[str, ...] = ()
+
+    def names(self, plan: str) -> tuple[str, ...]:
+        """Give what a diagnosis should find."""
+        return self.in_three_planes if plan == "three planes" and self.in_three_planes else (self.name,)
 
 
+_PAIRS = ("change-over:xy", "change-over:xz", "change-over:yz")
 BOTH = tuple(plan for plan in PLANS if plan != "one sense")
 TWO_FEEDS = ("both senses, two feeds",)
 ONE_PLANE = tuple(plan for plan in PLANS if plan != "three planes")
@@ -63,11 +69,11 @@ def hidden() -> list[Hidden]:
         Hidden("squareness:xy", lambda p: made.squareness(0, 1, 1e3 * p / r), lambda p: 1e-3 * p / r, "S"),
         Hidden("scale-mismatch:xy", lambda p: made.scale(0, 1e3 * p / r), lambda p: 1e-3 * p / r, "m", ONE_PLANE),
         Hidden("scale:x", lambda p: made.scale(0, 1e3 * p / r), lambda p: 1e-3 * p / r, "k", ("three planes",)),
-        Hidden("servo-mismatch:xy", lambda p: made.servo((2e-3 + _servo_s(p), 2e-3, 2e-3)), _servo_s, "dtau"),
+        Hidden("servo-mismatch:xy", _servo, _servo_s, "dtau", PLANS, ("lag:x",)),
         Hidden(
             "radial-shrink:xy", lambda p: made.servo((_lag_s(p),) * 3), lambda p: 0.5 * _lag_s(p) ** 2, "k", TWO_FEEDS
         ),
-        Hidden("change-over:xy", made.change_over, lambda p: 1e-3 * p, "A"),
+        Hidden("change-over:xy", made.change_over, lambda p: 1e-3 * p, "A", PLANS, _PAIRS),
         Hidden("backlash:x", lambda p: made.backlash(0, p), lambda p: 1e-3 * p, "b"),
         Hidden("backlash:y", lambda p: made.backlash(1, -p), lambda p: -1e-3 * p, "b"),
         Hidden("backlash-position:x", lambda p: made.unequal_backlash(0, 0.2 * p, p)),
@@ -81,6 +87,10 @@ def hidden() -> list[Hidden]:
         Hidden("vibration:y", lambda p: made.vibration(1, 0.5 * p, 1.7), lambda p: 1.7, "f"),
         Hidden("spiral", lambda p: made.spiral(2.0 * p), lambda p: 2e-3 * p / 60.0 / r, "k"),
     ]
+
+
+def _servo(p: float) -> made.Cause:
+    return made.servo((2e-3 + _servo_s(p), 2e-3, 2e-3))
 
 
 def _servo_s(p: float) -> float:
@@ -143,13 +153,13 @@ def outcome_of(case: Case) -> Outcome:
     causes: list[made.Cause] = []
     if case.table == "cause":
         one = next(each for each in hidden() if f"{each.name} ({each.parameter})" == case.row)
-        causes, truths = [one.make(case.strength)], (one.name,)
+        causes, truths = [one.make(case.strength)], one.names(case.plan)
         parameter = one.parameter
         value = None if one.value is None else one.value(case.strength)
     elif case.table == "machine":
         chosen = _machine(rng, case.plan)
         causes = [one.make(size) for one, size in chosen]
-        truths = tuple(one.name for one, _ in chosen)
+        truths = tuple(name for one, _ in chosen for name in one.names(case.plan))
     elif case.table == "unlisted":
         causes = [UNLISTED[case.row](case.strength)]
     diagnosis = diagnose_circles(MODEL, made.circular_test(plan, causes, noise, rng), threads=1)
@@ -351,9 +361,9 @@ def page(outcomes: list[Outcome], command: str) -> str:
         [
             "# Circular tests alone: what is found, missed and invented",
             "",
-            f"`{command}`. Radius 100 mm, 360 rows a run (240 in three planes), scatter {scatter:g} µm; *all of it* adds",
-            "what wanders within 5° (0.3 µm) and over a turn (0.4 µm), offsets of runs (0.5 µm), heavy tails, gross rows,",
-            "and more scatter at speed.",
+            f"`{command}`. Radius 100 mm, 360 rows a run (240 in three planes), scatter {scatter:g} µm;",
+            "*all of it* adds what wanders within 5° (0.3 µm) and over a turn (0.4 µm), offsets of runs (0.5 µm), heavy",
+            "tails, gross rows, and more scatter at speed.",
             "",
             "## Nothing hidden: alarms",
             "",

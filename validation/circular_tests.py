@@ -66,6 +66,7 @@ class Motion:
 
     @property
     def speed(self) -> float:
+        """Speed along the circle, mm/s."""
         return self.run.feed_mm_min / 60.0
 
 
@@ -196,17 +197,17 @@ def spiral(um_min: float) -> Cause:
 
 
 def lobes(order: int, a_um: float) -> Cause:
-    """A radius with as many lobes: no catalogue has it."""
+    """Give the radius as many lobes: no catalogue has it."""
     return lambda m, _: a_um * UM * np.cos(order * m.theta + 0.4)
 
 
 def sense_lobes(order: int, a_um: float) -> Cause:
-    """The same, turned over in the other sense."""
+    """Do the same, turned over in the other sense."""
     return lambda m, _: m.run.sense * a_um * UM * np.cos(order * m.theta + 0.4)
 
 
 def ridge(angle_rad: float, width_rad: float, a_um: float) -> Cause:
-    """A ridge at one angle."""
+    """Put a ridge at one angle."""
 
     def radius(m: Motion, _: np.random.Generator) -> np.ndarray:
         off = np.angle(np.exp(1j * (m.theta - angle_rad)))

@@ -24,14 +24,23 @@ from geoerr.terms import EffectReference, Parameter, Part, Term
 
 # In this order: of two that explain the same, the one that is named first is the one that shops find more often.
 _OF_PAIRS = ("squareness", "scale-mismatch", "servo-mismatch", "radial-shrink", "change-over")
+_OF_ONE = ("scale", "lag")
 _OF_AXES = (
     *("backlash", "backlash-position", "lateral-play", "straightness", "pitch-error", "reversal-spike"),
     *("reversal-windup", "stick-slip", "periodic", "screw-wobble", "vibration", "lost-steps"),
 )
 _OTHERS = ("spiral",)
-KNOWN_CAUSES = (*_OF_PAIRS, *_OF_AXES, *_OTHERS)
 # What these need besides the radius.
-_NEED_TIMES = ("servo-mismatch", "radial-shrink", "reversal-spike", "stick-slip", "vibration", "lost-steps", "spiral")
+_NEED_TIMES = (
+    "servo-mismatch",
+    "lag",
+    "radial-shrink",
+    "reversal-spike",
+    "stick-slip",
+    "vibration",
+    "lost-steps",
+    "spiral",
+)
 # Phases of a vibration have nothing to do with the start of a run.
 BY_RUN = ("vibration",)
 # A wave is searched down to this many rows of a run, at mean spacing.
@@ -49,6 +58,7 @@ _JUMPS_OF_A_TURN = 72
 _WHY_NOT = {
     "radius-change": "the radius of every set-up is free: it is told beside the causes",
     "centre-offset": "the centre of every set-up is free: it is told beside the causes",
+    "scale": "the radius is free: one plane sees only the difference of two scales, offered as scale-mismatch",
     "lag": "a circle sees only the difference of two axes' lags: offered as servo-mismatch",
     "angular": "one circle at one tool length cannot tell it from scale, squareness and straightness: measure lines "
     "with targets at two offsets",
@@ -56,9 +66,8 @@ _WHY_NOT = {
     "gantry-racking": "at one place across it looks like backlash or lateral play: measure at two places across",
     "acceleration": "offered as radial-shrink: of the other sign, a circle that grows with the feed",
 }
-_SCALE = "the radius is free, so that one plane sees only the difference of two scales: offered as scale-mismatch"
 _TIMES = "needs the feed, or times: state feed (mm/min) or t (s)"
-_ELSEWHERE = "is none of the causes that a circular test alone is diagnosed for: measure points"
+_ELSEWHERE = "not among the causes that a circular test alone is diagnosed for: measure points"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,18 +115,18 @@ def suspects_of(
     offered = {one.reference.effect for one in found}
     for effect in known:
         if effect.id not in offered:
-            why_not.setdefault(effect.id, _SCALE if effect.id == "scale" else _WHY_NOT.get(effect.id, _ELSEWHERE))
+            why_not.setdefault(effect.id, _WHY_NOT.get(effect.id, _ELSEWHERE))
     return [one for one in found if str(one.reference) not in taken], list(why_not.items())
 
 
 def _named(runs: Runs) -> list[tuple[str, str | None]]:
     """Give every cause with every axis or pair that it may be of."""
     pairs = [pair for pair in ("xy", "xz", "yz") if any(set(pair) == set(plane) for plane in runs.planes)]
-    # In one plane the scale of either axis is their mismatch.
-    scales = [("scale", axis) for axis in runs.axes] if len(runs.planes) > 1 else []
+    # In one plane the scale of either axis, and its lag, are their mismatch.
+    singles = [(name, axis) for name in _OF_ONE for axis in runs.axes] if len(runs.planes) > 1 else []
     return [
         *((name, pair) for name in _OF_PAIRS for pair in pairs),
-        *scales,
+        *singles,
         *((name, axis) for name in _OF_AXES for axis in runs.axes),
         *((name, None) for name in _OTHERS),
     ]
@@ -242,9 +251,8 @@ def _grid(runs: Runs, term: Term, parameter: Parameter) -> Sequence[float]:
         return _frequencies_hz(runs, low, high)
     if parameter.name == "t0" and term.effect == "lost-steps":
         return _jumps_s(runs)
-    span_s, step_s = _turn_s(runs), _step_s(runs)
     if term.effect == "reversal-spike":
-        low, high = max(low, 0.7 * step_s), min(high, span_s / 12.0)
+        low, high = max(low, 0.7 * _step_s(runs)), min(high, _turn_s(runs) / 12.0)
     elif term.effect == "reversal-windup":
         radius = float(runs.radius_mm.max())
         # Within the first tenth of the radius: what fills more slowly is a slope.

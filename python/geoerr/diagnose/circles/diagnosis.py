@@ -17,6 +17,7 @@ from geoerr.diagnose.circles.readings import Reading, readings_of
 from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
 from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
+from geoerr.diagnose.circles.text import circle_lines
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Separation, finite, reference_document
 from geoerr.effects import Effect, catalogue
@@ -284,6 +285,19 @@ class CircleDiagnosis:
     def held_out_rmse_um(self) -> float | None:
         """Held-out error of the radius as the model was."""
         return _held_out_um(self.fitted)
+
+    def tied_with(self, cause: Cause) -> tuple[Alias, ...]:
+        """Give what these runs cannot tell from a found cause."""
+        place = self.found.index(cause)
+        return tuple(
+            Alias(rival.suspect.reference, rival.correlation)
+            for rival in self.searched.rivals[place]
+            if rival.is_tied
+        )
+
+    def report(self, *, verbose: bool = False) -> str:
+        """Write it as a shop floor reads it."""
+        return "\n".join(circle_lines(self, verbose=verbose))
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own under `circle`."""

@@ -69,7 +69,7 @@ class Searched:
     runs
         Rows that count; gross ones are left out.
     noise
-        The noise.
+        The noise, beside causes and structure without a name.
     found
         In the order in which they were added.
     rivals

@@ -1,4 +1,7 @@
-"""Rows that stand alone: mistakes, told from spikes where an axis reverses."""
+"""Rows that stand alone: mistakes, told from spikes where an axis reverses.
+
+A spike is there at every reversal of its axis, in every run; a mistake is not.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,8 @@ from geoerr.fit.sightings import Numbers
 _GROSS, _LONGEST_MISTAKE = 6.0, 2
 # So many rows beside a reversal may be a spike.
 _ROWS_OF_A_SPIKE = 4
+# A row beside a reversal is no spike where it is off by so much more than rows as near to other reversals.
+_UNLIKE = 3.0
 # Shapes of spikes are off by so much of their height.
 _SHAPE = 0.15
 # Standard deviation of Gaussian noise over the median of absolute values.
@@ -30,35 +35,51 @@ def misfit_um(searched: Searched) -> Numbers:
     return np.asarray(_SHAPE * wide)
 
 
-def stand_alone(runs: Runs, values_um: Numbers, level_um: Numbers, *, near_reversals: bool) -> np.ndarray:
+def stand_alone(runs: Runs, values_um: Numbers, least_um: Numbers) -> np.ndarray:
     """Tell which rows stand alone far off their neighbours, (n,): no mistake goes on.
 
     Parameters
     ----------
-    level_um : (n,)
-        Least standard deviation of a row's noise, where it is known; ones where it is not.
-    near_reversals
-        Whether also where an axis reverses: before causes are known, a row there may be a spike.
+    values_um : (n,)
+        What is left of the radius.
+    least_um : (n,)
+        Least standard deviation of a row's noise, where it is known; 0 where it is not.
     """
-    scaled = values_um / level_um
-    result = np.zeros(len(runs), dtype=bool)
+    off, spread = np.zeros(len(runs)), np.zeros(len(runs))
     reach = np.array([-3, -2, -1, 1, 2, 3])
     for own in runs.slices:
         n = own.stop - own.start
         # At the ends the nearest rows on the one side that there is.
         middle = np.clip(np.arange(n), 3, n - 4)
-        beside = scaled[own][middle[:, None] + reach]
+        beside = values_um[own][middle[:, None] + reach]
         # Beside a step a row agrees with the rows on one side.
-        off = np.abs(scaled[own][:, None] - np.stack([np.median(beside[:, :3], 1), np.median(beside[:, 3:], 1)], 1))
-        off = off.min(axis=1)
-        spread = float(np.median(off)) / _NORMAL
-        far = off > _GROSS * (max(spread, 1.0) if near_reversals else spread)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], far.astype(np.int8), [0]])))
+        sides = np.stack([np.median(beside[:, :3], axis=1), np.median(beside[:, 3:], axis=1)], axis=1)
+        off[own] = np.abs(values_um[own][:, None] - sides).min(axis=1)
+        spread[own] = float(np.median(off[own])) / _NORMAL
+    limit = _GROSS * np.maximum(spread, least_um)
+    far = off > limit
+    result = np.zeros(len(runs), dtype=bool)
+    for own in runs.slices:
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], far[own].astype(np.int8), [0]])))
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
             if stop - start <= _LONGEST_MISTAKE:
                 result[own.start + start : own.start + stop] = True
-        if not near_reversals:
-            step = float(np.median(np.diff(runs.travelled_rad[own])))
-            quarter = np.mod(runs.angle_rad[own] + np.pi / 4.0, np.pi / 2.0) - np.pi / 4.0
-            result[own] &= np.abs(quarter) > _ROWS_OF_A_SPIKE * step
+    return np.asarray(result & ~_are_spikes(runs, off, limit, result))
+
+
+def _are_spikes(runs: Runs, off: Numbers, limit: Numbers, flagged: np.ndarray) -> np.ndarray:
+    """Tell which flagged rows lie beside a reversal, and are like the rows beside the other reversals of the axis."""
+    step = np.array([float(np.median(np.diff(runs.travelled_rad[own]))) for own in runs.slices])[runs.run]
+    crossing = np.rint(runs.angle_rad / (0.5 * np.pi))
+    rows_after = (runs.angle_rad - 0.5 * np.pi * crossing) * runs.sense[runs.run] / step
+    axis = np.array([plane[int(c) % 2] for plane, c in zip(np.array(runs.plane)[runs.run], crossing, strict=True)])
+    reversal = runs.run * 4 + np.mod(crossing, 4)
+    near = np.abs(rows_after) <= _ROWS_OF_A_SPIKE
+    result = np.zeros(len(runs), dtype=bool)
+    for row in np.flatnonzero(flagged & near):
+        others = near & (axis == axis[row]) & (reversal != reversal[row])
+        others &= np.abs(rows_after - rows_after[row]) <= 1.5
+        heights = [float(off[others & (reversal == one)].max()) for one in np.unique(reversal[others])]
+        usual = float(np.median(heights)) if heights else 0.0
+        result[row] = off[row] < _UNLIKE * usual + limit[row]
     return result

@@ -52,6 +52,25 @@ class Names:
             if added.judged.group.by_run or added.judged.group.n_trials > FEW_TRIALS:
                 self.state.weigh(found)
             found = self._exchanged(self._needed(found))
+        return self._usual(found)
+
+    def _usual(self, found: list[Found]) -> list[Found]:
+        """Of names that explain as much give the more common one, each with all the others in the model."""
+        for place, one in enumerate(found):
+            others = [*found[:place], *found[place + 1 :]]
+            basis, left = self.state.context(others)
+            evidence, _ = self.state.evidence(one, others)
+            taken = {other.number for other in found}
+            most = None if one.n_trials > FEW_TRIALS else FEW_TRIALS
+            judged = self.state.bench.judge(basis, left, self.state.n, most_trials=most)
+            alike = [
+                other
+                for other in judged
+                if other.what < one.number and other.what not in taken and other.evidence > evidence - _AS_GOOD
+            ]
+            if alike:
+                usual = min(alike, key=lambda other: other.what)
+                found = [*found[:place], self._settled(usual, basis, left, 0.5 * one.p_value), *found[place + 1 :]]
         return found
 
     def _needed(self, found: list[Found]) -> list[Found]:

@@ -46,8 +46,8 @@ _OTHER_LEVEL = 1.5
 # How strongly doubt about the noise counts against causes, where causes lie. A variance that ν numbers tell is raised
 # by 1 + 2·4/ν: about as far out as Student's t lies beyond Gauss at one in a thousand.
 CAUTION = 4.0
-# The offset of a run is larger than its bound once in twenty.
-_OFFSET_DOUBT = 0.05
+# The offset of a run is larger than its bound once in ten.
+_OFFSET_DOUBT = 0.1
 # An offset that is quite unknown: a millimetre.
 _FREE_UM2 = 1e6
 # Standard deviation of Gaussian noise over the median of absolute values.

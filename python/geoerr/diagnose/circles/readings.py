@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.diagnose.circles.runs import UM_PER_MM, Runs
+from geoerr.effects.plausible import plausible_match
 from geoerr.terms import Parameter, Term
 
 _MS_PER_S = 1e3
@@ -188,8 +189,13 @@ def _wave(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
             found.append(Reading(what + harmonic, *reading, "µm"))
     period = next((p for p in term.inner if p.name == "P"), None)
     if period is not None:
-        found.append(Reading("pitch", period.value, period.std, "mm"))
+        found.append(Reading("pitch", period.value, period.std, "mm", _known(period)))
     return found
+
+
+def _known(parameter: Parameter) -> str:
+    match = plausible_match(parameter)
+    return "" if match is None else match.what
 
 
 def _amplitude(term: Term, covariance: np.ndarray, a: int, b: int) -> tuple[float, float] | None:
@@ -210,7 +216,7 @@ def _vibration(term: Term, by_run: Sequence[Sequence[float]]) -> tuple[Reading, 
     frequency = next(p for p in term.inner if p.name == "f")
     return (
         Reading("amplitude", UM_PER_MM * mean, UM_PER_MM * doubt, "µm"),
-        Reading("frequency", frequency.value, frequency.std, "Hz"),
+        Reading("frequency", frequency.value, frequency.std, "Hz", _known(frequency)),
     )
 
 

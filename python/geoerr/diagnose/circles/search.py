@@ -14,7 +14,7 @@ from geoerr.diagnose.circles.names import Names
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.circles.structure import Structure
-from geoerr.diagnose.circles.values import joint, rivals_of, traces_of
+from geoerr.diagnose.circles.values import CAUTION_OF_VALUES, joint, rivals_of, traces_of
 
 # Times that the search is repeated without rows that turn out to be gross.
 _ROUNDS = 2
@@ -23,11 +23,11 @@ _ROUNDS = 2
 def search(runs: Runs, suspects: Sequence[Suspect]) -> Searched:
     """Search, and again without the rows that turn out to be gross."""
     n = len(runs)
-    runs = runs.without(stand_alone(runs, runs.signal_um, np.ones(n), near_reversals=False))
+    runs = runs.without(stand_alone(runs, runs.signal_um, np.zeros(n)))
     searched = _searched(runs, suspects)
     for _ in range(_ROUNDS):
         level = searched.noise.sigma_um * searched.noise.level + misfit_um(searched)
-        gross = stand_alone(searched.runs, searched.rest_um, level, near_reversals=True)
+        gross = stand_alone(searched.runs, searched.rest_um, level)
         if not gross.any():
             break
         searched = _searched(searched.runs.without(gross), suspects)
@@ -45,15 +45,17 @@ def _searched(runs: Runs, suspects: Sequence[Suspect]) -> Searched:
     p_values = [p_value for _, p_value in first] + [2.0 * probe_chance.p_value(one.surprise) for one in probed]
     seen = {one.what for one in judged}
     names = Names(state, chance)
-    found, withdrawn, unknown = Structure(state, probe_chance).probed(names.search())
+    structure = Structure(state, probe_chance)
+    found, withdrawn, unknown = structure.probed(names.search())
     found = names.refined(found)
     rivals = tuple(rivals_of(state, found, place) for place in range(len(found)))
+    scatter = state.noise_beside(found, structure.columns, CAUTION_OF_VALUES)
     estimate, covariance = joint(state, found)
     traces = traces_of(state, found, estimate)
     return Searched(
         runs=runs,
         suspects=state.suspects,
-        noise=state.noise,
+        noise=scatter,
         found=tuple(found),
         rivals=rivals,
         first=first,

@@ -10,7 +10,7 @@ from geoerr.diagnose.circles.bench import OWNED, Bench, Group, groups_of
 from geoerr.diagnose.circles.causes import Suspect, Way
 from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.found import Found
-from geoerr.diagnose.circles.noise import Noise, blocks_of, fit_noise, orthonormal
+from geoerr.diagnose.circles.noise import CAUTION, Noise, blocks_of, fit_noise, orthonormal
 from geoerr.diagnose.circles.probes import probes_of
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.fit.sightings import Numbers
@@ -55,6 +55,11 @@ class State:
         slices = self.runs.slices
         self.bench = Bench(self.groups, self.n_trials, self.noise, slices)
         self.probe_bench = Bench(self.probe_groups, self.n_probes, self.noise, slices)
+
+    def noise_beside(self, found: Sequence[Found], structure: Numbers, caution: float = CAUTION) -> Noise:
+        """Estimate the noise beside causes and columns (n, k) of structure without a name."""
+        shapes = np.concatenate([self.shapes, structure, *(one.columns for one in found)], axis=1)
+        return fit_noise(self.runs, self.blocks, self.runs.signal_um, shapes, caution)
 
     def use(self, noise: Noise) -> None:
         """Bring signal and set-up into the metric of a noise."""

@@ -9,7 +9,7 @@ from scipy import stats
 
 from geoerr.diagnose.circles.bench import Judged, Null
 from geoerr.diagnose.circles.found import Found
-from geoerr.diagnose.circles.noise import fit_noise, orthonormal
+from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.probes import Probe
 from geoerr.diagnose.circles.state import ALPHA, FEW_TRIALS, State
 from geoerr.diagnose.circles.values import sizes_of
@@ -35,6 +35,8 @@ class Structure:
 
     def __init__(self, state: State, chance: Null) -> None:
         self.state, self.chance = state, chance
+        # What was found has these columns, (n, k); none where nothing was.
+        self.columns: Numbers = np.zeros((state.n, 0))
 
     def probed(self, found: list[Found]) -> tuple[list[Found], list[Found], tuple[Probe, float, Numbers] | None]:
         """Look for structure without a name, and take back names that are none."""
@@ -52,8 +54,8 @@ class Structure:
             probe = self._passing(basis, left)
         if probe is None:
             return found, withdrawn, None
-        described, columns = self._described(probe, found, basis, left)
-        found, shaken = self._without_shaken(found, columns)
+        described, self.columns = self._described(probe, found, basis, left)
+        found, shaken = self._without_shaken(found)
         return found, [*withdrawn, *shaken], described
 
     def _without_corrections(self, found: list[Found]) -> tuple[list[Found], list[Found]]:
@@ -139,20 +141,19 @@ class Structure:
         trace = self._trace(joined, found, basis, left)
         return (Probe(tuple(sorted(names)), component, ()), p_value, trace), joined
 
-    def _without_shaken(self, found: list[Found], structure: Numbers) -> tuple[list[Found], list[Found]]:
+    def _without_shaken(self, found: list[Found]) -> tuple[list[Found], list[Found]]:
         """Take back waves that are nothing once the structure is in the model, and no longer in the noise."""
         if not any(one.n_trials > FEW_TRIALS for one in found):
             return found, []
         before = self.state.noise
-        shapes = np.concatenate([self.state.shapes, structure, *(one.columns for one in found)], axis=1)
-        self.state.use(fit_noise(self.state.runs, self.state.blocks, self.state.runs.signal_um, shapes))
+        self.state.use(self.state.noise_beside(found, self.columns))
         shaken = []
         for one in found:
             if one.n_trials <= FEW_TRIALS:
                 continue
             others = [self.state.white(other) for other in found if other is not one]
             basis = orthonormal(
-                np.concatenate([self.state.base, self.state.noise.whiten(structure), *others], axis=1)
+                np.concatenate([self.state.base, self.state.noise.whiten(self.columns), *others], axis=1)
             )
             left = self.state.signal - basis @ (basis.T @ self.state.signal)
             if 0.5 * self.state.gain(self.state.white(one), basis, left) <= self.state.penalty(one):

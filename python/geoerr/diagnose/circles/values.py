@@ -8,14 +8,14 @@ import numpy as np
 
 from geoerr.diagnose.circles.causes import Suspect
 from geoerr.diagnose.circles.found import Found, Rival
-from geoerr.diagnose.circles.noise import fit_noise, orthonormal
+from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.state import State
 from geoerr.fit.sightings import Numbers
 
 # Not told apart: so alike, and so near in the sum of squares (6 is e^3 in likelihood; 20 is decided).
 TIED_CORRELATION, _LEAST_CORRELATION = 0.95, 0.5
 _LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
-_CAUTION_OF_VALUES = 1.0
+CAUTION_OF_VALUES = 1.0
 # Besides what the catalogue says: with a long decay these are backlash.
 _MORE_CASES = {"stick-slip": ("backlash",), "reversal-spike": ("backlash",)}
 
@@ -25,8 +25,7 @@ def joint(state: State, found: Sequence[Found]) -> tuple[Numbers, Numbers]:
 
     Causes are judged with all doubt about the noise counted against them; values come with the noise as it is.
     """
-    shapes = np.concatenate([state.shapes, *(one.columns for one in found)], axis=1)
-    state.use(fit_noise(state.runs, state.blocks, state.runs.signal_um, shapes, _CAUTION_OF_VALUES))
+    state.use(state.noise_beside(found, np.zeros((state.n, 0)), CAUTION_OF_VALUES))
     parts, n_values = [], 0
     for one in found:
         parts.append(one.columns)

@@ -1,0 +1,330 @@
+"""Circular tests alone: causes with their values, ties, refusals, and what there is nothing of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+import pytest
+
+from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
+from geoerr.diagnose.circles.causes import suspects_of
+from geoerr.diagnose.circles.noise import MEMORIES_RAD, SMOOTH_RAD, blocks_of, fit_noise, orthonormal
+from geoerr.diagnose.circles.runs import Runs, checked, runs_of
+from geoerr.diagnose.circles.shares import shares_of
+from geoerr.diagnose.circles.state import State
+from geoerr.diagnose.comparison import compare
+from geoerr.effects import catalogue, load_effects
+from geoerr.errors import GeoerrError, GeometryError
+from geoerr.fit import sightings_of
+from geoerr.fit.variables import variable_columns
+from geoerr.machine import Machine
+from geoerr.model import Model
+from geoerr.observations import CircularTest
+
+Numbers = npt.NDArray[np.float64]
+MODEL = Model(Machine.from_chain("wZbXYt", (400.0, 400.0, 300.0)))
+R_MM, CENTRE_MM = 100.0, np.array([200.0, 210.0, 0.0])
+NOISE_UM = 0.3
+# Ball off the centre, in 20 µm.
+OFF = (0.7, -0.4)
+# What a run does to the radius, µm: a function of angle (rad), sense and feed (mm/min), to first order.
+Radius = Callable[[Numbers, int, float], Numbers]
+
+
+def run(
+    radius: Radius, sense: int, feed: float, rng: np.random.Generator, n: int = 180, **more: object
+) -> pl.DataFrame:
+    theta = 0.4 + sense * np.arange(n) * 2.0 * np.pi / n
+    um = radius(theta, sense, feed) + 3.0 + 20.0 * (OFF[0] * np.cos(theta) + OFF[1] * np.sin(theta))
+    um = um + NOISE_UM * rng.standard_normal(n)
+    columns = {
+        "line": ["XY"] * n,
+        "dir": [sense] * n,
+        "feed": [feed] * n,
+        "x": CENTRE_MM[0] + R_MM * np.cos(theta),
+        "y": CENTRE_MM[1] + R_MM * np.sin(theta),
+        "z": np.zeros(n),
+        "r": R_MM + 1e-3 * um,
+    }
+    return pl.DataFrame(columns | more)
+
+
+def circular(
+    radius: Radius, senses: tuple[int, ...] = (1, -1), feeds: tuple[float, ...] = (2000.0, 500.0), seed: int = 0
+) -> CircularTest:
+    rng = np.random.default_rng(seed)
+    return CircularTest(pl.concat([run(radius, s, f, rng) for f in feeds for s in senses]), ("memory",))
+
+
+def runs_from(test: CircularTest) -> Runs:
+    usable, problems, notes = checked((test,))
+    return runs_of(compare(MODEL, *usable).points, problems, notes)
+
+
+def nothing(theta: Numbers, sense: int, feed: float) -> Numbers:
+    return np.zeros_like(theta)
+
+
+def squareness(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """The angle is wider than 90 degrees by 30 µrad: x moves by -S y."""
+    return -30e-3 * R_MM * np.sin(theta) * np.cos(theta)
+
+
+def several(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """Backlash of 3 µm on X, of -2 on Y; X lags by 0.2 ms more; S of 30 µrad; X 25 µm/m too long; a bow of 4 µm."""
+    cos, sin, v = np.cos(theta), np.sin(theta), feed / 60.0
+    vx, vy = -sense * sin, sense * cos
+    along_x = -1.5 * np.sign(vx) - 0.1 * v * vx - 30e-3 * R_MM * sin + 25e-3 * R_MM * cos
+    along_y = 1.0 * np.sign(vy) + 0.1 * v * vy + 4.0 * (1.0 - cos**2)
+    return along_x * cos + along_y * sin
+
+
+@cache
+def many() -> CircleDiagnosis:
+    return diagnose_circles(MODEL, circular(several))
+
+
+def value(diagnosis: CircleDiagnosis, name: str, parameter: str) -> tuple[float, float]:
+    cause = next(one for one in diagnosis.found if str(one.reference) == name)
+    found = next(one for one in cause.parameters if one.name == parameter)
+    return found.value, found.std
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "expected"),
+    [
+        ("backlash:x", "b", 3e-3),
+        ("backlash:y", "b", -2e-3),
+        ("servo-mismatch:xy", "dtau", 2e-4),
+        ("squareness:xy", "S", 30e-6),
+        ("scale-mismatch:xy", "m", 25e-6),
+        ("straightness:x", "h_y", 4e-3),
+    ],
+)
+def test_causes_are_told_apart_and_have_their_values(name: str, parameter: str, expected: float) -> None:
+    found, std = value(many(), name, parameter)
+    # Formulas are to first order; what second order adds is below a hundredth.
+    assert abs(found - expected) < 4.0 * std + 0.01 * abs(expected)
+
+
+def test_nothing_else_is_found_and_the_parts_add_up() -> None:
+    diagnosis = many()
+    assert len(diagnosis.found) == 6
+    assert diagnosis.unknown is None
+    percent = [cause.percent or 0.0 for cause in diagnosis.ranked]
+    assert percent == sorted(percent, reverse=True)
+    assert sum(percent) + diagnosis.shares.percent_unexplained == pytest.approx(100.0)
+    assert diagnosis.shares.total == pytest.approx(diagnosis.shares.explained + NOISE_UM**2, rel=0.05)
+
+
+def test_what_only_a_length_or_another_circle_tells_is_listed() -> None:
+    diagnosis = many()
+    bow = next(one for one in diagnosis.found if one.reference.effect == "straightness")
+    assert [(str(one.reference), round(one.correlation, 3)) for one in diagnosis.tied_with(bow)] == [
+        ("pitch-error:y", 1.0)
+    ]
+    assert bow.separate_by is not None
+    assert "centre" in (bow.separate_by.plan or "")
+    scales = next(one for one in diagnosis.found if one.reference.effect == "scale-mismatch")
+    assert {"scale:x", "scale:y"} <= {str(alias.reference) for alias in scales.aliases}
+    assert diagnosis.verdict == "ambiguous"
+
+
+def test_document_and_report() -> None:
+    diagnosis = many()
+    document = diagnosis.to_document()
+    for key in ("verdict", "p_value", "noise_floor_um", "held_out_rmse_um", "found", "candidates", "not_offered"):
+        assert key in document
+    first = document["found"][0]
+    assert {"effect", "axis", "covariate", "p_value", "held_out_rmse_after_um", "worth_um", "parameters"} <= set(
+        first
+    )
+    assert document["found"][-1]["held_out_rmse_after_um"] < 0.2 * document["held_out_rmse_um"]
+    lines = diagnosis.report(verbose=True).splitlines()
+    assert max(map(len, lines)) <= 82
+    assert any("Backlash of the drive (backlash:x)" in line for line in lines)
+    assert any("lost motion" in line for line in lines)
+
+
+def test_figures_of_runs_are_those_of_the_standard() -> None:
+    """G of each run: peak to peak about the least-squares circle, here of a sine and noise."""
+    diagnosis = diagnose_circles(MODEL, circular(squareness, feeds=(1000.0,)))
+    for one in diagnosis.runs:
+        assert one.explained_um == pytest.approx(3.0, rel=0.05)
+        assert 3.0 < one.circular_deviation_um < 3.0 + 8.0 * NOISE_UM
+        assert one.rest_um < 8.0 * NOISE_UM
+    (set_up,) = diagnosis.set_ups
+    assert set_up.centre_um[:2] == pytest.approx((-20.0 * OFF[0], -20.0 * OFF[1]), abs=0.1)
+    assert set_up.radius_um == pytest.approx(3.0, abs=0.1)
+
+
+def test_one_sense_cannot_tell_squareness_from_servos_and_the_other_can() -> None:
+    alone = diagnose_circles(MODEL, circular(squareness, senses=(1,), feeds=(1000.0,)))
+    assert alone.verdict == "ambiguous"
+    assert str(alone.found[0].reference) == "squareness:xy"
+    (tied,) = alone.tied_with(alone.found[0])
+    assert (str(tied.reference), round(tied.correlation, 6)) == ("servo-mismatch:xy", 1.0)
+    assert alone.found[0].separate_by is not None
+    assert "counter-clockwise" in (alone.found[0].separate_by.plan or "")
+    assert any("the other way" in note for note in alone.notes)
+    both = diagnose_circles(MODEL, circular(squareness, feeds=(1000.0,)))
+    assert (both.verdict, len(both.found)) == ("missing", 1)
+    assert dict(both.not_offered)["radial-shrink:xy"].startswith("needs two feeds")
+
+
+def test_nothing_is_found_where_nothing_is() -> None:
+    diagnosis = diagnose_circles(MODEL, circular(nothing, seed=3))
+    assert (diagnosis.verdict, diagnosis.found, diagnosis.unknown) == ("nothing-missing", (), None)
+    assert diagnosis.p_value > 0.05
+    assert len(diagnosis.candidates) > 3
+    assert diagnosis.noise_um == pytest.approx(NOISE_UM, rel=0.3)
+
+
+def test_what_no_cause_explains_is_unknown() -> None:
+    diagnosis = diagnose_circles(MODEL, circular(lambda theta, sense, feed: 2.0 * np.cos(7.0 * theta + 0.8)))
+    assert diagnosis.verdict == "unknown"
+    assert diagnosis.unknown is not None
+    assert diagnosis.unknown.depends_on == ("x", "y")
+    assert diagnosis.unknown.worth_um == pytest.approx(2.0 / np.sqrt(2.0), rel=0.1)
+    assert diagnosis.shares.percent_unexplained == pytest.approx(100.0)
+
+
+def test_a_mistake_is_left_out() -> None:
+    test = circular(squareness, seed=4)
+    frame = test.frame.with_columns(
+        pl.when(pl.int_range(pl.len()) == 50).then(pl.col("r") + 0.03).otherwise(pl.col("r")).alias("r")
+    )
+    diagnosis = diagnose_circles(MODEL, CircularTest(frame, ("memory",)))
+    assert [str(one.reference) for one in diagnosis.found] == ["squareness:xy"]
+    assert any(note.startswith("1 rows") for note in diagnosis.notes)
+
+
+def test_a_users_own_cause(tmp_path: object) -> None:
+    path = f"{tmp_path}/own.toml"
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(
+            '[[effect]]\nid = "own-lobes"\ntitle = "Seven lobes"\nchannel = "rig"\ndirection = "scale"\n'
+            'expression = "k*cos(7*atan2(y - 210, x - 200) + 0.8)"\n[effect.coefficients.k]\nunit = "1"\n'
+        )
+    test = circular(lambda theta, sense, feed: 2.0 * np.cos(7.0 * theta + 0.8))
+    diagnosis = diagnose_circles(MODEL, test, effects=load_effects(path))
+    assert [str(one.reference) for one in diagnosis.found] == ["own-lobes"]
+    found, std = value(diagnosis, "own-lobes", "k")
+    assert abs(found - 2e-5) < 4.0 * std
+
+
+def test_refusals() -> None:
+    with pytest.raises(GeoerrError, match="needs measurements"):
+        diagnose_circles(MODEL)
+    short = circular(nothing, senses=(1,), feeds=(1000.0,))
+    quarter = CircularTest(short.frame.head(60), ("memory",))
+    with pytest.raises(GeometryError, match="covers 118°"):
+        diagnose_circles(MODEL, quarter)
+    deviations = CircularTest(short.frame.with_columns(pl.col("r") - R_MM), ("memory",))
+    with pytest.raises(GeometryError, match="no radius"):
+        diagnose_circles(MODEL, deviations)
+
+
+def test_without_feed_and_time_only_shapes_are_looked_for() -> None:
+    test = circular(squareness, feeds=(1000.0,))
+    diagnosis = diagnose_circles(MODEL, CircularTest(test.frame.drop("feed", "dir"), ("memory",)))
+    assert [str(one.reference) for one in diagnosis.found] == ["squareness:xy"]
+    wanting = dict(diagnosis.not_offered)
+    assert all("needs the feed" in wanting[name] for name in ("servo-mismatch", "vibration", "spiral"))
+
+
+def test_noise_whitens_what_it_says() -> None:
+    """σ²s²(I + U K Uᵀ) written out: whitened, it is one."""
+    runs = runs_from(circular(nothing, seed=5))
+    blocks = blocks_of(runs)
+    noise = fit_noise(runs, blocks, runs.signal_um, runs.set_up_columns)
+    dense = _covariance(runs, noise.sigma_um, noise.theta, noise.level)
+    root = noise.whiten(np.eye(len(runs)))
+    assert np.allclose(root @ dense @ root.T, np.eye(len(runs)), atol=1e-8)
+
+
+def _covariance(runs: Runs, sigma: float, theta: Numbers, level: Numbers) -> Numbers:
+    blocks = blocks_of(runs)
+    member = np.repeat(np.arange(len(blocks.counts)), blocks.counts.astype(int))
+    run_of = np.concatenate([np.full(own.stop - own.start, k) for k, own in enumerate(blocks.of_run)])
+    apart = np.abs(blocks.angle[:, None] - blocks.angle[None, :])
+    parts = [np.exp(-apart / one) for one in MEMORIES_RAD] + [np.exp(-0.5 * (apart / one) ** 2) for one in SMOOTH_RAD]
+    wander = np.tensordot(theta, np.stack([*parts, np.ones_like(apart)]), 1) * (run_of[:, None] == run_of[None, :])
+    inside = np.eye(len(runs)) + wander[np.ix_(member, member)]
+    return sigma**2 * inside * np.outer(level, level)
+
+
+def test_noise_is_most_likely_where_it_was_found() -> None:
+    """The restricted likelihood by dense matrices has its maximum where the fit without caution ends."""
+    rng = np.random.default_rng(6)
+    test = circular(nothing, feeds=(1000.0,), seed=6)
+    wander = np.concatenate([np.convolve(rng.standard_normal(180 + 14), np.ones(15), "valid") for _ in range(2)])
+    test = CircularTest(test.frame.with_columns(pl.col("r") + pl.Series(1.5e-4 * wander)), ("memory",))
+    runs = runs_from(test)
+    noise = fit_noise(runs, blocks_of(runs), runs.signal_um, runs.set_up_columns, caution=0.0)
+    basis = orthonormal(runs.set_up_columns)
+
+    def likelihood(factors: Numbers) -> float:
+        v = _covariance(runs, noise.sigma_um, noise.theta * factors, noise.level)
+        inverse = np.linalg.inv(v)
+        a = basis.T @ inverse @ basis
+        left = runs.signal_um - basis @ np.linalg.solve(a, basis.T @ inverse @ runs.signal_um)
+        return -0.5 * float(np.linalg.slogdet(v)[1] + np.linalg.slogdet(a)[1] + left @ inverse @ left)
+
+    best = likelihood(np.ones(len(noise.theta)))
+    # The offset is an upper bound by design, and not at its maximum.
+    for place in range(len(noise.theta) - 1):
+        for factor in (0.7, 1.4):
+            factors = np.ones(len(noise.theta))
+            factors[place] = factor
+            assert likelihood(factors) < best + 0.02
+
+
+def test_gains_are_those_of_least_squares_written_out() -> None:
+    runs = runs_from(circular(several, seed=7))
+    suspects, _ = suspects_of(runs, catalogue())
+    state = State(runs, suspects)
+    basis, left = state.context([])
+    weight = np.linalg.inv(_covariance(runs, state.noise.sigma_um, state.noise.theta, state.noise.level))
+
+    def square(columns: Numbers) -> float:
+        a = columns.T @ weight @ columns
+        rest = runs.signal_um - columns @ np.linalg.lstsq(a, columns.T @ weight @ runs.signal_um, rcond=1e-12)[0]
+        return float(rest @ weight @ rest)
+
+    without = square(state.set_up)
+    for judged in state.bench.judge(basis, left, state.n, most_trials=20):
+        k, trial = judged.group.k, judged.trial
+        own = judged.group.columns[:, k * trial : k * (trial + 1)]
+        own = own / np.linalg.norm(own, axis=0)
+        assert judged.gain == pytest.approx(
+            without - square(np.column_stack([state.set_up, own])), rel=1e-5, abs=1e-4
+        )
+
+
+def test_shares_of_traces_by_hand() -> None:
+    """Two traces that overlap: 1 and 2 on shapes of mean square 1 and product 1/2."""
+    runs = runs_from(circular(nothing, seed=8))
+    noise = fit_noise(runs, blocks_of(runs), runs.signal_um, runs.set_up_columns)
+    a = np.sqrt(2.0) * np.sin(2.0 * runs.angle_rad)
+    b = 0.5 * a + np.sqrt(0.75) * np.sqrt(2.0) * np.cos(3.0 * runs.angle_rad)
+    shares = shares_of(runs, noise, np.zeros((len(runs), 3)), np.column_stack([a, 2.0 * b]), 0.0 * a, None, None)
+    assert shares.by_cause == pytest.approx((1.0 + 1.0, 4.0 + 1.0), rel=1e-6)
+    assert shares.explained == pytest.approx(7.0, rel=1e-6)
+
+
+def test_a_run_knows_the_circle_that_led_to_it() -> None:
+    """Travel and time since the reversal at the first rows, whose reversal lies before them."""
+    sightings = sightings_of(circular(nothing, senses=(1,), feeds=(1200.0,)))
+    d, s, since, v, a = variable_columns(sightings, ["d_x", "s_x", "t_rev_x", "v_x", "a_x"])
+    theta = 0.4 + np.arange(180) * 2.0 * np.pi / 180
+    assert np.allclose(v, -20.0 * np.sin(theta), atol=1e-9)
+    assert np.allclose(a, -(20.0**2) / R_MM * np.cos(theta), atol=1e-9)
+    assert np.array_equal(d, np.sign(v))
+    passed = np.mod(theta, np.pi)
+    assert np.allclose(since, passed * R_MM / 20.0, atol=1e-6)
+    assert np.allclose(s, R_MM * (1.0 - np.cos(passed)), atol=1e-6)
