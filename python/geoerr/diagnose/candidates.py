@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoerr.diagnose.classic import lacking_classics
 from geoerr.diagnose.functions import CompiledPart, Functions
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.covariates import columns_wanting, temperature_choices
@@ -20,9 +21,10 @@ from geoerr.effects.description import FormSpec
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S, Effect
 from geoerr.errors import InputFileError
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.fit.variables import clock_span_s
-from geoerr.terms import EffectReference, Parameter, Term, names_in
+from geoerr.machine import AXES
+from geoerr.terms import JOINT_CHANNELS, EffectReference, Parameter, Term, names_in
 
 # Trial values of each inner parameter that is not affine, by how many of them a formula has.
 _TRIALS = {1: 8, 2: 5}
@@ -88,7 +90,7 @@ class Candidate:
 def candidates_of(
     fitted: Fitted, known: Catalogue, present: Sequence[str] = ()
 ) -> tuple[list[Candidate], list[tuple[str, str]], Functions]:
-    """Give every candidate that the data can carry, the effects that are not offered (with the reason), the functions.
+    """Give every candidate that the data can carry; the effects that are not offered, and why; the functions.
 
     Parameters
     ----------
@@ -99,22 +101,32 @@ def candidates_of(
     columns = [*sightings.covariate_columns]
     is_circular = "circle" in sightings.frames
     taken = {term.id for term in fitted.terms} | set(present)
-    offered: list[tuple[EffectReference, Effect, list[Term]]] = []
+    offered: list[tuple[EffectReference, Effect, list[Term]]] = [
+        (reference, effect, [term]) for reference, effect, term in lacking_classics(fitted, known, present)
+    ]
+    lacking = {effect.id for _, effect, _ in offered}
     not_offered: list[tuple[str, str]] = []
     for effect in known:
+        if effect.is_smooth:
+            if effect.id not in lacking:
+                not_offered.append((effect.id, "is in the model already"))
+            continue
         why = _why_not(effect, fitted, columns, is_circular)
         if why is not None:
             not_offered.append((effect.id, why))
             continue
+        n_before = len(offered)
         references = effect.candidates(
             fitted.machine, columns, n_sessions=len(sightings.sessions), is_circular=is_circular
         )
         for reference in references:
             if str(reference) in taken:
                 continue
-            terms = _terms(effect, reference, fitted, columns)
+            terms = [term for term in _terms(effect, reference, fitted, columns) if not _stands_still(fitted, term)]
             if terms:
                 offered.append((reference, effect, terms))
+        if references and len(offered) == n_before and not any(str(one) in taken for one in references):
+            not_offered.append((effect.id, "wanting: rows at more than one position of its axis"))
     functions = Functions(fitted, [term for _, _, terms in offered for term in terms])
     grids: dict[tuple[object, ...], list[float]] = {}
     found = [
@@ -129,9 +141,22 @@ def _why_not(effect: Effect, fitted: Fitted, columns: Sequence[str], is_circular
         return "is found by a check of its own, not by a formula"
     if effect.offered_as is not None:
         return f"is offered as {effect.offered_as}"
-    if effect.is_smooth:
-        return "consists of the smooth functions of the rigid-body model: fit with all components"
     return effect.wanting(columns, n_sessions=len(fitted.sightings.sessions), is_circular=is_circular)
+
+
+def _stands_still(fitted: Fitted, term: Term) -> bool:
+    """Tell whether all rows are at one position of an axis whose position the term is a function of.
+
+    There it is a constant on one channel, which simpler effects are; so is an angle seen at one place only.
+    """
+    sightings, used = fitted.sightings, fitted.solved.used
+    still = {
+        axis for index, axis in enumerate(AXES) if np.ptp(sightings.commanded_mm[used, index]) < SAME_POSITION_MM
+    }
+    if still & {name for part in term.parts for name in part.names}:
+        return True
+    turns = all(channel in JOINT_CHANNELS and channel[1] in "ABC" for channel in term.channels)
+    return turns and len(still) == len(AXES) and bool((np.ptp(sightings.offset_mm[used], axis=0) == 0.0).all())
 
 
 def _terms(effect: Effect, reference: EffectReference, fitted: Fitted, columns: Sequence[str]) -> list[Term]:
@@ -145,7 +170,7 @@ def _terms(effect: Effect, reference: EffectReference, fitted: Fitted, columns: 
             continue
         if columns_wanting(form, effect.parameter_names, columns) is not None:
             continue
-        if reference.covariate not in (*temperature_choices(form, columns), *form.covariates):
+        if reference.covariate not in (*temperature_choices(form, columns, is_ordered=True), *form.covariates):
             continue
         for lagged in (False, True):
             if lagged and (reference.covariate is None or "t" not in columns):

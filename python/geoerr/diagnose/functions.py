@@ -80,7 +80,7 @@ class Functions:
         used = set(part.names)
         coefficients = tuple(place for place, one in enumerate(term.coefficients) if one.name in used)
         inner = tuple(place for place, one in enumerate(term.inner) if one.name in used)
-        # Parameters by their places: the same wave across and along an axis is one, whatever its amplitudes are called.
+        # Parameters by their places: one wave across and along an axis is one, whatever its amplitudes are called.
         names = {term.coefficients[place].name: f"coefficient_{number}" for number, place in enumerate(coefficients)}
         names |= {term.inner[place].name: f"inner_{number}" for number, place in enumerate(inner)}
         alike = replace(
@@ -110,7 +110,7 @@ class Functions:
         return self._expressions[part.expression]
 
     def formula(self, part: CompiledPart, inner: Sequence[float]) -> list[int]:
-        """Give the codes of a part's functions, one for each of its coefficients, at values of the term's inner ones."""
+        """Give the codes of a part's functions, one for each of its coefficients, at values of the inner ones."""
         key = (part.expression, tuple(inner[place] for place in part.inner))
         if key not in self._trials:
             self._trials[key] = len(self._formulas)
@@ -165,7 +165,7 @@ class Functions:
         groups: Sequence[tuple[np.ndarray, np.ndarray, Numbers, np.ndarray, int]],
         threads: int,
     ) -> list[tuple[Numbers, np.ndarray, Numbers, Numbers]]:
-        """Let the core judge groups of columns: codes (n_trials, k), channels, factors, coefficients, their number."""
+        """Let the core judge groups: codes (n_trials, k), channels, factors, coefficients, number of those."""
         asked = np.unique(np.concatenate([group[0].ravel() for group in groups])) if groups else np.zeros(0, np.int64)
         formulas = np.unique(asked[asked >= 0] // _SLOTS)
         counts = [len(self._expressions[self._formulas[number][0]].coefficients_used) for number in formulas]
@@ -189,13 +189,13 @@ class Functions:
             [(self._expressions[number], list(inner)) for number, inner in (self._formulas[f] for f in formulas)],
             given,
             self._products,
-            [(numbered(codes), *rest) for codes, *rest in groups],
+            [(numbered(group[0]), *group[1:]) for group in groups],
             threads,
         )
 
 
 def _definitions_used(part: Part) -> tuple[tuple[str, str], ...]:
-    """Give the definitions that a formula needs, directly or through others: parts that differ in others are alike."""
+    """Give the definitions that a formula needs, directly or not: parts that differ in others are alike."""
     texts = dict(part.definitions)
     found: dict[str, str] = {}
     waiting = [*names_in(part.expression or "")]

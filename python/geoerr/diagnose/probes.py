@@ -19,9 +19,11 @@ from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES
 
-# Degrees of the functions of one variable, and of the products of two: the low ones cost less.
+# Degrees of the functions of one variable, and of two (each alone and their products): the low ones cost less.
 _ONE = (3, 8)
 _TWO = (1, 2)
+# Of two positions: what no rigid body does is often a pattern over a plane.
+_TWO_POSITIONS = (1, 2, 4)
 # A variable of at most so many values is a list of cases, not a curve.
 _FEW_VALUES = 4
 # Two variables whose ranks agree so far are one.
@@ -61,15 +63,14 @@ def probes_of(fitted: Fitted, functions: Functions) -> list[Probe]:
         ((name,), _different([own[:degree] for degree in _ONE])) for name, own in codes.items()
     ]
     for first, second in itertools.combinations(codes, 2):
-        most = max(_TWO)
-        one, two = codes[first][:most], codes[second][:most]
+        degrees = _TWO_POSITIONS if {first, second} <= set(AXES) else _TWO
+        one, two = codes[first][: max(degrees)], codes[second][: max(degrees)]
         product = [[functions.product(a, b) for b in two] for a in one]
-        groups.append(
-            (
-                (first, second),
-                _different([[code for row in product[:degree] for code in row[:degree]] for degree in _TWO]),
-            )
-        )
+        columns = [
+            [*one[:degree], *two[:degree], *(code for row in product[:degree] for code in row[:degree])]
+            for degree in degrees
+        ]
+        groups.append(((first, second), _different(columns)))
     return [
         Probe(axis, tuple(sorted(names)), tuple(_shapes(f"target-{axis}", own) for own in columns))
         for axis in AXES

@@ -145,7 +145,7 @@ def off_model(space: Space, raw: Numbers) -> Numbers:
 
 
 def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Give the least-squares coefficients (k,) of columns (n, 3, k), F (k, m) with their covariance F Fᵀ, and the gain.
+    """Give the coefficients (k,) of columns (n, 3, k), F (k, m) with their covariance F Fᵀ, and the gain.
 
     Directions that the model owns are left at 0.
     """

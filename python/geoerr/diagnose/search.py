@@ -43,6 +43,8 @@ _TOO_ALIKE = 0.99
 # Logarithm of the evidence that a function of time needs beside a drift that is estimated anew: of drifts alone the
 # largest was 10.
 _LEAST_BESIDE_DRIFT = 12.5
+# Evidence, and share of the gain, of a curve in a candidate's own covariate: the formula is another one.
+_BENT, _BENT_SHARE = 6.0, 0.02
 # Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
 _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 TIED_CORRELATION = 0.95
@@ -214,8 +216,13 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
             own.append(best)
         null = Null(largest)
         nulls.append(null)
-        own = [replace(one, p_value=null.p_value(one.surprise)) for one in own]
-        judged.append(sorted(own, key=lambda one: -one.evidence))
+        own = [
+            replace(one, p_value=null.p_value(one.surprise))
+            for one in own
+            if one.evidence <= 0.0 or _is_admissible(space, scanner, one)
+        ]
+        # Of equals the one with the least freedom: with more of it, it says the same.
+        judged.append(sorted(own, key=lambda one: (-round(one.evidence, 6), _freedom(one))))
     return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0])
 
 
@@ -284,6 +291,24 @@ def _best(space: Space, what: Candidate | Probe, scanned: Sequence[Scanned]) -> 
             float(one.share[trial]),
         )
     return found
+
+
+def _is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
+    """Tell whether a candidate's best trial has the sign that physics gives it; few have one."""
+    term = judged.shapes.term
+    if not isinstance(judged.what, Candidate) or term is None:
+        return True
+    specs = judged.what.effect.coefficients
+    signs = [
+        next((s.sign for s in specs if one.name == s.name or one.name.startswith(f"{s.name}_")), 0)
+        for one in term.coefficients
+    ]
+    if not any(signs):
+        return True
+    values, _, _ = estimate(space, scanner.raw_columns(judged.shapes, judged.trial))
+    # Corners of an affine parameter share a coefficient: their weights add up to it.
+    values = values.reshape(-1, len(signs)).sum(axis=0)
+    return bool((values * signs >= 0.0).all())
 
 
 def _evidence(space: Space, gain: Numbers, rank: np.ndarray, n_trials: int) -> Numbers:
@@ -497,13 +522,18 @@ class Searched:
     not_offered: tuple[tuple[str, str], ...]
 
 
-def search(fitted: Fitted, known: Catalogue, *, threads: int = 0) -> Searched:
+def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0) -> Searched:
     """Add what is missing, best first, until chance explains what is left.
 
     Where a probe beats every name, and two names together, there is something without a name: its columns are set
     aside, and the search goes on for names on other components.
+
+    Parameters
+    ----------
+    present
+        Ids of terms that the model has besides those of the fit.
     """
-    candidates, not_offered, functions = candidates_of(fitted, known)
+    candidates, not_offered, functions = candidates_of(fitted, known, present)
     probes = probes_of(fitted, functions)
     everything: list[Candidate | Probe] = [*candidates, *probes]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
@@ -523,6 +553,10 @@ def search(fitted: Fitted, known: Catalogue, *, threads: int = 0) -> Searched:
         if best is None or len(found) >= MOST_EFFECTS:
             break
         settled = settle(looked.space, looked.scanner, best)
+        bent = _bent_by_its_covariate(looked, best, settled) if unknown is None else None
+        if bent is not None:
+            unknown = (bent, settle(looked.space, looked.scanner, bent))
+            continue
         if unknown is not None and not _acts_elsewhere(settled, unknown[0]):
             break
         others = [one for one in looked.candidates if one is not best]
@@ -558,6 +592,32 @@ def _is_impostor(
             break
         evidence, one = evidence + following.evidence, following
     return evidence < probe.evidence
+
+
+def _bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Judged | None:
+    """Give the probe of a candidate's covariate where the error follows it, but not as the candidate's formula says.
+
+    The candidate's columns times its covariate are what a formula of the second order has beyond one of the first.
+    """
+    if not isinstance(best.what, Candidate) or best.what.reference.covariate is None or settled.term is None:
+        return None
+    sightings = looked.space.fitted.sightings
+    names = best.what.reference.covariate.split("-")
+    if not set(names) <= set(sightings.covariate_columns):
+        return None
+    values = sightings.numbers(names[0]) - (sightings.numbers(names[1]) if len(names) > 1 else 0.0)
+    values = np.nan_to_num(values - np.nanmean(values))
+    if not values.any():
+        return None
+    space = looked.space.with_columns(looked.space.noise.whiten(settled.raw))
+    k = len(settled.term.coefficients)
+    bent = settled.raw[:, :, :k] * (values / np.abs(values).max())[:, None, None]
+    _, root, gain = estimate(space, bent)
+    evidence = float(_evidence(space, gain, np.asarray(root.shape[1]), 1))
+    if evidence < _BENT or float(gain) < _BENT_SHARE * settled.gain:
+        return None
+    alone = [one for one in looked.probes if isinstance(one.what, Probe) and set(one.what.depends_on) == set(names)]
+    return alone[0] if alone else None
 
 
 def _acts_elsewhere(settled: Settled, unknown: Judged) -> bool:

@@ -74,8 +74,8 @@ class Space:
     def draws(self, n_draws: int) -> NumbersOfDraws:
         """Give noise off Q as chance might have left it, (n_draws, n, 3), whitened, in single precision.
 
-        Numbers of the residual, each in units of its own standard deviation, drawn with replacement and with a sign of
-        their own: white, with the tails that they have. Always the same draws of the same residual.
+        Numbers of the residual, each in units of its own standard deviation, drawn with replacement and a sign:
+        white, with the tails that they have. Always the same draws of the same residual.
         """
         basis = self.basis.reshape(-1, self.basis.shape[2]).astype(np.float32)
         counts = self.rows.reshape(-1) > 0.0

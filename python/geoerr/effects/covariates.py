@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from itertools import combinations
+from itertools import combinations, permutations
 
 from geoerr.effects.definitions import RESERVED_NAMES
 from geoerr.effects.description import FormSpec
@@ -31,8 +31,13 @@ def temperature_entry(form: FormSpec) -> str | None:
     return next(filter(is_temperature_entry, form.covariates), None)
 
 
-def temperature_choices(form: FormSpec, columns: Sequence[str]) -> tuple[str | None, ...]:
-    """Give what `T` may be in these data, as a reference writes it; `(None,)` where the form has no temperature."""
+def temperature_choices(
+    form: FormSpec, columns: Sequence[str], *, is_ordered: bool = False
+) -> tuple[str | None, ...]:
+    """Give what `T` may be in these data, as a reference writes it; `(None,)` where the form has no temperature.
+
+    A difference stands once, whichever way round, unless the order of its two columns is asked for.
+    """
     entry = temperature_entry(form)
     if entry is None:
         return (None,)
@@ -42,7 +47,8 @@ def temperature_choices(form: FormSpec, columns: Sequence[str]) -> tuple[str | N
         if choice == "temp":
             found |= dict.fromkeys(temperatures)
         elif choice == "temp-temp":
-            found |= dict.fromkeys(f"{first}-{second}" for first, second in combinations(temperatures, 2))
+            pairs = permutations(temperatures, 2) if is_ordered else combinations(temperatures, 2)
+            found |= dict.fromkeys(f"{first}-{second}" for first, second in pairs)
         elif set(choice.split("-")) <= set(columns):
             found[choice] = None
     return tuple(found)

@@ -93,7 +93,9 @@ class Effect(Description):
         covariates: dict[str | None, None] = {}
         for form in self.forms:
             if columns_wanting(form, self.parameter_names, columns) is None:
-                covariates |= dict.fromkeys(temperature_choices(form, columns))
+                # Where physics gives a coefficient its sign, the order of a difference is physics too.
+                is_ordered = any(spec.sign for spec in self.coefficients)
+                covariates |= dict.fromkeys(temperature_choices(form, columns, is_ordered=is_ordered))
         return [
             EffectReference(self.id, axis, covariate) for axis in self.axes or (None,) for covariate in covariates
         ]

@@ -237,7 +237,7 @@ def ways_of(
     for form in [one for one in effect.forms if one.name == way.form] or effect.forms:
         if columns_wanting(form, effect.parameter_names, columns) is not None:
             continue
-        if reference.covariate not in (*temperature_choices(form, columns), *form.covariates):
+        if reference.covariate not in (*temperature_choices(form, columns, is_ordered=True), *form.covariates):
             continue
         for lagged in (False, True) if way.lagged is None or not can_lag else (way.lagged,):
             if lagged and (not can_lag or "t" not in columns):
