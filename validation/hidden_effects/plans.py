@@ -273,6 +273,7 @@ def _ramps(rng: np.random.Generator, machine: Machine, session: int, line: str, 
     top = min(float(rng.uniform(60.0, 160.0)), np.sqrt(0.8 * acceleration * length))
     ramp_s, cruise_s = top / acceleration, length / top - top / acceleration
     passes: list[Pass] = []
+    # Both ways begin with a rapid move to their first point: two lines, not one there and back.
     for is_back in (False, True):
         n_ramp, n_cruise = max(2, n_points // 5), max(1, n_points // 2 - 2 * max(2, n_points // 5))
         up = ramp_s * np.append(np.sort(rng.uniform(0.05, 0.95, n_ramp)), 1.0)
@@ -299,7 +300,7 @@ def _ramps(rng: np.random.Generator, machine: Machine, session: int, line: str, 
         points[:, axis] = begin + length - way if is_back else begin + way
         passes.append(
             Pass(
-                *(session, line, 0, is_back, points, RAPID_MM_MIN, True),
+                *(session, f"{line}-back" if is_back else line, 0, is_back, points, RAPID_MM_MIN, True),
                 seconds=np.append(np.nan, np.diff(since, prepend=0.0)),
                 speed_mm_s=np.append(0.0, speed),
                 acceleration_mm_s2=np.append(0.0, slope),
