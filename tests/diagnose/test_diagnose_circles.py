@@ -134,7 +134,7 @@ def test_what_only_a_length_or_another_circle_tells_is_listed() -> None:
     assert diagnosis.verdict == "ambiguous"
 
 
-def test_document_and_report() -> None:
+def test_document_and_words() -> None:
     diagnosis = many()
     document = diagnosis.to_document()
     for key in ("verdict", "p_value", "noise_floor_um", "held_out_rmse_um", "found", "candidates", "not_offered"):
@@ -144,10 +144,9 @@ def test_document_and_report() -> None:
         first
     )
     assert document["found"][-1]["held_out_rmse_after_um"] < 0.2 * document["held_out_rmse_um"]
-    lines = diagnosis.report(verbose=True).splitlines()
-    assert max(map(len, lines)) <= 82
-    assert any("Backlash of the drive (backlash:x)" in line for line in lines)
-    assert any("lost motion" in line for line in lines)
+    backlash = next(one for one in diagnosis.found if str(one.reference) == "backlash:x")
+    assert "µm (lost motion)" in backlash.words()
+    assert "% of the explainable" in backlash.words()
 
 
 def test_figures_of_runs_are_those_of_the_standard() -> None:
@@ -312,7 +311,9 @@ def test_shares_of_traces_by_hand() -> None:
     noise = fit_noise(runs, blocks_of(runs), runs.signal_um, runs.set_up_columns)
     a = np.sqrt(2.0) * np.sin(2.0 * runs.angle_rad)
     b = 0.5 * a + np.sqrt(0.75) * np.sqrt(2.0) * np.cos(3.0 * runs.angle_rad)
-    shares = shares_of(runs, noise, np.zeros((len(runs), 3)), np.column_stack([a, 2.0 * b]), 0.0 * a, None, None)
+    shares = shares_of(
+        runs, noise, orthonormal(runs.set_up_columns), np.column_stack([a, 2.0 * b]), 0.0 * a, None, None
+    )
     assert shares.by_cause == pytest.approx((1.0 + 1.0, 4.0 + 1.0), rel=1e-6)
     assert shares.explained == pytest.approx(7.0, rel=1e-6)
 

@@ -17,7 +17,6 @@ from geoerr.diagnose.circles.readings import Reading, readings_of
 from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
 from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
-from geoerr.diagnose.circles.text import circle_lines
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Separation, finite, reference_document
 from geoerr.effects import Effect, catalogue
@@ -295,10 +294,6 @@ class CircleDiagnosis:
             if rival.is_tied
         )
 
-    def report(self, *, verbose: bool = False) -> str:
-        """Write it as a shop floor reads it."""
-        return "\n".join(circle_lines(self, verbose=verbose))
-
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own under `circle`."""
         shares = self.shares
@@ -405,8 +400,7 @@ def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str
         _unknown(searched),
         (*not_offered, *invisible),
         shares,
-        searched.noise.total_um,
-        searched.noise.wander_um,
+        *searched.noise.seen_um(set_up),
         _run_figures(searched),
         _set_ups(runs),
         tuple(one.suspect.reference for one in searched.withdrawn),

@@ -44,8 +44,8 @@ _START_LOG = -4.0
 # Levels of runs that differ by less than this factor are one.
 _OTHER_LEVEL = 1.5
 # How strongly doubt about the noise counts against causes, where causes lie. A variance that ν numbers tell is raised
-# by 1 + 2·4/ν: about as far out as Student's t lies beyond Gauss at one in a thousand.
-CAUTION = 4.0
+# by 1 + 2·2/ν: about as far out as Student's t lies beyond Gauss at one in a hundred.
+CAUTION = 2.0
 # The offset of a run is larger than its bound once in ten.
 _OFFSET_DOUBT = 0.1
 # An offset that is quite unknown: a millimetre.
@@ -121,16 +121,21 @@ class Noise:
             carried[own] = less_one @ sums[own]
         return np.asarray((flat + self.blocks.spread(carried)).reshape(columns.shape))
 
-    @property
-    def total_um(self) -> float:
-        """Standard deviation of one row: scatter and wandering, a run's offset apart."""
-        mean = float(np.sqrt(np.mean(self.level**2)))
-        return self.sigma_um * mean * float(np.sqrt(1.0 + self.theta[:-1].sum()))
+    def seen_um(self, set_up: Numbers) -> tuple[float, float]:
+        """Give the standard deviations of a row's noise and of its wandering part, as seen beyond the set-up.
 
-    @property
-    def wander_um(self) -> float:
-        """Standard deviation of what wanders."""
-        return self.sigma_um * float(np.sqrt(np.mean(self.level**2) * self.theta[:-1].sum()))
+        A drift over many turns is a shift of centre and radius; a run's offset is no noise of its course.
+
+        Parameters
+        ----------
+        set_up : (n, r)
+            Orthonormal columns.
+        """
+        kinds = _kinds(self.blocks, with_offset=False)
+        inside = set_up.shape[1] * _among(kinds, self.blocks, set_up)[:-1]
+        wander = float(self.theta[:-1] @ np.maximum(1.0 - inside / len(self.level), 0.0))
+        scale = self.sigma_um * float(np.sqrt(np.mean(self.level**2)))
+        return scale * float(np.sqrt(1.0 + wander)), scale * float(np.sqrt(wander))
 
 
 class _Geometry:

@@ -83,8 +83,8 @@ def shares_of(
     n = len(runs)
     signal = traces_um.sum(axis=1) + rest_um
     free = 1.0 - (set_up.shape[1] + traces_um.shape[1]) / n
-    level = np.mean(noise.level**2) * noise.sigma_um**2 * (1.0 + float(noise.theta.sum()))
-    expected = float(level if floor_um is None else floor_um**2) * free
+    seen_um, _ = noise.seen_um(set_up)
+    expected = (seen_um if floor_um is None else floor_um) ** 2 * free
     left = float(np.mean(rest_um**2))
     rest = max(left - expected, 0.0)
     if unknown_um is None and floor_um is None:
