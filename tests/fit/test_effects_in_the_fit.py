@@ -237,3 +237,22 @@ def test_an_axis_with_its_zero_elsewhere() -> None:
     term = catalogue()["scale"].term("x", None, machine)
     result = fitted(machine, x_runs(rng, 50e-6 * q, q, dir_x=d), effects=[term], components="none")
     assert is_near(value_of(result, "scale:x"), 50e-6)
+
+
+def test_a_jump_is_in_one_session() -> None:
+    """At 100 s of the second of three sessions; the first and the third have a 100th second without one."""
+    rng = np.random.default_rng(707)
+    q, _ = there_and_back(12, 30, rng)
+    session = np.repeat([0, 1, 2], 120)
+    t = 4.0 * (np.arange(360) % 120)
+    jump = 0.02 * ((session == 1) & (t >= 100.0))
+    result = fitted(
+        MACHINE,
+        x_runs(rng, 2e-5 * q + jump, q, session=[str(number) for number in session], t=t),
+        effects=(catalogue()["lost-steps"].term("x", None, MACHINE, time_range_s=(0.0, 3 * 476.0)),),
+        # Ten standard deviations, while nothing is known of a jump, are gross errors.
+        is_robust=False,
+    )
+    assert is_near(value_of(result, "lost-steps:x"), 0.02)
+    # Between the rows of 96 and 100 s, the first session's 476 s before them.
+    assert 476.0 + 96.0 < inner_of(result, "lost-steps:x")[0] <= 476.0 + 100.0

@@ -30,7 +30,7 @@ from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.model.compile import Compiled, compile_terms, core_part
-from geoerr.terms import Parameter, Part, Term
+from geoerr.terms import CLOCK_NAME, Parameter, Part, Term, mentions
 
 # Trial values of each of so many inner parameters before any are put in between.
 _SEEDS = {1: 49, 2: 17, 3: 9}
@@ -45,6 +45,8 @@ _DEEPEST = 16
 _ROWS_TO_COMPARE = 512
 # Columns whose part beyond the fit is below this share of them are inside it already.
 _INSIDE = 1e-6
+# Moments of a jump that are tried at once; of more, every so manieth, and then all about the best.
+_MOST_MOMENTS = 1024
 # Numbers of one block of trials: 16 MB.
 _BLOCK = 2_000_000
 
@@ -62,8 +64,19 @@ def started(fitted: Fitted, term: Term, *, threads: int = 0) -> Term:
 def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, float]:
     """Give the same, and by how much the sum of squares falls when it is added to the fit."""
     candidate = _Candidate(fitted, term, threads)
-    trials = list(itertools.product(*_grids(candidate, term.inner)))
-    gains = _Beyond(fitted, candidate, threads).gains(trials)
+    beyond = _Beyond(fitted, candidate, threads)
+    moments = _moments(candidate, term)
+    every = -(-len(moments) // _MOST_MOMENTS)
+    trials = (
+        [(moment,) for moment in moments[::every]]
+        if moments
+        else list(itertools.product(*_grids(candidate, term.inner)))
+    )
+    gains = beyond.gains(trials)
+    if every > 1:
+        first = max(int(np.argmax(gains)) - 1, 0) * every
+        trials = [(moment,) for moment in moments[first : first + 2 * every + 1]]
+        gains = beyond.gains(trials)
     best = int(np.argmax(gains))
     inner = tuple(replace(p, value=v) for p, v in zip(term.inner, trials[best], strict=True))
     return replace(term, inner=inner), float(gains[best])
@@ -197,6 +210,23 @@ def _problem(fitted: Fitted, compiled: Compiled) -> _core.FitProblem:
         [],
         None,
     )
+
+
+def _moments(candidate: _Candidate, term: Term) -> list[float]:
+    """Give the moments of a jump on the clock that the rows can tell apart: midway between rows; none for others.
+
+    A frame takes up what is behind a jump in all later sessions: jumps that are alike as columns are not beside it.
+    """
+    jumps = all(part.expression is not None and mentions(part.expression, "step") for part in term.parts)
+    if not jumps or len(term.inner) != 1 or not np.isnan(term.inner[0].value) or term.variables != (CLOCK_NAME,):
+        return []
+    low, high = term.inner[0].low, term.inner[0].high
+    assert low is not None
+    assert high is not None
+    seen = np.abs(candidate.directions).max(axis=(0, 2)) > 0.0
+    clock = np.unique(candidate.variables[0, seen])
+    middle = 0.5 * (clock[1:] + clock[:-1])
+    return [float(moment) for moment in middle if low <= moment <= high]
 
 
 def _grids(candidate: _Candidate, inner: Sequence[Parameter]) -> list[list[float]]:
