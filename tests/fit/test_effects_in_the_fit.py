@@ -256,3 +256,22 @@ def test_a_jump_is_in_one_session() -> None:
     assert is_near(value_of(result, "lost-steps:x"), 0.02)
     # Between the rows of 96 and 100 s, the first session's 476 s before them.
     assert 476.0 + 96.0 < inner_of(result, "lost-steps:x")[0] <= 476.0 + 100.0
+
+
+def test_wind_up_begins_settled() -> None:
+    """Three rows before the first motion, come from below as told: they stay, at what a long way leaves."""
+    rng = np.random.default_rng(708)
+    q = np.concatenate([np.full(3, 20.0), np.tile([20.5, 22.0, 60.0, 59.4, 58.0, 20.0], 8)])
+    d = np.where(np.diff(q, prepend=0.0) >= 0.0, 1.0, -1.0)
+    s, error = 1e3, []
+    for row in range(len(q)):
+        moved = abs(q[row] - q[row - 1]) if row else 0.0
+        s = moved if row and d[row] != d[row - 1] else s + moved
+        # Strokes of 40 mm at 1.5 mm are long: e^(−40/1.5) is a ten-billionth.
+        error.append(-0.5 * 0.03 * d[row] * (1.0 - 2.0 * np.exp(-s / 1.5)))
+    term = catalogue()["reversal-windup"].term("x", None, MACHINE)
+    result = fitted(MACHINE, x_runs(rng, np.array(error), q, dir_x=d), effects=[term], components="none")
+    assert len(result.sightings) == len(q)
+    assert is_near(value_of(result, "reversal-windup:x"), 0.03)
+    assert is_near(inner_of(result, "reversal-windup:x"), 1.5)
+    assert np.abs(result.residual_mm[:3]).max() < 5.0 * STD_MM

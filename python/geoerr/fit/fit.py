@@ -39,7 +39,7 @@ from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
-from geoerr.fit.variables import times_s, variable_columns
+from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -286,7 +286,8 @@ class Posed:
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
         variables = variable_columns(sightings, compiled.variables)
-        sightings, variables, shared, given = _complete_rows(sightings, variables, self.shared, self.given)
+        known = complete_rows_of(sightings, compiled.variables, variables, terms)
+        sightings, variables, shared, given = _complete_rows(sightings, known, variables, self.shared, self.given)
         if not len(sightings):
             raise GeometryError("no row has all the covariates that the model needs")
         free = [
@@ -514,10 +515,13 @@ def _not_finite(
 
 
 def _complete_rows(
-    sightings: Sightings, variables: Numbers, shared: Numbers | None, given: Given | None
+    sightings: Sightings,
+    known: np.ndarray,
+    variables: Numbers,
+    shared: Numbers | None,
+    given: Given | None,
 ) -> tuple[Sightings, Numbers, Numbers | None, Given | None]:
     """Leave out, counted, the rows that lack a covariate that the model needs."""
-    known = np.asarray(np.isfinite(variables).all(axis=0))
     if known.all():
         return sightings, variables, shared, given
     return (

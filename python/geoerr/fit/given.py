@@ -19,7 +19,7 @@ from geoerr.fit.fit import LACKING, FitOptions, Given, Posed, shared_unknowns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import Frames
-from geoerr.fit.variables import times_s, variable_columns
+from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -44,8 +44,8 @@ def has_covariates(machine: Machine, sightings: Sightings, terms: Sequence[Term]
     GeoerrError
         for a covariate that is no column of the data.
     """
-    variables = variable_columns(sightings, compile_terms(machine, terms).variables)
-    return np.asarray(np.isfinite(variables).all(axis=0))
+    names = compile_terms(machine, terms).variables
+    return complete_rows_of(sightings, names, variable_columns(sightings, names), terms)
 
 
 def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term]) -> Sightings:

@@ -28,7 +28,7 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
-from geoerr.fit.variables import times_s, variable_columns
+from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
 from geoerr.model.compile import Compiled, compile_terms, core_part
 from geoerr.terms import CLOCK_NAME, Parameter, Part, Term, mentions
 
@@ -89,10 +89,11 @@ class _Candidate:
         sightings = fitted.sightings
         compiled = compile_terms(fitted.machine, (term,))
         variables = variable_columns(sightings, compiled.variables)
-        known = np.isfinite(variables).all(axis=0)
+        known = complete_rows_of(sightings, compiled.variables, variables, (term,))
         self.n_coefficients = len(term.coefficients)
         self.needs_order = compiled.needs_order
-        self.variables = np.ascontiguousarray(np.nan_to_num(variables))
+        # What runs along the rows passes over those that lack something.
+        self.variables = np.ascontiguousarray(variables if self.needs_order else np.nan_to_num(variables))
         self.starts = sightings.starts
         self.times = times_s(sightings) if compiled.needs_order else None
         self.shapes: list[tuple[_core.Expression, list[int]]] = []

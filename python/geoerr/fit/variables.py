@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from geoerr import _core
 from geoerr.errors import GeoerrError
@@ -12,9 +15,12 @@ from geoerr.fit.circle_motion import circle_motion
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
-from geoerr.terms import CLOCK_NAME, HISTORY_NAMES, PLACE_NAMES, SESSION_NAME
+from geoerr.terms import CLOCK_NAME, HISTORY_NAMES, PLACE_NAMES, SESSION_NAME, Part, Term
 
 _HISTORY = {f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES}
+_TRAVELS = {f"s_{axis}" for axis in AXES}
+
+Rows: TypeAlias = npt.NDArray[np.bool_]
 
 
 def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
@@ -50,6 +56,51 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
                 f"hint: columns that an effect may follow are {', '.join(sightings.free_columns) or 'none'}"
             )
     return columns
+
+
+def complete_rows_of(sightings: Sightings, names: Sequence[str], variables: Numbers, terms: Sequence[Term]) -> Rows:
+    """Tell which rows have all that the terms need, (n,).
+
+    Wind-up needs no travel where a session has not shown any yet: it begins settled, as in the core.
+
+    Parameters
+    ----------
+    names, variables
+        As in `variable_columns`, and (k, n) from it.
+    """
+    known = np.isfinite(variables)
+    for row, name in enumerate(names):
+        if (
+            name in _TRAVELS
+            and not known[row].all()
+            and all(_is_only_wound(part, name) for t in terms for part in t.parts)
+        ):
+            (direction,) = variable_columns(sightings, [f"d_{name[-1]}"])
+            known[row] |= _before_any_travel(sightings, variables[row], direction)
+    return np.asarray(known.all(axis=0))
+
+
+def _is_only_wound(part: Part, travel: str) -> bool:
+    """Tell whether a part's formula knows a travel through `windup` alone."""
+    if travel not in part.names:
+        return True
+    own = [name for name, text in part.definitions if text == travel]
+    texts = [part.expression or "", *(text for name, text in part.definitions if name not in own)]
+    return not any(
+        re.search(rf"(?<![A-Za-z0-9_.]){name}(?![A-Za-z0-9_])", text) for name in (travel, *own) for text in texts
+    )
+
+
+def _before_any_travel(sightings: Sightings, travel: Numbers, direction: Numbers) -> Rows:
+    """Tell where a session has shown neither travel nor a change of direction yet."""
+    found = np.zeros(len(travel), dtype=bool)
+    for rows in _sessions(sightings):
+        own = direction[rows]
+        known = own[np.isfinite(own)]
+        if known.size:
+            before = np.logical_and.accumulate(np.isnan(travel[rows]))
+            found[rows] = before & (own == known[0])
+    return found
 
 
 def times_s(sightings: Sightings) -> Numbers:
