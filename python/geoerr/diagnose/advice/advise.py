@@ -19,6 +19,9 @@ from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
+# A candidate that is worse by more than this in χ² is ruled out; so many at most are asked about.
+_DECIDED, _MOST = 20.0, 8
+
 if TYPE_CHECKING:
     from geoerr.diagnose.diagnosis import Diagnosis
     from geoerr.diagnose.search import Judged, Settled
@@ -34,15 +37,17 @@ def advise(diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: floa
     margin
         Expected Δχ² that counts as told apart.
     """
-    searched = diagnosis.searched
-    names = [str(one.reference) for one in diagnosis.tied]
-    if len(names) < 2:
+    found = diagnosis.searched.found
+    if len(diagnosis.tied) < 2:
         return None
-    first = searched.found[0]
-    after = searched.found[1].looked if len(searched.found) > 1 else searched.last
-    judged = [(first.judged, first.settled), *((one.judged, one.settled) for one in first.rivals)]
-    forms = [own for one in judged if (own := forms_of(*one)) and own[0].id in names]
-    return separation_for(after.space, forms, known=known, margin=margin)
+    first = found[0]
+    references = {str(one.reference) for one in diagnosis.tied}
+    # What is not tied now but not ruled out either would be, once the others are.
+    rivals = [one for one in first.rivals if first.settled.gain - one.settled.gain < _DECIDED]
+    judged = [(first.judged, first.settled), *((one.judged, one.settled) for one in rivals)]
+    forms = [own for one in judged if (own := forms_of(*one))]
+    forms.sort(key=lambda own: own[0].id not in references)
+    return separation_for(first.looked.space, forms[:_MOST], known=known, margin=margin)
 
 
 def separation_for(

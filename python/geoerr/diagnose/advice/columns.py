@@ -14,7 +14,7 @@ from geoerr.fit.start import KINDS
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
-from geoerr.terms import Term
+from geoerr.terms import CLOCK_NAME, Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +68,21 @@ class Terms:
         *,
         scale: Numbers | None = None,
         shared: Numbers | None = None,
+        clock_from_s: float = 0.0,
         threads: int = 1,
     ) -> Numbers:
         """Give the whitened columns (n, 3, n_columns + frames + shared).
 
         Where some term's covariate is unknown all terms have 0: they are compared on the rows that they share.
+
+        Parameters
+        ----------
+        clock_from_s
+            When these rows begin on the clock of all sessions.
         """
         variables = variable_columns(sightings, self.compiled.variables)
+        if CLOCK_NAME in self.compiled.variables:
+            variables[self.compiled.variables.index(CLOCK_NAME)] += clock_from_s
         known = np.isfinite(variables)
         n = len(sightings)
         problem = _core.FitProblem(

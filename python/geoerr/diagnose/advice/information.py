@@ -128,8 +128,8 @@ def measured(
 def expected(model: Terms, candidates: Terms, rows: Planned, noise: PlannedNoise) -> Information:
     """Sum over the rows of a plan; its frames and its targets' places eliminated."""
     m = model.n_columns
-    z = model.columns(rows.sightings, rows.poses)
-    w = candidates.columns(rows.sightings, rows.poses)[:, :, : candidates.n_columns]
+    z = model.columns(rows.sightings, rows.poses, clock_from_s=rows.clock_from_s)
+    w = candidates.columns(rows.sightings, rows.poses, clock_from_s=rows.clock_from_s)[:, :, : candidates.n_columns]
     own = rows.sightings.whitening @ rows.own
     joined = np.concatenate([z[:, :, :m], w, z[:, :, m:], own], axis=2)
     products = noise.product(joined, joined)

@@ -38,12 +38,15 @@ class Planned:
         into the measuring frame; mm/mm. A bar has one place and one turn.
     target : (n,)
         Which of the plan's targets each row shows.
+    clock_from_s
+        When they begin on the clock of all sessions.
     """
 
     sightings: Sightings
     poses: Poses
     own: Numbers
     target: np.ndarray
+    clock_from_s: float
 
 
 def planned(situation: Situation, plan: Measurement) -> Planned:
@@ -88,7 +91,7 @@ def planned(situation: Situation, plan: Measurement) -> Planned:
     )
     if situation.pixels:
         sightings = _with_pixels(situation, sightings, poses)
-    return Planned(sightings, poses, _own_unknowns(plan, sightings, poses, target), target)
+    return Planned(sightings, poses, _own_unknowns(plan, sightings, poses, target), target, situation.clock_s)
 
 
 def _poses(situation: Situation, plan: Measurement, n_sessions: int) -> Poses:

@@ -104,8 +104,16 @@ class Candidates:
                 numbers.append(number)
         return Truths(np.array(found).T, np.array(numbers))
 
-    def apart(self, information: Information, truths: Truths) -> Numbers:
-        """Give what every family, fitted instead, leaves of every truth, (n_families, n_truths); 0 of its own."""
+    def apart(self, information: Information, truths: Truths) -> tuple[Numbers, Numbers]:
+        """Give what every family, fitted instead, leaves of every truth, and all of it beyond the model.
+
+        Returns
+        -------
+        left : (n_families, n_truths)
+            0 of a truth's own family.
+        whole : (n_truths,)
+            χ² of the truth beyond the model: 1 − left/whole is the squared correlation of the two.
+        """
         beyond, raw, _ = _padded(information.beyond_model(), information.candidates, None)
         pull = beyond[:, :-1] @ truths.coefficients
         size = (truths.coefficients * pull[:-1]).sum(axis=0)
@@ -116,7 +124,7 @@ class Candidates:
             explained = (own * (inverse @ own)).sum(axis=1)
             left[number] = size - explained.max(axis=0)
         left[truths.family, np.arange(len(size))] = 0.0
-        return np.maximum(left, 0.0)
+        return np.maximum(left, 0.0), size
 
 
 def is_believable(data: Information, plan: Information, truths: Truths) -> np.ndarray:

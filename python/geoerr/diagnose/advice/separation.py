@@ -25,6 +25,8 @@ from geoerr.terms import Term
 # The search takes a difference of χ² of 20 as decided. It scatters by 2√λ about its expectation λ: with λ = 41 it
 # exceeds 20 in 19 of 20.
 MARGIN = 41.0
+# Candidates whose correlation is higher than this count as one, however much data there are.
+_ALIKE = 0.95
 # Of what some plan would separate the chosen one separates so much: nine cases of ten.
 _ENOUGH = 0.9
 _LITTLE_MORE = 1.3
@@ -84,11 +86,39 @@ class Advice(Separation):
 
 @dataclass(frozen=True, eq=False)
 class _Option:
-    """Plans, each with how often, and what they leave of every truth (n_families, n_truths)."""
+    """Plans, each with how often.
+
+    Attributes
+    ----------
+    left, is_unlike : (n_families, n_truths)
+        What every other candidate leaves of every truth; whether the two are unlike enough not to count as one.
+    """
 
     plans: tuple[tuple[int, int], ...]
     minutes: float
     left: Numbers
+    is_unlike: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Goal:
+    """What a plan should reach.
+
+    Attributes
+    ----------
+    margin
+        Of the expected Δχ².
+    reachable, may_be_unlike : (n_families, n_truths)
+        Cases in which some plan reaches the margin; in which some also makes the two unlike.
+    """
+
+    margin: float
+    reachable: np.ndarray
+    may_be_unlike: np.ndarray
+
+    def is_met(self, option: _Option) -> np.ndarray:
+        """Tell in which cases an option does what can be done, (n_families, n_truths)."""
+        return np.asarray((option.left >= self.margin) & (option.is_unlike | ~self.may_be_unlike) | ~self.reachable)
 
 
 class Adviser:
@@ -154,12 +184,11 @@ class Adviser:
 
         The middle over what the truth may be by the data.
         """
-        return self._middle(self._left(plans), np.ones(len(self._truths.family), dtype=bool))
+        return self._middle(self._left(plans)[0])
 
     def same_again(self) -> Numbers:
         """Give the same with as much of the same data again."""
-        left = self._candidates.apart(self._data.information.plus(self._data.information), self._truths)
-        return self._middle(left, np.ones(len(self._truths.family), dtype=bool))
+        return self._middle(self._left_by_same()[0])
 
     def separation(
         self,
@@ -172,7 +201,7 @@ class Adviser:
 
         Every candidate may be true, at every value that explains the data as well as its best. Of those cases that
         some plan separates, the chosen one separates nine of ten: the expected Δχ² against every other candidate
-        reaches the margin.
+        reaches the margin, and where some plan can do that the two are no longer alike (correlation below 0.95).
         """
         among = range(len(self.names)) if among is None else among
         options = [
@@ -182,32 +211,34 @@ class Adviser:
             if plan.minutes(times) <= most_minutes
         ]
         asked = self._asked(among)
-        reachable = asked & (np.max([one.left for one in options], axis=0) >= margin)
+        reachable = asked & np.any([one.left >= margin for one in options], axis=0)
         contained = self._contained(asked, reachable)
         if not reachable.any():
             return self._none(among, options, asked, contained)
-        found = [one for one in options if self._share(one, reachable, margin) >= _ENOUGH]
-        shortest = min((one.minutes for one in found), default=most_minutes)
-        found += self._paired(options, reachable, margin, shortest)
-        found = found or [max(options, key=lambda one: (self._share(one, reachable, margin), -one.minutes))]
-        found.sort(key=lambda one: one.minutes)
+        unlike = np.any([(one.left >= margin) & one.is_unlike for one in options], axis=0)
+        plain = _Goal(margin, reachable, np.zeros_like(reachable))
+        found = self._enough(options, _Goal(margin, reachable, unlike), most_minutes)
+        found = found or self._enough(options, plain, most_minutes)
+        found = found or [max(options, key=lambda one: (self._share(one, plain), -one.minutes))]
         # A little more time is worth being surer.
         near = [one for one in found if one.minutes <= _LITTLE_MORE * found[0].minutes]
         best = max(near, key=lambda one: self._nearest(one.left, reachable))
-        again = self._candidates.apart(self._data.information.plus(self._data.information), self._truths)
         return Advice(
             listed([self.plans[place].title for place, _ in best.plans], "and then"),
             self._sentences(best),
             best.minutes,
             self._nearest(best.left, reachable),
-            self._share(best, reachable, margin),
-            self._nearest(again, reachable),
+            self._share(best, plain),
+            self._nearest(self._left_by_same()[0], reachable),
             tuple((self.plans[place], times) for place, times in best.plans),
             contained,
             self._others(best, found, reachable),
         )
 
-    def _left(self, plans: Sequence[tuple[Measurement, int]]) -> Numbers:
+    def _left_by_same(self) -> tuple[Numbers, Numbers]:
+        return self._candidates.apart(self._data.information.plus(self._data.information), self._truths)
+
+    def _left(self, plans: Sequence[tuple[Measurement, int]]) -> tuple[Numbers, Numbers]:
         total = self._data.information
         for plan, times in plans:
             total = total.plus(self._information(plan), times)
@@ -236,20 +267,24 @@ class Adviser:
                 believable[np.flatnonzero(own)[0]] = True
         return np.asarray(asked & believable)
 
-    def _share(self, option: _Option, reachable: np.ndarray, margin: float) -> float:
+    def _share(self, option: _Option, goal: _Goal) -> float:
         """Give the share of truths that an option separates from all that can be: a mean of the candidates' means."""
-        whole = ((option.left >= margin) | ~reachable).all(axis=0)
-        counts = reachable.any(axis=0)
+        whole = np.asarray(goal.is_met(option).all(axis=0))
+        counts = goal.reachable.any(axis=0)
         family = self._truths.family
         means = [float(whole[own].mean()) for n in range(len(self.names)) if (own := counts & (family == n)).any()]
         return sum(means) / len(means)
 
-    def _paired(
-        self, options: Sequence[_Option], reachable: np.ndarray, margin: float, most_minutes: float
-    ) -> list[_Option]:
+    def _enough(self, options: Sequence[_Option], goal: _Goal, most_minutes: float) -> list[_Option]:
+        """Give the plans, alone or one after another, that separate enough, shortest first."""
+        found = [one for one in options if self._share(one, goal) >= _ENOUGH]
+        shortest = min((one.minutes for one in found), default=most_minutes)
+        return sorted(found + self._paired(options, goal, shortest), key=lambda one: one.minutes)
+
+    def _paired(self, options: Sequence[_Option], goal: _Goal, most_minutes: float) -> list[_Option]:
         """Try one plan after another, among those that separate most; of each pair the shortest that is enough."""
         best: dict[int, _Option] = {}
-        for one in sorted(options, key=lambda option: -self._share(option, reachable, margin)):
+        for one in sorted(options, key=lambda option: -self._share(option, goal)):
             best.setdefault(one.plans[0][0], one)
         most = {place: max(one.plans[0][1] for one in options if one.plans[0][0] == place) for place in best}
         found: list[_Option] = []
@@ -257,9 +292,9 @@ class Adviser:
             often = itertools.product(*[[n for n in _TIMES if n <= most[place]] for place in (first, second)])
             plans = sorted((((first, one), (second, other)) for one, other in often), key=self._minutes)
             plans = [both for both in plans if self._minutes(both) < most_minutes]
-            if not plans or self._share(self._option(plans[-1]), reachable, margin) < _ENOUGH:
+            if not plans or self._share(self._option(plans[-1]), goal) < _ENOUGH:
                 continue
-            enough = (one for both in plans if self._share(one := self._option(both), reachable, margin) >= _ENOUGH)
+            enough = (one for both in plans if self._share(one := self._option(both), goal) >= _ENOUGH)
             found.append(next(enough))
             most_minutes = min(most_minutes, found[-1].minutes)
         return found
@@ -268,16 +303,15 @@ class Adviser:
         return sum(self.plans[place].minutes(times) for place, times in plans)
 
     def _option(self, plans: tuple[tuple[int, int], ...]) -> _Option:
-        return _Option(
-            plans, self._minutes(plans), self._left([(self.plans[place], times) for place, times in plans])
-        )
+        left, whole = self._left([(self.plans[place], times) for place, times in plans])
+        return _Option(plans, self._minutes(plans), left, left >= (1.0 - _ALIKE**2) * whole)
 
-    def _middle(self, left: Numbers, counted: np.ndarray) -> Numbers:
+    def _middle(self, left: Numbers) -> Numbers:
         """Give the middle over each candidate's truths of what each other one leaves, (n, n)."""
         n = len(self.names)
         result = np.zeros((n, n))
         for truth in range(n):
-            own = counted & (self._truths.family == truth)
+            own = self._truths.family == truth
             result[truth] = np.median(left[:, own], axis=1) if own.any() else 0.0
         return result
 

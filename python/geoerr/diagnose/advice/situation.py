@@ -12,7 +12,7 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.noise import _NOT_CONDITIONS
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import KINDS
-from geoerr.fit.variables import times_s
+from geoerr.fit.variables import clock_s, times_s
 from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS
 
@@ -90,8 +90,8 @@ class Situation:
         Noise in units of the stated uncertainties: row to row; of a pass and drift in units of `sigma`.
     memory_s : (3,)
         Of the drift.
-    duration_s
-        That the data took.
+    clock_s
+        When the data end on the clock of all sessions.
     """
 
     machine: Machine
@@ -117,7 +117,7 @@ class Situation:
     offset: Numbers
     drift: Numbers
     memory_s: Numbers
-    duration_s: float
+    clock_s: float
 
     @property
     def middle_mm(self) -> Numbers:
@@ -174,7 +174,7 @@ def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float
         offset=noise.offset,
         drift=noise.drift,
         memory_s=np.maximum(noise.memory * max(span_s, 1.0), 1.0),
-        duration_s=sum(sessions_s) if has_times else dwell * float(begins.sum()),
+        clock_s=float(clock_s(sightings).max()),
     )
 
 
