@@ -230,9 +230,13 @@ class CandidateScene:
         formulas: list[tuple[Expression, list[float]]],
         given: npt.NDArray[np.float64],
         products: list[tuple[int, int]],
-        groups: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64], int]],
+        groups: list[
+            tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64], int]
+        ],
         threads: int,
-    ) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]]: ...
+    ) -> list[
+        tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
+    ]: ...
 
 class Expression:
     """A parsed formula; `columns` is (k, n): one row for each of `variables`, C-contiguous float64.

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 # Without the angles among the candidates the first step has another name.
-_NEEDS_ANGLES = pytest.mark.xfail(strict=True, reason="the angles of a model of twelve are no candidates yet")
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -26,7 +25,6 @@ def _run(name: str, *, with_real_data: bool = False) -> dict[str, Any]:
     return names
 
 
-@_NEEDS_ANGLES
 def test_the_error_falls_three_times_to_the_noise() -> None:
     names = _run("what_is_missing.md")
     held = [one[2] for one in names["fall"]]
@@ -43,7 +41,6 @@ def test_the_error_falls_three_times_to_the_noise() -> None:
     assert names["after"].verdict == "nothing-missing"
 
 
-@_NEEDS_ANGLES
 def test_numbers_done_again_are_those_that_were_said() -> None:
     names = _run("what_is_missing.md")
     assert names["again"].held_out.figures.headline_um == pytest.approx(names["finding"].held_out_rmse_after_um)
@@ -52,7 +49,6 @@ def test_numbers_done_again_are_those_that_were_said() -> None:
     assert names["value"][0] == pytest.approx(names["finding"].term.coefficients[0].value, rel=1e-3)
 
 
-@_NEEDS_ANGLES
 def test_all_three_are_named() -> None:
     names = _run("what_is_missing.md")
     assert {str(one.reference) for one in names["diagnosis"].found} == {

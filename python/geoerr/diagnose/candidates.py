@@ -24,13 +24,13 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.fit.variables import clock_span_s
 from geoerr.machine import AXES
-from geoerr.terms import JOINT_CHANNELS, EffectReference, Parameter, Term, names_in
+from geoerr.terms import CLOCK_NAME, JOINT_CHANNELS, EffectReference, Parameter, Term, mentions, names_in
 
 # Trial values of each inner parameter that is not affine, by how many of them a formula has.
 _TRIALS = {1: 8, 2: 5}
 _FEWEST_TRIALS = 4
-# Of the moment of a jump: nothing between two moments is like either.
-_MOMENTS = 48
+# Of the moment of a jump: so many for each session, and no more than that.
+_MOMENTS, _MOST_MOMENTS = 32, 128
 # Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.8 of its gain.
 _ALIKE = 0.6
 _DEEPEST = 9
@@ -207,6 +207,9 @@ class Formulas:
         self.parts: list[CompiledPart] = [functions.part(term, part) for part in term.parts]
         self.channels = tuple((part.channel, part.factor) for part in self.parts)
         self.columns = tuple((number, place) for number, part in enumerate(self.parts) for place in part.coefficients)
+        self.is_jump = term.variables == (CLOCK_NAME,) and all(
+            mentions(part.expression or "", "step") for part in term.parts
+        )
         self.key = tuple((part.expression, part.inner) for part in self.parts)
 
     @property
@@ -334,6 +337,8 @@ def _grid(
 ) -> list[float]:
     """Give trial values: seeds, and between neighbours that are too different others."""
     parameter = inner[place]
+    if n_free == 1 and formulas.is_jump:
+        return _moments(formulas, parameter)
     seeds = _spaced(parameter, _TRIALS.get(n_free, _FEWEST_TRIALS))
     if n_free > 1 or formulas.needs_order:
         return seeds
@@ -355,6 +360,24 @@ def _grid(
         found |= dict(zip(between, spaces(between), strict=True))
         gaps = [half for (a, b), c in zip(wide, between, strict=True) for half in ((a, c), (c, b))]
     return sorted(found)
+
+
+def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:
+    """Give moments of a jump, midway between rows that are evenly apart in number.
+
+    As columns jumps of a later session are alike; beside a frame of each session they are not.
+    """
+    functions = formulas.functions
+    low, high = _ends(parameter)
+    clock = np.unique(functions.variables[functions.names.index(CLOCK_NAME)])
+    clock = clock[(clock >= low) & (clock <= high)]
+    middle = 0.5 * (clock[1:] + clock[:-1])
+    if not len(middle):
+        return _spaced(parameter, 1)
+    most = min(_MOMENTS * max(len(functions.starts), 1), _MOST_MOMENTS, len(middle))
+    return [
+        float(middle[place]) for place in np.unique(np.linspace(0, len(middle) - 1, most).round().astype(np.int64))
+    ]
 
 
 def _spaces(values: Numbers, columns: Sequence[tuple[int, int]]) -> Numbers:

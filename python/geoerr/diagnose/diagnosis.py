@@ -36,8 +36,6 @@ _LISTED = 8
 _SPOKEN = 3
 # A correlation that is worth a word.
 _ALIAS = 0.5
-# Candidates, from the best, whose held-out error is computed by a refit.
-_REFITTED = 3
 # The catalogue has one half of the family-wise level, probes the other.
 _HALVES = 2.0
 _INVISIBLE = "not measurable with this plan: the model's own freedom does nearly all that it would do"
@@ -179,7 +177,10 @@ def diagnose(
         fitted = comparison.points
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     advance(1, _STEPS)
-    searched = search(fitted, known, threads=threads)
+    # A model that is held has its terms outside the fit.
+    is_held = comparison is not None and comparison.freedom == "held"
+    held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
+    searched = search(fitted, known, present=held, threads=threads)
     advance(2, _STEPS)
     found = diagnosis_of(fitted, searched, known, comparison)
     advance(_STEPS, _STEPS)
@@ -250,8 +251,7 @@ class _Summary:
         )
         tied = next((rival for rival in one.rivals if self._is_tied(first, rival)), None)
         against = None if tied is None else reference_of(tied.judged)
-        earlier = [other.settled.term for other in self.searched.found[:place]]
-        held_out = held_out_of(self.fitted, earlier, one.settled.term)
+        held_out = self._held_out(one.settled, [other.settled for other in self.searched.found[:place]])
         return self._finding(one.judged, one.settled, one.looked, aliases=aliases, against=against, held_out=held_out)
 
     def _rivals(self, first: Found) -> list[Finding]:
@@ -264,9 +264,9 @@ class _Summary:
                 tied=self._is_tied(name, rival),
                 aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
                 against=name,
-                held_out=held_out_of(self.fitted, [], rival.settled.term) if place < _REFITTED - 1 else None,
+                held_out=self._held_out(rival.settled, []),
             )
-            for place, rival in enumerate(first.rivals[:_LISTED])
+            for rival in first.rivals[:_LISTED]
         ]
 
     def _is_tied(self, first: EffectReference, rival: Rival) -> bool:
@@ -311,6 +311,12 @@ class _Summary:
             str(reference) in self.held,
         )
 
+    def _held_out(self, settled: Settled, earlier: Sequence[Settled]) -> HeldOut:
+        """Give the held-out error with the earlier ones in the model, and with this one too."""
+        columns = [one.raw for one in earlier]
+        after = self.searched.bench.held_out
+        return HeldOut(after.um(columns), after.um([*columns, settled.raw]))
+
     def _where(self, settled: Settled, looked: Round, variables: Sequence[str]) -> Where:
         moved_um = displacement_um(looked.space, settled.displacement)
         return where_of(self.fitted.sightings, moved_um, self.fitted.solved.used, variables)
@@ -352,12 +358,6 @@ def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:
     """Fit with more terms: everything free, inner parameters starting where the search found them."""
     added = [term for term in terms if term is not None]
     return refit(fitted, [*fitted.terms, *added]) if added else fitted
-
-
-def held_out_of(fitted: Fitted, earlier: Sequence[Term | None], term: Term | None) -> HeldOut:
-    """Give the held-out error with the earlier terms, and with one more."""
-    before = with_terms(fitted, earlier)
-    return _on_common_rows(before, with_terms(before, [term]))
 
 
 def _on_common_rows(before: Fitted, after: Fitted) -> HeldOut:

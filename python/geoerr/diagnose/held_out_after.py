@@ -43,8 +43,11 @@ class HeldOutAfter:
         if before.figures is None:
             return None
         fitted, sightings = self.fitted, self.fitted.sightings
-        joined = np.concatenate([self.base, *added], axis=2) if added else self.base
-        basis = orthonormal(joined.reshape(-1, joined.shape[2]))
+        basis = self.base.reshape(-1, self.base.shape[2])
+        if added:
+            more = np.concatenate(added, axis=2).reshape(len(basis), -1)
+            more = more - basis @ (basis.T @ more)
+            basis = np.concatenate([basis, orthonormal(more - basis @ (basis.T @ more))], axis=1)
         flat = (fitted.solved.whitened * self.rows).reshape(-1)
         flat = flat - basis @ (basis.T @ flat)
         fold = folds_of(sightings)
