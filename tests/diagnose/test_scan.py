@@ -1,4 +1,4 @@
-"""Gains, scores and the null of the search against least squares written out, and against chance."""
+"""Gains and the null of the search against least squares written out, and against chance."""
 
 from __future__ import annotations
 
@@ -7,79 +7,141 @@ from functools import cache
 import numpy as np
 import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
+from numpy_scan import judge
 from scipy import stats
 
 from geoerr.diagnose.candidates import Candidate, candidates_of
-from geoerr.diagnose.null import Null, surprise, turns
-from geoerr.diagnose.scan import OWNED, Scanner, raw_columns
+from geoerr.diagnose.functions import Functions
+from geoerr.diagnose.null import Null, largest_surprise, surprise
+from geoerr.diagnose.probes import Probe, probes_of
+from geoerr.diagnose.scan import Scanner, all_channels, estimate, off_model
 from geoerr.diagnose.space import Channels, Space, space_of
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import FitOptions, fit_terms
 
 NAMES = ("backlash", "thermal-expansion", "lag", "step", "camera-drift", "thermal-bending", "screw-heating", "scale")
+N_DRAWS = 7
 
 
 @cache
-def _searched() -> tuple[Space, Channels, list[Candidate]]:
+def _scene() -> tuple[Space, Channels, list[Candidate], list[Probe], Functions]:
     rng = np.random.default_rng(1)
     plan = Plan(n_sessions=2, n_lines=16, n_points=12)
     observations = measure(rng, motion(rng, plan), Noise(offset=3.0, drift=3.0), plan=plan)
     fitted = fit_terms(machine(), [observations], options=FitOptions(threads=1))
     space = space_of(fitted)
     known = Catalogue({name: catalogue()[name] for name in NAMES})
-    return space, Channels(fitted, space.rows), candidates_of(fitted, known)[0]
+    candidates, _, functions = candidates_of(fitted, known)
+    return space, Channels(fitted, space.rows), candidates, probes_of(fitted, functions), functions
+
+
+def _scanner(*, threads: int = 1) -> Scanner:
+    space, channels, candidates, probes, functions = _scene()
+    names = all_channels([shapes for one in [*candidates, *probes] for shapes in one.shapes])
+    return Scanner(space, channels, functions, names=names, n_draws=N_DRAWS, threads=threads)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_gain_estimate_and_scores_are_those_of_least_squares(name: str) -> None:
-    space, channels, candidates = _searched()
-    scanner = Scanner(space, channels)
-    basis = space.basis.reshape(-1, space.basis.shape[2])
-    residual, unseen = space.residual.reshape(-1), space.unseen.reshape(-1)
-    owner = np.repeat(space.pass_number, 3)
+def test_gains_ranks_shares_and_draws_are_those_of_least_squares(name: str) -> None:
+    space, channels, candidates, _, functions = _scene()
+    scanner, draws = _scanner(), space.draws(N_DRAWS).astype(np.float64)
     candidate = next(one for one in candidates if one.effect.id == name)
-    for shapes in candidate.shapes:
-        scanned = scanner.scan(shapes)
-        trial = len(shapes.trials) // 2
-        columns = space.noise.whiten(raw_columns(channels, shapes, shapes.values[trial])).reshape(len(basis), -1)
-        beyond = columns - basis @ (basis.T @ columns)
-        u, s, _ = np.linalg.svd(columns, full_matrices=False)
-        u = u[:, s > 1e-6 * s[0]]
-        own, share, _ = np.linalg.svd(u - basis @ (basis.T @ u), full_matrices=False)
-        own = own[:, share**2 > OWNED]
-        assert scanned.rank[trial] == own.shape[1]
-        assert scanned.gain[trial] == pytest.approx(float(((own.T @ residual) ** 2).sum()), rel=1e-6, abs=1e-9)
-        root = scanned.root[trial]
-        assert beyond @ scanned.estimate[trial] == pytest.approx(own @ (own.T @ residual), abs=1e-6)
-        scores = np.stack([(beyond * unseen[:, None])[owner == p].sum(axis=0) for p in range(space.n_passes)], axis=1)
-        assert scanned.by_pass[trial] == pytest.approx(root.T @ scores, rel=1e-6, abs=1e-6)
+    for shapes, quick in zip(candidate.shapes, scanner.scan(candidate.shapes), strict=True):
+        exact = scanner.exact(shapes)
+        largest = np.full(quick.largest.shape, -1.0)
+        for trial in range(len(shapes.trials)):
+            expected = judge(space, channels, shapes, functions.values(shapes.codes[trial]), draws)
+            assert exact.rank[trial] == quick.rank[trial] == expected.rank
+            assert exact.gain[trial] == pytest.approx(expected.gain, rel=1e-7, abs=1e-9)
+            # Single precision: sums of a thousand products, and shares down to 0.002 of them.
+            assert quick.gain[trial] == pytest.approx(expected.gain, rel=2e-3, abs=2e-3)
+            if expected.rank:
+                assert exact.share[trial] == pytest.approx(expected.share, rel=1e-6)
+                largest[expected.rank] = np.maximum(largest[expected.rank], expected.of_draws)
+        assert quick.largest[1:] == pytest.approx(largest[1:], rel=2e-3, abs=2e-3)
+
+
+def test_probes_are_judged_alike() -> None:
+    space, channels, _, probes, functions = _scene()
+    scanner, draws = _scanner(), space.draws(N_DRAWS).astype(np.float64)
+    for probe in probes[:: max(len(probes) // 12, 1)]:
+        shapes = probe.shapes[-1]
+        expected = judge(space, channels, shapes, functions.values(shapes.codes[0]), draws)
+        exact = scanner.exact(shapes)
+        assert exact.rank[0] == expected.rank
+        assert exact.gain[0] == pytest.approx(expected.gain, rel=1e-7, abs=1e-9)
+
+
+def test_estimate_is_that_of_least_squares() -> None:
+    space, _, candidates, _, _ = _scene()
+    scanner = _scanner()
+    shapes = next(one for one in candidates if one.effect.id == "thermal-expansion").shapes[0]
+    raw = scanner.raw_columns(shapes, 0)
+    coefficients, root, gain = estimate(space, raw)
+    beyond = off_model(space, raw).reshape(-1, raw.shape[2])
+    expected = np.linalg.lstsq(beyond, space.residual.reshape(-1), rcond=None)[0]
+    assert coefficients == pytest.approx(expected, rel=1e-6)
+    assert root @ root.T == pytest.approx(np.linalg.inv(beyond.T @ beyond), rel=1e-6)
+    assert float(gain) == pytest.approx(scanner.exact(shapes).gain[0], rel=1e-7)
+
+
+def test_same_bytes_for_any_number_of_threads() -> None:
+    _, _, candidates, probes, _ = _scene()
+    shapes = [shapes for one in [*candidates, *probes] for shapes in one.shapes]
+    for one, other in zip(_scanner(threads=1).scan(shapes), _scanner(threads=3).scan(shapes), strict=True):
+        assert one.gain.tobytes() == other.gain.tobytes()
+        assert one.largest.tobytes() == other.largest.tobytes()
 
 
 def test_what_the_rigid_machine_owns_is_not_measurable() -> None:
-    space, channels, candidates = _searched()
-    scanner = Scanner(space, channels)
+    _, _, candidates, _, _ = _scene()
+    scanner = _scanner()
     scale = next(one for one in candidates if one.effect.id == "scale")
-    assert all((scanner.scan(shapes).rank == 0).all() for shapes in scale.shapes)
+    assert all((scanner.exact(shapes).rank == 0).all() for shapes in scale.shapes)
 
 
 def test_affine_parameters_need_no_trials() -> None:
-    _, _, candidates = _searched()
+    _, _, candidates, _, _ = _scene()
     growth = next(one for one in candidates if one.effect.id == "thermal-expansion")
     at_once = growth.shapes[0]
     assert len(at_once.trials) == 1
     assert at_once.n_coefficients == 2
 
 
+def test_draws_are_white_off_the_model_and_always_the_same() -> None:
+    space = _scene()[0]
+    draws = space.draws(40)
+    basis = space.basis.reshape(-1, space.basis.shape[2])
+    flat = draws.reshape(40, -1)
+    # Single precision, over the root of the number of rows that each product sums.
+    assert float(np.abs(flat @ basis).max()) < 1e-4
+    free = space.n_numbers - basis.shape[1]
+    # Sums of squares of `free` numbers with the tails of the residual: kurtosis below 10, 40 draws.
+    assert float((flat**2).sum() / 40) == pytest.approx(free, rel=4.0 * np.sqrt(10.0 / (40 * free)))
+    assert (draws == space.draws(40)).all()
+
+
+def test_surprise_is_the_tail_of_chi_squared_even_where_it_has_no_number() -> None:
+    for rank in (1, 2, 5):
+        gains = np.array([0.5, 10.0, 300.0, 1190.0])
+        assert surprise(gains, rank, 4) == pytest.approx(-stats.chi2.logsf(gains, rank) - np.log(4.0), rel=1e-9)
+        at_the_seam = surprise(np.array([1199.9, 1200.1]), rank, 1)
+        assert np.diff(at_the_seam)[0] == pytest.approx(0.1, abs=0.01)
+    assert np.isfinite(surprise(np.array([1e6]), 3, 1)).all()
+
+
+def test_largest_surprise_is_over_ranks() -> None:
+    largest = np.array([[-1.0, -1.0], [4.0, 9.0], [-1.0, -1.0], [12.0, 3.0]])
+    expected = np.maximum(surprise(largest[1], 1, 5), surprise(largest[3], 3, 5))
+    assert largest_surprise(largest, 5) == pytest.approx(expected)
+
+
 def test_tail_of_the_null_is_that_of_the_largest_of_many() -> None:
     rng = np.random.default_rng(2)
     largest = surprise(stats.chi2.rvs(3, size=(50, 199), random_state=rng), 3, 1).max(axis=0)
     null = Null(largest)
-    # Beyond the turns: 50 chances of e^-s, exactly.
+    # Beyond the draws: 50 chances of e^-s, exactly.
     for s in (12.0, 20.0):
         assert np.log(null.p_value(s)) == pytest.approx(np.log(50.0) - s, abs=1.5)
     assert null.p_value(float(np.median(largest))) == pytest.approx(0.5, abs=0.01)
-
-
-def test_turns_are_always_the_same() -> None:
-    assert (turns(7) == turns(7)).all()
