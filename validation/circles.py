@@ -34,8 +34,8 @@ from geoerr.model import Model
 HERE = Path(__file__).parent
 MODEL = Model(Machine.from_chain("wZbXYt", (420.0, 520.0, 300.0)))
 # Peak to peak of what is hidden, µm.
-STRENGTHS = (0.5, 1.0, 2.0, 5.0)
-NULL_SETS, CAUSE_SETS, MACHINES = 20, 5, 60
+STRENGTHS = (0.5, 1.0, 4.0)
+NULL_SETS, CAUSE_SETS, MACHINES = 5, 1, 24
 PLANS = ("both senses, two feeds", "both senses, one feed", "both senses, three times", "one sense", "three planes")
 NOISES_OF_CAUSES = ("white", "all of it")
 

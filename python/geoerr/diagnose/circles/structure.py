@@ -11,12 +11,13 @@ from geoerr.diagnose.circles.bench import Judged, Null
 from geoerr.diagnose.circles.found import Found
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.probes import Probe
-from geoerr.diagnose.circles.state import ALPHA, FEW_TRIALS, State
+from geoerr.diagnose.circles.state import ALPHA, State
 from geoerr.diagnose.circles.values import sizes_of
 from geoerr.fit.sightings import Numbers
 
-# As in the search over points: a probe has to be this much better, and the name to leave so much of what it does.
-_IMPOSTOR, _MOST_OF_IT = 3.0, 0.75
+# As in the search over points: a probe has to be this much better, and the name to leave so much of what it does;
+# several names, which could be parts of anything, to leave hardly anything.
+_IMPOSTOR, _MOST_OF_IT, _NEARLY_ALL = 3.0, 0.75, 0.9
 # A name lies within a kind of structure that holds so much of it.
 _WITHIN = 0.7
 _MOST_PROBES = 4
@@ -24,7 +25,7 @@ _MOST_PROBES = 4
 DECAYS = ("reversal-spike", "reversal-windup", "stick-slip")
 _CORRECTION = 0.35
 # What a cause's formula may be off by, as a share of its trace: friction and play are rounder than formulas.
-_DOUBT = {**dict.fromkeys(DECAYS, 0.15), "vibration": 0.1, "periodic": 0.05, "screw-wobble": 0.05, "spiral": 0.1}
+_DOUBT = {**dict.fromkeys(DECAYS, 0.15), "vibration": 0.1, "periodic": 0.05, "screw-wobble": 0.05}
 _USUAL_DOUBT = 0.03
 # A name stands out of a probe's many functions where its share would come by chance once in a hundred looks.
 _STANDS_OUT = 0.01
@@ -41,22 +42,24 @@ class Structure:
     def probed(self, found: list[Found]) -> tuple[list[Found], list[Found], tuple[Probe, float, Numbers] | None]:
         """Look for structure without a name, and take back names that are none."""
         found, withdrawn = self._without_corrections(found)
-        basis, left = self.state.context(found)
-        probe = self._passing(basis, left)
+        probe = self._probe(found)
         while probe is not None:
             doubtful = self._doubtful(found, probe)
             if not doubtful:
+                doubtful = self._shaken(found, probe)
+            if not doubtful:
                 break
             withdrawn += doubtful
-            taken = {id(one) for one in doubtful}
-            found = [one for one in found if id(one) not in taken]
-            basis, left = self.state.context(found)
-            probe = self._passing(basis, left)
+            found = [one for one in found if all(one is not other for other in doubtful)]
+            probe = self._probe(found)
         if probe is None:
             return found, withdrawn, None
-        described, self.columns = self._described(probe, found, basis, left)
-        found, shaken = self._without_shaken(found)
-        return found, [*withdrawn, *shaken], described
+        described, self.columns = self._described(probe, found)
+        return found, withdrawn, described
+
+    def _probe(self, found: Sequence[Found]) -> Judged | None:
+        """Give the best probe of what causes leave; None where chance explains that."""
+        return self._passing(*self.state.context(found))
 
     def _without_corrections(self, found: list[Found]) -> tuple[list[Found], list[Found]]:
         """Take back what only mends the shape of larger causes.
@@ -98,12 +101,15 @@ class Structure:
         whole = max(judged, key=lambda one: one.evidence, default=None)
         if whole is None:
             return []
+        _, rest = self.state.context(found)
+        together = float(left @ left - rest @ rest)
+        if together >= (_MOST_OF_IT if len(inside) == 1 else _NEARLY_ALL) * whole.gain:
+            return []
         doubtful = []
         for one in inside:
             evidence, gain = self.state.evidence(one, others)
-            is_most = len(inside) == 1 and gain >= _MOST_OF_IT * whole.gain
             is_better = whole.evidence > evidence + _IMPOSTOR
-            if is_better and not is_most and not self._stands_out(gain, one.columns.shape[1], whole):
+            if is_better and not self._stands_out(gain, one.columns.shape[1], whole):
                 doubtful.append(one)
         return doubtful
 
@@ -119,10 +125,9 @@ class Structure:
         own = orthonormal(white - self.state.base_q @ (self.state.base_q.T @ white))
         return bool(own.shape[1]) and float(((within.T @ own) ** 2).sum()) > _WITHIN * own.shape[1]
 
-    def _described(
-        self, probe: Judged, found: Sequence[Found], basis: Numbers, left: Numbers
-    ) -> tuple[tuple[Probe, float, Numbers], Numbers]:
+    def _described(self, probe: Judged, found: Sequence[Found]) -> tuple[tuple[Probe, float, Numbers], Numbers]:
         """Say on what the structure depends: what one probe leaves, another may explain."""
+        basis, left = self.state.context(found)
         p_value = min(2.0 * self.chance.p_value(probe.surprise), 1.0)
         names = set(self.state.probes[probe.what].depends_on)
         component = self.state.probes[probe.what].component
@@ -141,25 +146,28 @@ class Structure:
         trace = self._trace(joined, found, basis, left)
         return (Probe(tuple(sorted(names)), component, ()), p_value, trace), joined
 
-    def _without_shaken(self, found: list[Found]) -> tuple[list[Found], list[Found]]:
-        """Take back waves that are nothing once the structure is in the model, and no longer in the noise."""
-        if not any(one.n_trials > FEW_TRIALS for one in found):
-            return found, []
+    def _shaken(self, found: Sequence[Found], probe: Judged) -> list[Found]:
+        """Give the names that are nothing once the structure is in the model, and no longer in the noise.
+
+        Those that lie within its kind are left: with all of it in the model they would be nothing by construction.
+        """
+        kind = self._kind_of(probe)
+        outside = [one for one in found if not self._is_within(self.state.white(one), kind)]
+        if not outside:
+            return []
         before = self.state.noise
-        self.state.use(self.state.noise_beside(found, self.columns))
+        _, structure = self._described(probe, found)
+        self.state.use(self.state.noise_beside(found, structure))
+        white = self.state.noise.whiten(structure)
         shaken = []
-        for one in found:
-            if one.n_trials <= FEW_TRIALS:
-                continue
+        for one in outside:
             others = [self.state.white(other) for other in found if other is not one]
-            basis = orthonormal(
-                np.concatenate([self.state.base, self.state.noise.whiten(self.columns), *others], axis=1)
-            )
+            basis = orthonormal(np.concatenate([self.state.base, white, *others], axis=1))
             left = self.state.signal - basis @ (basis.T @ self.state.signal)
             if 0.5 * self.state.gain(self.state.white(one), basis, left) <= self.state.penalty(one):
                 shaken.append(one)
         self.state.use(before)
-        return [one for one in found if all(one is not other for other in shaken)], shaken
+        return shaken
 
     def _probe_columns(self, judged: Judged) -> Numbers:
         first = judged.group.k * judged.trial

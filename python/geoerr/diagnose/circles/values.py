@@ -16,8 +16,6 @@ from geoerr.fit.sightings import Numbers
 TIED_CORRELATION, _LEAST_CORRELATION = 0.95, 0.5
 _LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
 CAUTION_OF_VALUES = 1.0
-# Besides what the catalogue says: with a long decay these are backlash.
-_MORE_CASES = {"stick-slip": ("backlash",), "reversal-spike": ("backlash",)}
 
 
 def joint(state: State, found: Sequence[Found]) -> tuple[Numbers, Numbers]:
@@ -133,5 +131,4 @@ def sizes_of(state: State, found: Sequence[Found]) -> list[float]:
 
 def _holds(wider: Suspect, special: Suspect) -> bool:
     """Tell whether one is a special case of the other: what needs more to explain the same is no rival."""
-    contains = (*wider.effect.contains, *_MORE_CASES.get(wider.reference.effect, ()))
-    return special.reference.effect in contains and special.reference.axis == wider.reference.axis
+    return special.reference.effect in wider.effect.contains and special.reference.axis == wider.reference.axis
