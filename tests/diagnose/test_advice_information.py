@@ -46,16 +46,15 @@ def _seen(vectors: np.ndarray, turned: np.ndarray) -> np.ndarray:
     return (np.einsum("nij,nj->ni", turned, vectors) / (1e-3 * SIGMA_UM)).reshape(-1)
 
 
-def _by_hand(q: np.ndarray, d: np.ndarray, speed: np.ndarray, turned: np.ndarray, session: np.ndarray) -> tuple:
-    """Columns of the model's two coefficients, of each session's frame, and of both candidates."""
+def _by_hand(q: np.ndarray, turned: np.ndarray, session: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of the model's two coefficients, and of each session's frame."""
     model = [_seen(q[:, :1] * X, turned), _seen(-q[:, 1:2] * X, turned)]
     frames = []
     for one in np.unique(session):
         own = (session == one)[:, None].astype(float)
         for axis in np.eye(3):
             frames += [_seen(own * axis, turned), _seen(own * np.cross(axis, q - 200.0), turned)]
-    candidates = [_seen(-0.5 * d[:, :1] * X, turned), _seen(-speed[:, None] * X, turned)]
-    return np.array(model).T, np.array(frames).T, np.array(candidates).T
+    return np.array(model).T, np.array(frames).T
 
 
 def _plan_covariance(situation: Situation, plan: Measurement) -> np.ndarray:
@@ -79,41 +78,72 @@ def _plan_covariance(situation: Situation, plan: Measurement) -> np.ndarray:
     return whole.reshape(3 * n, 3 * n)
 
 
-def test_expected_difference_is_that_of_dense_least_squares(fitted: Fitted, adviser: Adviser) -> None:
-    sightings, state = fitted.sightings, fitted.solved.state
-    rows = len(sightings)
-    # The space's own noise, as a matrix.
-    space = adviser.space
-    half = space.noise.whiten(np.eye(3 * rows).reshape(rows, 3, 3 * rows)).reshape(3 * rows, 3 * rows)
-    log = lines_at_one_feed(np.random.default_rng(3), n_lines=4, n_points=8)
-    # Where the speed is unknown (a session's first row) neither candidate counts.
-    known = np.ones(rows)
-    known[sightings.starts] = 0.0
-    turned = state.rotations[sightings.session]
-    model, frames, candidates = _by_hand(log.q, log.d, log.speed[:, 0], turned, sightings.session)
-    candidates = candidates * np.repeat(known, 3)[:, None]
-    plan = next(one for one in adviser.plans if one.name == "at-rest")
-    situation = replace(adviser.situation)
-    there = np.tile(situation.rotation, (len(plan.pictures), 1, 1))
-    d = plan.pictures.direction.astype(float)
-    own = _by_hand(plan.pictures.q_mm, d, np.zeros(len(d)), there, plan.pictures.session)
-    half_plan = np.linalg.inv(np.linalg.cholesky(_plan_covariance(situation, plan)))
-    data = [half @ one for one in (model, frames, candidates)]
-    more = [half_plan @ one for one in own]
-    nothing = np.zeros((len(half), more[1].shape[1])), np.zeros((len(half_plan), data[1].shape[1]))
-    base = np.block([[data[0], data[1], nothing[0]], [more[0], nothing[1], more[1]]])
-    # What each candidate is by the data.
-    left = half @ (fitted.solved.whitened * space.rows).reshape(-1)
-    own_base = np.hstack(data[:2])
-    for truth, other in ((0, 1), (1, 0)):
-        joined = np.column_stack([own_base, data[2][:, truth]])
-        strength = np.linalg.lstsq(joined, left, rcond=None)[0][-1]
-        moved = strength * np.concatenate([data[2][:, truth], more[2][:, truth]])
-        rival = np.column_stack([base, np.concatenate([data[2][:, other], more[2][:, other]])])
+class Dense:
+    """The data and a plan, whitened by dense matrices; columns of candidates by hand."""
+
+    def __init__(self, fitted: Fitted, adviser: Adviser, plan: Measurement) -> None:
+        sightings, space, situation = fitted.sightings, adviser.space, adviser.situation
+        rows = len(sightings)
+        # The space's own noise, as a matrix.
+        unit = np.eye(3 * rows).reshape(rows, 3, 3 * rows)
+        self.half = space.noise.whiten(unit).reshape(3 * rows, 3 * rows)
+        self.half_plan = np.linalg.inv(np.linalg.cholesky(_plan_covariance(situation, plan)))
+        self.log = lines_at_one_feed(np.random.default_rng(3), n_lines=4, n_points=8)
+        # Where the speed is unknown (a session's first row) no candidate counts.
+        self.known = np.ones(rows)
+        self.known[sightings.starts] = 0.0
+        self.turned = fitted.solved.state.rotations[sightings.session]
+        self.there = np.tile(situation.rotation, (len(plan.pictures), 1, 1))
+        self.direction = plan.pictures.direction[:, 0].astype(float)
+        model, frames = _by_hand(self.log.q, self.turned, sightings.session)
+        own, own_frames = _by_hand(plan.pictures.q_mm, self.there, plan.pictures.session)
+        model, frames = self.half @ model, self.half @ frames
+        own, own_frames = self.half_plan @ own, self.half_plan @ own_frames
+        nothing = np.zeros((len(frames), own_frames.shape[1])), np.zeros((len(own), frames.shape[1]))
+        self.base_of_data = np.hstack([model, frames])
+        self.base = np.block([[model, frames, nothing[0]], [own, nothing[1], own_frames]])
+        self.left = self.half @ (fitted.solved.whitened * space.rows).reshape(-1)
+
+    def columns(self, data: np.ndarray, plan: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What a displacement along x (n,) is in whitened numbers of the data, and of both."""
+        own = self.half @ (_seen(data[:, None] * X, self.turned) * np.repeat(self.known, 3))
+        return own, np.concatenate([own, self.half_plan @ _seen(plan[:, None] * X, self.there)])
+
+    def apart(self, truth: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
+        """What the other, fitted with the model, leaves of the truth at its size by the data."""
+        joined = np.column_stack([self.base_of_data, truth[0]])
+        moved = np.linalg.lstsq(joined, self.left, rcond=None)[0][-1] * truth[1]
+        rival = np.column_stack([self.base, other[1]])
         rest = moved - rival @ np.linalg.lstsq(rival, moved, rcond=None)[0]
-        expected = float(rest @ rest)
-        # Winsorised residuals are the only difference.
-        assert adviser.expected([(plan, 1)])[truth, other] == pytest.approx(expected, rel=0.03)
+        return float(rest @ rest)
+
+
+def test_expected_difference_is_that_of_dense_least_squares(fitted: Fitted, adviser: Adviser) -> None:
+    plan = next(one for one in adviser.plans if one.name == "at-rest")
+    dense = Dense(fitted, adviser, plan)
+    speed, still = dense.log.speed[:, 0], np.zeros(len(dense.direction))
+    backlash = dense.columns(-0.5 * dense.log.d[:, 0], -0.5 * dense.direction)
+    lag = dense.columns(-speed, still)
+    expected = adviser.expected([(plan, 1)])
+    # Winsorised residuals are the only difference.
+    assert expected[0, 1] == pytest.approx(dense.apart(backlash, lag), rel=0.01)
+    assert expected[1, 0] == pytest.approx(dense.apart(lag, backlash), rel=0.01)
+
+
+def test_inner_parameters_are_free_to_imitate(fitted: Fitted) -> None:
+    """The least over all speeds at which stick-slip could end, near enough though only some are tried."""
+    own = adviser_of(fitted, [term("backlash:x"), term("stick-slip:x")])
+    plan = next(one for one in own.plans if one.name == "at-rest")
+    dense = Dense(fitted, own, plan)
+    backlash = dense.columns(-0.5 * dense.log.d[:, 0], -0.5 * dense.direction)
+    speed = np.abs(dense.log.speed[:, 0])
+    imitations = [
+        dense.apart(backlash, dense.columns(-0.5 * dense.log.d[:, 0] * np.exp(-speed / ends), -0.5 * dense.direction))
+        for ends in np.geomspace(0.1, 200.0, 60)
+    ]
+    least = own.expected([(plan, 1)])[0, 1]
+    assert max(imitations) > 20.0 * min(imitations)
+    assert min(imitations) * 0.99 <= least <= 1.1 * min(imitations)
 
 
 def test_noise_of_a_plan_is_the_inverse_of_its_covariance(adviser: Adviser) -> None:
