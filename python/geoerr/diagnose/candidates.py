@@ -24,7 +24,17 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.fit.variables import clock_span_s
 from geoerr.machine import AXES
-from geoerr.terms import CLOCK_NAME, JOINT_CHANNELS, EffectReference, Parameter, Term, mentions, names_in
+from geoerr.terms import (
+    CLOCK_NAME,
+    JOINT_CHANNELS,
+    PLACE_NAMES,
+    RIG_CHANNELS,
+    EffectReference,
+    Parameter,
+    Term,
+    mentions,
+    names_in,
+)
 
 # Trial values of each inner parameter that is not affine, by how many of them a formula has.
 _TRIALS = {1: 8, 2: 5}
@@ -40,6 +50,10 @@ _ROWS_TO_COMPARE = 300
 _AFFINE = 1e-9
 # Columns whose part off the others is below this share of them are inside already.
 _INSIDE = 1e-9
+
+
+# Channels of the rig that do nothing but with the place of a point: at one place they are translations.
+_OF_PLACE = tuple(channel for channel in RIG_CHANNELS if not channel.startswith(("rig-t", "motion-")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +167,10 @@ def _stands_still(fitted: Fitted, term: Term) -> bool:
     still = {
         axis for index, axis in enumerate(AXES) if np.ptp(sightings.commanded_mm[used, index]) < SAME_POSITION_MM
     }
-    if still & {name for part in term.parts for name in part.names}:
+    names = {name for part in term.parts for name in part.names}
+    if still & names:
+        return True
+    if len(still) == len(AXES) and (names & set(PLACE_NAMES) or set(term.channels) & set(_OF_PLACE)):
         return True
     turns = all(channel in JOINT_CHANNELS and channel[1] in "ABC" for channel in term.channels)
     return turns and len(still) == len(AXES) and bool((np.ptp(sightings.offset_mm[used], axis=0) == 0.0).all())

@@ -32,7 +32,7 @@ _IMPOSTOR = 3.0
 _MOST_OF_IT = 0.75
 # Functions of time, which a drift can swallow, are judged with the drift estimated anew: so many of the best, and
 # such as would be a surprise if nothing drifted.
-_MOST_LIKE_DRIFT, _LEAST_SURPRISE = 3, 8.0
+_MOST_LIKE_DRIFT, _LEAST_SURPRISE = 4, 8.0
 # How many names at most are tried in place of a probe that beats each of them alone.
 _MOST_INSTEAD = 2
 # A name that does less than this share of what it does on components without an unknown is part of that.
@@ -43,8 +43,14 @@ _TOO_ALIKE = 0.99
 # Logarithm of the evidence that a function of time needs beside a drift that is estimated anew: of drifts alone the
 # largest was 10.
 _LEAST_BESIDE_DRIFT = 12.5
+# That was of so many functions of time; with more of them chance has more to choose from.
+_FEW_LIKE_DRIFT = 10.0
+# A drift that moves the mean of a block by less than this share of its scatter (variances) hides nothing.
+_STRONG_DRIFT = 1.0
 # Evidence, and share of the gain, of a curve in a candidate's own covariate: the formula is another one.
 _BENT, _BENT_SHARE = 6.0, 0.02
+# Less sure than this, a name has to help where the fit did not see the data.
+_SURE = 1e-3
 # Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
 _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 TIED_CORRELATION = 0.95
@@ -229,11 +235,14 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
 def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
     """Judge functions of time by the likelihood with the drift estimated anew under each of them.
 
-    A drift that was estimated without a jump has learnt the jump, and leaves nothing of it.
+    A drift that was estimated without a jump has learnt the jump, and leaves nothing of it. So has one that is strong
+    what follows a temperature.
     """
-    like = [one for one in looked.candidates if _is_of_time(one.what)]
-    if not like or not (looked.space.noise.drift > 0.0).any():
+    is_strong = _drift_to_scatter(bench, looked.space.noise) > _STRONG_DRIFT
+    like = [one for one in looked.candidates if _is_of_time(one.what) or (is_strong and _is_slow(one.what))]
+    if not like:
         return looked
+    least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     basis = bench.basis(added)
     calm = whitened_space(bench.fitted, without_drift(looked.space.noise, bench.weights), bench.rows, basis)
     scanner = bench.scanner(calm, n_draws=0)
@@ -253,7 +262,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(_evidence(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
-        if evidence > max(judged[id(one.what)].evidence, _LEAST_BESIDE_DRIFT):
+        if evidence > max(judged[id(one.what)].evidence, least):
             judged[id(one.what)] = replace(
                 one,
                 shapes=single,
@@ -264,6 +273,16 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
                 p_value=looked.null.p_value(found),
             )
     return replace(looked, candidates=tuple(sorted(judged.values(), key=lambda one: -one.evidence)))
+
+
+def _drift_to_scatter(bench: Bench, noise: NoiseModel) -> float:
+    """Give the variance of the drift over that of the mean of a block of rows, the largest of all components."""
+    counted = np.array([(bench.weights[:, c] > 0.0).sum() for c in range(3)])
+    return float((noise.drift**2 * counted).max()) / len(noise.blocks)
+
+
+def _is_slow(what: Candidate | Probe) -> bool:
+    return isinstance(what, Candidate) and what.reference.covariate is not None
 
 
 def _is_of_time(what: Candidate | Probe) -> bool:
@@ -553,6 +572,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         if best is None or len(found) >= MOST_EFFECTS:
             break
         settled = settle(looked.space, looked.scanner, best)
+        if not _helps(bench, settled, best, added):
+            candidates = [one for one in candidates if one is not best.what]
+            continue
         bent = _bent_by_its_covariate(looked, best, settled) if unknown is None else None
         if bent is not None:
             unknown = (bent, settle(looked.space, looked.scanner, bent))
@@ -618,6 +640,14 @@ def _bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Jud
         return None
     alone = [one for one in looked.probes if isinstance(one.what, Probe) and set(one.what.depends_on) == set(names)]
     return alone[0] if alone else None
+
+
+def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers]) -> bool:
+    """Tell whether a name that is only just sure lowers the held-out error."""
+    if best.p_value < _SURE:
+        return True
+    before, after = bench.held_out.um(added), bench.held_out.um([*added, settled.raw])
+    return before is None or after is None or after < before
 
 
 def _acts_elsewhere(settled: Settled, unknown: Judged) -> bool:
