@@ -17,11 +17,11 @@ from geoerr.fit.sightings import Sightings
 from geoerr.machine import Machine
 from geoerr.terms import Parameter, Term
 
-# Trial values over the whole range of one inner parameter, and of each of several; and near the value that was found,
-# in standard errors.
-_COARSE = {1: 11, 2: 7}
+# Trial values over the whole range of an inner parameter, as many as there is room for: all columns of a candidate
+# together are about so many. And near the value that was found, in standard errors.
+_COARSE = (5, 11)
 _NEAR = (-2.5, -1.0, 1.0, 2.5)
-_MOST_TRIALS = 48
+_COLUMNS = 60
 # A formula is affine in a parameter where the middle is the mean of the ends to this share.
 _AFFINE = 1e-9
 _ROWS = 200
@@ -74,7 +74,10 @@ def family_of(machine: Machine, forms: Sequence[Term], number: int, sightings: S
         free = [place for place, one in enumerate(inner) if not one.is_fixed]
         affine = _affine(machine, form, inner, free, sightings, poses) if free else []
         corners = list(itertools.product(*[_ends(inner[place]) for place in affine]))
-        own = _trials(inner, [place for place in free if place not in affine], _MOST_TRIALS // len(forms))
+        searched = [place for place in free if place not in affine]
+        width = len(form.coefficients) * len(corners) * max(len(searched), 1)
+        room = _COLUMNS // (len(forms) * width) - len(_NEAR)
+        own = _trials(inner, searched, int(np.clip(room, *_COARSE)))
         for trial, spread in own:
             first = len(copies)
             for corner in corners:
@@ -87,15 +90,15 @@ def family_of(machine: Machine, forms: Sequence[Term], number: int, sightings: S
     return Family(forms[0].id, tuple(copies), tuple(trials), np.array(is_spread))
 
 
-def _trials(inner: Sequence[Parameter], free: Sequence[int], most: int) -> list[tuple[list[float], bool]]:
+def _trials(inner: Sequence[Parameter], free: Sequence[int], n_coarse: int) -> list[tuple[list[float], bool]]:
     """Give values of all inner parameters at each trial, one free one at a time, and whether it is of the spread."""
     values = [parameter.value for parameter in inner]
     found = [(list(values), True)]
     for place in free:
-        coarse, near = _values(inner[place], len(free))
+        coarse, near = _values(inner[place], n_coarse)
         found += [([*values[:place], value, *values[place + 1 :]], True) for value in coarse]
         found += [([*values[:place], value, *values[place + 1 :]], False) for value in near]
-    return found[: max(most, 1)]
+    return found
 
 
 def _ends(parameter: Parameter) -> tuple[float, float]:
@@ -113,10 +116,10 @@ def _valued(parameter: Parameter) -> Parameter:
     return replace(parameter, value=float(middle))
 
 
-def _values(parameter: Parameter, n_free: int) -> tuple[list[float], list[float]]:
+def _values(parameter: Parameter, n_coarse: int) -> tuple[list[float], list[float]]:
     (low, high), at, std = _ends(parameter), parameter.value, parameter.std
     spread = np.geomspace if parameter.spacing == "log" else np.linspace
-    coarse = [float(value) for value in spread(low, high, _COARSE.get(n_free, _COARSE[2]))]
+    coarse = [float(value) for value in spread(low, high, n_coarse)]
     near = [at + step * std for step in _NEAR] if np.isfinite(std) and 0.0 < std < 0.5 * (high - low) else []
     return coarse, [value for value in near if low < value < high]
 
