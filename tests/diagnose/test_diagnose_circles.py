@@ -329,3 +329,20 @@ def test_a_run_knows_the_circle_that_led_to_it() -> None:
     passed = np.mod(theta, np.pi)
     assert np.allclose(since, passed * R_MM / 20.0, atol=1e-6)
     assert np.allclose(s, R_MM * (1.0 - np.cos(passed)), atol=1e-6)
+
+
+def test_fine_runs_are_averaged_row_by_row() -> None:
+    """2000 rows become 720 of two or three each: the sum of what is measured stays, and each stands in its middle."""
+    rng = np.random.default_rng(9)
+    runs = runs_from(CircularTest(run(squareness, 1, 1000.0, rng, n=2000), ("memory",)))
+    averaged = runs.averaged()
+    assert len(averaged) == 720
+    counts = np.diff([*((np.arange(720) * 2000) // 720), 2000])
+    assert float(counts @ averaged.signal_um) == pytest.approx(float(runs.signal_um.sum()), abs=1e-9)
+    assert np.allclose(np.diff(averaged.travelled_rad), 2.0 * np.pi / 720, atol=2.0 * np.pi / 2000)
+
+
+def test_what_is_below_every_bar_is_rounding() -> None:
+    test = circular(nothing, feeds=(1000.0,))
+    still = CircularTest(test.frame.with_columns(pl.lit(R_MM).alias("r")), ("memory",))
+    assert diagnose_circles(MODEL, still).verdict == "nothing-missing"

@@ -50,6 +50,8 @@ CAUTION = 2.0
 _OFFSET_DOUBT = 0.1
 # An offset that is quite unknown: a millimetre.
 _FREE_UM2 = 1e6
+# No bar tells less than ten nanometres; below it there is rounding.
+_LEAST_UM = 0.01
 # Standard deviation of Gaussian noise over the median of absolute values.
 _NORMAL = 0.6745
 
@@ -230,7 +232,7 @@ def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers, c
         inverse = _inverse_root(kind, theta)
         for own in kind.own:
             transforms[own.start] = inverse - np.eye(len(inverse))
-    sigma = float(np.sqrt(_sigma2(kinds, theta, inside, pull, square, sums_x, sums_y, dof)))
+    sigma = max(_LEAST_UM, float(np.sqrt(_sigma2(kinds, theta, inside, pull, square, sums_x, sums_y, dof))))
     return Noise(blocks, sigma, theta, level, tuple(transforms[own.start] for own in blocks.of_run))
 
 

@@ -28,6 +28,8 @@ _LEAST_ARC_RAD = np.pi
 _FEWEST_ROWS = 24
 # Feeds that differ by less than this share are one.
 _SAME_FEED = 0.02
+# Finer than half a degree a bar shows its own noise; and the search's memory grows with the rows of all runs.
+_MOST_ROWS, _MOST_ROWS_IN_ALL, _LEAST_ROWS = 720, 3000, 180
 # Between runs of one set-up whose clocks start anew.
 _PAUSE_S = 1.0
 _KEYS = ("session", "line", "repeat", "feed", "dir")
@@ -134,6 +136,30 @@ class Runs:
         kept = ~rows
         names = ("rows", "signal_um", "weight", "run", "angle_rad", "travelled_rad", "time_s")
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
+
+    def averaged(self) -> Runs:
+        """Give the same with neighbouring rows averaged where there are more than the search needs.
+
+        An average stands where its middle row does.
+        """
+        most = max(min(_MOST_ROWS, _MOST_ROWS_IN_ALL // self.n_runs), _LEAST_ROWS)
+        if all(own.stop - own.start <= most for own in self.slices):
+            return self
+        starts = np.concatenate(
+            [
+                own.start + (np.arange(k) * n) // k
+                for own in self.slices
+                for n in [own.stop - own.start]
+                for k in [min(n, most)]
+            ]
+        )
+        counts = np.diff(np.append(starts, len(self)))
+        middle = starts + counts // 2
+        signal = np.add.reduceat(self.signal_um, starts) / counts
+        names = ("rows", "weight", "run", "angle_rad", "travelled_rad", "time_s")
+        note = f"{counts.mean():.1f} neighbouring rows were averaged to one"
+        others = {name: getattr(self, name)[middle] for name in names}
+        return replace(self, signal_um=signal, notes=(*self.notes, note), **others)
 
 
 def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], list[RowProblem], list[str]]:

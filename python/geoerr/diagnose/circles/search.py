@@ -24,14 +24,16 @@ def search(runs: Runs, suspects: Sequence[Suspect]) -> Searched:
     """Search, and again without the rows that turn out to be gross."""
     n = len(runs)
     runs = runs.without(stand_alone(runs, runs.signal_um, np.zeros(n)))
-    searched = _searched(runs, suspects)
+    n_gross = n - len(runs)
+    searched = _searched(runs.averaged(), suspects)
     for _ in range(_ROUNDS):
         level = searched.noise.sigma_um * searched.noise.level + misfit_um(searched)
         gross = stand_alone(searched.runs, searched.rest_um, level)
         if not gross.any():
             break
+        n_gross += int(gross.sum())
         searched = _searched(searched.runs.without(gross), suspects)
-    return replace(searched, n_gross=n - len(searched.runs))
+    return replace(searched, n_gross=n_gross)
 
 
 def _searched(runs: Runs, suspects: Sequence[Suspect]) -> Searched:
