@@ -522,7 +522,8 @@ def _camera_drift(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting
 
 @LISTED.kind("camera-drift-settling", "camera-drift", needs=("cameras",), off_axis=False)
 def _camera_settling(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
-    tau = log.value("tau", _session_length(log) * log_uniform(rng, 0.03, 0.2))
+    # A stand settles in a minute or more, however short the session.
+    tau = log.value("tau", max(60.0, _session_length(log) * log_uniform(rng, 0.03, 0.2)))
     # A rate times τ: what the rates make, while τ is varied.
     moved, linear = _knocked(log, rng, -np.expm1(-log.t_s / tau), ("k", "c"), 1.0 / tau)
     return Acting(moved, linear, {"tau": tau}, ("t",), RIG_VECTOR)
