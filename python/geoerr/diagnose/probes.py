@@ -18,6 +18,7 @@ from geoerr.fit.noise import _NOT_CONDITIONS
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES
+from geoerr.observations import CARRIERS
 
 # Degrees of the functions of one variable, and of two (each alone and their products): the low ones cost less.
 _ONE = (3, 8)
@@ -72,10 +73,17 @@ def probes_of(fitted: Fitted, functions: Functions) -> list[Probe]:
         ]
         groups.append(((first, second), _different(columns)))
     return [
-        Probe(axis, tuple(sorted(names)), tuple(_shapes(f"target-{axis}", own) for own in columns))
+        Probe(axis, tuple(sorted(names)), tuple(_shapes(f"{body}-{axis}", own) for own in columns))
+        for body in _bodies(fitted)
         for axis in AXES
         for names, columns in groups
     ]
+
+
+def _bodies(fitted: Fitted) -> list[str]:
+    """Give the bodies whose displacement was seen: what one does, targets on the other do not show."""
+    seen = {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
+    return [body for body in ("tool", "work") if body in seen] or ["tool"]
 
 
 def _different(columns: list[list[int]]) -> list[list[int]]:
@@ -89,7 +97,7 @@ def _shapes(channel: str, codes: list[int]) -> Shapes:
 
 
 def _variables(fitted: Fitted) -> dict[str, Numbers]:
-    """Give every variable that varies, in units of its own spread; of those that agree the first."""
+    """Give every variable that varies, NaN where it has no value; of those that agree the first."""
     sightings = fitted.sightings
     names = [*AXES, *(f"d_{axis}" for axis in AXES), *(f"s_{axis}" for axis in AXES)]
     columns = set(sightings.covariate_columns)
@@ -111,15 +119,18 @@ def _variables(fitted: Fitted) -> dict[str, Numbers]:
             continue
         ranks.append(rank)
         # Travel, speed and covariates bunch: their ranks are spread evenly.
-        kept[name] = filled if name in AXES or name == "t" else stats.rankdata(filled)
+        kept[name] = np.full(len(values), np.nan)
+        kept[name][known] = values[known] if name in AXES or name == "t" else stats.rankdata(values[known])
     return kept
 
 
 def _functions(values: Numbers) -> Numbers:
-    """Give functions without a constant, orthogonal over an even spread, (k, n)."""
-    levels, place = np.unique(values, return_inverse=True)
+    """Give functions without a constant, orthogonal over an even spread, (k, n); 0 where there is no value."""
+    known = np.isfinite(values)
+    levels, place = np.unique(values[known], return_inverse=True)
     most = len(levels) - 1 if len(levels) <= _FEW_VALUES else min(max(_ONE), len(levels) - 1)
-    if len(levels) <= _FEW_VALUES:
-        values = place.ravel().astype(np.float64)
-    u = 2.0 * (values - values.min()) / np.ptp(values) - 1.0
-    return np.ascontiguousarray(np.polynomial.legendre.legvander(u, most).T[1:])
+    own = place.ravel().astype(np.float64) if len(levels) <= _FEW_VALUES else values[known]
+    u = 2.0 * (own - own.min()) / np.ptp(own) - 1.0
+    result = np.zeros((most, len(values)))
+    result[:, known] = np.polynomial.legendre.legvander(u, most).T[1:]
+    return result

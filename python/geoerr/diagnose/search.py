@@ -16,6 +16,7 @@ from geoerr.diagnose.null import N_DRAWS, Null, largest_surprise, surprise
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import Scanned, Scanner, all_channels, estimate, off_model
 from geoerr.diagnose.space import Channels, Space, offset_weights, orthonormal, whitened_space
+from geoerr.diagnose.where import displacement_um
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
@@ -29,7 +30,7 @@ MOST_EFFECTS = 6
 # A probe has to be this much better than the best name, in the logarithm of the evidence, for there to be no name.
 _IMPOSTOR = 3.0
 # A name that explains this share of what the best probe does is the name of it, if not all of it.
-_MOST_OF_IT = 0.75
+_MOST_OF_IT = 0.8
 # Functions of time, which a drift can swallow, are judged with the drift estimated anew: so many of the best, and
 # such as would be a surprise if nothing drifted.
 _MOST_LIKE_DRIFT, _LEAST_SURPRISE = 4, 8.0
@@ -75,7 +76,7 @@ class Judged:
     gain, rank
         Fall of the sum of squares, and its degrees of freedom.
     surprise
-        −ln of the chance of such a gain, trials counted.
+        −ln of the chance of such a gain, trials counted: the largest over its trials.
     evidence
         Logarithm of the Bayes factor by Schwarz, trials counted.
     p_value
@@ -182,6 +183,8 @@ class Round:
         Candidates of which the model leaves nothing.
     null
         What chance finds among the candidates.
+    overall
+        What chance finds among candidates and probes together.
     """
 
     space: Space
@@ -190,12 +193,14 @@ class Round:
     probes: tuple[Judged, ...]
     invisible: tuple[Candidate, ...]
     null: Null
+    overall: Null
 
     @property
     def p_value(self) -> float:
-        """That nothing is missing, for all that was looked at."""
-        smallest = min((one.p_value for one in (*self.candidates, *self.probes)), default=1.0)
-        return min(2.0 * smallest, 1.0)
+        """That nothing is missing, for all that was looked at, before any gate: uniform where nothing is."""
+        return self.overall.p_value(
+            max((one.surprise for one in (*self.candidates, *self.probes)), default=-math.inf)
+        )
 
 
 def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Sequence[Probe]) -> Round:
@@ -219,7 +224,7 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
                 continue
             for one in found:
                 largest = np.maximum(largest, largest_surprise(one.largest, what.n_trials))
-            own.append(best)
+            own.append(replace(best, surprise=max(_most_surprise(one, what.n_trials) for one in found)))
         null = Null(largest)
         nulls.append(null)
         own = [
@@ -229,7 +234,18 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
         ]
         # Of equals the one with the least freedom: with more of it, it says the same.
         judged.append(sorted(own, key=lambda one: (-round(one.evidence, 6), _freedom(one))))
-    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0])
+    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0], _together(nulls))
+
+
+def _together(nulls: Sequence[Null]) -> Null:
+    return Null(np.max([one.largest for one in nulls], axis=0))
+
+
+def _most_surprise(scanned: Scanned, n_trials: int) -> float:
+    """Give the largest surprise over trials, as for a draw of noise."""
+    ranks = [rank for rank in np.unique(scanned.rank) if rank > 0]
+    most = [float(surprise(scanned.gain[scanned.rank == rank].max(), int(rank), n_trials)) for rank in ranks]
+    return max(most, default=-math.inf)
 
 
 def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
@@ -568,6 +584,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         best, probe = _passed(looked.candidates), _passed(looked.probes)
         if unknown is None and probe is not None and _is_impostor(bench, looked, best, probe, added, candidates):
             unknown = (probe, settle(looked.space, looked.scanner, probe))
+            found = _not_taken_back(bench, found, unknown)
             continue
         if best is None or len(found) >= MOST_EFFECTS:
             break
@@ -579,7 +596,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         if bent is not None:
             unknown = (bent, settle(looked.space, looked.scanner, bent))
             continue
-        if unknown is not None and not _acts_elsewhere(settled, unknown[0]):
+        if unknown is not None and not _acts_elsewhere(looked.space, settled, unknown[0]):
             break
         others = [one for one in looked.candidates if one is not best]
         found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
@@ -642,6 +659,22 @@ def _bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Jud
     return alone[0] if alone else None
 
 
+def _not_taken_back(bench: Bench, found: list[Found], unknown: tuple[Judged, Settled]) -> list[Found]:
+    """Give the names that stand beside something without a name.
+
+    Names on its component were parts of it where it does clearly more without them than they did; an effect whose
+    formula is a little off keeps its name, and what it leaves is the unknown.
+    """
+    part = [one for one in found if not _acts_elsewhere(one.looked.space, one.settled, unknown[0])]
+    if not part:
+        return found
+    others = [one for one in found if one not in part]
+    space = bench.space([one.settled.raw for one in others])
+    _, _, of_names = estimate(space, np.concatenate([one.settled.raw for one in part], axis=2))
+    _, _, of_unknown = estimate(space, unknown[1].raw)
+    return others if float(of_names) < _MOST_OF_IT * float(of_unknown) else found
+
+
 def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers]) -> bool:
     """Tell whether a name that is only just sure lowers the held-out error."""
     if best.p_value < _SURE:
@@ -650,10 +683,10 @@ def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers
     return before is None or after is None or after < before
 
 
-def _acts_elsewhere(settled: Settled, unknown: Judged) -> bool:
+def _acts_elsewhere(space: Space, settled: Settled, unknown: Judged) -> bool:
     """Tell whether a name acts on other components than something without a name, of which it would be a part."""
     assert isinstance(unknown.what, Probe)
-    energy = (settled.displacement**2).sum(axis=0)
+    energy = (displacement_um(space, settled.displacement) ** 2).sum(axis=0)
     return float(energy[AXES.index(unknown.what.component)]) < (1.0 - _ELSEWHERE) * float(energy.sum())
 
 
