@@ -1,13 +1,22 @@
 r"""What chance does over a whole map: one test of all of it, and the largest of many correlated deviations.
 
 A difference d = J e, e normal with covariance F Fᵀ, has the covariance (J F)(J F)ᵀ of some rank k, however many
-places it is asked at. All of it is judged by χ² = dᵀ (J F Fᵀ Jᵀ)⁺ d with k degrees of freedom, or, where the noise's
-scale is known from ν degrees of freedom only, by χ²/k against F(k, ν). Bands that hold everywhere at once are c
-standard deviations wide, c the quantile of the largest deviation, from draws of e: neighbours are alike, so that c
-lies far below what independent places would need.
+places it is asked at. All of it is judged by χ² = dᵀ (J F Fᵀ Jᵀ)⁺ d with k degrees of freedom. Bands that hold
+everywhere at once are c standard deviations wide, c the quantile of the largest deviation, from draws of e:
+neighbours are alike, so that c lies far below what independent places would need.
+
+Covariances are themselves estimates. Where the noise's scale is known from ν degrees of freedom only, χ²/k is held
+against F(k, ν). The part of the covariance that stems from offsets of passes has a size s² that a few passes have
+told: with f_i the share of that part in the variance along direction i, and κ ~ χ²_ν/ν what an estimate of 1 comes
+out as,
+
+    P(χ² ≥ x) = E_κ P(Σ z_i² / (1 − f_i + κ f_i) ≥ x),      z_i standard normal,
+
+the inner one by a scaled χ² of the same mean and variance (Satterthwaite). Without that, tests alarm in a quarter of
+the cases where they should in a twentieth, with 18 passes in each state.
 
 Source: Working and Hotelling 1929 (bands); Hothorn, Bretz and Westfall, Biometrical Journal 50 (2008) (maximum of
-correlated statistics). Verified: tests/states/test_chance.py.
+correlated statistics). Verified: tests/states/test_chance.py, validation/hot_and_cold.md.
 """
 
 from __future__ import annotations
@@ -26,6 +35,39 @@ _RANK = 1e-7
 _DRAWS = 10_000
 _DRAWS_AT_ONCE = 500
 _SEED = 20_230
+# What κ may be, at the middle of so many equally probable classes.
+_CLASSES = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Covariance of numbers, and how well it is known.
+
+    Attributes
+    ----------
+    root : (..., m)
+        The covariance is root · rootᵀ.
+    part : (..., k)
+        Root of the part of it whose size was estimated from few degrees of freedom.
+    part_dof
+        These; infinite where there is no such part.
+    dof
+        Of the scale of all of it; infinite where that is stated.
+    """
+
+    root: Numbers
+    part: Numbers
+    part_dof: float
+    dof: float
+
+    def through(self, rows: Numbers) -> Spread:
+        """Give the spread of linear functions, rows (n, m) of what this is of."""
+        return Spread(rows @ self.root, rows @ self.part, self.part_dof, self.dof)
+
+    @property
+    def std(self) -> Numbers:
+        """Standard deviations."""
+        return np.asarray(np.linalg.norm(self.root, axis=-1))
 
 
 @dataclass(frozen=True)
@@ -50,36 +92,40 @@ class Test:
     p_value: float
 
 
-def whole_test(value: Numbers, root: Numbers, dof: float) -> Test:
-    """Test numbers (n,) with covariance root · rootᵀ, root (n, m), against 0."""
-    std = np.linalg.norm(root, axis=1)
+def whole_test(value: Numbers, spread: Spread) -> Test:
+    """Test numbers (n,) against 0."""
+    std = spread.std
     known = std > 0.0
     if not known.any():
-        return Test(0.0, 0, dof, 1.0)
+        return Test(0.0, 0, spread.dof, 1.0)
     # Compared without units: every number over its own standard uncertainty.
-    left, size, _ = np.linalg.svd(root[known] / std[known, None], full_matrices=False)
+    left, size, _ = np.linalg.svd(spread.root[known] / std[known, None], full_matrices=False)
     kept = size > _RANK * size[0]
-    along = (left[:, kept].T @ (value[known] / std[known])) / size[kept]
-    return tail(float(along @ along), int(kept.sum()), dof)
+    inward = left[:, kept].T / size[kept, None] / std[known]
+    along, part = inward @ value[known], inward @ spread.part[known]
+    share = np.clip(np.linalg.eigvalsh(part @ part.T), 0.0, 1.0)
+    return tail(float(along @ along), int(kept.sum()), spread.dof, share, spread.part_dof)
 
 
-def tail(chi_squared: float, rank: int, dof: float) -> Test:
-    """Give the test of a sum of squares whose `rank` numbers have unit variance, or an estimated one."""
+def tail(chi_squared: float, rank: int, dof: float, share: Numbers | None = None, part_dof: float = math.inf) -> Test:
+    """Give the test of a sum of squares whose `rank` numbers have unit variance; see the module's text."""
     if rank <= 0:
         return Test(chi_squared, 0, dof, 1.0)
+    mean, per_mean = np.array([float(rank)]), np.ones(1)
+    if share is not None and not math.isinf(part_dof) and share.any():
+        inverse = 1.0 / (1.0 - share + _sizes(part_dof)[:, None] * share)
+        mean = inverse.sum(axis=1)
+        per_mean = (inverse**2).sum(axis=1) / mean
+    freedom, scaled = mean / per_mean, chi_squared / per_mean
     if math.isinf(dof):
-        return Test(chi_squared, rank, dof, float(stats.chi2.sf(chi_squared, rank)))
-    return Test(chi_squared, rank, dof, float(stats.f.sf(chi_squared / rank, rank, dof)))
+        return Test(chi_squared, rank, dof, float(stats.chi2.sf(scaled, freedom).mean()))
+    return Test(chi_squared, rank, dof, float(stats.f.sf(scaled / freedom, freedom, dof).mean()))
 
 
-def whitened_rows(root: Numbers) -> Numbers:
-    """Give W (n, k, m) with W Wᵀ of each row the identity over what is known of it, from roots (n, k, m).
-
-    For k = 1 a row over its standard deviation; a row of zeros stays one.
-    """
-    left, size, right = np.linalg.svd(root, full_matrices=False)
-    known = size > _RANK * size.max(axis=1, keepdims=True, initial=1e-300)
-    return np.asarray((left * known[:, None, :]) @ right)
+def _sizes(dof: float) -> Numbers:
+    """Give equally probable values of χ²_ν/ν, never quite 0."""
+    middle = (np.arange(_CLASSES) + 0.5) / _CLASSES
+    return np.asarray(np.maximum(stats.chi2.ppf(middle, dof) / dof, 1e-6))
 
 
 def deviations(value: Numbers, root: Numbers) -> Numbers:
@@ -106,9 +152,14 @@ class Largest:
         return np.asarray((beyond + 1.0) / (len(self.draws) + 1.0))
 
 
-def largest_by_chance(root: Numbers, dof: float) -> Largest:
-    """Draw the largest of the deviations of vectors (n, k) whose root (n, k, m) says how they hang together."""
-    rows = whitened_rows(root)
+def largest_by_chance(spread: Spread) -> Largest:
+    """Draw the largest of the deviations of vectors (n, k), whose spread says how they hang together."""
+    left, size, right = np.linalg.svd(spread.root, full_matrices=False)
+    known = size > _RANK * size.max(axis=1, keepdims=True, initial=1e-300)
+    rows = (left * known[:, None, :]) @ right
+    # Share of the estimated part in each vector's variance, on average over its directions.
+    inward = left.transpose(0, 2, 1) * np.where(known, 1.0 / np.where(known, size, 1.0), 0.0)[:, :, None]
+    share = ((inward @ spread.part) ** 2).sum(axis=(1, 2)) / np.maximum(known.sum(axis=1), 1)
     n, k, m = rows.shape
     # Draws in the space that the rows span: as many numbers as the rank.
     _, size, right = np.linalg.svd(rows.reshape(n * k, m), full_matrices=False)
@@ -117,8 +168,11 @@ def largest_by_chance(root: Numbers, dof: float) -> Largest:
     found = []
     for _ in range(_DRAWS // _DRAWS_AT_ONCE):
         drawn = flat @ rng.standard_normal((flat.shape[1], _DRAWS_AT_ONCE))
-        length = np.sqrt((drawn.reshape(n, k, -1) ** 2).sum(axis=1)).max(axis=0)
-        if not math.isinf(dof):
-            length = length / np.sqrt(rng.chisquare(dof, _DRAWS_AT_ONCE) / dof)
-        found.append(length)
+        square = (drawn.reshape(n, k, -1) ** 2).sum(axis=1)
+        if not math.isinf(spread.part_dof):
+            found_size = rng.chisquare(spread.part_dof, _DRAWS_AT_ONCE) / spread.part_dof
+            square = square / (1.0 - share[:, None] + share[:, None] * found_size)
+        if not math.isinf(spread.dof):
+            square = square / (rng.chisquare(spread.dof, _DRAWS_AT_ONCE) / spread.dof)
+        found.append(np.sqrt(square.max(axis=0)))
     return Largest(np.sort(np.concatenate(found)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from geoerr.error_functions import LI_SQUARENESS, ErrorFunctions, is_angular
 from geoerr.fit.sightings import Numbers
-from geoerr.states.chance import Largest, Test, largest_by_chance, whole_test
+from geoerr.states.chance import Largest, Spread, Test, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.volume import N_GRID, VolumeDifference, volume_difference
 
@@ -60,11 +60,16 @@ class FunctionDifference:
 
 @dataclass(frozen=True, eq=False)
 class _Values:
-    """All functions, one under the other: value (n,), root of the covariance (n, k), standard uncertainty (n,)."""
+    """All functions, one under the other: value (n,), its spread, standard uncertainty (n,)."""
 
     value: Numbers
-    root: Numbers
+    spread: Spread
     std: Numbers
+
+    def of(self, own: slice | npt.NDArray[np.bool_]) -> tuple[Numbers, Spread]:
+        """Give some of them."""
+        spread = self.spread
+        return self.value[own], replace(spread, root=spread.root[own], part=spread.part[own])
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,18 +106,19 @@ class Difference:
     @cached_property
     def _values(self) -> _Values:
         rows = self.functions.stacked
-        value, root = rows @ self.estimate.parameters, rows @ self.estimate.root
-        std = np.linalg.norm(root, axis=1)
+        value, spread = rows @ self.estimate.parameters, self.estimate.spread.through(rows)
+        std = spread.std
         for own in self.functions.spans.values():
             # What the gauge holds at 0 is exactly 0: rounding has no sign to be significant.
             std[own] = np.where(std[own] > _GAUGE * std[own].max(initial=0.0), std[own], 0.0)
-        known = std > 0.0
-        return _Values(np.where(known, value, 0.0), np.where(known[:, None], root, 0.0), std)
+        known = (std > 0.0)[:, None]
+        held = replace(spread, root=np.where(known, spread.root, 0.0), part=np.where(known, spread.part, 0.0))
+        return _Values(np.where(known[:, 0], value, 0.0), held, std)
 
     @cached_property
     def test(self) -> Test:
         """One test of all that is comparable: whether the two states differ at all."""
-        return whole_test(self._values.value, self._values.root, self.estimate.dof)
+        return whole_test(self._values.value, self._values.spread)
 
     @property
     def p_value(self) -> float:
@@ -133,7 +139,8 @@ class Difference:
 
     @cached_property
     def _largest(self) -> Largest:
-        return largest_by_chance(self._values.root[self._values.std > 0.0, None, :], self.estimate.dof)
+        _, spread = self._values.of(self._values.std > 0.0)
+        return largest_by_chance(replace(spread, root=spread.root[:, None, :], part=spread.part[:, None, :]))
 
     @cached_property
     def errors(self) -> ErrorFunctions:
@@ -144,9 +151,9 @@ class Difference:
     @cached_property
     def by_name(self) -> dict[str, FunctionDifference]:
         """Each function's difference."""
-        value, root, std = self._values.value, self._values.root, self._values.std
+        value, std = self._values.value, self._values.std
         spans = self.functions.spans
-        tests = {name: whole_test(value[own], root[own], self.estimate.dof) for name, own in spans.items()}
+        tests = {name: whole_test(*self._values.of(own)) for name, own in spans.items()}
         corrected = holm([test.p_value for test in tests.values()])
         return {
             name: FunctionDifference(

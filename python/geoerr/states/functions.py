@@ -7,6 +7,7 @@ is tilted, is not in the tables, and a difference of tables is a difference of t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +20,7 @@ from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms
 from geoerr.model.functionals import Rows
 from geoerr.model.gauge import gauged_rows
+from geoerr.states.chance import Spread
 from geoerr.terms import Term
 
 _RANK = 1e-10
@@ -36,21 +38,39 @@ class Estimate:
         Of these.
     dof
         Degrees of freedom of the noise's scale; infinite where that is stated.
+    part : (m, k)
+        Root of the part of the covariance that stems from offsets of passes.
+    part_dof
+        Degrees of freedom that told their size; infinite where there are none.
     """
 
     parameters: Numbers
     covariance: Numbers
     dof: float
+    part: Numbers | None = None
+    part_dof: float = math.inf
 
     @cached_property
+    def spread(self) -> Spread:
+        """Root of the covariance, and how well it is known."""
+        part = np.zeros((len(self.parameters), 0)) if self.part is None else self.part
+        return Spread(root_of(self.covariance), part, self.part_dof, self.dof)
+
+    @property
     def root(self) -> Numbers:
         """F (m, k) with F Fᵀ the covariance."""
-        return root_of(self.covariance)
+        return self.spread.root
 
     def minus(self, other: Estimate) -> Estimate:
         """Give the difference of two that know nothing of each other."""
-        dof = min(self.dof, other.dof)
-        return Estimate(self.parameters - other.parameters, self.covariance + other.covariance, dof)
+        covariance = self.covariance + other.covariance
+        part = np.hstack([self.spread.part, other.spread.part])
+        # Two estimated sizes count as one, of the degrees of freedom that the sum of two such variances has.
+        variance = np.maximum(np.diag(covariance), 1e-300)
+        sizes = [float(((one.spread.part**2).sum(axis=1) / variance).sum()) for one in (self, other)]
+        wide = sum(size**2 / one.part_dof for size, one in zip(sizes, (self, other), strict=True))
+        part_dof = sum(sizes) ** 2 / wide if wide > 0.0 else math.inf
+        return Estimate(self.parameters - other.parameters, covariance, min(self.dof, other.dof), part, part_dof)
 
 
 @dataclass(frozen=True, eq=False)

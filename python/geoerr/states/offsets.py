@@ -1,86 +1,216 @@
-r"""An offset of each pass: what moved between one pass and the next, the device or the machine, and is no error.
+r"""What rows of one pass, and of passes one after the other, have in common and is no error of the machine.
 
-Residuals of one pass have something in common, and a test that takes them for independent alarms on every pair of
-states. With A the whitened columns of the fit, r its whitened residual and Z the membership of rows in passes, the
-offsets of pass p are normal with covariance D = diag(d_x, d_y, d_z), in units of the scatter s², along the axes of
-the measuring frame, and s² and D maximise the restricted likelihood
+A camera that was touched, a carriage that settles, air that warms: residuals have an offset by pass and wander within
+a session, and a test that takes them for independent alarms on every pair of states. With A the whitened columns of
+the fit, r its whitened residual, Z the membership of rows in blocks (a pass, or a third of one), the offsets of
+blocks along each axis of the measuring frame are normal with covariance d_axis K,
 
-    −2 log L = ν log s² + log det(1 + D½ G D½) + (r·r − b·D½ (1 + D½ G D½)⁻¹ D½ b) / s²,
-    G = Zᵀ(1 − A A⁺)Z,   b = Zᵀ r
+    K = w [same pass] + (1 − w) exp(−|t − t'| / τ) [same session] = R Rᵀ,
 
-Source: Harville, JASA 72 (1977). Verified: tests/states/test_offsets.py, against dense matrices.
+in units of the scatter s²; s², d and the pair (w, τ) maximise the restricted likelihood
+
+    −2 log L = ν log s² + log det(1 + Dᵀ G D) + (r·r − b·D (1 + Dᵀ G D)⁻¹ Dᵀ b) / s²,
+    D = R ⊗ diag(√d),   G = Zᵀ(1 − A A⁺)Z,   b = Zᵀ r
+
+How well their size is known follows from the eigenvalues λ of Dᵀ G D: Σ (λ/(1 + λ))² degrees of freedom.
+
+Source: Harville, JASA 72 (1977). Verified: tests/states/test_offsets.py, validation/hot_and_cold.md.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, replace
+
 import numpy as np
+import numpy.typing as npt
 from scipy import linalg, optimize
 
 from geoerr.fit import Fitted
 from geoerr.fit.held_out import projected_rows
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.variables import times_s
+from geoerr.states.functions import Estimate
+
+Integers = npt.NDArray[np.int64]
 
 # Offsets with less than this share of the noise's variance change no uncertainty that is written down.
-_LEAST = 1e-4
-_MOST = 1e4
+_LEAST, _MOST = 1e-4, 1e4
+_STARTS = 13
+# A found variance within this factor of the least is none.
+_NEAR = 1.2
+# Memories that are tried, as shares of a session, and how much of the offsets is each pass's own.
+_MEMORIES = (0.05, 0.15, 0.5)
+_SHARES = (0.0, 0.5)
+# Eigenvalues below this share of the largest are rounding.
+_RANK = 1e-9
+# Blocks: at most three a pass, of four moments or more, and so many in all that a determinant takes a millisecond.
+_BLOCKS_OF_PASS, _FEWEST_MOMENTS, _MOST_BLOCKS = 3, 4, 120
 
 
-def pass_offset_mm(fitted: Fitted) -> Numbers:
-    """Give the standard deviation (3,) of a pass's own offset along x, y, z of the measuring frame, mm.
+@dataclass(frozen=True, eq=False)
+class PassOffsets:
+    """Offsets that rows share.
 
-    In units of the fit's `scale`, as stated uncertainties are; 0 where there is nothing to be seen.
+    Attributes
+    ----------
+    std_mm : (3,)
+        Along x, y, z of the measuring frame, in units of the fit's `scale`, as stated uncertainties are; 0 where
+        there is nothing to be seen.
+    block : (n,)
+        Number of each row's block.
+    root : (b, b)
+        Root of the correlation of blocks.
+    dof
+        Degrees of freedom that told the size.
     """
-    gram, pull = _sums(fitted)
-    whitened = fitted.solved.whitened[fitted.solved.used]
-    square, dof = float((whitened**2).sum()), fitted.dof
-    information = (fitted.sightings.whitening[fitted.solved.used] ** 2).sum(axis=(0, 1))
-    n_numbers = fitted.sightings.is_measured[fitted.solved.used].sum(axis=0)
-    is_seen = (n_numbers > 0) & (np.diag(gram).reshape(-1, 3).sum(axis=0) > 0.0)
-    if dof <= len(pull) or not is_seen.any():
-        return np.zeros(3)
-    noise = np.where(is_seen, n_numbers / np.maximum(information, 1e-300), 1.0)
-    n_passes = len(pull) // 3
 
-    def unlikelihood(log_ratio: Numbers) -> float:
-        root = np.tile(np.sqrt(np.where(is_seen, noise * np.exp(log_ratio), 0.0)), n_passes)
-        factor = linalg.cholesky(np.eye(len(root)) + root[:, None] * gram * root, lower=True)
-        explained = linalg.solve_triangular(factor, root * pull, lower=True)
-        left = max(square - float(explained @ explained), 1e-300)
-        return float(dof * np.log(left) + 2.0 * np.log(np.diag(factor)).sum())
+    std_mm: Numbers
+    block: Integers
+    root: Numbers
+    dof: float
 
-    low, high = np.log(_LEAST), np.log(_MOST)
-    found = optimize.minimize(unlikelihood, np.full(3, np.log(0.05)), method="L-BFGS-B", bounds=[(low, high)] * 3)
-    is_there = is_seen & (found.x > low + 1e-6)
-    return np.asarray(np.where(is_there, np.sqrt(noise * np.exp(found.x)), 0.0))
+    def sensitivity(self, fitted: Fitted, n_rows: int) -> Numbers:
+        """Give how unknowns that are known to be 0 ± 1 move the rows of the table, (n, 3, k)."""
+        kept = np.flatnonzero(self.std_mm > 0.0)
+        derivative = np.zeros((n_rows, 3, len(kept), len(self.root)))
+        for number, axis in enumerate(kept):
+            derivative[fitted.sightings.source_row, axis, number] = self.std_mm[axis] * self.root[self.block]
+        return derivative.reshape(n_rows, 3, -1)
 
 
-def offset_sensitivity(fitted: Fitted, n_rows: int) -> Numbers:
-    """Give how unknowns, one for each pass and axis and known to be 0 ± 1, move the rows of the table: (n, 3, 3p)."""
-    sightings = fitted.sightings
-    offset_mm = pass_offset_mm(fitted)
-    kept = np.flatnonzero(offset_mm > 0.0)
-    derivative = np.zeros((n_rows, 3, len(kept), sightings.n_passes))
-    for number, axis in enumerate(kept):
-        derivative[sightings.source_row, axis, number, sightings.pass_number] = offset_mm[axis]
-    return derivative.reshape(n_rows, 3, -1)
+def pass_offsets(fitted: Fitted) -> PassOffsets:
+    """Find what rows share in what a fit leaves."""
+    sightings, used = fitted.sightings, fitted.solved.used
+    block, pass_of, session_of, time_of = _blocks(sightings)
+    gram, pull = _sums(fitted, block, len(pass_of))
+    information = (sightings.whitening[used] ** 2).sum(axis=(0, 1))
+    n_numbers = sightings.is_measured[used].sum(axis=0)
+    is_seen = (n_numbers > 0) & (np.einsum("bcbc->c", gram) > 0.0)
+    nothing = PassOffsets(np.zeros(3), block, np.eye(len(pass_of)), math.inf)
+    if fitted.dof <= pull.size or not is_seen.any():
+        return nothing
+    noise = np.where(is_seen, n_numbers / np.maximum(information, 1e-300), 0.0)
+    low, high = math.log(_LEAST), math.log(_MOST)
+    best: tuple[float, float, Numbers, _Likelihood] | None = None
+    for weight, memory in [(1.0, 1.0), *((w, tau) for w in _SHARES for tau in _MEMORIES)]:
+        wander = np.exp(-np.abs(time_of[:, None] - time_of) / memory) * (session_of[:, None] == session_of)
+        same = (pass_of[:, None] == pass_of).astype(np.float64)
+        root = root_of_correlation(weight * same + (1.0 - weight) * wander)
+        likelihood = _Likelihood.of(gram, pull, root, noise, fitted.solved.chi_squared, fitted.dof)
+        values = [likelihood(np.full(3, one)) for one in np.linspace(low, high, _STARTS)]
+        if best is None or min(values) < best[0]:
+            best = min(values), float(np.linspace(low, high, _STARTS)[int(np.argmin(values))]), root, likelihood
+    assert best is not None
+    _, start, root, likelihood = best
+    found = optimize.minimize(likelihood, np.full(3, start), method="Powell", bounds=[(low, high)] * 3).x
+    is_there = is_seen & (found > low + math.log(_NEAR))
+    if not is_there.any():
+        return nothing
+    std_mm = np.where(is_there, np.sqrt(noise * np.exp(found)), 0.0)
+    return PassOffsets(std_mm, block, root, likelihood.degrees_of_freedom(np.where(is_there, found, low)))
 
 
-def _sums(fitted: Fitted) -> tuple[Numbers, Numbers]:
-    """Give G (3p, 3p) and b (3p,), pass by pass."""
+def with_offsets(estimate: Estimate, fitted: Fitted, offsets: PassOffsets) -> Estimate:
+    """Say which part of a fit's covariance stems from the offsets, and how well their size is known.
+
+    Rows that hold the offsets at 0 ± 1 are data with an error of their own, and the solution's response to them is
+    its covariance with the offsets.
+    """
+    first = fitted.problem.first_shared_column
+    count = int((offsets.std_mm > 0.0).sum()) * len(offsets.root)
+    root = fitted.solved.solution.covariance_root
+    part = fitted.scale * root[: len(estimate.parameters)] @ root[first : first + count].T
+    return replace(estimate, part=part, part_dof=offsets.dof)
+
+
+def root_of_correlation(correlation: Numbers) -> Numbers:
+    """Give R (b, b) with R Rᵀ a correlation that may be singular: blocks of one pass with one offset."""
+    value, vector = np.linalg.eigh(correlation)
+    return np.asarray(vector * np.sqrt(np.maximum(value, 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """−2 log L as a function of log d (3,), less what is constant."""
+
+    gram: Numbers
+    pull: Numbers
+    noise: Numbers
+    square: float
+    dof: float
+
+    @classmethod
+    def of(
+        cls, gram: Numbers, pull: Numbers, root: Numbers, noise: Numbers, square: float, dof: float
+    ) -> _Likelihood:
+        size = pull.size
+        turned = np.einsum("ba,bcde,df->acfe", root, gram, root, optimize=True)
+        return cls(turned.reshape(size, size), (root.T @ pull).ravel(), noise, square, dof)
+
+    def _scaled(self, log_ratio: Numbers) -> tuple[Numbers, Numbers]:
+        root = np.tile(np.sqrt(self.noise * np.exp(log_ratio)), len(self.pull) // 3)
+        return root[:, None] * self.gram * root, root * self.pull
+
+    def __call__(self, log_ratio: Numbers) -> float:
+        gram, pull = self._scaled(log_ratio)
+        factor = linalg.cholesky(np.eye(len(pull)) + gram, lower=True)
+        explained = linalg.solve_triangular(factor, pull, lower=True)
+        left = max(self.square - float(explained @ explained), 1e-300)
+        return float(self.dof * np.log(left) + 2.0 * np.log(np.diag(factor)).sum())
+
+    def degrees_of_freedom(self, log_ratio: Numbers) -> float:
+        value = np.maximum(np.linalg.eigvalsh(self._scaled(log_ratio)[0]), 0.0)
+        return float(((value / (1.0 + value)) ** 2).sum())
+
+
+def _blocks(sightings: Sightings) -> tuple[Integers, Integers, Integers, Numbers]:
+    """Give each row's block (n,), and each block's pass, session and time, the session's span being 1."""
+    times = times_s(sightings)
+    n_passes = sightings.n_passes
+    most = max(1, min(_BLOCKS_OF_PASS, _MOST_BLOCKS // max(n_passes, 1)))
+    block = np.empty(len(sightings), dtype=np.int64)
+    pass_of: list[int] = []
+    session_of: list[int] = []
+    time_of: list[float] = []
+    spans = {
+        number: (float(own.min()), max(float(np.ptp(own)), 1e-300))
+        for number in range(len(sightings.sessions))
+        for own in [times[sightings.session == number]]
+        if own.size
+    }
+    for number in range(n_passes):
+        rows = np.flatnonzero(sightings.pass_number == number)
+        moments, place = np.unique(times[rows], return_inverse=True)
+        count = max(1, min(most, len(moments) // _FEWEST_MOMENTS))
+        own = place * count // len(moments)
+        session = int(sightings.session[rows[0]])
+        start, span = spans[session]
+        block[rows] = len(pass_of) + own
+        for one in range(count):
+            pass_of.append(number)
+            session_of.append(session)
+            time_of.append((float(times[rows[own == one]].mean()) - start) / span)
+    return block, np.array(pass_of), np.array(session_of), np.array(time_of)
+
+
+def _sums(fitted: Fitted, block: Integers, n_blocks: int) -> tuple[Numbers, Numbers]:
+    """Give G (b, 3, b, 3) and b (b, 3)."""
     sightings, solved = fitted.sightings, fitted.solved
     used = solved.used
-    passes, whitening = sightings.pass_number[used], sightings.whitening[used]
-    n_passes = sightings.n_passes
+    whitening, own_block = sightings.whitening[used], block[used]
     columns = projected_rows(
         fitted.problem, solved.state, solved.solution.covariance_root, used.astype(np.float64), fitted.threads
     )[used]
-    own = np.zeros((n_passes, 3, 3))
-    np.add.at(own, passes, whitening.transpose(0, 2, 1) @ whitening)
-    shared = np.zeros((n_passes, 3, columns.shape[2]))
-    np.add.at(shared, passes, whitening.transpose(0, 2, 1) @ columns)
-    pull = np.zeros((n_passes, 3))
-    np.add.at(pull, passes, np.einsum("nij,ni->nj", whitening, solved.whitened[used]))
-    flat = shared.reshape(3 * n_passes, -1)
+    own = np.zeros((n_blocks, 3, 3))
+    np.add.at(own, own_block, whitening.transpose(0, 2, 1) @ whitening)
+    shared = np.zeros((n_blocks, 3, columns.shape[2]))
+    np.add.at(shared, own_block, whitening.transpose(0, 2, 1) @ columns)
+    pull = np.zeros((n_blocks, 3))
+    np.add.at(pull, own_block, np.einsum("nij,ni->nj", whitening, solved.whitened[used]))
+    flat = shared.reshape(3 * n_blocks, -1)
     value, vector = linalg.eigh(linalg.block_diag(*own) - flat @ flat.T)
-    # What the fit takes up wholly is 0 but for rounding, of either sign.
-    return (vector * np.maximum(value, 0.0)) @ vector.T, pull.ravel()
+    # What the fit takes up wholly is 0 but for rounding, of either sign; along it a residual says nothing.
+    seen = vector[:, value > _RANK * value[-1]]
+    gram = (seen * value[value > _RANK * value[-1]]) @ seen.T
+    return gram.reshape(n_blocks, 3, n_blocks, 3), (seen @ (seen.T @ pull.ravel())).reshape(pull.shape)

@@ -22,7 +22,7 @@ from geoerr.states.difference import Difference
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.joint import TemperatureFit, fit_temperature
 from geoerr.states.left_out import LeftOut, leave_one_out
-from geoerr.states.offsets import offset_sensitivity
+from geoerr.states.offsets import pass_offsets, with_offsets
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.text import states_report
 from geoerr.terms import BasisSpec, is_name
@@ -227,20 +227,20 @@ def identify_states(
     tables, notes = _within_common_range(tables)
     chosen, position_mm = common_bases(machine, tables, dict(bases or {}), threads)
     options = FitOptions(bases=chosen, threads=threads)
-    fits: dict[float, tuple[Fitted, Numbers]] = {}
+    fits: dict[float, tuple[Fitted, Estimate, Numbers]] = {}
     for temperature, table in tables.items():
         fitted = fit_terms(machine, [table], options=options)
-        sensitivity = offset_sensitivity(fitted, len(table))
-        if sensitivity.shape[2]:
-            identity = np.eye(sensitivity.shape[2])
-            fitted = fit_terms(
-                machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=identity
-            )
-        fits[temperature] = fitted, sensitivity
-    functions = functions_of(machine, [fitted for fitted, _ in fits.values()], position_mm)
-    states = []
-    for temperature, (fitted, sensitivity) in fits.items():
+        offsets = pass_offsets(fitted)
+        sensitivity = offsets.sensitivity(fitted, len(table))
         estimate = estimate_of(fitted)
+        if sensitivity.shape[2]:
+            known = np.eye(sensitivity.shape[2])
+            fitted = fit_terms(machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=known)
+            estimate = with_offsets(estimate_of(fitted), fitted, offsets)
+        fits[temperature] = fitted, estimate, sensitivity
+    functions = functions_of(machine, [fitted for fitted, _, _ in fits.values()], position_mm)
+    states = []
+    for temperature, (fitted, estimate, sensitivity) in fits.items():
         errors = functions.tables(estimate, "joint", (f"at {temperature:g} °C",))
         table = tables[temperature]
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))

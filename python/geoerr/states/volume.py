@@ -11,7 +11,7 @@ the places asked for: at another temperature the work is probed or homed anew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +22,7 @@ from geoerr import _core
 from geoerr.errors import GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit.sightings import Numbers
 from geoerr.model.arrays import offsets, points
-from geoerr.states.chance import Largest, Test, deviations, largest_by_chance, whole_test
+from geoerr.states.chance import Largest, Spread, Test, deviations, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions, grid_mm
 
 # Points along each edge: 125 places of a printer's volume, 100 mm apart at most.
@@ -44,21 +44,28 @@ class VolumeDifference:
         Points of the grid along x, y, z; None for places of one's own.
     difference_mm : (n, 3)
         Second state minus first, the best rigid motion taken off.
-    root_mm : (n, 3, k)
-        Root of its covariance over all places: cov(D_i, D_j) = root_i root_jᵀ.
+    spread
+        Root (n, 3, k) of its covariance over all places: cov(D_i, D_j) = root_i root_jᵀ; and how well that is known.
     shift_mm, turn_rad : (3,)
         The rigid motion that was taken off: the work moved so, seen from the tool, about the places' middle.
-    dof
-        Degrees of freedom of the noise's scale; infinite where that is stated.
     """
 
     position_mm: Numbers
     shape: tuple[int, int, int] | None
     difference_mm: Numbers
-    root_mm: Numbers
+    spread: Spread
     shift_mm: Numbers
     turn_rad: Numbers
-    dof: float
+
+    @property
+    def root_mm(self) -> Numbers:
+        """Root of the covariance, (n, 3, k)."""
+        return self.spread.root
+
+    @property
+    def std_mm(self) -> Numbers:
+        """Standard uncertainty of each component, (n, 3)."""
+        return self.spread.std
 
     @cached_property
     def covariance_mm2(self) -> Numbers:
@@ -83,8 +90,8 @@ class VolumeDifference:
     @cached_property
     def test(self) -> Test:
         """One test of the whole map."""
-        root = self.root_mm.reshape(-1, self.root_mm.shape[2])
-        return whole_test(self.difference_mm.ravel(), root, self.dof)
+        root, part = (one.reshape(self.difference_mm.size, -1) for one in (self.spread.root, self.spread.part))
+        return whole_test(self.difference_mm.ravel(), replace(self.spread, root=root, part=part))
 
     @property
     def p_value(self) -> float:
@@ -93,7 +100,7 @@ class VolumeDifference:
 
     @cached_property
     def _largest(self) -> Largest:
-        return largest_by_chance(self.root_mm, self.dof)
+        return largest_by_chance(self.spread)
 
     @cached_property
     def deviation(self) -> Numbers:
@@ -136,7 +143,7 @@ class VolumeDifference:
                 for place, vector, std, p_value in zip(
                     self.position_mm.tolist(),
                     (_UM_PER_MM * self.difference_mm).tolist(),
-                    (_UM_PER_MM * np.linalg.norm(self.root_mm, axis=2)).tolist(),
+                    (_UM_PER_MM * self.std_mm).tolist(),
                     self.p_values.tolist(),
                     strict=True,
                 )
@@ -176,15 +183,17 @@ def volume_difference(
         - _displacement_mm(functions, before, places, offset, threads)
     ).ravel()
     motion = np.linalg.solve(triangle, orthonormal.T @ raw)
-    root = columns @ estimate.root
+    spread = estimate.spread.through(columns)
+    root, part = (
+        (one - orthonormal @ (orthonormal.T @ one)).reshape(len(places), 3, -1) for one in (spread.root, spread.part)
+    )
     return VolumeDifference(
         position_mm=places,
         shape=(n_points,) * 3 if q_mm is None else None,
         difference_mm=(raw - rigid @ motion).reshape(-1, 3),
-        root_mm=(root - orthonormal @ (orthonormal.T @ root)).reshape(len(places), 3, -1),
+        spread=replace(spread, root=root, part=part),
         shift_mm=motion[:3],
         turn_rad=motion[3:],
-        dof=estimate.dof,
     )
 
 
