@@ -54,6 +54,7 @@ _PHASE_STEP = 0.3
 _MOST_WAVES = 500
 _N_DECAYS = 9
 _JUMPS_OF_A_TURN = 72
+_JUMP_FROM_END = 0.05
 
 _WHY_NOT = {
     "radius-change": "the radius of every set-up is free: it is told beside the causes",
@@ -173,6 +174,8 @@ def _terms(runs: Runs, effect: Effect, axis: str | None) -> list[Term]:
         return [_pitch(runs, effect, axis or "", orders) for orders in ("h", "hs")]
     if effect.id == "radial-shrink":
         return [_shrink(effect, axis or "", machine)]
+    if effect.id == "reversal-spike":
+        return [effect.term(axis, None, machine), _spike_in_travel(effect, axis or "")]
     span = clock_span_s(runs.fitted.sightings) or DEFAULT_TIME_RANGE_S
     return [effect.term(axis, None, machine, form=form.name, time_range_s=span) for form in effect.forms]
 
@@ -230,6 +233,13 @@ def _shrink(effect: Effect, pair: str, machine: Machine) -> Term:
     )
 
 
+def _spike_in_travel(effect: Effect, axis: str) -> Term:
+    """Give a spike that decays with the travel since the reversal, and so is flatter at its top than one in time."""
+    part = Part(f"E{axis.upper()}{axis.upper()}", f"-A*d_{axis}*exp(-s_{axis}/lambda)")
+    decay = Parameter("lambda", "mm", low=0.02, high=100.0, spacing="log")
+    return replace(_classic(effect, axis, (part,), (Parameter("A", "mm"),)), inner=(decay,))
+
+
 def _share_a_plane(runs: Runs, axis: str, other: str) -> bool:
     return any(axis in plane and other in plane for plane in runs.planes)
 
@@ -251,9 +261,9 @@ def _grid(runs: Runs, term: Term, parameter: Parameter) -> Sequence[float]:
         return _frequencies_hz(runs, low, high)
     if parameter.name == "t0" and term.effect == "lost-steps":
         return _jumps_s(runs)
-    if term.effect == "reversal-spike":
+    if term.effect == "reversal-spike" and parameter.unit == "s":
         low, high = max(low, 0.7 * _step_s(runs)), min(high, _turn_s(runs) / 12.0)
-    elif term.effect == "reversal-windup":
+    elif term.effect in ("reversal-windup", "reversal-spike"):
         radius = float(runs.radius_mm.max())
         # Within the first tenth of the radius: what fills more slowly is a slope.
         low, high = max(low, 2e-4 * radius), min(high, 0.1 * radius)
@@ -310,5 +320,7 @@ def _jumps_s(runs: Runs) -> Sequence[float]:
         t = clock[own]
         turns = float(runs.travelled_rad[own][-1]) / (2.0 * np.pi)
         n = min(max(int(_JUMPS_OF_A_TURN * turns), 2), len(t) - 2)
-        found.append(np.linspace(t[0], t[-1], n + 2)[1:-1])
+        # A jump among the last rows of a run is a mistake in a few of them.
+        margin = _JUMP_FROM_END * float(t[-1] - t[0])
+        found.append(np.linspace(float(t[0]) + margin, float(t[-1]) - margin, n))
     return [float(value) for value in np.sort(np.concatenate(found))]

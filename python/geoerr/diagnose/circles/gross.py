@@ -14,6 +14,8 @@ from geoerr.fit.sightings import Numbers
 
 # Rows farther off than this many standard deviations, alone or two together, are mistakes.
 _GROSS, _LONGEST_MISTAKE = 6.0, 2
+# In a longer stretch one tells a mistake by its height over the rest of it.
+_TOWERS = 4.0
 # So many rows beside a reversal may be a spike.
 _ROWS_OF_A_SPIKE = 4
 # A row beside a reversal is no spike where it is off by so much more than rows as near to other reversals.
@@ -62,9 +64,19 @@ def stand_alone(runs: Runs, values_um: Numbers, least_um: Numbers) -> np.ndarray
     for own in runs.slices:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], far[own].astype(np.int8), [0]])))
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            if stop - start <= _LONGEST_MISTAKE:
-                result[own.start + start : own.start + stop] = True
+            result[own.start + start : own.start + stop] = _sticks_out(off[own][start:stop])
     return np.asarray(result & ~_are_spikes(runs, off, limit, result))
+
+
+def _sticks_out(off: Numbers) -> np.ndarray:
+    """Tell which rows of a stretch far off, (k,), are mistakes: all of a short one, else one or two that tower."""
+    if len(off) <= _LONGEST_MISTAKE:
+        return np.ones(len(off), dtype=bool)
+    high = off > 0.5 * off.max()
+    places = np.flatnonzero(high)
+    is_short = len(places) <= _LONGEST_MISTAKE and int(np.ptp(places)) < _LONGEST_MISTAKE
+    towers = is_short and float(off.max()) > _TOWERS * float(off[~high].max())
+    return high if towers else np.zeros(len(off), dtype=bool)
 
 
 def _are_spikes(runs: Runs, off: Numbers, limit: Numbers, flagged: np.ndarray) -> np.ndarray:

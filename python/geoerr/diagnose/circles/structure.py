@@ -23,7 +23,7 @@ _WITHIN = 0.7
 _MOST_PROBES = 4
 # Of effects with a decay on one axis one that is smaller than this share of another mends its shape.
 DECAYS = ("reversal-spike", "reversal-windup", "stick-slip")
-_CORRECTION = 0.35
+_CORRECTION = 0.45
 # What a cause's formula may be off by, as a share of its trace: friction and play are rounder than formulas.
 _DOUBT = {**dict.fromkeys(DECAYS, 0.15), "vibration": 0.1, "periodic": 0.05, "screw-wobble": 0.05}
 _USUAL_DOUBT = 0.03

@@ -65,9 +65,11 @@ def _slopes(state: State, one: Found, values: Numbers) -> Numbers:
 def _solved(state: State, parts: Sequence[Numbers], basis: Numbers) -> tuple[Numbers, Numbers]:
     white = state.noise.whiten(np.concatenate(parts, axis=1))
     beyond = white - basis @ (basis.T @ white)
-    size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
-    inverse = np.linalg.pinv(beyond.T @ beyond / np.outer(size, size), rcond=1e-10, hermitian=True)
-    covariance = inverse / np.outer(size, size)
+    size = np.sqrt((beyond**2).sum(axis=0))
+    # What moves nothing (the moment of a jump, between two rows) is as uncertain as the rows are apart: told as 0.
+    scale = np.where(size > 0.0, size, np.inf)
+    inverse = np.linalg.pinv(beyond.T @ beyond / np.outer(scale, scale), rcond=1e-10, hermitian=True)
+    covariance = inverse / np.outer(scale, scale)
     return covariance @ (beyond.T @ state.signal), covariance
 
 
