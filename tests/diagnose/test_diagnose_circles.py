@@ -12,6 +12,7 @@ import pytest
 
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.diagnose.circles.causes import suspects_of
+from geoerr.diagnose.circles.gross import stand_alone
 from geoerr.diagnose.circles.noise import MEMORIES_RAD, SMOOTH_RAD, blocks_of, fit_noise, orthonormal
 from geoerr.diagnose.circles.runs import Runs, checked, runs_of
 from geoerr.diagnose.circles.shares import shares_of
@@ -346,3 +347,14 @@ def test_what_is_below_every_bar_is_rounding() -> None:
     test = circular(nothing, feeds=(1000.0,))
     still = CircularTest(test.frame.with_columns(pl.lit(R_MM).alias("r")), ("memory",))
     assert diagnose_circles(MODEL, still).verdict == "nothing-missing"
+
+
+def test_a_spike_is_at_every_reversal_and_a_mistake_is_not() -> None:
+    runs = runs_from(circular(nothing, seed=10))
+    beside = np.abs(np.mod(runs.angle_rad + 0.5 * np.pi, np.pi) - 0.5 * np.pi) < 0.03
+    assert beside.sum() >= 8
+    spikes = np.where(beside, 8.0, 0.0) + 0.1 * np.random.default_rng(11).standard_normal(len(runs))
+    assert not stand_alone(runs, spikes, np.zeros(len(runs)))[beside].any()
+    mistake = np.flatnonzero(beside)[0]
+    alone = np.where(np.arange(len(runs)) == mistake, 8.0, spikes - np.where(beside, 8.0, 0.0))
+    assert np.flatnonzero(stand_alone(runs, alone, np.zeros(len(runs)))).tolist() == [mistake]
