@@ -1,0 +1,97 @@
+"""What a diagnosis costs: candidates laid out, the space of a fit, the ranking of everything, one search.
+
+    python benches/python/diagnosis.py [--points 10000] [--threads 0] [--repeats 3]
+
+The data are those of `benches/python/joint_fit.py` with passes, directions, feeds, times and three temperature columns
+beside them; nothing is hidden in them. `ranking` is one look at everything: all candidates of the catalogue on all
+axes, covariates and inner parameters, all probes, and the largest of every draw of noise. `search` is a whole
+`geoerr.diagnose.search`, which on such data is one look. The median of the repeats counts, wall and processor seconds:
+the latter where others use the machine too.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+import numpy.typing as npt
+from joint_fit import LENGTH_MM, OFFSETS_MM, STD_MM, timed
+
+from geoerr.diagnose.candidates import candidates_of
+from geoerr.diagnose.probes import probes_of
+from geoerr.diagnose.scan import all_channels
+from geoerr.diagnose.search import Bench, look, search
+from geoerr.effects import catalogue
+from geoerr.fit import FitOptions, fit_terms
+from geoerr.machine import AXES, Axis, Machine
+from geoerr.observations import Observations, observations_from_columns
+
+ROWS_OF_A_PASS = 40
+SECONDS = 4.0
+FEEDS_MM_MIN = (300.0, 1000.0, 3000.0, 6000.0)
+
+
+def measured(n_points: int, rng: np.random.Generator) -> Observations:
+    """Lines there and back over the volume, in five sessions, while three temperatures rise in their own time."""
+    row = np.arange(n_points)
+    line = row // ROWS_OF_A_PASS
+    start, end = rng.uniform(0.0, LENGTH_MM, (2, line.max() + 1, 3))
+    share = rng.uniform(0.0, 1.0, n_points)
+    share = np.sort(share.reshape(-1, ROWS_OF_A_PASS), axis=1).ravel() if n_points % ROWS_OF_A_PASS == 0 else share
+    q = start[line] + (end - start)[line] * share[:, None]
+    offset = OFFSETS_MM[rng.integers(0, len(OFFSETS_MM), n_points)]
+    session = row * 5 // n_points
+    t = (row - np.searchsorted(session, session)) * SECONDS
+    seen = q + STD_MM * rng.normal(size=q.shape)
+    columns: dict[str, npt.NDArray[np.float64] | list[str]] = {
+        "carrier": ["relative"] * n_points,
+        "session": [f"s{number}" for number in session],
+        "line": [f"line-{number}" for number in line],
+        "t": t,
+        "feed": np.array(FEEDS_MM_MIN)[line % len(FEEDS_MM_MIN)],
+        "moving": (line % 2).astype(np.float64),
+    }
+    for number, name in enumerate(("temp_bed", "temp_frame", "temp_room")):
+        columns[name] = 20.0 + 30.0 / (number + 1) * (1.0 - np.exp(-(t + 600.0 * session) / (900.0 * (1 + number))))
+    for axis, name in enumerate("xyz"):
+        columns |= {name: q[:, axis], f"t{name}": offset[:, axis], f"m{name}": (seen + offset)[:, axis]}
+        columns |= {f"dir_{name}": np.sign(end - start)[line, axis], f"s{name}": np.full(n_points, STD_MM)}
+    return observations_from_columns(columns)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--points", type=int, nargs="+", default=[10_000])
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--repeats", type=int, default=3)
+    arguments = parser.parse_args()
+    machine = Machine(
+        "bench", "wbXYZt", {axis: Axis((0.0, LENGTH_MM)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0)
+    )
+    known = catalogue()
+    print(f"{'points':>8} {'step':<42} {'wall s':>8} {'CPU s':>8}")
+    for n_points in arguments.points:
+        observations = measured(n_points, np.random.default_rng(1))
+        fitted = fit_terms(machine, [observations], options=FitOptions(threads=arguments.threads))
+
+        def row(step: str, seconds: tuple[float, float], n_points: int = n_points) -> None:
+            print(f"{n_points:>8} {step:<42} {seconds[0]:8.3f} {seconds[1]:8.3f}", flush=True)
+
+        (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, known), arguments.repeats)
+        probes = probes_of(fitted, functions)
+        everything = [*candidates, *probes]
+        n_ways = sum(len(shapes.trials) for one in everything for shapes in one.shapes)
+        row(f"candidates laid out: {len(candidates)}, {n_ways} ways", seconds)
+        names = all_channels([shapes for one in everything for shapes in one.shapes])
+        bench = Bench(fitted, functions, names=names, threads=arguments.threads)
+        space, seconds = timed(lambda: bench.space([]), arguments.repeats)
+        row("noise fitted, space whitened", seconds)
+        _, seconds = timed(lambda: look(bench, space, candidates, probes), arguments.repeats)
+        row("ranking, with what chance finds", seconds)
+        _, seconds = timed(lambda: search(fitted, known, threads=arguments.threads), 1)
+        row("search", seconds)
+
+
+if __name__ == "__main__":
+    main()
