@@ -2,11 +2,11 @@
 
     python benches/python/diagnosis.py [--points 10000] [--threads 0] [--repeats 3]
 
-The data are those of `benches/python/joint_fit.py` with passes, directions, feeds, times and three temperature columns
-beside them; nothing is hidden in them. `ranking` is one look at everything: all candidates of the catalogue on all
-axes, covariates and inner parameters, all probes, and the largest of every draw of noise. `search` is a whole
-`geoerr.diagnose.search`, which on such data is one look. The median of the repeats counts, wall and processor seconds:
-the latter where others use the machine too.
+The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three temperature columns;
+nothing is hidden in them. `ranking` is one look at everything: all candidates of the catalogue on all axes, covariates
+and inner parameters, all probes, and the largest of every draw of noise. `search` is a whole search, which on such
+data is one look. The median of the repeats counts, wall and processor seconds: the latter where others use the
+machine too.
 """
 
 from __future__ import annotations
@@ -59,6 +59,30 @@ def measured(n_points: int, rng: np.random.Generator) -> Observations:
     return observations_from_columns(columns)
 
 
+def print_costs(n_points: int, threads: int, repeats: int) -> None:
+    """Print the rows of one number of points."""
+    machine = Machine(
+        "bench", "wbXYZt", {axis: Axis((0.0, LENGTH_MM)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0)
+    )
+    known = catalogue()
+    fitted = fit_terms(machine, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
+
+    def row(step: str, seconds: tuple[float, float]) -> None:
+        print(f"{n_points:>8} {step:<42} {seconds[0]:8.3f} {seconds[1]:8.3f}", flush=True)
+
+    (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, known), repeats)
+    probes = probes_of(fitted, functions)
+    shapes = [one for what in [*candidates, *probes] for one in what.shapes]
+    row(f"candidates laid out: {len(candidates)}, {sum(len(one.trials) for one in shapes)} ways", seconds)
+    bench = Bench(fitted, functions, names=all_channels(shapes), threads=threads)
+    space, seconds = timed(lambda: bench.space([]), repeats)
+    row("noise fitted, space whitened", seconds)
+    _, seconds = timed(lambda: look(bench, space, candidates, probes), repeats)
+    row("ranking, with what chance finds", seconds)
+    _, seconds = timed(lambda: search(fitted, known, threads=threads), 1)
+    row("search", seconds)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -66,31 +90,9 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
-    machine = Machine(
-        "bench", "wbXYZt", {axis: Axis((0.0, LENGTH_MM)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0)
-    )
-    known = catalogue()
     print(f"{'points':>8} {'step':<42} {'wall s':>8} {'CPU s':>8}")
     for n_points in arguments.points:
-        observations = measured(n_points, np.random.default_rng(1))
-        fitted = fit_terms(machine, [observations], options=FitOptions(threads=arguments.threads))
-
-        def row(step: str, seconds: tuple[float, float], n_points: int = n_points) -> None:
-            print(f"{n_points:>8} {step:<42} {seconds[0]:8.3f} {seconds[1]:8.3f}", flush=True)
-
-        (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, known), arguments.repeats)
-        probes = probes_of(fitted, functions)
-        everything = [*candidates, *probes]
-        n_ways = sum(len(shapes.trials) for one in everything for shapes in one.shapes)
-        row(f"candidates laid out: {len(candidates)}, {n_ways} ways", seconds)
-        names = all_channels([shapes for one in everything for shapes in one.shapes])
-        bench = Bench(fitted, functions, names=names, threads=arguments.threads)
-        space, seconds = timed(lambda: bench.space([]), arguments.repeats)
-        row("noise fitted, space whitened", seconds)
-        _, seconds = timed(lambda: look(bench, space, candidates, probes), arguments.repeats)
-        row("ranking, with what chance finds", seconds)
-        _, seconds = timed(lambda: search(fitted, known, threads=arguments.threads), 1)
-        row("search", seconds)
+        print_costs(n_points, arguments.threads, arguments.repeats)
 
 
 if __name__ == "__main__":
