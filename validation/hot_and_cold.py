@@ -40,6 +40,8 @@ HERE = Path(__file__).parent
 TEMPERATURES_DEGC = (20.0, 60.0, 90.0, 120.0)
 KINDS = ("gauss-10", "heavy-tails", "outliers", "unequal-depth", "offsets-3", "offsets-8", "drift-2")
 N_POINTS = 13
+# A printer as Li's: wZbXYt, 328 × 334 × 372 mm; screws of steel, stainless steel and aluminium.
+EXAMPLE_SEED = 26
 COVERAGE_95 = 1.959964
 # Aluminium, steel, stainless steel, per kelvin.
 METALS = {"aluminium": 23.4e-6, "steel": 11.5e-6, "stainless steel": 17.0e-6}
@@ -432,13 +434,13 @@ def main() -> None:
     """Run the study and write its tables, or the files of one machine."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200, help="machines for each kind of noise")
-    parser.add_argument("--first", type=int, default=1, help="first seed")
+    parser.add_argument("--first", type=int, default=1001, help="first seed")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="machines worked on at once")
     parser.add_argument("--output", type=Path, default=HERE / "hot_and_cold.md")
     parser.add_argument("--example", type=Path, metavar="DIR", help="write one machine's files here instead")
     arguments = parser.parse_args()
     if arguments.example is not None:
-        write_example(arguments.example, arguments.first)
+        write_example(arguments.example, EXAMPLE_SEED)
         return
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     fewer = range(arguments.first, arguments.first + max(arguments.seeds // 5, 1))

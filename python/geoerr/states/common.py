@@ -128,7 +128,8 @@ def functions_of(machine: Machine, fits: Sequence[Fitted], position_mm: Mapping[
                 reasons.setdefault(name, NotDetermined(name, "the data do not determine it"))
     lost = {term_id_of(name) for name in reasons} | set(reasons)
     kept = {name: rows for name, rows in gauge.items() if name not in reasons and term_id_of(name) not in lost}
-    return Functions(machine, terms, position_mm, kept, tuple(reasons[name] for name in sorted(reasons)))
+    missing = tuple(reasons[name] for name in sorted(reasons))
+    return Functions(machine, terms, position_mm, kept, missing, np.hstack([fitted.null_space for fitted in fits]))
 
 
 def estimate_of(fitted: Fitted) -> Estimate:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -89,6 +89,8 @@ class Functions:
         ISO name to R (n, m): the function at its positions, or a squareness, is R θ.
     not_determined
         The others of the 21, with the reason.
+    loose : (m, k)
+        Directions of the parameters that some state does not determine.
     """
 
     machine: Machine
@@ -96,6 +98,7 @@ class Functions:
     position_mm: Mapping[str, Numbers]
     rows: Mapping[str, Numbers]
     not_determined: tuple[NotDetermined, ...]
+    loose: Numbers
 
     @cached_property
     def compiled(self) -> Compiled:
@@ -135,6 +138,11 @@ class Functions:
         for name in self.names:
             mask[self.own[term_id_of(name)]] = 1.0
         return mask
+
+    @property
+    def with_determined_only(self) -> Functions:
+        """Give the same for estimates that leave parameters of errors that are not determined at 0."""
+        return replace(self, loose=np.diag(1.0 - self.determined)[:, self.determined == 0.0])
 
     def tables(self, estimate: Estimate, method: str, notes: tuple[str, ...] = ()) -> ErrorFunctions:
         """Give an estimate as tables with standard uncertainties."""

@@ -115,7 +115,7 @@ def leave_one_out(
         difference = Difference(
             f"predicted at {temperature:g} °C",
             f"measured at {temperature:g} °C",
-            functions,
+            functions.with_determined_only,
             fit.at(temperature),
             estimate,
             threads,

@@ -205,15 +205,17 @@ def rigid_columns(places_mm: Numbers) -> Numbers:
 
 
 def _refuse_undetermined(functions: Functions, columns: Numbers, orthonormal: Numbers) -> None:
-    """Refuse where a parameter that not all states determine moves the point not as one rigid body."""
-    loose = columns * (1.0 - functions.determined)
-    left = loose - orthonormal @ (orthonormal.T @ loose)
-    moves = np.abs(left).max(axis=0, initial=0.0) > _NO_EFFECT * np.abs(loose).max(axis=0, initial=0.0)
-    names = [term for term, own in functions.own.items() if moves[own].any()]
-    if names:
+    """Refuse where a direction that some state does not determine moves the point not as one rigid body."""
+    moved = columns @ functions.loose
+    left = moved - orthonormal @ (orthonormal.T @ moved)
+    reach = (np.abs(columns) @ np.abs(functions.loose)).max(axis=0, initial=0.0)
+    bends = np.abs(left).max(axis=0, initial=0.0) > _NO_EFFECT * reach
+    if bends.any():
+        involved = np.abs(functions.loose[:, bends]).max(axis=1) > _NO_EFFECT
+        names = ", ".join(term for term, own in functions.own.items() if involved[own].any())
         raise NotDeterminedError(
-            f"the difference over the volume is not determined: {', '.join(names)} move the tool point and are not "
-            "known in every state\nhint: the functions that are known can be compared one by one"
+            f"the difference over the volume is not determined: {names} move the tool point and are not known in "
+            "every state\nhint: the functions that are known can be compared one by one"
         )
 
 
