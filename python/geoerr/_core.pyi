@@ -210,8 +210,8 @@ class CandidateScene:
         For each component and session T − I.
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         whitened: npt.NDArray[np.float32] | npt.NDArray[np.float64],
         n_basis: int,
         directions: npt.NDArray[np.float64],
@@ -221,7 +221,7 @@ class CandidateScene:
         unit: npt.NDArray[np.float64],
         session_starts: npt.NDArray[np.int64],
         less_one: list[list[npt.NDArray[np.float64]]],
-    ) -> None: ...
+    ) -> CandidateScene: ...
     def scan(
         self,
         variables: npt.NDArray[np.float64],
@@ -238,6 +238,7 @@ class CandidateScene:
         tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
     ]: ...
 
+@final
 class Expression:
     """A parsed formula; `columns` is (k, n): one row for each of `variables`, C-contiguous float64.
 

@@ -42,9 +42,9 @@ type GroupResult<'py> = (
     Bound<'py, PyArray2<f64>>,
 );
 
-fn three<T: Copy>(array: &PyReadonlyArray2<'_, T>, name: &str) -> Result<[Vec<T>; 3], CoreError>
+fn three<T>(array: &PyReadonlyArray2<'_, T>, name: &str) -> Result<[Vec<T>; 3], CoreError>
 where
-    T: numpy::Element,
+    T: Copy + numpy::Element,
 {
     let all = contiguous(array.as_slice().ok(), array.is_c_contiguous(), name)?;
     if array.shape()[0] != 3 {

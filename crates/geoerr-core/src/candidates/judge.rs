@@ -125,10 +125,9 @@ fn symmetric_eigen(matrix: &mut [f64], k: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
                     matrix[p * k + i] = c * a - s * b;
                     matrix[q * k + i] = s * a + c * b;
                 }
-                for i in 0..k {
-                    let (a, b) = (vectors[p][i], vectors[q][i]);
-                    vectors[p][i] = c * a - s * b;
-                    vectors[q][i] = s * a + c * b;
+                let (before, from) = vectors.split_at_mut(q);
+                for (a, b) in before[p].iter_mut().zip(&mut from[0]) {
+                    (*a, *b) = (c * *a - s * *b, s * *a + c * *b);
                 }
             }
         }
