@@ -2,10 +2,11 @@
 
     python benches/python/diagnosis.py [--points 10000] [--threads 0] [--repeats 3]
 
-The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three temperatures.
-Nothing is hidden in them. `ranking` is one look at everything: all candidates of the catalogue on all axes, covariates and
-inner parameters, all probes, and the largest of every draw of noise. `search` is a whole search; on such data it is
-one look. The median of the repeats counts, wall and processor seconds: the latter where others use the machine too.
+The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three
+temperatures. Nothing is hidden in them. `ranking` is one look at everything: all candidates of the catalogue
+on all axes, covariates and inner parameters, all probes, and the largest of every draw of noise. `search` is
+a whole search; on such data it is one look. The median of the repeats counts, wall and processor seconds: the
+latter where others use the machine too.
 """
 
 from __future__ import annotations
