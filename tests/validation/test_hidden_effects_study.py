@@ -14,6 +14,7 @@ from validation.hidden_effects.formulas import compared
 from validation.hidden_effects.generate import Hidden, generate
 from validation.hidden_effects.judge import (
     alarmed,
+    alike_to_first,
     depends_on,
     fall,
     found_both,
@@ -70,9 +71,12 @@ def line(truth: list[str | None], found: list[dict[str, Any]], **more: Any) -> d
 def test_naming_by_the_issue_s_rule() -> None:
     truth = ["backlash:x"]
     assert named(line(truth, [finding("backlash:x")])) == "alone"
-    # A correlation of more than 0.95 ties, whatever the report says; a tie that the report lists is one too.
-    assert named(line(truth, [finding("backlash:x", like=(("lag:x", 0.96),))])) == "tied"
-    assert named(line(truth, [finding("backlash:x", like=(("lag:x", 0.94),))])) == "alone"
+    listed = [finding("backlash:x"), finding("lag:x", tied=True)]
+    assert named(line(truth, listed[:1], candidates=listed)) == "tied"
+    # What contains the first is alike, and no tie: a screw with wear has play.
+    one = line(truth, [finding("backlash:x", like=(("backlash-position:x", 1.0),))])
+    assert (named(one), alike_to_first(one)) == ("alone", {"backlash-position:x"})
+    # Where another is first, a correlation of more than 0.95 ties, whatever the report says; so does the report.
     listed = [finding("lag:x"), finding("backlash:x", tied=True)]
     assert named(line(truth, listed[:1], candidates=listed)) == "second"
     assert named(line(truth, [finding("lag:x", like=(("backlash:x", 0.951),))])) == "second"

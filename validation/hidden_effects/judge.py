@@ -22,35 +22,48 @@ def alarmed(line: Line) -> bool:
     return bool(line["verdict"] != "nothing-missing")
 
 
-def tied_with_first(line: Line) -> set[str]:
-    """Give the names that the report lists as not told from the first: its own ties, and those of the rule."""
+def told_as_tied(line: Line) -> set[str]:
+    """Give the names that the report says are not told from the first."""
+    first = line["found"][0]["name"] if line["found"] else None
+    return {one["name"] for one in line["candidates"] if one["tied"]} - {first}
+
+
+def alike_to_first(line: Line) -> set[str]:
+    """Give the names that the issue's rule counts as one set with the first, by the correlations in the report.
+
+    One that contains the first, as wear along a screw contains play, is alike whatever the data are.
+    """
     if not line["found"]:
         return set()
-    first = line["found"][0]
-    names = {name for name, correlation in first["like"] if correlation > TIED}
-    return (names | {one["name"] for one in line["candidates"] if one["tied"]}) - {first["name"]}
+    return {name for name, correlation in line["found"][0]["like"] if correlation > TIED}
+
+
+def tied_with_first(line: Line) -> set[str]:
+    """Give the tied set of the first, without it: by the report, and by the rule."""
+    return told_as_tied(line) | alike_to_first(line)
 
 
 def named(line: Line) -> Named:
     """Say how the first hidden effect was named.
 
-    `alone`: first, and nothing tied with it; `tied`: first, with ties; `second`: another is first, and the right one
-    is in its tied set; `wrong`: another is first, and the right one is not; `unknown`: no name; `silent`: nothing.
+    `alone`: first, and the report ties nothing with it; `tied`: first, with ties; `second`: another is first, and the
+    right one is in its tied set; `wrong`: another is first, and the right one is not; `unknown`: no name; `silent`:
+    nothing.
     """
     if line["failed"]:
         return "failed"
     if not line["found"]:
         return "unknown" if line["unknown"] else "silent"
-    truth, tied = line["truth"][0]["name"], tied_with_first(line)
+    truth = line["truth"][0]["name"]
     if line["found"][0]["name"] == truth:
-        return "tied" if tied else "alone"
-    return "second" if truth in tied else "wrong"
+        return "tied" if told_as_tied(line) else "alone"
+    return "second" if truth in tied_with_first(line) else "wrong"
 
 
 def is_among_three(line: Line) -> bool:
     """Tell whether the right name is among the first three."""
     truth = line["truth"][0]["name"]
-    return bool(line["found"]) and truth in [one["name"] for one in line["candidates"][:3]]
+    return not line["failed"] and bool(line["found"]) and truth in [one["name"] for one in line["candidates"][:3]]
 
 
 def further(line: Line) -> list[str]:

@@ -18,6 +18,7 @@ from scipy import stats
 from validation.hidden_effects.judge import (
     Line,
     alarmed,
+    alike_to_first,
     depends_on,
     fall,
     found_both,
@@ -25,12 +26,15 @@ from validation.hidden_effects.judge import (
     inner_errors,
     is_among_three,
     named,
+    told_as_tied,
     unknown_outcome,
 )
 from validation.hidden_effects.study import RESULTS
 
 # A plan or chain is said to stand out where chance would do it once in a hundred tables.
 _STANDS_OUT = 0.01
+# The right name is first, or in the first's tied set.
+RIGHT = ("alone", "tied", "second")
 
 
 def read_lines(path: Path) -> list[Line]:
@@ -102,62 +106,44 @@ def _quantiles(lines: Sequence[Line]) -> list[str]:
     return [f"{100 * np.mean(p <= level):.1f} %" for level in (0.01, 0.05, 0.5)]
 
 
+_NAMED = (
+    "named (first, or tied with it)",
+    "first alone",
+    "first, alone but for what is alike",
+    "among three",
+    "wrong",
+)
+
+
 def single(lines: Sequence[Line]) -> str:
     """Give how effects of the catalogue were named, by strength and by kind."""
-    head = [
-        "visible µm",
-        "sets",
-        "first, alone or tied, or in the first's ties",
-        "first alone",
-        "among three",
-        "wrong",
-        "unknown",
-        "silent",
-        "further names",
-    ]
-    text = table(head, (_named_row(f"{size:g}", own) for size, own in sorted(_by(lines, "strength_um").items())))
-    head = ["effect", "visible µm", *head[2:6], "unknown", "silent", "failed", "named instead"]
+    by_size = sorted(_by(lines, "strength_um").items())
+    head = ["visible µm", "sets", *_NAMED, "unknown", "silent", "failed", "further names"]
+    text = table(head, ([f"{size:g}", str(len(own)), *_how_named(own, rate)] for size, own in by_size))
+    visible = [line for line in lines if line["strength_um"] >= 1.0]
+    strong = [line for line in lines if line["strength_um"] >= 4.0]
+    text += "\n" + standing_out(visible, lambda one: named(one) not in RIGHT, "names")
+    text += "\n" + standing_out(strong, lambda one: named(one) != "alone", "first alone at 4 µm and more")
     rows = []
     for kind, of_kind in _by(lines, "cell").items():
         for size, own in sorted(_by(of_kind, "strength_um").items()):
-            count = Counter(map(named, own))
-            wrong = Counter(
-                one["found"][0]["name"].split(":")[0].split("@")[0] for one in own if named(one) == "wrong"
-            )
-            n = len(own)
-            rows.append(
-                [
-                    *(
-                        kind,
-                        f"{size:g}",
-                        f"{count['alone'] + count['tied'] + count['second']}/{n}",
-                        f"{count['alone']}/{n}",
-                    ),
-                    *(
-                        f"{sum(map(is_among_three, own))}/{n}",
-                        str(count["wrong"]),
-                        str(count["unknown"]),
-                        str(count["silent"]),
-                    ),
-                    *(str(count["failed"]), ", ".join(f"{name} ({k})" for name, k in wrong.most_common(3))),
-                ]
-            )
-    strong = [line for line in lines if line["strength_um"] >= 4.0]
-    text += "\n" + standing_out(
-        strong, lambda one: named(one) not in ("alone", "tied", "second"), "names at 4 µm and more"
-    )
-    return text + "\n" + table(head, rows)
+            wrong = Counter(_effect(one["found"][0]["name"]) for one in own if named(one) == "wrong")
+            instead = ", ".join(f"{name} ({k})" for name, k in wrong.most_common(3))
+            rows.append([kind, f"{size:g}", *_how_named(own, lambda k, n: f"{k}/{n}"), instead])
+    return text + "\n" + table(["effect", "visible µm", *head[2:], "named instead"], rows)
 
 
-def _named_row(first: str, lines: Sequence[Line]) -> list[str]:
+def _how_named(lines: Sequence[Line], write: Callable[[int, int], str]) -> list[str]:
     count, n = Counter(map(named, lines)), len(lines)
-    right = count["alone"] + count["tied"] + count["second"]
-    return [
-        *(first, str(n), rate(right, n), rate(count["alone"], n)),
-        *(rate(sum(map(is_among_three, lines)), n), rate(count["wrong"], n)),
-        *(rate(count["unknown"], n), rate(count["silent"], n)),
-        rate(sum(bool(further(one)) for one in lines if not one["failed"]), n),
-    ]
+    # By the issue's rule what is alike (> 0.95) is one set: no data of this plan could tell it apart.
+    alike = sum(named(one) in ("alone", "tied") and told_as_tied(one) <= alike_to_first(one) for one in lines)
+    counts = [sum(count[one] for one in RIGHT), count["alone"], alike, sum(map(is_among_three, lines))]
+    counts += [count[one] for one in ("wrong", "unknown", "silent", "failed")]
+    return [write(k, n) for k in [*counts, sum(bool(further(one)) for one in lines if not one["failed"])]]
+
+
+def _effect(name: str) -> str:
+    return name.split("@")[0].split(":")[0]
 
 
 def pairs(lines: Sequence[Line]) -> str:
@@ -182,7 +168,7 @@ def off_formula(lines: Sequence[Line]) -> str:
     rows = []
     for kind, own in [("all", [*lines]), *_by(lines, "cell").items()]:
         count, n = Counter(map(named, own)), len(own)
-        right = count["alone"] + count["tied"] + count["second"]
+        right = sum(count[one] for one in RIGHT)
         rest = [one for one in own if one["unknown"] is not None and one["found"]]
         on = sum(one["truth"][0]["off_variable"] in one["unknown"]["depends_on"] for one in rest)
         rows.append(
@@ -229,9 +215,7 @@ def held_out(lines: Sequence[Line]) -> str:
     """Give how far the held-out error falls, against an oracle's."""
     rows = []
     for size, own in sorted(_by(lines, "strength_um").items()):
-        known = [
-            values for one in own if named(one) in ("alone", "tied", "second") and (values := fall(one)) is not None
-        ]
+        known = [values for one in own if named(one) in RIGHT and (values := fall(one)) is not None]
         if not known:
             continue
         before, after, oracle = np.array(known).T
