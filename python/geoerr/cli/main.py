@@ -24,6 +24,7 @@ VERBS = (
     "measure",
     "identify",
     "fit",
+    "states",
     "compare",
     "diagnose",
     "add",

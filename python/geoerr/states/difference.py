@@ -169,7 +169,12 @@ class Difference:
         }
 
     def volume(
-        self, n_points: int = N_GRID, *, q_mm: npt.ArrayLike | None = None, offset_mm: npt.ArrayLike | None = None
+        self,
+        n_points: int = N_GRID,
+        *,
+        q_mm: npt.ArrayLike | None = None,
+        offset_mm: npt.ArrayLike | None = None,
+        without_growth: bool = False,
     ) -> VolumeDifference:
         """Give the difference of the error of the tool seen from the work, over the volume; see `VolumeDifference`.
 
@@ -181,6 +186,8 @@ class Difference:
             Positions instead of the grid: four or more, not in one plane.
         offset_mm : (3,)
             From the machine's tool point to the point that is followed.
+        without_growth
+            Whether the growth of each axis that fits best is taken off, too: what three scale factors leave.
 
         Raises
         ------
@@ -188,7 +195,15 @@ class Difference:
             where a function that moves the point is not determined.
         """
         return volume_difference(
-            self.functions, self.before, self.after, self.estimate, n_points, q_mm, offset_mm, self.threads
+            self.functions,
+            self.before,
+            self.after,
+            self.estimate,
+            n_points,
+            q_mm,
+            offset_mm,
+            without_growth=without_growth,
+            threads=self.threads,
         )
 
     def to_document(self) -> dict[str, Any]:

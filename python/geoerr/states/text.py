@@ -46,7 +46,7 @@ def difference_lines(difference: Difference) -> list[str]:
     lines = [f"[{difference.second} minus {difference.first}]"]
     test = difference.test
     lines += _wrapped(f"{_chance(test.p_value)} (χ² = {test.chi_squared:.0f} with {test.rank} degrees of freedom)")
-    lines += _wrapped("no difference: origins and directions of the frames, the work's set-up, the tool's tilt")
+    lines += _wrapped("free, and so no difference: pose of the measuring frame, set-up of the work, tilt of the tool")
     try:
         volume = difference.volume()
     except NotDeterminedError as error:
@@ -55,7 +55,8 @@ def difference_lines(difference: Difference) -> list[str]:
         lines += _wrapped(
             f"over the volume {volume.rms_um:.1f} µm rms, {_UM_PER_MM * volume.length_mm.max():.1f} µm at most; two "
             f"states that do not differ show {volume.rms_by_chance_um:.1f} µm; beyond chance at "
-            f"{int(volume.is_beyond.sum())} of {len(volume.is_beyond)} places"
+            f"{int(volume.is_beyond.sum())} of {len(volume.is_beyond)} places; three scale factors would leave "
+            f"{difference.volume(without_growth=True).rms_um:.1f} µm rms"
         )
     lines += ["", "  error           rms  at most  band ±           p"]
     for name, one in difference.by_name.items():
@@ -93,12 +94,14 @@ def _left_out_lines(states: States) -> Iterator[str]:
         yield "  needs three temperatures: one that is left out leaves a line through two"
         return
     yield "                    over the volume, µm rms      measured points, µm rms    inside"
-    yield "      °C                 off     by chance         off       own fit          95 %"
+    yield "      °C                 off     by chance         off       own fit          95 %           p"
     for one in states.left_out:
         kind = "beyond " if one.is_extrapolation else "between"
+        p_value = _probability(one.difference.p_value).removeprefix("= ")
         volume = f"{_number(one.rms_um):>9}     {_number(one.rms_by_chance_um):>9}"
         points = f"{_number(one.predicted_rmse_um):>10}    {_number(one.own_rmse_um):>10}"
-        yield f"  {one.temperature_degc:>6.1f}  {kind}  {volume}  {points}       {100.0 * one.coverage:>5.1f} %"
+        judged = f"{100.0 * one.coverage:>5.1f} %  {p_value:>10}"
+        yield f"  {one.temperature_degc:>6.1f}  {kind}  {volume}  {points}       {judged}"
 
 
 def _not_determined(states: States) -> list[str]:

@@ -48,6 +48,8 @@ class VolumeDifference:
         Root (n, 3, k) of its covariance over all places: cov(D_i, D_j) = root_i root_jᵀ; and how well that is known.
     shift_mm, turn_rad : (3,)
         The rigid motion that was taken off: the work moved so, seen from the tool, about the places' middle.
+    growth : (3,) or None
+        Growth of each axis that was taken off besides, mm/mm.
     """
 
     position_mm: Numbers
@@ -56,6 +58,7 @@ class VolumeDifference:
     spread: Spread
     shift_mm: Numbers
     turn_rad: Numbers
+    growth: Numbers | None
 
     @property
     def root_mm(self) -> Numbers:
@@ -159,6 +162,8 @@ def volume_difference(
     n_points: int,
     q_mm: npt.ArrayLike | None,
     offset_mm: npt.ArrayLike | None,
+    *,
+    without_growth: bool,
     threads: int,
 ) -> VolumeDifference:
     """Compare two estimates over the volume; see `Difference.volume`."""
@@ -170,6 +175,9 @@ def volume_difference(
     apart = places + offset + tool
     middle = apart.mean(axis=0)
     rigid = rigid_columns(apart - middle)
+    if without_growth:
+        grown = (np.eye(3)[None, :, :] * (apart - middle)[:, None, :]).reshape(3 * len(places), 3)
+        rigid = np.hstack([rigid, grown])
     if len(places) < 4 or np.linalg.svd(apart - middle, compute_uv=False)[2] < 1e-6 * np.ptp(apart):
         raise GeometryError(
             "a difference over the volume needs places that do not lie in one plane\n"
@@ -193,7 +201,8 @@ def volume_difference(
         difference_mm=(raw - rigid @ motion).reshape(-1, 3),
         spread=replace(spread, root=root, part=part),
         shift_mm=motion[:3],
-        turn_rad=motion[3:],
+        turn_rad=motion[3:6],
+        growth=motion[6:] if without_growth else None,
     )
 
 

@@ -15,6 +15,7 @@ from geoerr.report.figures.residuals import (
     residual_histogram,
     residual_vectors,
 )
+from geoerr.report.figures.states import difference_curves, difference_map, state_curves
 from geoerr.report.figures.uncertainty import uncertainty_slices
 
 __all__ = [
@@ -24,6 +25,8 @@ __all__ = [
     "circle",
     "circle_causes",
     "diagnosis_bars",
+    "difference_curves",
+    "difference_map",
     "error_curves",
     "error_field",
     "lines_of_errors",
@@ -35,6 +38,7 @@ __all__ = [
     "residual_directions",
     "residual_histogram",
     "residual_vectors",
+    "state_curves",
     "uncertainty_slices",
     "unknown_curve",
 ]

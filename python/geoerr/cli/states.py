@@ -1,0 +1,96 @@
+"""`geoerr states`: one machine measured at several temperatures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from geoerr.cli.options import (
+    JsonFlag,
+    MachineFile,
+    QuietFlag,
+    Threads,
+    check_output,
+    note,
+    note_set_aside,
+    null_for_nan,
+    print_json,
+)
+from geoerr.cli.progress import progress_bar
+from geoerr.machine import read_machine
+from geoerr.model import write_model
+from geoerr.observations import Observations, read_observations
+from geoerr.report.provenance import provenance_of_command
+from geoerr.states import identify_states
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("states")(states_verb)
+
+
+def states_verb(
+    states: Annotated[
+        list[str],
+        typer.Argument(metavar="DEGC=OBS...", help="Temperature in °C and measured points, as 120=hot.csv."),
+    ],
+    machine: MachineFile,
+    covariate: Annotated[
+        str, typer.Option("--covariate", help="Column of the temperature; filled with DEGC where it is absent.")
+    ] = "temp",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="model.json with temperature in it.")] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Write tables and pictures as an HTML page.")
+    ] = None,
+    as_json: JsonFlag = False,
+    quiet: QuietFlag = False,
+    threads: Threads = 0,
+) -> None:
+    """How a machine differs between temperatures, and one model for all of them."""
+    paths = [(_temperature(state), Path(state.partition("=")[2])) for state in states]
+    inputs = [machine, *(path for _, path in paths)]
+    check_output(output, inputs)
+    check_output(report, inputs)
+    tables: dict[float, list[Observations]] = {}
+    for temperature, path in paths:
+        tables.setdefault(temperature, []).append(read_observations(path))
+    with progress_bar("states", quiet) as advance:
+        advance(0, 2)
+        found = identify_states(tables, read_machine(machine), covariate=covariate, threads=threads)
+        advance(1, 2)
+        if output is not None:
+            write_model(output, found.model.model)
+        if report is not None:
+            # Plotly comes with it: only who asks for pictures pays for it.
+            from geoerr.report.states_page import write_states_page
+
+            write_states_page(report, found, provenance_of_command(inputs))
+        advance(2, 2)
+    if as_json:
+        document = {"output": None if output is None else str(output), **null_for_nan(found.to_document())}
+        print_json({**document, "provenance": provenance_of_command(inputs).to_document()})
+        return
+    typer.echo(found.report(), nl=False)
+    _print_notes(list(tables.values()), [path for path in (output, report) if path is not None], quiet)
+
+
+def _temperature(state: str) -> float:
+    text, equals, path = state.partition("=")
+    try:
+        temperature = float(text)
+    except ValueError:
+        temperature = math.nan
+    if not equals or not path or not math.isfinite(temperature):
+        raise typer.BadParameter(f"{state!r} is not DEGC=OBS, as 120=hot.csv", param_hint="DEGC=OBS")
+    return temperature
+
+
+def _print_notes(tables: Sequence[list[Observations]], written: Sequence[Path], quiet: bool) -> None:
+    for table in (table for group in tables for table in group):
+        note_set_aside(table.set_aside, quiet)
+    for path in written:
+        note(f"written: {path}", quiet)

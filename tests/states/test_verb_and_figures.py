@@ -1,0 +1,109 @@
+"""`geoerr states`, its figures and its guide: they say what the states say."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+from validation.hot_and_cold import EXAMPLE_SEED, Hot, write_example
+
+from geoerr.cli.main import app
+from geoerr.machine import write_machine
+from geoerr.model import load_model
+from geoerr.observations import write_observations
+from geoerr.report.figures import difference_curves, difference_map, state_curves
+from geoerr.states import States
+
+GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "hot_and_cold.md"
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+
+
+def test_every_state_has_its_curve(states: States) -> None:
+    figure = state_curves(states)
+    lines = [trace for trace in figure.data if trace.mode == "lines" and trace.fill is None]
+    assert len(lines) == 18 * len(states.states)
+    assert {trace.name for trace in lines} == {"20 °C", "60 °C", "120 °C"}
+    hottest = next(trace for trace in lines if trace.name == "120 °C")
+    assert np.array(hottest.y) == pytest.approx(1e3 * states[120.0].errors.functions["EXX"].value)
+
+
+def test_the_difference_is_drawn_with_its_bands(states: States) -> None:
+    difference = states.difference(20.0, 120.0)
+    figure = difference_curves(difference)
+    beyond = sum(one.p_value < 0.05 for name, one in difference.by_name.items() if one.position_mm.size)
+    drawn = [trace for trace in figure.data if trace.legendgroup == "beyond chance" and trace.fill is None]
+    assert len(drawn) == beyond
+    assert "120 °C minus 20 °C" in figure.layout.title.text
+
+
+def test_the_map_marks_what_is_within_chance(states: States) -> None:
+    volume = states.difference(20.0, 60.0).volume(4)
+    figure = difference_map(volume)
+    crosses = [trace for trace in figure.data if trace.type == "scatter" and trace.marker.symbol == "x-thin"]
+    heights = np.unique(volume.position_mm[:, 2])[[0, 2, 3]]
+    shown = np.isin(volume.position_mm[:, 2], heights) & ~volume.is_beyond
+    assert sum(len(trace.x) for trace in crosses) == 2 * int(shown.sum())
+    maps = [trace for trace in figure.data if trace.type == "heatmap"]
+    assert len(maps) == 6
+    along_z = 1e3 * volume.difference_mm.reshape(4, 4, 4, 3)[:, :, 0, 2]
+    assert np.array(maps[1].z) == pytest.approx(along_z.T)
+
+
+def test_growth_taken_off_is_the_metals(hot: Hot, states: States) -> None:
+    volume = states.difference(20.0, 120.0).volume(4, without_growth=True)
+    assert volume.growth is not None
+    # Noise of 10 µm over 300 mm: 2e-6 is ten standard errors.
+    assert volume.growth / 100.0 == pytest.approx(hot.heat.expansion, abs=0.3e-6)
+    assert volume.rms_um < 0.2 * states.difference(20.0, 120.0).volume(4).rms_um
+
+
+def test_the_verb_from_files_to_a_corrected_program(states: States, tmp_path: Path) -> None:
+    write_machine(tmp_path / "machine.toml", states.machine)
+    for state in states.states:
+        table = state.observations
+        write_observations(tmp_path / f"{state.temperature_degc:g}.csv", table)
+    named = [f"{at:g}={tmp_path / f'{at:g}.csv'}" for at in states.temperatures_degc]
+    common = ["--machine", str(tmp_path / "machine.toml"), "--threads", "1"]
+    run = CliRunner().invoke(app, ["states", *named, *common, "-o", str(tmp_path / "model.json"), "--json"])
+    assert run.exit_code == 0, run.output
+    document = json.loads(run.stdout)
+    expected = states.to_document()
+    assert document["difference"]["functions"]["EXX"]["value_um"] == pytest.approx(
+        expected["difference"]["functions"]["EXX"]["value_um"], rel=1e-6
+    )
+    assert load_model(tmp_path / "model.json").conditions == ("temp",)
+    low = [states.machine.axes[axis].range_mm[0] for axis in "xyz"]
+    lines = ["G90", *(f"G1 X{low[0] + k:.3f} Y{low[1] + k:.3f} Z{low[2] + k:.3f}" for k in (20, 100, 180))]
+    (tmp_path / "in.gcode").write_text("\n".join(lines) + "\n")
+    program = ["compensate", str(tmp_path / "model.json"), str(tmp_path / "in.gcode")]
+    hot = CliRunner().invoke(app, [*program, "-o", str(tmp_path / "hot.gcode"), "--at", "temp=90"])
+    cold = CliRunner().invoke(app, [*program, "-o", str(tmp_path / "cold.gcode"), "--at", "temp=20"])
+    assert (hot.exit_code, cold.exit_code) == (0, 0), hot.output + cold.output
+    assert (tmp_path / "hot.gcode").read_text() != (tmp_path / "cold.gcode").read_text()
+
+
+@pytest.mark.parametrize("wrong", ["cold.csv", "=cold.csv", "20=", "warm=cold.csv", "nan=cold.csv"])
+def test_what_is_no_state_is_wrong_usage(wrong: str) -> None:
+    run = CliRunner().invoke(app, ["states", wrong, "--machine", "machine.toml"])
+    assert run.exit_code == 2
+
+
+def test_the_guide_prints_what_the_commands_print(tmp_path: Path) -> None:
+    """Words as they are, numbers to a twentieth: sums in another order change last digits."""
+    write_example(tmp_path, EXAMPLE_SEED)
+    named = [f"{at}={tmp_path / f'at-{at}.csv'}" for at in (20, 60, 90, 120)]
+    arguments = ["states", *named, "--machine", str(tmp_path / "machine.toml"), "--threads", "1", "--quiet"]
+    report = ["--report", str(tmp_path / "report.html")]
+    run = CliRunner().invoke(app, [*arguments, *report])
+    assert run.exit_code == 0, run.output
+    page = GUIDE.read_text(encoding="utf-8")
+    printed = page[page.index("```text\n") + 8 :]
+    printed = printed[: printed.index("```")]
+    assert NUMBER.sub("", printed).split() == NUMBER.sub("", run.stdout).split()
+    said, found = ([float(one) for one in NUMBER.findall(text)] for text in (printed, run.stdout))
+    assert found == pytest.approx(said, rel=0.05, abs=0.15)
+    assert "What three scale factors would leave" in (tmp_path / "report.html").read_text(encoding="utf-8")
