@@ -106,7 +106,7 @@ def _quantiles(lines: Sequence[Line]) -> list[str]:
     return [f"{100 * np.mean(p <= level):.1f} %" for level in (0.01, 0.05, 0.5)]
 
 
-_NAMED = ("named: first, or tied with it", "first alone", "first, alone but for what is alike", "among three", "wrong")
+_NAMED = (
     "named (first, or tied with it)",
     "first alone",
     "first, alone but for what is alike",
