@@ -5,14 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
-from validation.hot_and_cold import Hot, without_rigid
+from validation.hot_and_cold import Hot, observe, without_rigid
 
 from geoerr.bases import basis_of
 from geoerr.compensate.program import compensate_program
 from geoerr.errors import GeoerrError
 from geoerr.model import Model, load_model, write_model
-from geoerr.states import States
+from geoerr.observations import Observations
+from geoerr.states import States, identify_states
 from geoerr.states.joint import fit_temperature
 from geoerr.states.shapes import shapes_of, temperature_terms
 
@@ -145,3 +147,17 @@ def test_the_report_says_it_in_words(states: States) -> None:
     document = states.to_document()
     assert document["difference"]["functions"]["EXX"]["p_value"] < 1e-9
     assert len(document["left_out"]) == 3
+
+
+def test_a_column_of_the_tables_is_the_temperature(hot: Hot) -> None:
+    """A bed that swings by a kelvin or two around its state's name: its mean counts, the fit takes each row's."""
+    tables = {}
+    for at in (20.0, 120.0):
+        table = observe(hot, at, 3)
+        swing = at + 1.5 + np.sin(np.arange(len(table)) / 50.0)
+        tables[at] = Observations(table.frame.with_columns(temp_bed=pl.Series(swing)))
+    states = identify_states(tables, hot.machine, covariate="temp_bed", threads=1)
+    assert states[120.0].mean_degc == pytest.approx(tables[120.0].numbers("temp_bed").mean())
+    assert states.model.model.conditions == ("temp_bed",)
+    assert states.left_out == ()
+    assert "three temperatures" in states.report()

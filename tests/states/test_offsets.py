@@ -40,7 +40,7 @@ def test_the_likelihood_is_that_of_dense_matrices(shaken: Fitted) -> None:
     left, size, _ = np.linalg.svd(design, full_matrices=False)
     taken = left[:, size > 1e-9 * size[0]]
     # A gauge only names what the columns already span.
-    members = np.zeros((n, 3, 3, len(pass_of)))
+    members = np.zeros((n, 3, 3, root.shape[1]))
     for row in range(n):
         members[row, :, :, :] = sightings.whitening[row][:, :, None] * root[block[row]]
     whitened = shaken.solved.whitened.ravel()

@@ -68,8 +68,10 @@ def test_the_verb_from_files_to_a_corrected_program(states: States, tmp_path: Pa
         write_observations(tmp_path / f"{state.temperature_degc:g}.csv", table)
     named = [f"{at:g}={tmp_path / f'{at:g}.csv'}" for at in states.temperatures_degc]
     common = ["--machine", str(tmp_path / "machine.toml"), "--threads", "1"]
-    run = CliRunner().invoke(app, ["states", *named, *common, "-o", str(tmp_path / "model.json"), "--json"])
+    written = ["-o", str(tmp_path / "model.json"), "--report", str(tmp_path / "report.html")]
+    run = CliRunner().invoke(app, ["states", *named, *common, *written, "--json"])
     assert run.exit_code == 0, run.output
+    assert "What three scale factors would leave" in (tmp_path / "report.html").read_text(encoding="utf-8")
     document = json.loads(run.stdout)
     expected = states.to_document()
     assert document["difference"]["functions"]["EXX"]["value_um"] == pytest.approx(
@@ -97,8 +99,7 @@ def test_the_guide_prints_what_the_commands_print(tmp_path: Path) -> None:
     write_example(tmp_path, EXAMPLE_SEED)
     named = [f"{at}={tmp_path / f'at-{at}.csv'}" for at in (20, 60, 90, 120)]
     arguments = ["states", *named, "--machine", str(tmp_path / "machine.toml"), "--threads", "1", "--quiet"]
-    report = ["--report", str(tmp_path / "report.html")]
-    run = CliRunner().invoke(app, [*arguments, *report])
+    run = CliRunner().invoke(app, arguments)
     assert run.exit_code == 0, run.output
     page = GUIDE.read_text(encoding="utf-8")
     printed = page[page.index("```text\n") + 8 :]
@@ -106,4 +107,3 @@ def test_the_guide_prints_what_the_commands_print(tmp_path: Path) -> None:
     assert NUMBER.sub("", printed).split() == NUMBER.sub("", run.stdout).split()
     said, found = ([float(one) for one in NUMBER.findall(text)] for text in (printed, run.stdout))
     assert found == pytest.approx(said, rel=0.05, abs=0.15)
-    assert "What three scale factors would leave" in (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -132,7 +132,7 @@ class Difference:
         far = np.abs(self._values.value[known]) / self._values.std[known]
         return float(self._largest.p_value(far.max(keepdims=True, initial=0.0))[0])
 
-    @property
+    @cached_property
     def band_factor(self) -> float:
         """Half-width, in standard uncertainties, of 95 % bands that hold for all functions and positions at once."""
         return self._largest.quantile()

@@ -44,6 +44,8 @@ _MEMORIES = (0.05, 0.15, 0.5)
 _SHARES = (0.0, 0.5)
 # Eigenvalues below this share of the largest are rounding.
 _RANK = 1e-9
+# Directions of a correlation with less than this share of the largest variance need no unknowns of their own.
+_NEGLIGIBLE = 1e-4
 # Blocks: at most three a pass, of four moments or more, and so many in all that a determinant takes a millisecond.
 _BLOCKS_OF_PASS, _FEWEST_MOMENTS, _MOST_BLOCKS = 3, 4, 120
 
@@ -59,7 +61,7 @@ class PassOffsets:
         there is nothing to be seen.
     block : (n,)
         Number of each row's block.
-    root : (b, b)
+    root : (b, k)
         Root of the correlation of blocks.
     dof
         Degrees of freedom that told the size.
@@ -73,7 +75,7 @@ class PassOffsets:
     def sensitivity(self, fitted: Fitted, n_rows: int) -> Numbers:
         """Give how unknowns that are known to be 0 ± 1 move the rows of the table, (n, 3, k)."""
         kept = np.flatnonzero(self.std_mm > 0.0)
-        derivative = np.zeros((n_rows, 3, len(kept), len(self.root)))
+        derivative = np.zeros((n_rows, 3, len(kept), self.root.shape[1]))
         for number, axis in enumerate(kept):
             derivative[fitted.sightings.source_row, axis, number] = self.std_mm[axis] * self.root[self.block]
         return derivative.reshape(n_rows, 3, -1)
@@ -118,16 +120,17 @@ def with_offsets(estimate: Estimate, fitted: Fitted, offsets: PassOffsets) -> Es
     its covariance with the offsets.
     """
     first = fitted.problem.first_shared_column
-    count = int((offsets.std_mm > 0.0).sum()) * len(offsets.root)
+    count = int((offsets.std_mm > 0.0).sum()) * offsets.root.shape[1]
     root = fitted.solved.solution.covariance_root
     part = fitted.scale * root[: len(estimate.parameters)] @ root[first : first + count].T
     return replace(estimate, part=part, part_dof=offsets.dof)
 
 
 def root_of_correlation(correlation: Numbers) -> Numbers:
-    """Give R (b, b) with R Rᵀ a correlation that may be singular: blocks of one pass with one offset."""
+    """Give R (b, k) with R Rᵀ a correlation, but for little: blocks of one pass with one offset need one column."""
     value, vector = np.linalg.eigh(correlation)
-    return np.asarray(vector * np.sqrt(np.maximum(value, 0.0)))
+    kept = value > _NEGLIGIBLE * value[-1]
+    return np.asarray(vector[:, kept] * np.sqrt(value[kept]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,7 @@ class _Likelihood:
     def of(
         cls, gram: Numbers, pull: Numbers, root: Numbers, noise: Numbers, square: float, dof: float
     ) -> _Likelihood:
-        size = pull.size
+        size = 3 * root.shape[1]
         turned = np.einsum("ba,bcde,df->acfe", root, gram, root, optimize=True)
         return cls(turned.reshape(size, size), (root.T @ pull).ravel(), noise, square, dof)
 

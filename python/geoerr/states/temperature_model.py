@@ -18,6 +18,9 @@ from geoerr.states.joint import TemperatureFit
 from geoerr.states.shapes import temperature_terms
 from geoerr.terms import Term
 
+# Rows times unknowns of offsets that the joint fit takes along: with three components some 500 MB.
+_MOST_NUMBERS = 20_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class TemperatureModel:
@@ -29,10 +32,13 @@ class TemperatureModel:
         The fit; `result.model` is written by `write_model` and compensates with `--at temp=90`.
     covariate
         The condition that predictions need.
+    notes
+        Sentences for the reader.
     """
 
     result: FitResult
     covariate: str
+    notes: tuple[str, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -67,6 +73,14 @@ def temperature_model(
     frame = pl.concat([one.frame for one in observations], how="diagonal_relaxed")
     joined = Observations(frame, tuple(source for one in observations for source in one.sources))
     bases = {term.id: spec for term in functions.terms if (spec := term.parts[0].basis) is not None}
+    size = sum(len(one) for one in sensitivities) * sum(one.shape[2] for one in sensitivities)
+    notes: tuple[str, ...] = ()
+    if size > _MOST_NUMBERS:
+        sensitivities = [one[:, :, :0] for one in sensitivities]
+        notes = (
+            "one model: offsets of passes would take more memory than there may be, and are not in its covariance; "
+            "those of states and differences have them",
+        )
     offsets = _side_by_side(sensitivities)
     fitted = fit_terms(
         machine,
@@ -76,7 +90,7 @@ def temperature_model(
         rig_sensitivity=offsets,
         rig_covariance=None if offsets is None else np.eye(offsets.shape[2]),
     )
-    return TemperatureModel(result_of(fitted), covariate)
+    return TemperatureModel(result_of(fitted), covariate, notes)
 
 
 def _side_by_side(sensitivities: Sequence[Numbers]) -> Numbers | None:

@@ -36,7 +36,7 @@ def states_report(states: States) -> str:
         "",
         *_left_out_lines(states),
     ]
-    for sentence in (*states.notes, *_not_determined(states)):
+    for sentence in (*states.notes, *states.model.notes, *_not_determined(states)):
         lines += _wrapped(sentence)
     return "\n".join(lines) + "\n"
 

@@ -110,7 +110,7 @@ class VolumeDifference:
         """How many standard deviations each vector is long, (n,): √(dᵀ V⁻¹ d)."""
         return deviations(self.difference_mm, self.root_mm)
 
-    @property
+    @cached_property
     def critical_deviation(self) -> float:
         """Deviation that chance exceeds nowhere in the map in 95 % of cases."""
         return self._largest.quantile()
