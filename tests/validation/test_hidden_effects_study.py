@@ -65,6 +65,7 @@ def line(truth: list[str | None], found: list[dict[str, Any]], **more: Any) -> d
         "before_um": 18.0,
         "oracle_um": 17.3,
         "seconds": {"fit": 0.4, "diagnose": 0.5},
+        "cpu_seconds": {"fit": 0.4, "diagnose": 0.5},
     } | more
 
 

@@ -135,7 +135,7 @@ def summary(line: dict[str, Any]) -> str:
     tied = [one["name"] for one in line["candidates"][1:] if one["tied"]]
     unknown = line["unknown"]
     rest = "" if unknown is None else f" unknown {unknown['component']}({','.join(unknown['depends_on'])})"
-    seconds = f"{line['seconds']['fit']:.2f}+{line['seconds']['diagnose']:.2f} s"
+    seconds = f"{line['cpu_seconds']['fit']:.2f}+{line['cpu_seconds']['diagnose']:.2f} s"
     return f"{where}: {truth} -> {line['verdict']} p={line['p']:.2g} {found}{rest} tied={tied} {seconds}"
 
 
