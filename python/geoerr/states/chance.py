@@ -16,7 +16,7 @@ the inner one by a scaled χ² of the same mean and variance (Satterthwaite). Wi
 the cases where they should in a twentieth, with 18 passes in each state.
 
 Source: Working and Hotelling 1929 (bands); Hothorn, Bretz and Westfall, Biometrical Journal 50 (2008) (maximum of
-correlated statistics). Verified: tests/states/test_chance.py, validation/hot_and_cold.md.
+correlated statistics). Verified: tests/states/test_chance.py, validation/hot_and_cold.py.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ small may be there: `evidence`), and, where the states show more than the shapes
 
 Source: generalised least squares of summary statistics (meta-regression); the criterion is Akaike's with a penalty
 for having searched (Foster and George 1994, risk inflation). Verified: tests/states/test_joint.py, against a fit of
-all observations at once, and validation/hot_and_cold.md.
+all observations at once, and validation/hot_and_cold.py.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ in units of the scatter s²; s², d and the pair (w, τ) maximise the restricted
 
 How well their size is known follows from the eigenvalues λ of Dᵀ G D: Σ (λ/(1 + λ))² degrees of freedom.
 
-Source: Harville, JASA 72 (1977). Verified: tests/states/test_offsets.py, validation/hot_and_cold.md.
+Source: Harville, JASA 72 (1977). Verified: tests/states/test_offsets.py, validation/hot_and_cold.py.
 """
 
 from __future__ import annotations

@@ -213,7 +213,7 @@ def identify_states(
     Li et al. 2023, §5.2 (room temperature and 120 °C). All states have the same bases, chosen by their
     evidence together: what these cannot follow is the same in every state, and cancels in differences. Offsets of
     passes are found by restricted likelihood and are part of every uncertainty. The calibration of the cameras is
-    not: it is the same in all states, and cancels. Verified: tests/states, validation/hot_and_cold.md.
+    not: it is the same in all states, and cancels. Verified: tests/states, validation/hot_and_cold.py.
     """
     if len(observations) < 2:
         raise GeoerrError("a comparison needs two temperatures or more\nhint: give one table for each temperature")
