@@ -413,7 +413,8 @@ def main() -> None:
     few = arguments.sets
     chosen = cases(few or NULL_SETS, few or CAUSE_SETS, 4 * few if few else MACHINES)
     chosen = [case for case in chosen if case.table in arguments.tables.split(",")]
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    # Forked, a worker could wait for threads that only its parent has.
+    with ProcessPoolExecutor(arguments.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         outcomes = list(pool.map(outcome_of, chosen, chunksize=4))
     command = "python validation/circles.py"
     if few is None and arguments.tables == parser.get_default("tables"):
