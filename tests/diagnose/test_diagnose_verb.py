@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 from typer.testing import CliRunner
@@ -15,12 +17,14 @@ import geoerr
 from geoerr.cli.diagnose_text import WIDTH, diagnosis_lines
 from geoerr.cli.main import app
 from geoerr.diagnose import add_effect
+from geoerr.diagnose.advice import Advice, adviser_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms
 from geoerr.diagnose.search import search
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError
 from geoerr.fit import FitOptions
+from geoerr.machine import write_machine
 from geoerr.model import write_model
 from geoerr.observations import Observations
 from geoerr.report import figures
@@ -122,6 +126,30 @@ def test_what_the_data_cannot_tell_apart_is_said_with_what_would(ambiguous: Diag
     assert " min): " in text.replace("\n    ", " ")
     # One measurement for all of them.
     assert len({id(one.separate_by) for one in ambiguous.tied}) == 1
+
+
+def test_the_advised_measurement_is_written_where_there_is_one(
+    ambiguous: Diagnosis, clean: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nominal, table, path = tmp_path / "machine.toml", tmp_path / "o.csv", tmp_path / "plan.csv"
+    write_machine(nominal, machine())
+    geoerr.write_observations(table, observed(nothing))
+    arguments = ["diagnose", str(nominal), str(table), "--plan", str(path)]
+    plan = adviser_of(ambiguous.fitted, [one.term for one in ambiguous.tied]).plans[0]
+    advice = Advice(plan.title, plan.text(2), plan.minutes(2), measurements=((plan, 2),))
+    advised = replace(ambiguous, found=(replace(ambiguous.found[0], separate_by=advice), *ambiguous.found[1:]))
+    advised = replace(advised, candidates=(advised.found[0], *advised.candidates[1:]))
+    # So weak a gap no plan would separate: the catalogue speaks, in words.
+    for diagnosis, why in ((clean, "nothing is tied"), (ambiguous, "is known in words at most"), (advised, None)):
+        monkeypatch.setattr("geoerr.diagnose.diagnosis.diagnose", lambda *_, found=diagnosis, **__: found)
+        said, as_json = (CliRunner().invoke(app, [*arguments, *more]) for more in ([], ["--json"]))
+        assert (said.exit_code, as_json.exit_code) == (0, 0), said.output + as_json.output
+        assert path.exists() is (why is None)
+        assert json.loads(as_json.stdout)["plan"] == (str(path) if why is None else None)
+        assert (f"plan: {path}" if why is None else why) in said.stderr
+    assert pl.read_csv(path).height == 2 * len(plan.pictures)
+    refused = CliRunner().invoke(app, [*arguments[:-1], str(table)])
+    assert "is an input of this command" in str(refused.exception)
 
 
 def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> None:

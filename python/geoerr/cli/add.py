@@ -7,24 +7,21 @@ from typing import Annotated
 
 import typer
 
-from geoerr.cli.change_text import change_document, change_text, note_missing_calibration
 from geoerr.cli.effect_options import Form, Lag, Lagging, way_of
-from geoerr.cli.measurements import read_measurements
 from geoerr.cli.options import (
+    EffectFiles,
     JsonFlag,
+    ModelFile,
+    ModelOutput,
     QuietFlag,
     RigFile,
     Threads,
     calibration,
     check_output,
-    note,
-    null_for_nan,
-    print_json,
+    effects_of,
+    files_given,
 )
 from geoerr.cli.progress import progress_bar
-from geoerr.diagnose.change import add_effect
-from geoerr.effects import load_effects
-from geoerr.model import load_model, write_model
 
 
 def register(app: typer.Typer) -> None:
@@ -33,15 +30,13 @@ def register(app: typer.Typer) -> None:
 
 
 def add(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, errors.json or machine.toml.")],
+    model: ModelFile,
     arguments: Annotated[
         list[str],
         typer.Argument(metavar="OBS... ID[:AXIS][@COVARIATE]", help="Measurements, and last the effect to add."),
     ],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="model.json to write.")] = None,
-    effects: Annotated[
-        list[Path] | None, typer.Option("--effects", help="A .toml of your own effects; may be repeated.")
-    ] = None,
+    output: ModelOutput = None,
+    effects: EffectFiles = None,
     lag: Lag = Lagging.AUTO,
     form: Form = None,
     rig: RigFile = None,
@@ -53,11 +48,16 @@ def add(
 
     `empirical:x@feed` (or `empirical:z@x*y`, `empirical:work-z@t`) adds a curve that no cause is known of.
     """
+    from geoerr.cli.change_text import report_change
+    from geoerr.cli.measurements import read_measurements
+    from geoerr.diagnose.change import add_effect
+    from geoerr.model import load_model
+
     paths, reference = observations_and_reference(arguments)
-    inputs = [model, *paths, *(effects or []), *([rig] if rig is not None else [])]
+    inputs = files_given(model, paths, effects, rig)
     check_output(output, inputs)
     start = load_model(model)
-    own = [effect for path in effects or [] for effect in load_effects(path)]
+    own = effects_of(effects)
     with progress_bar("add", quiet) as advance:
         advance(0, 2)
         measured = read_measurements(paths)
@@ -74,16 +74,7 @@ def add(
             threads=threads,
         )
         advance(2, 2)
-    note_missing_calibration(start, rig, quiet)
-    if output is not None:
-        write_model(output, change.result.model)
-    if as_json:
-        print_json(null_for_nan(change_document(change, output, inputs)))
-        return
-    for line in change_text(change):
-        typer.echo(line)
-    if output is not None:
-        note(f"model: {output}", quiet)
+    report_change(change, start, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)
 
 
 def observations_and_reference(arguments: list[str]) -> tuple[list[Path], str]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.budget import Budget, Implementation, budget_text, uncertainty_budget, uncertainty_map
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, note, null_for_nan, print_json
 from geoerr.cli.program_options import At, conditions, triple
-from geoerr.model import Model, load_model
-from geoerr.model.conditions import OF_MOTION
-from geoerr.report.provenance import Provenance, provenance_of_command
+
+if TYPE_CHECKING:
+    from geoerr.model import Model
 
 # Reached from below after a long stroke, and at rest.
 _APPROACH = {"d": 1.0, "s": 100.0, "v": 0.0, "feed": 0.0}
@@ -56,6 +55,10 @@ def budget(
 
     By propagation (GUM): the parameters' covariance, conditions, and how corrections are carried out.
     """
+    from geoerr.budget import Implementation, budget_text, uncertainty_budget, uncertainty_map
+    from geoerr.model import load_model
+    from geoerr.report.provenance import provenance_of_command
+
     check_output(report, [model])
     loaded = load_model(model)
     given, assumed = conditions(at), _assumed(loaded)
@@ -72,7 +75,10 @@ def budget(
         note(f"note: taken as {', '.join(told)}; --at states another", quiet)
     provenance = provenance_of_command([model])
     if report is not None:
-        _write_report(report, found, provenance)
+        # Plotly comes with it: only a page pays for it.
+        from geoerr.report.budget_page import write_budget_page
+
+        write_budget_page(report, found, uncertainty_map(found), provenance)
     if as_json:
         print_json(null_for_nan({**found.to_document(), "provenance": provenance.to_document()}))
         return
@@ -83,6 +89,8 @@ def budget(
 
 def _assumed(model: Model) -> dict[str, float | str]:
     """Give the conditions of motion that the model follows, as they are where nothing else is stated."""
+    from geoerr.model.conditions import OF_MOTION
+
     motion = {name: _APPROACH[name if name in _APPROACH else name.partition("_")[0]] for name in OF_MOTION}
     return {name: value for name, value in {**motion, "moving": 1.0}.items() if name in model.conditions}
 
@@ -93,10 +101,3 @@ def _uncertainties(given: list[str] | None) -> dict[str, float]:
         if isinstance(value, str) or value < 0.0:
             raise typer.BadParameter(f"{name}={value} is no standard uncertainty", param_hint="--at-std")
     return {name: float(value) for name, value in read.items()}
-
-
-def _write_report(report: Path, found: Budget, provenance: Provenance) -> None:
-    # Plotly comes with these: only a page pays for it.
-    from geoerr.report.budget_page import write_budget_page
-
-    write_budget_page(report, found, uncertainty_map(found), provenance)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
 from geoerr.cli.progress import progress_bar
 from geoerr.errors import InputFileError
-from geoerr.vision.calibrate import Calibration, calibrate
-from geoerr.vision.rig import write_rig
-from geoerr.vision.session import Session, read_session
-from geoerr.vision.stereo_solve import ViewResult
+
+if TYPE_CHECKING:
+    from geoerr.vision.calibrate import Calibration
+    from geoerr.vision.session import Session
+    from geoerr.vision.stereo_solve import ViewResult
 
 SessionFolder = Annotated[
     Path, typer.Argument(help="Session folder: session.toml with [board], calibration/left and calibration/right.")
@@ -35,6 +36,10 @@ def calibrate_session(
     quiet: QuietFlag = False,
 ) -> None:
     """Calibrate a pair of cameras from pictures of a board; every view judged, every number with its uncertainty."""
+    from geoerr.vision.calibrate import calibrate
+    from geoerr.vision.rig import write_rig
+    from geoerr.vision.session import read_session
+
     session = read_session(session_folder)
     _refuse_input_as_output(session, output)
     with progress_bar("looking for the board", quiet) as advance:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+import typer
+
+from geoerr.cli.fit_document import fit_document
 from geoerr.cli.fit_text import figure_rows, parameter_rows, quality_in_words, wrapped
-from geoerr.cli.options import note
+from geoerr.cli.options import note, null_for_nan, print_json
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
-from geoerr.effects import plausible_match
 from geoerr.fit.result import CALIBRATION_UNKNOWNS
-from geoerr.model import HistoryEntry, Model
-from geoerr.report.provenance import provenance_of_command
+from geoerr.model import HistoryEntry, Model, write_model
 
 _BAR_WIDTH = 44
 _FULL, _HELD_OUT, _FLOOR = "█", "░", "│"
@@ -65,35 +65,41 @@ def _bar(inside: float, held: float, noise: float, largest: float) -> str:
     return "".join(bar)
 
 
-def note_missing_calibration(model: Model, rig: Path | None, quiet: bool) -> None:
-    """Say that a calibration that was part of the model's uncertainty is not part of the new one's."""
-    if rig is None and model.record is not None and model.record.noise.get(CALIBRATION_UNKNOWNS, 0.0) > 0.0:
+def report_change(
+    change: Change,
+    start: Model,
+    output: Path | None,
+    inputs: Sequence[Path],
+    *,
+    has_rig: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Write the changed model where one is asked for, and print what the change did.
+
+    Parameters
+    ----------
+    change
+        What was done.
+    start
+        The model as it was.
+    output
+        Where the new one goes.
+    inputs
+        Files that were read.
+    has_rig
+        Whether the calibration's uncertainty takes part.
+    as_json, quiet
+        As for every verb.
+    """
+    if not has_rig and start.record is not None and start.record.noise.get(CALIBRATION_UNKNOWNS, 0.0) > 0.0:
         note("note: the model was fitted with its calibration's uncertainty; it is lost here without --rig", quiet)
-
-
-def change_document(change: Change, output: Path | None, inputs: Sequence[Path]) -> dict[str, Any]:
-    """Give the document for `--json`: as `fit`'s."""
-    document = change.result.to_document()
-    for term in change.after.terms:
-        for parameter in (*term.coefficients, *term.inner):
-            match = plausible_match(parameter)
-            entry = document["parameters"][f"{term.id}.{parameter.name}"]
-            entry["plausible"] = None if match is None else match.what
-    record = change.result.model.record
-    assert record is not None
-    return {
-        "output": None if output is None else str(output),
-        **document,
-        "before": comparison_document(change.before),
-        "after": comparison_document(change.after),
-        "history": [
-            {
-                "action": entry.action,
-                "effect": entry.reference,
-                "before": dict(entry.figures_before),
-                "after": dict(entry.figures_after),
-            }
-            for entry in record.history
-        ],
-        "provenance": provenance_of_command(inputs).to_document(),
-    }
+    if output is not None:
+        write_model(output, change.result.model)
+    if as_json:
+        print_json(null_for_nan(fit_document(change.result, change.before, output, inputs)))
+        return
+    for line in change_text(change):
+        typer.echo(line)
+    if output is not None:
+        note(f"model: {output}", quiet)

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from geoerr.cli.fit_text import counted, figure_rows, quality_in_words, wrapped
+from geoerr.cli.measurements import Measurements
+from geoerr.cli.options import note, note_left_out, note_set_aside
 from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
 from geoerr.diagnose.regions import region_name
 
 _MOST_LINES = 12
-MOST_NAMED = 5
+_MOST_NAMED = 5
 _MOST_TRENDS = 3
 _MOST_REGIONS = 5
 # Below this share of the residual a trend is not worth a table.
@@ -52,11 +54,11 @@ def comparison_lines(comparison: Comparison, document: Mapping[str, Any], places
         lines += _part_table("by session", comparison.by_session, is_sorted=True)
         lines += _region_table(comparison.regions)
         lines += _trend_tables(comparison)
-        lines += ["", "worst places:", *_named(comparison, comparison.worst[:MOST_NAMED].tolist(), places)]
+        lines += ["", "worst places:", *_named(comparison, comparison.worst[:_MOST_NAMED].tolist(), places)]
         left_out = np.flatnonzero(~fitted.solved.used).tolist()
         if left_out:
             lines += ["", f"left out as gross errors ({counted(len(left_out), 'row')}):"]
-            lines += _named(comparison, left_out[:MOST_NAMED], places)
+            lines += _named(comparison, left_out[:_MOST_NAMED], places)
     if comparison.lengths is not None:
         lines += _lengths(comparison.lengths)
     return lines
@@ -191,7 +193,7 @@ def _lengths(lengths: LengthComparison) -> Iterator[str]:
     for name, (rms_um, n) in lengths.by("group").items():
         yield f"  {_short(name or 'no group', 40):<42}{rms_um:>12.2f}{n:>8} lengths"
     order = sorted(range(len(lengths)), key=lambda row: -abs(lengths.residual_um[row]))
-    for row in order[:MOST_NAMED]:
+    for row in order[:_MOST_NAMED]:
         feature = str(lengths.frame["feature"][row] or "a length")
         yield f"  {_short(feature, 40):<42}{_signed(float(lengths.residual_um[row]), 2):>12}"
 
@@ -206,3 +208,31 @@ def _signed(value: float, digits: int) -> str:
 
 def _short(text: str, width: int) -> str:
     return text if len(text) <= width else text[: width - 1] + "…"
+
+
+def places_of(comparison: Comparison, measured: Measurements) -> dict[int, str]:
+    """Say where the rows that are named stand: file and row, as an editor shows it."""
+    if comparison.fitted is None:
+        return {}
+    sightings = comparison.fitted.sightings
+    left_out = np.flatnonzero(~comparison.fitted.solved.used).tolist()
+    file_rows = sightings.numbers("file_row")
+    numbers = [sightings.numbers(name) for name in ("x", "y", "z", "mx", "my", "mz")]
+    is_circle = [sightings.frames[number] == "circle" for number in sightings.session]
+    return {
+        row: f"row {int(file_rows[row])} of the circle"
+        if is_circle[row]
+        else measured.place(int(file_rows[row]), [values[row] for values in numbers])
+        for row in (*comparison.worst[:_MOST_NAMED].tolist(), *left_out[:_MOST_NAMED])
+    }
+
+
+def print_notes(comparison: Comparison, measured: Measurements, quiet: bool) -> None:
+    """Say on standard error what took no part."""
+    note_set_aside(measured.set_aside, quiet)
+    if comparison.fitted is not None:
+        note_left_out(comparison.fitted.sightings, quiet)
+        for sentence in comparison.fitted.sightings.notes:
+            note(f"note: {sentence}", quiet)
+    if comparison.lengths is not None and comparison.lengths.n_lacking:
+        note(f"left out: {comparison.lengths.n_lacking} lengths (a covariate is empty)", quiet)

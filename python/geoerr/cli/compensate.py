@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,11 +21,10 @@ from geoerr.cli.program_options import (
     triple,
 )
 from geoerr.cli.progress import progress_bar
-from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program
 from geoerr.errors import InputFileError
-from geoerr.files import digest
-from geoerr.model import load_model
-from geoerr.report.provenance import provenance_of_command
+
+if TYPE_CHECKING:
+    from geoerr.compensate.program import CompensationResult
 
 
 class OnUnsupported(StrEnum):
@@ -87,6 +86,11 @@ def compensate(
     """Rewrite the program IN so that the machine of MODEL follows the path that IN means."""
     if as_json and str(output) == "-":
         raise typer.BadParameter("--json has standard output for itself", param_hint="-o -")
+    from geoerr.compensate.program import CompensationOptions, compensate_program
+    from geoerr.files import digest
+    from geoerr.model import load_model
+    from geoerr.report.provenance import provenance_of_command
+
     given = conditions(at)
     options = CompensationOptions(
         work_offset_mm=triple(work_offset, "--work-offset"),

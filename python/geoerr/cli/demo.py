@@ -6,17 +6,15 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Seed, Threads, note, print_json
 from geoerr.cli.progress import Advance, progress_bar
-from geoerr.cli.text_tables import print_table
-from geoerr.demo.job import DemoResult, run_demo
-from geoerr.demo.summary import sentences, truth_inside, write_demo_report
-from geoerr.report.error_tables import error_function_table, squareness_table
-from geoerr.report.provenance import provenance_of_command
+
+if TYPE_CHECKING:
+    from geoerr.demo.job import DemoResult
 
 Folder = Annotated[Path, typer.Argument(help="Folder for every file and the report; made if absent.")]
 
@@ -37,6 +35,11 @@ def demo(
 
     Leaves plan, pictures, rig.json, observations.csv, errors.json, both programs and report.html in DIRECTORY.
     """
+    from geoerr.cli.text_tables import print_table
+    from geoerr.demo.job import run_demo
+    from geoerr.demo.summary import sentences, write_demo_report
+    from geoerr.report.error_tables import error_function_table, squareness_table
+    from geoerr.report.provenance import provenance_of_command
 
     @contextmanager
     def stage(title: str) -> Iterator[Advance]:
@@ -65,6 +68,8 @@ def demo(
 
 
 def _document(result: DemoResult, report: Path) -> dict[str, object]:
+    from geoerr.demo.summary import truth_inside
+
     inside, total = truth_inside(result.errors, result.truth.errors)
     return {
         "report": str(report),

@@ -3,29 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.diagnose_circle_text import circle_diagnosis_lines
-from geoerr.cli.diagnose_text import diagnosis_lines
-from geoerr.cli.measurements import read_measurements
 from geoerr.cli.options import (
+    EffectFiles,
     JsonFlag,
+    ModelFile,
+    ObservationFiles,
+    PageFile,
     QuietFlag,
+    Refit,
+    RigFile,
     Threads,
+    calibration,
     check_output,
+    effects_of,
+    files_given,
     note,
+    note_left_out,
     note_set_aside,
-    null_for_nan,
-    print_json,
+    print_result,
 )
 from geoerr.cli.progress import progress_bar
-from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
-from geoerr.effects import load_effects
-from geoerr.model import load_model
-from geoerr.report.provenance import Provenance, provenance_of_command
+
+if TYPE_CHECKING:
+    from geoerr.diagnose.circles import CircleDiagnosis
+    from geoerr.diagnose.diagnosis import Diagnosis
+    from geoerr.report.provenance import Provenance
 
 
 def register(app: typer.Typer) -> None:
@@ -34,26 +40,19 @@ def register(app: typer.Typer) -> None:
 
 
 def diagnose_verb(
-    model: Annotated[
-        Path,
-        typer.Argument(metavar="MODEL", help="model.json, errors.json, or machine.toml (a machine without errors)."),
-    ],
-    observations: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="OBS...", help="Measured points, circular tests (.csv, .parquet; - is standard input)."
+    model: ModelFile,
+    observations: ObservationFiles,
+    effects: EffectFiles = None,
+    refit: Refit = False,
+    report: PageFile = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            "--plan",
+            help="Write the measurement that would tell tied effects apart, a row for each picture (.csv, .parquet).",
         ),
-    ],
-    effects: Annotated[
-        list[Path] | None, typer.Option("--effects", help="A .toml of your own effects; may be repeated.")
     ] = None,
-    refit: Annotated[
-        bool,
-        typer.Option("--refit", help="Fit the model's numbers to these data, too, although they are not its own."),
-    ] = False,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="Write tables and pictures of the diagnosis as an HTML page.")
-    ] = None,
+    rig: RigFile = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="All candidates in full, and all that was not offered.")
     ] = False,
@@ -66,11 +65,21 @@ def diagnose_verb(
     On data that the model was not fitted to its numbers stay as they are, and only the pose of each session's
     measuring frame is fitted. Circular tests alone are ranked as ball-bar software does.
     """
-    inputs = [model, *observations, *(effects or [])]
+    from geoerr.cli.diagnose_circle_text import circle_diagnosis_lines
+    from geoerr.cli.diagnose_text import diagnosis_lines
+    from geoerr.cli.measurements import read_measurements
+    from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
+    from geoerr.diagnose.diagnosis import diagnose
+    from geoerr.model import load_model
+    from geoerr.report.provenance import provenance_of_command
+
+    inputs = files_given(model, observations, effects, rig)
     check_output(report, inputs)
+    check_output(plan, inputs)
     known = load_model(model)
-    own = [effect for path in effects or [] for effect in load_effects(path)]
+    own = effects_of(effects)
     measured = read_measurements(observations)
+    sensitivity, covariance = calibration(rig, measured.points)
     diagnosis: Diagnosis | CircleDiagnosis
     with progress_bar("diagnose", quiet) as advance:
         if measured.points is None and not refit:
@@ -78,37 +87,62 @@ def diagnose_verb(
             diagnosis = diagnose_circles(known, *measured.circles, effects=own, threads=threads)
             advance(1, 1)
         else:
-            diagnosis = diagnose(known, *measured.tables, effects=own, refit=refit, progress=advance, threads=threads)
+            diagnosis = diagnose(
+                known,
+                *measured.tables,
+                effects=own,
+                refit=refit,
+                rig_sensitivity=sensitivity,
+                rig_covariance=covariance,
+                progress=advance,
+                threads=threads,
+            )
         document = diagnosis.to_document()
         provenance = provenance_of_command(inputs)
         if report is not None:
             _write_report(report, diagnosis, provenance)
+    unwritten = None if plan is None else _write_plan(plan, diagnosis)
     if as_json:
-        document |= {
-            "report": None if report is None else str(report),
-            "set_aside": [str(problem) for problem in measured.set_aside],
-            "provenance": provenance.to_document(),
-        }
-        print_json(null_for_nan(document))
+        written = None if plan is None or unwritten is not None else str(plan)
+        document |= {"plan": written}
+        print_result(document, report=report, set_aside=measured.set_aside, provenance=provenance)
         return
     command = " ".join(["geoerr add", str(model), *map(str, observations)])
-    own_files = "".join(f" --effects {path}" for path in effects or [])
+    options = "".join(f" --effects {path}" for path in effects or []) + ("" if rig is None else f" --rig {rig}")
     lines = (
-        circle_diagnosis_lines(diagnosis, command, own_files, verbose=verbose)
+        circle_diagnosis_lines(diagnosis, command, options, verbose=verbose)
         if isinstance(diagnosis, CircleDiagnosis)
-        else diagnosis_lines(diagnosis, command, own_files, verbose=verbose)
+        else diagnosis_lines(diagnosis, command, options, verbose=verbose)
     )
     for line in lines:
         typer.echo(line)
     note_set_aside(measured.set_aside, quiet)
-    for why, count in diagnosis.fitted.sightings.left_out.items():
-        note(f"left out: {count} rows ({why})", quiet)
+    note_left_out(diagnosis.fitted.sightings, quiet)
     if report is not None:
         note(f"report: {report}", quiet)
+    if plan is not None:
+        note(f"plan: {plan}" if unwritten is None else f"note: no plan was written: {unwritten}", quiet)
+
+
+def _write_plan(plan: Path, diagnosis: Diagnosis | CircleDiagnosis) -> str | None:
+    """Write the advised measurement; say why where there is none to write."""
+    from geoerr.diagnose.advice import Advice, write_plan
+    from geoerr.diagnose.circles import CircleDiagnosis
+
+    if isinstance(diagnosis, CircleDiagnosis):
+        return "what to run next on a circle is said in words"
+    if len(diagnosis.tied) < 2:
+        return "nothing is tied"
+    advice = diagnosis.tied[0].separate_by
+    if not isinstance(advice, Advice) or not advice.measurements:
+        return "what would tell the tied effects apart is known in words at most"
+    write_plan(plan, advice.measurements)
+    return None
 
 
 def _write_report(report: Path, diagnosis: Diagnosis | CircleDiagnosis, provenance: Provenance) -> None:
     # Plotly comes with these: only a page pays for it.
+    from geoerr.diagnose.circles import CircleDiagnosis
     from geoerr.report.diagnosis_page import write_circle_diagnosis_page, write_diagnosis_page
 
     if isinstance(diagnosis, CircleDiagnosis):

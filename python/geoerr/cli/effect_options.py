@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.fit import Way
+if TYPE_CHECKING:
+    from geoerr.fit import Way
 
 
 class Lagging(StrEnum):
@@ -37,4 +38,6 @@ Form = Annotated[
 
 def way_of(lag: Lagging, form: str | None) -> Way:
     """Give how effects are to be written."""
+    from geoerr.fit import Way
+
     return Way(None if lag is Lagging.AUTO else lag is Lagging.YES, form)

@@ -17,28 +17,40 @@ from geoerr.errors import GeoerrError
 # pictures, and might join sums in another order on another machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Each module has `register(app: typer.Typer) -> None`; the order is that of `geoerr --help`.
-VERBS = (
-    "demo",
-    "calibrate",
-    "measure",
-    "identify",
-    "fit",
-    "states",
-    "compare",
-    "diagnose",
-    "add",
-    "remove",
-    "budget",
-    "compensate",
-    "verify",
-    "simulate",
-    "target",
-)
+# Each has a module with `register(app: typer.Typer) -> None`. Order and words are those of `geoerr --help`, which
+# loads none of them.
+VERBS = {
+    "demo": "The whole job on a virtual machine, with a report.",
+    "calibrate": "Calibrate a pair of cameras from pictures of a board.",
+    "measure": "Pictures of targets to points with covariances.",
+    "identify": "The 21 geometric errors from measured points.",
+    "fit": "The volumetric model: all errors, all effects, at once.",
+    "states": "One machine at several temperatures: what differs.",
+    "compare": "How far and where a model fails on measurements.",
+    "diagnose": "Which physical effect a model lacks, if any.",
+    "add": "Add an effect to a model, and see the error fall.",
+    "remove": "Take an effect out, and see the error rise.",
+    "budget": "How uncertain a prediction is, and a compensated part.",
+    "compensate": "Rewrite a program for the machine that runs it.",
+    "verify": "Prove a correction: circle, workpiece, path.",
+    "simulate": "Photograph a virtual machine into a session folder.",
+    "target": "Plates and boards to print, true to scale.",
+}
 
 
 class _Verbs(typer.core.TyperGroup):
     """Imports a verb when it is asked for: `compensate` needs neither OpenCV nor Polars, nor their memory."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Give the options that belong to no verb: a switch that is not thrown is off.
+
+        Typer leaves those for completion undefined, and loads Pydantic to make sure: another third of a second.
+        """
+        params: list[Any] = super().get_params(ctx)
+        for param in params:
+            if getattr(param, "is_flag", False) and param.default is None:
+                param.default = False
+        return params
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Give the names of all verbs."""
@@ -48,11 +60,16 @@ class _Verbs(typer.core.TyperGroup):
         """Give one verb; None where there is no such verb."""
         if cmd_name not in VERBS:
             return None
-        holder = typer.Typer(add_completion=False)
+        holder = typer.Typer(add_completion=False, rich_markup_mode=None)
         # With a callback it stays a group, even of one verb.
         holder.callback()(lambda: None)
         importlib.import_module(f"geoerr.cli.{cmd_name}").register(holder)
         return typer.main.get_group(holder).commands[cmd_name]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the verbs into the help text."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(VERBS.items()))
 
 
 app = typer.Typer(
@@ -60,6 +77,8 @@ app = typer.Typer(
     cls=_Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    # Plain help: boxes would cost more than all the rest of it, and fit a pipe no better.
+    rich_markup_mode=None,
     help="Why a three-axis machine is not where it should be: measure, identify, compensate, prove.",
 )
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
 from geoerr.cli.progress import progress_bar
 from geoerr.errors import InputFileError
-from geoerr.report.provenance import provenance_of_command
-from geoerr.vision.calibrate import calibrate
-from geoerr.vision.measure import measure
-from geoerr.vision.measured import Measured, write_measured
-from geoerr.vision.rig import Rig, read_rig
-from geoerr.vision.session import Session, read_session
+
+if TYPE_CHECKING:
+    from geoerr.vision.measured import Measured
+    from geoerr.vision.rig import Rig
+    from geoerr.vision.session import Session
 
 SessionFolder = Annotated[
     Path, typer.Argument(help="Session folder: session.toml with [[targets]], frames.csv and its pictures.")
@@ -46,6 +45,11 @@ def measure_session(
     """Measure every target in every frame: positions with covariances, and a reason for each that is missed."""
     if json and str(output) == "-":
         raise typer.BadParameter("standard output cannot hold both the table and --json", param_hint="--output")
+    from geoerr.report.provenance import provenance_of_command
+    from geoerr.vision.measure import measure
+    from geoerr.vision.measured import write_measured
+    from geoerr.vision.session import read_session
+
     session = read_session(session_folder)
     own_rig = session.directory / "rig.json"
     chosen = rig_file or (own_rig if own_rig.is_file() else None)
@@ -64,6 +68,9 @@ def measure_session(
 
 
 def _rig(session: Session, path: Path | None, threads: int, quiet: bool) -> Rig:
+    from geoerr.vision.calibrate import calibrate
+    from geoerr.vision.rig import read_rig
+
     if path is not None:
         return read_rig(path)
     note("note: no rig.json: calibrating from the session's board pictures", quiet)

@@ -14,7 +14,10 @@ import typer
 from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
+    from geoerr.effects import Effect
+    from geoerr.fit.sightings import Sightings
     from geoerr.observations import Observations
+    from geoerr.report.provenance import Provenance
     from geoerr.tables import RowProblem
 
 _MOST_ROWS_NAMED = 5
@@ -26,7 +29,22 @@ Threads = Annotated[
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 MachineFile = Annotated[Path, typer.Option("--machine", help="machine.toml: chain and ranges of the machine.")]
+ModelFile = Annotated[
+    Path, typer.Argument(metavar="MODEL", help="model.json, errors.json, or machine.toml (a machine without errors).")
+]
+ObservationFiles = Annotated[
+    list[Path],
+    typer.Argument(metavar="OBS...", help="Measured points, circular tests (.csv, .parquet; - is standard input)."),
+]
+EffectFiles = Annotated[
+    list[Path] | None, typer.Option("--effects", help="A .toml of your own effects; may be repeated.")
+]
 RigFile = Annotated[Path | None, typer.Option("--rig", help="rig.json: include the calibration's uncertainty.")]
+Refit = Annotated[
+    bool, typer.Option("--refit", help="Fit the model's numbers to these data, too, although they are not its own.")
+]
+ModelOutput = Annotated[Path | None, typer.Option("--output", "-o", help="model.json to write.")]
+PageFile = Annotated[Path | None, typer.Option("--report", help="Write tables and pictures as an HTML page.")]
 
 
 def print_json(document: Any) -> None:
@@ -55,6 +73,37 @@ def note_set_aside(problems: Sequence[RowProblem], quiet: bool) -> None:
         note(f"set aside: {problem}", quiet)
     if len(problems) > _MOST_ROWS_NAMED:
         note(f"set aside: {len(problems) - _MOST_ROWS_NAMED} more rows", quiet)
+
+
+def note_left_out(sightings: Sightings, quiet: bool) -> None:
+    """Count the rows that took no part, by the reason."""
+    for why, count in sightings.left_out.items():
+        note(f"left out: {count} rows ({why})", quiet)
+
+
+def print_result(
+    document: dict[str, Any], *, report: Path | None, set_aside: Sequence[RowProblem], provenance: Provenance
+) -> None:
+    """Print a result with where it comes from and what it could not use."""
+    sources = {
+        "report": None if report is None else str(report),
+        "set_aside": [str(problem) for problem in set_aside],
+        "provenance": provenance.to_document(),
+    }
+    print_json(null_for_nan({**document, **sources}))
+
+
+def files_given(*files: Path | Sequence[Path] | None) -> list[Path]:
+    """Give all files of a command line in one list; what was not given is left out."""
+    lists = [[one] if isinstance(one, Path) else list(one or []) for one in files]
+    return [path for paths in lists for path in paths]
+
+
+def effects_of(files: Sequence[Path] | None) -> list[Effect]:
+    """Read the user's own effects."""
+    from geoerr.effects import load_effects
+
+    return [effect for path in files or [] for effect in load_effects(path)]
 
 
 def check_output(output: Path | None, inputs: Sequence[Path]) -> None:

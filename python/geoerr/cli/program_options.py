@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.compensate.program import Triple
+if TYPE_CHECKING:
+    from geoerr.compensate.program import Triple
 
 
 class FirmwareName(StrEnum):

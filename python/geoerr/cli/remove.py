@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from geoerr.cli.add import observations_and_reference
-from geoerr.cli.change_text import change_document, change_text, note_missing_calibration
-from geoerr.cli.measurements import read_measurements
 from geoerr.cli.options import (
     JsonFlag,
+    ModelFile,
+    ModelOutput,
     QuietFlag,
     RigFile,
     Threads,
     calibration,
     check_output,
-    note,
-    null_for_nan,
-    print_json,
+    files_given,
 )
-from geoerr.diagnose.change import remove_terms
-from geoerr.model import load_model, write_model
 
 
 def register(app: typer.Typer) -> None:
@@ -31,20 +26,25 @@ def register(app: typer.Typer) -> None:
 
 
 def remove(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json.")],
+    model: ModelFile,
     arguments: Annotated[
         list[str],
         typer.Argument(metavar="OBS... ID[:AXIS][@COVARIATE]", help="Measurements, and last the effect."),
     ],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="model.json to write.")] = None,
+    output: ModelOutput = None,
     rig: RigFile = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
 ) -> None:
     """Take an effect out of a model, fit what is left again, and show how far the error rises."""
+    from geoerr.cli.change_text import report_change
+    from geoerr.cli.measurements import read_measurements
+    from geoerr.diagnose.change import remove_terms
+    from geoerr.model import load_model
+
     paths, reference = observations_and_reference(arguments)
-    inputs = [model, *paths, *([rig] if rig is not None else [])]
+    inputs = files_given(model, paths, rig)
     check_output(output, inputs)
     start, measured = load_model(model), read_measurements(paths)
     sensitivity, covariance = calibration(rig, measured.points)
@@ -56,13 +56,4 @@ def remove(
         rig_covariance=covariance,
         threads=threads,
     )
-    note_missing_calibration(start, rig, quiet)
-    if output is not None:
-        write_model(output, change.result.model)
-    if as_json:
-        print_json(null_for_nan(change_document(change, output, inputs)))
-        return
-    for line in change_text(change):
-        typer.echo(line)
-    if output is not None:
-        note(f"model: {output}", quiet)
+    report_change(change, start, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)

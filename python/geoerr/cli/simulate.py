@@ -10,9 +10,6 @@ import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
 from geoerr.cli.progress import progress_bar
-from geoerr.files import read_toml
-from geoerr.simulate.plan import plan_from_document
-from geoerr.simulate.session import simulate_session
 
 PlanFile = Annotated[Path, typer.Argument(help="The plan (.toml): machine, cameras, targets, errors, passes.")]
 SessionFolder = Annotated[
@@ -37,6 +34,10 @@ def simulate(
     quiet: QuietFlag = False,
 ) -> None:
     """Photograph a virtual machine with known errors into a session folder, the truth beside it."""
+    from geoerr.files import read_toml
+    from geoerr.simulate.plan import plan_from_document
+    from geoerr.simulate.session import simulate_session
+
     document = read_toml(plan_file)
     if seed is not None:
         document["seed"] = seed

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from geoerr.cli.options import (
     JsonFlag,
     MachineFile,
+    PageFile,
     QuietFlag,
     Threads,
     check_output,
@@ -21,11 +22,9 @@ from geoerr.cli.options import (
     print_json,
 )
 from geoerr.cli.progress import progress_bar
-from geoerr.machine import read_machine
-from geoerr.model import write_model
-from geoerr.observations import Observations, read_observations
-from geoerr.report.provenance import provenance_of_command
-from geoerr.states import identify_states
+
+if TYPE_CHECKING:
+    from geoerr.observations import Observations
 
 
 def register(app: typer.Typer) -> None:
@@ -43,14 +42,18 @@ def states_verb(
         str, typer.Option("--covariate", help="Column of the temperature; filled with DEGC where it is absent.")
     ] = "temp",
     output: Annotated[Path | None, typer.Option("--output", "-o", help="model.json with temperature in it.")] = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="Write tables and pictures as an HTML page.")
-    ] = None,
+    report: PageFile = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
 ) -> None:
     """How a machine differs between temperatures, and one model for all of them."""
+    from geoerr.machine import read_machine
+    from geoerr.model import write_model
+    from geoerr.observations import read_observations
+    from geoerr.report.provenance import provenance_of_command
+    from geoerr.states import identify_states
+
     paths = [(_temperature(state), Path(state.partition("=")[2])) for state in states]
     inputs = [machine, *(path for _, path in paths)]
     check_output(output, inputs)

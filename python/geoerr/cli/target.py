@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
 from geoerr.errors import GeoerrError
-from geoerr.report.provenance import provenance_of_command
-from geoerr.vision.printing.artwork import Artwork
-from geoerr.vision.printing.paper import Layout, Paper, parse_paper
-from geoerr.vision.printing.pdf import write_print
-from geoerr.vision.printing.request import read_request
+
+if TYPE_CHECKING:
+    from geoerr.vision.printing.artwork import Artwork
+    from geoerr.vision.printing.paper import Layout, Paper
 
 
 def register(app: typer.Typer) -> None:
@@ -42,6 +41,10 @@ def target(
     threads: Threads = 0,
 ) -> None:
     """Plates and boards to print, true to scale, with rulers to check the print by."""
+    from geoerr.report.provenance import provenance_of_command
+    from geoerr.vision.printing.pdf import write_print
+    from geoerr.vision.printing.request import read_request
+
     paper = None if page is None else _paper(page)
     request = read_request(what)
     layouts = write_print(output, request, paper)
@@ -67,6 +70,8 @@ def target(
 
 
 def _paper(text: str) -> Paper:
+    from geoerr.vision.printing.paper import parse_paper
+
     try:
         return parse_paper(text)
     except GeoerrError as error:

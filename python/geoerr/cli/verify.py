@@ -9,7 +9,11 @@ from geoerr.cli import verify_ballbar, verify_path, verify_workpiece
 
 def register(app: typer.Typer) -> None:
     """Add the group with its verbs."""
-    sub = typer.Typer(no_args_is_help=True, help="Prove a correction: circular test, workpiece, path of a program.")
+    sub = typer.Typer(
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        help="Prove a correction: circular test, workpiece, path of a program.",
+    )
     for verb in (verify_ballbar, verify_workpiece, verify_path):
         verb.register(sub)
     app.add_typer(sub, name="verify")

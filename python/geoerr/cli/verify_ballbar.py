@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
 from geoerr.cli.program_options import At, conditions
 from geoerr.errors import InputFileError
-from geoerr.model import load_model
-from geoerr.model.program_conditions import extrapolated_conditions
-from geoerr.observations import CircularTest, read_circular_test
-from geoerr.report.ballbar import write_ballbar_report
-from geoerr.report.provenance import provenance_of_command
-from geoerr.verify.ballbar import (
-    CircularTestResult,
-    Trace,
-    circle_of_first_run,
-    circle_to_test,
-    run_circular_test,
-)
-from geoerr.verify.circle import PLANES
+
+if TYPE_CHECKING:
+    from geoerr.observations import CircularTest
+    from geoerr.verify.ballbar import CircularTestResult, Trace
 
 
 def register(sub: typer.Typer) -> None:
@@ -59,6 +50,12 @@ def ballbar(
     threads: Threads = 0,
 ) -> None:
     """Circular deviation (ISO 230-4) that MODEL predicts, before and after compensation."""
+    from geoerr.model import load_model
+    from geoerr.model.program_conditions import extrapolated_conditions
+    from geoerr.observations import read_circular_test
+    from geoerr.report.provenance import provenance_of_command
+    from geoerr.verify.ballbar import circle_to_test, run_circular_test
+
     loaded = load_model(model)
     true_model = None if truth is None else load_model(truth)
     measured = None if trace is None else read_circular_test(trace)
@@ -67,6 +64,9 @@ def ballbar(
     result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured, at=conditions(at))
     provenance = provenance_of_command([model, trace, truth])
     if report is not None:
+        # Plotly comes with it: only a page pays for it.
+        from geoerr.report.ballbar import write_ballbar_report
+
         write_ballbar_report(report, result, provenance)
     if as_json:
         print_json({**result.to_document(), "provenance": provenance.to_document()})
@@ -91,6 +91,9 @@ def _circle_asked_for(
     trace: Path | None,
     measured: CircularTest | None,
 ) -> tuple[str, list[float] | None, float | None]:
+    from geoerr.verify.ballbar import circle_of_first_run
+    from geoerr.verify.circle import PLANES
+
     if plane is not None and plane.upper() not in PLANES:
         raise typer.BadParameter(f"{plane!r} is not one of {', '.join(PLANES)}", param_hint="--plane")
     center_mm = None if center is None else _numbers(center)
@@ -112,7 +115,7 @@ def _numbers(text: str) -> list[float]:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
-    if len(numbers) not in (2, 3) or not np.isfinite(numbers).all():
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise typer.BadParameter(f"{text!r} is not A,B or A,B,LEVEL in mm", param_hint="--center")
     return numbers
 

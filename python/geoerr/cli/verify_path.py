@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,12 +21,10 @@ from geoerr.cli.program_options import (
 )
 from geoerr.cli.progress import progress_bar
 from geoerr.errors import GeoerrError
-from geoerr.model import load_model
-from geoerr.model.conditions import Conditions
-from geoerr.model.program_conditions import extrapolated_conditions, program_conditions
-from geoerr.model.worth import well_known
-from geoerr.report.provenance import provenance_of_command
-from geoerr.verify.path import PathResult, compare_paths
+
+if TYPE_CHECKING:
+    from geoerr.model.conditions import Conditions
+    from geoerr.verify.path import PathResult
 
 
 def register(sub: typer.Typer) -> None:
@@ -53,6 +51,12 @@ def path(
     threads: Threads = 0,
 ) -> None:
     """Path error of a program before and after compensation, from dense samples, by a reader of its own."""
+    from geoerr.model import load_model
+    from geoerr.model.program_conditions import extrapolated_conditions, program_conditions
+    from geoerr.model.worth import well_known
+    from geoerr.report.provenance import provenance_of_command
+    from geoerr.verify.path import compare_paths
+
     machine = load_model(model).without(names(firmware_corrects))
     given: Conditions = conditions(at)
     told = [str(one) for one in extrapolated_conditions(machine, given)]

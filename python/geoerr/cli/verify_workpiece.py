@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
-from geoerr.report.provenance import provenance_of_command
-from geoerr.verify.workpiece import (
-    GroupComparison,
-    GroupFigures,
-    WorkpieceResult,
-    compare_workpieces,
-    read_relative_errors,
-)
+
+if TYPE_CHECKING:
+    from geoerr.verify.workpiece import GroupComparison, GroupFigures, WorkpieceResult
 
 
 def register(sub: typer.Typer) -> None:
@@ -32,6 +27,9 @@ def workpiece(
     threads: Threads = 0,
 ) -> None:
     """RMSE of the relative positioning errors by group, before and after compensation (Li, Table 4)."""
+    from geoerr.report.provenance import provenance_of_command
+    from geoerr.verify.workpiece import compare_workpieces, read_relative_errors
+
     result = compare_workpieces(read_relative_errors(before), read_relative_errors(after))
     if as_json:
         document = result.to_document()

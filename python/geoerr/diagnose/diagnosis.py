@@ -22,6 +22,7 @@ from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit import Fitted, refit
 from geoerr.fit.empirical import curve_of, empirical_term
+from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import EMPIRICAL, EffectReference, Term
@@ -134,6 +135,8 @@ def diagnose(
     *tables: Observations | CircularTest,
     effects: Sequence[Effect] = (),
     refit: bool = False,
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> Diagnosis:
@@ -150,6 +153,9 @@ def diagnose(
         A user's own, beside the catalogue's.
     refit
         Fit the model's coefficients to data that are not its own, too.
+    rig_sensitivity, rig_covariance
+        The calibration's uncertainty, as for `compare`; what its unknowns can do is no candidate's. None of a fit,
+        which has its own.
     progress
         Called with the steps done and their number.
 
@@ -173,7 +179,14 @@ def diagnose(
     else:
         if not tables:
             raise GeoerrError("a diagnosis needs measurements\nhint: give the tables after the model")
-        comparison = compare(subject, *tables, refit=refit, threads=threads)
+        comparison = compare(
+            subject,
+            *tables,
+            refit=refit,
+            rig_sensitivity=rig_sensitivity,
+            rig_covariance=rig_covariance,
+            threads=threads,
+        )
         fitted = comparison.points
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     advance(1, _STEPS)

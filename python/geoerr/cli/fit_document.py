@@ -1,0 +1,54 @@
+"""A fit as one JSON document: shared by the verbs that fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from geoerr.diagnose.document import comparison_document
+from geoerr.effects import plausible_match
+from geoerr.fit import FitResult, Fitted
+from geoerr.model import HistoryEntry
+from geoerr.report.provenance import provenance_of_command
+
+
+def fit_document(result: FitResult, before: Fitted, output: Path | None, inputs: Sequence[Path]) -> dict[str, Any]:
+    """Give what `--json` prints: the fit, the figures before and after, the history, where it comes from.
+
+    Parameters
+    ----------
+    result
+        The fit.
+    before
+        What its figures are held against.
+    output
+        The model that was written.
+    inputs
+        Files that were read.
+    """
+    fitted, record = result.fitted, result.model.record
+    assert record is not None
+    document = result.to_document()
+    for term in fitted.terms:
+        for parameter in (*term.coefficients, *term.inner):
+            match = plausible_match(parameter)
+            entry = document["parameters"][f"{term.id}.{parameter.name}"]
+            entry["plausible"] = None if match is None else match.what
+    return {
+        "output": None if output is None else str(output),
+        **document,
+        "before": comparison_document(before),
+        "after": comparison_document(fitted),
+        "history": [_entry_document(entry) for entry in record.history],
+        "provenance": provenance_of_command(inputs).to_document(),
+    }
+
+
+def _entry_document(entry: HistoryEntry) -> dict[str, Any]:
+    return {
+        "action": entry.action,
+        "effect": entry.reference,
+        "before": dict(entry.figures_before),
+        "after": dict(entry.figures_after),
+    }

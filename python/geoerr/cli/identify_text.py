@@ -1,0 +1,102 @@
+"""What `geoerr identify` prints: the 21 errors, what was fitted, what is not determined."""
+
+from __future__ import annotations
+
+from geoerr.cli.fit_text import (
+    counted,
+    error_rows,
+    figure_rows,
+    freedom_of,
+    not_determined_rows,
+    quality_in_words,
+    scale_sentence,
+    wrapped,
+)
+from geoerr.cli.options import note, note_set_aside
+from geoerr.error_functions import ALL_NAMES, LI_NAMES
+from geoerr.fit import figures_document
+from geoerr.identify import NineLineResult, TangentVerdict
+from geoerr.identify.joint import JointResult
+from geoerr.observations import Observations
+
+_UM_PER_MM = 1e3
+
+
+def identification_lines(result: NineLineResult | JointResult) -> list[str]:
+    """Give everything that the verb prints."""
+    errors = result.errors
+    freedom = freedom_of(result.result.fitted) if isinstance(result, JointResult) else {}
+    lines = [
+        f"{errors.machine.name} ({errors.machine.chain}): {len(errors.functions)} of 18 error functions and "
+        f"{len(errors.squareness)} of 3 squarenesses, method {errors.method}",
+        "",
+        *error_rows(errors, ALL_NAMES, freedom, "fitted as" if freedom else "over"),
+        "",
+        *(_fit_in_words(result) if isinstance(result, JointResult) else _lines_in_words(result)),
+    ]
+    if result.tangent:
+        lines += [
+            "",
+            "direct against integrated straightness (the same where a carriage follows its guideway's tangent):",
+        ]
+        lines += [_verdict(verdict) for verdict in result.tangent]
+    if errors.not_determined:
+        lines += ["", "not determined (unknown, not zero):", *not_determined_rows(errors.not_determined)]
+    return lines
+
+
+def _fit_in_words(result: JointResult) -> list[str]:
+    """Say what was fitted, how far it is off, and what that means."""
+    fitted = result.result.fitted
+    sightings = fitted.sightings
+    lines = wrapped(
+        f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')} and "
+        f"{counted(len(sightings.sessions), 'session')}; {fitted.problem.n_columns} unknowns, of which "
+        f"{fitted.solved.solution.rank} are determined",
+        "",
+    )
+    lines += ["", *figure_rows({"": figures_document(fitted)}), ""]
+    for sentence in quality_in_words(fitted):
+        lines += wrapped(sentence, "")
+    scales = scale_sentence(result.result.model.mean_scales())
+    return lines + ([] if scales is None else wrapped(scales, ""))
+
+
+def _lines_in_words(result: NineLineResult) -> list[str]:
+    """Name the lines that were found, by axis, and their redundancy."""
+    sentences = []
+    scatter = {one.axis: one for one in result.scatter}
+    for axis in dict.fromkeys(line.axis for line in result.lines):
+        members = [line for line in result.lines if line.axis == axis]
+        numbers = ", ".join(str(line.number) for line in members if line.number is not None)
+        further = sum(line.number is None for line in members)
+        text = f"{axis.upper()}: line{'s' if ',' in numbers else ''} {numbers}"
+        text += f" and {further} more" if further else ""
+        text += (
+            f"; {sum(line.n_points for line in members)} points in {sum(line.n_passes for line in members)} passes"
+        )
+        one = scatter[axis]
+        if one.rms_mm is not None:
+            text += f"; residual {one.rms_mm * _UM_PER_MM:.1f} µm rms"
+        if one.chi_squared_per_dof is not None:
+            text += f", χ²/ν = {one.chi_squared_per_dof:.2f} (ν = {one.dof})"
+        sentences.append(text)
+    return sentences
+
+
+def _verdict(verdict: TangentVerdict) -> str:
+    head = f"  {verdict.name:<6}{LI_NAMES[verdict.name]:<8}{verdict.rms_mm * _UM_PER_MM:>8.1f} µm rms"
+    if verdict.p_value is None:
+        return f"{head}   cannot be judged without uncertainties"
+    answer = "follows, as far as can be told" if verdict.follows else "does not follow"
+    return f"{head}   p = {verdict.p_value:<8.2g} {answer}"
+
+
+def print_notes(result: NineLineResult | JointResult, table: Observations, quiet: bool) -> None:
+    """Say on standard error what took no part."""
+    note_set_aside(table.set_aside, quiet)
+    left_out = result.left_out if isinstance(result, NineLineResult) else result.result.fitted.sightings.left_out
+    for why, count in left_out.items():
+        note(f"left out: {count} rows ({why})", quiet)
+    for sentence in result.errors.notes:
+        note(f"note: {sentence}", quiet)

@@ -1,0 +1,51 @@
+"""What starting costs: help loads no numerical library, and a verb only what it needs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+from geoerr.cli.main import VERBS
+
+HEAVY = ("numpy", "scipy", "polars", "cv2", "plotly", "reportlab")
+# What the declarations of verbs are made of.
+LIGHT = {"geoerr", "geoerr._core", "geoerr.errors", "geoerr.cli"}
+CODE = """
+import contextlib, io, json, sys
+from geoerr.cli.main import app
+printed = []
+for words in json.loads(sys.argv[1]):
+    sys.argv = ["geoerr", *words]
+    with contextlib.redirect_stdout(io.StringIO()) as text, contextlib.suppress(SystemExit):
+        app()
+    printed.append(text.getvalue())
+print(json.dumps([printed, sorted(sys.modules)]))
+"""
+
+
+def after(*commands: list[str]) -> tuple[list[str], set[str]]:
+    """Run commands in one fresh interpreter; give what each printed, and what was loaded."""
+    done = subprocess.run(
+        [sys.executable, "-c", CODE, json.dumps(commands)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    printed, loaded = json.loads(done.stdout)
+    return printed, set(loaded)
+
+
+def test_help_loads_no_numerical_library() -> None:
+    asked = [[], *([verb] for verb in VERBS), *(["verify", name] for name in ("ballbar", "workpiece", "path"))]
+    printed, loaded = after(*([*words, "--help"] for words in asked))
+    for words, text in zip(asked, printed, strict=True):
+        assert text.startswith(" ".join(["Usage: geoerr", *words, "[OPTIONS]"])), text
+    assert not loaded & set(HEAVY)
+    own = {name for name in loaded if name.startswith("geoerr") and not name.startswith("geoerr.cli.")}
+    assert own == LIGHT
+
+
+def test_the_list_of_verbs_loads_none_of_them() -> None:
+    (text,), loaded = after(["--help"])
+    for verb, words in VERBS.items():
+        assert f"  {verb:<10}  {words}\n" in text
+    assert not {name for name in loaded if name.startswith("geoerr.cli.")} - {"geoerr.cli.main"}
