@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, note, print_json, session_files
 from geoerr.cli.progress import progress_bar
-from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
     from geoerr.vision.calibrate import Calibration
-    from geoerr.vision.session import Session
     from geoerr.vision.stereo_solve import ViewResult
 
 SessionFolder = Annotated[
@@ -41,7 +39,7 @@ def calibrate_session(
     from geoerr.vision.session import read_session
 
     session = read_session(session_folder)
-    _refuse_input_as_output(session, output)
+    check_output(output, session_files(session))
     with progress_bar("looking for the board", quiet) as advance:
         calibration = calibrate(session, threads=threads, progress=advance)
     write_rig(output, calibration.rig)
@@ -51,13 +49,6 @@ def calibrate_session(
         print_json(calibration.to_document())
     else:
         typer.echo("\n".join(_report(calibration)))
-
-
-def _refuse_input_as_output(session: Session, output: Path) -> None:
-    inputs = [session.description_path, session.directory / "frames.csv", session.directory / "machine.toml"]
-    inputs += [path for pair in session.calibration_pairs for path in (pair.left, pair.right)]
-    if output.exists() and any(path.exists() and output.samefile(path) for path in inputs):
-        raise InputFileError(output, "is an input of this command", remedy="name another output")
 
 
 def _report(calibration: Calibration) -> list[str]:

@@ -28,7 +28,7 @@ def change_text(change: Change) -> list[str]:
         lines += wrapped(sentence, "")
     effects = [term for term in after.terms if term.kind != "classic"]
     if effects:
-        lines += ["", "effects:", *parameter_rows(effects)]
+        lines += ["", "effects:", *parameter_rows(effects, after.sightings)]
     record = change.result.model.record
     assert record is not None
     lines += ["", *fall(record.history)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from geoerr.cli.diagnose_text import narrow, not_offered_lines
+from geoerr.cli.diagnose_text import alias_lines, narrow, not_offered_lines, remedy_lines
 from geoerr.cli.fit_text import counted
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
 from geoerr.diagnose.words import listed, sure_words, um_words
@@ -72,14 +72,8 @@ def _cause(cause: Cause, number: str) -> Iterator[str]:
         "peak to peak",
         "    ",
     )
-    yield from narrow(sure_words(cause.p_value), "    ")
-    yield from narrow(f"cause: {cause.effect.cause}", "    ")
-    yield from narrow(f"to do: {cause.effect.remedy}", "    ")
-    if cause.is_rig:
-        yield from narrow("an error of the measuring device is explained, and never compensated", "    ")
-    if cause.aliases:
-        names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in cause.aliases[:_MOST_OTHERS]]
-        yield from narrow(f"looks like (correlation): {', '.join(names)}", "    ")
+    yield from remedy_lines(cause, "the measuring device")
+    yield from alias_lines(cause)
     separation = cause.separate_by
     if separation is not None:
         minutes = "" if separation.minutes is None else f" (≈ {separation.minutes:g} min)"

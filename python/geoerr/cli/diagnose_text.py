@@ -9,7 +9,7 @@ import numpy as np
 
 from geoerr.cli.fit_text import counted
 from geoerr.diagnose.diagnosis import Diagnosis
-from geoerr.diagnose.findings import Finding, Unknown
+from geoerr.diagnose.findings import Finding, Named, Unknown
 from geoerr.diagnose.words import listed, sure_words, um_words
 from geoerr.fit.empirical import Curve
 
@@ -87,16 +87,26 @@ def _finding(finding: Finding, number: str) -> Iterator[str]:
     yield from narrow(f"worth {um_words(finding.worth_um)} rms, {finding.where.words()}", "    ")
     if finding.held_out_words is not None:
         yield from narrow(finding.held_out_words, "    ")
-    yield from narrow(sure_words(finding.p_value), "    ")
-    yield from narrow(f"cause: {finding.effect.cause}", "    ")
-    yield from narrow(f"to do: {finding.effect.remedy}", "    ")
-    if finding.is_rig:
-        yield from narrow("an error of the cameras is explained, and never compensated in a program", "    ")
+    yield from remedy_lines(finding, "the cameras")
     if finding.in_model:
         yield from narrow("the model has it with another value: fit it to these data (--refit)", "    ")
-    like = [alias for alias in finding.aliases if not finding.tied]
-    if like:
-        names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in like[:_MOST_OTHERS]]
+    if not finding.tied:
+        yield from alias_lines(finding)
+
+
+def remedy_lines(named: Named, device: str) -> Iterator[str]:
+    """Say how sure an effect is, what causes it and what to do; `device` is what an effect of the rig is of."""
+    yield from narrow(sure_words(named.p_value), "    ")
+    yield from narrow(f"cause: {named.effect.cause}", "    ")
+    yield from narrow(f"to do: {named.effect.remedy}", "    ")
+    if named.is_rig:
+        yield from narrow(f"an error of {device} is explained, and never compensated in a program", "    ")
+
+
+def alias_lines(named: Named) -> Iterator[str]:
+    """Name what an effect looks like."""
+    if named.aliases:
+        names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in named.aliases[:_MOST_OTHERS]]
         yield from narrow(f"looks like (correlation): {', '.join(names)}", "    ")
 
 

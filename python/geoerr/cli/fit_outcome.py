@@ -78,7 +78,7 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
         lines += wrapped(sentence, "")
     effects = [term for term in fitted.terms if term.kind != "classic"]
     if effects:
-        lines += ["", "effects:", *parameter_rows(effects)]
+        lines += ["", "effects:", *parameter_rows(effects, fitted.sightings)]
     classic = {iso_name(term.id) for term in fitted.terms if term.kind == "classic"}
     if classic:
         shown = [name for name in ALL_NAMES if name in classic]

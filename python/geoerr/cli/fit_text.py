@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from geoerr.diagnose.moments import moments_of
 from geoerr.effects import plausible_words
 from geoerr.error_functions import (
     LI_NAMES,
@@ -19,6 +20,7 @@ from geoerr.error_functions import (
     is_angular,
 )
 from geoerr.fit import Fitted
+from geoerr.fit.sightings import Sightings
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
 from geoerr.model.fit_words import lack_of_fit_words
@@ -169,15 +171,27 @@ def scale_sentence(scales: Mapping[str, MeanScale]) -> str | None:
     return f"mean scale, ×10⁻⁶: {', '.join(texts)}" if texts else None
 
 
-def parameter_rows(terms: Sequence[Term]) -> Iterator[str]:
-    """Give the parameters of effects with their uncertainties and what is plausible about them."""
+def parameter_rows(terms: Sequence[Term], sightings: Sightings) -> Iterator[str]:
+    """Give the parameters of effects with their uncertainties and what is plausible about them.
+
+    Parameters
+    ----------
+    terms
+        Whose.
+    sightings
+        The data: a moment on the clock of all sessions is told by its session.
+    """
     for term in terms:
+        moments = moments_of(term, sightings)
         yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""))
         for parameter in term.coefficients:
             unit, factor = _READ_IN.get(parameter.unit, (parameter.unit, 1.0))
             yield from wrapped(_parameter(parameter, unit, factor), "    ")
         for parameter in term.inner:
-            yield from wrapped(_parameter(parameter, parameter.unit, 1.0), "    ")
+            moment = moments.get(parameter.name)
+            unit = parameter.unit if moment is None else moment.unit
+            when = "" if moment is None else f" ({moment.words()})"
+            yield from wrapped(_parameter(parameter, unit, 1.0) + when, "    ")
 
 
 def _parameter(parameter: Parameter, unit: str, factor: float) -> str:

@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import (
+    JsonFlag,
+    QuietFlag,
+    Threads,
+    check_output,
+    files_given,
+    note,
+    print_json,
+    session_files,
+)
 from geoerr.cli.progress import progress_bar
-from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
     from geoerr.vision.measured import Measured
@@ -53,7 +61,8 @@ def measure_session(
     session = read_session(session_folder)
     own_rig = session.directory / "rig.json"
     chosen = rig_file or (own_rig if own_rig.is_file() else None)
-    _refuse_input_as_output(session, chosen, output)
+    if str(output) != "-":
+        check_output(output, [*session_files(session), *files_given(chosen)])
     rig = _rig(session, chosen, threads, quiet)
     with progress_bar("measuring", quiet) as advance:
         measured = measure(session, rig, threads, advance)
@@ -79,17 +88,6 @@ def _rig(session: Session, path: Path | None, threads: int, quiet: bool) -> Rig:
     for text in calibration.notes:
         note(f"note: {text}", quiet)
     return calibration.rig
-
-
-def _refuse_input_as_output(session: Session, rig: Path | None, output: Path) -> None:
-    if str(output) == "-" or not output.exists():
-        return
-    inputs = [session.description_path, session.directory / "frames.csv", session.directory / "machine.toml"]
-    if session.frames is not None:
-        inputs += [session.directory / name for side in ("left", "right") for name in session.frames[side]]
-    inputs += [rig] if rig is not None else []
-    if any(path.exists() and output.samefile(path) for path in inputs):
-        raise InputFileError(output, "is an input of this command", remedy="name another output")
 
 
 def _report(measured: Measured, output: Path) -> list[str]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from geoerr.observations import Observations
     from geoerr.report.provenance import Provenance
     from geoerr.tables import RowProblem
+    from geoerr.vision.session import Session
 
 _MOST_ROWS_NAMED = 5
 
@@ -107,9 +108,22 @@ def effects_of(files: Sequence[Path] | None) -> list[Effect]:
 
 
 def check_output(output: Path | None, inputs: Sequence[Path]) -> None:
-    """Refuse an output that would replace an input."""
-    if output is not None and any(output.resolve() == path.resolve() for path in inputs):
+    """Refuse an output that would replace an input, under whatever name."""
+    if output is not None and any(_is_same(output, path) for path in inputs):
         raise InputFileError(output, "is an input of this command", remedy="name another output")
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    return one.samefile(other) if one.exists() and other.exists() else one.resolve() == other.resolve()
+
+
+def session_files(session: Session) -> list[Path]:
+    """Give all files of a session that a verb may read."""
+    files = [session.description_path, session.directory / "frames.csv", session.directory / "machine.toml"]
+    files += [path for pair in session.calibration_pairs for path in (pair.left, pair.right)]
+    if session.frames is not None:
+        files += [session.directory / name for side in ("left", "right") for name in session.frames[side]]
+    return files
 
 
 def calibration(rig: Path | None, points: Observations | None) -> tuple[Any, Any]:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from geoerr.diagnose.advice import advise
+from geoerr.diagnose.answer import Answer, Verdict, held_out_um
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
+from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search import Found, Judged, Rival, Round, Searched, Settled, search, settle
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
@@ -27,7 +28,6 @@ from geoerr.model import Model
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import EMPIRICAL, EffectReference, Term
 
-Verdict = Literal["missing", "nothing-missing", "unknown", "ambiguous"]
 # Called with what is done and the total.
 Progress = Callable[[int, int], None]
 
@@ -45,51 +45,22 @@ _STEPS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(Answer):
     """What is missing in a model, by these measurements.
 
     Attributes
     ----------
-    verdict
-        `missing` (named), `nothing-missing`, `unknown` (something is, without a name) or `ambiguous` (named, but not
-        alone).
-    p_value
-        That nothing is missing, for everything that was looked at; before any gate.
-    fitted
-        The fit that was diagnosed.
-    found
-        The effects that the search added, in that order.
-    candidates
-        For the first of them, best first.
-    unknown
-        Structure without a name, or None.
-    not_offered
-        What could not be looked for, and why.
     searched
         Every number behind it.
     comparison
         The model held against the measurements; None where a fit was diagnosed.
     """
 
-    verdict: Verdict
-    p_value: float
-    fitted: Fitted
     found: tuple[Finding, ...]
     candidates: tuple[Finding, ...]
     unknown: Unknown | None
-    not_offered: tuple[tuple[str, str], ...]
     searched: Searched
     comparison: Comparison | None = None
-
-    @property
-    def noise_floor_um(self) -> float | None:
-        """Scatter of repeated rows; None without repeats."""
-        return self.fitted.repeats.floor_um
-
-    @cached_property
-    def held_out_rmse_um(self) -> float | None:
-        """Held-out error of the model as it was."""
-        return _held_out_um(self.fitted)
 
     @property
     def tied(self) -> tuple[Finding, ...]:
@@ -117,17 +88,7 @@ class Diagnosis:
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and more."""
-        return {
-            "verdict": self.verdict,
-            "p_value": self.p_value,
-            "noise_floor_um": self.noise_floor_um,
-            "held_out_rmse_um": self.held_out_rmse_um,
-            "found": [finding.to_document() for finding in self.found],
-            "candidates": [finding.to_document() for finding in self.candidates],
-            "not_offered": [{"effect": effect, "why": why} for effect, why in self.not_offered],
-            "unknown": None if self.unknown is None else self.unknown.to_document(),
-            "sentence": self.sentence,
-        }
+        return {**super().to_document(), "sentence": self.sentence}
 
 
 def diagnose(
@@ -310,18 +271,19 @@ class _Summary:
         rival = None if against is None else self.known.separation(against.effect, reference.effect)
         variables = variables_of_term(settled.term, self.fitted.sightings.covariate_columns)
         return Finding(
-            reference,
-            self.known[reference.effect],
-            settled.term,
-            min(_HALVES * judged.p_value, 1.0),
-            judged.evidence,
-            settled.visible_um,
-            self._where(settled, looked, variables),
-            tied,
-            tuple(sorted(aliases, key=lambda alias: -alias.correlation)),
-            None if rival is None else Separation(rival.separate_by, rival.plan, rival.minutes),
-            held_out,
-            str(reference) in self.held,
+            reference=reference,
+            effect=self.known[reference.effect],
+            term=settled.term,
+            p_value=min(_HALVES * judged.p_value, 1.0),
+            evidence=judged.evidence,
+            worth_um=settled.visible_um,
+            tied=tied,
+            aliases=tuple(sorted(aliases, key=lambda alias: -alias.correlation)),
+            separate_by=None if rival is None else Separation(rival.separate_by, rival.plan, rival.minutes),
+            where=self._where(settled, looked, variables),
+            held_out=held_out,
+            moments=moments_of(settled.term, self.fitted.sightings),
+            in_model=str(reference) in self.held,
         )
 
     def _held_out(self, settled: Settled, earlier: Sequence[Settled]) -> HeldOut:
@@ -377,12 +339,7 @@ def _on_common_rows(before: Fitted, after: Fitted) -> HeldOut:
     """Compare two fits; rows that lack what the second needs take no part in either figure."""
     if len(after.sightings) < len(before.sightings):
         before = refit(after, before.terms)
-    return HeldOut(_held_out_um(before), _held_out_um(after))
-
-
-def _held_out_um(fitted: Fitted) -> float | None:
-    figures = fitted.held_out.figures
-    return None if figures is None else figures.headline_um
+    return HeldOut(held_out_um(before), held_out_um(after))
 
 
 def reference_of(judged: Judged) -> EffectReference:

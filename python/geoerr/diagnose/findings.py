@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from geoerr.diagnose.moments import Moment
 from geoerr.diagnose.shape import shape_words
 from geoerr.diagnose.where import Where
 from geoerr.diagnose.words import (
@@ -60,8 +61,8 @@ class HeldOut:
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
-    """A candidate in the diagnosis.
+class Named(ABC):
+    """An effect by its name: what findings by points and causes of circles have in common.
 
     Attributes
     ----------
@@ -74,19 +75,13 @@ class Finding:
     evidence
         Logarithm of the Bayes factor against the model without it (Schwarz), trial values counted.
     worth_um
-        Root mean square of what it explains that the model cannot, components summed as for errors.
-    where
-        Where that is largest.
+        Root mean square of what it explains.
     tied
         Whether the data cannot tell it from the first.
     aliases
         What is like it.
     separate_by
-        The measurement that would tell it from the first, or from the first one tied with it.
-    held_out
-        Error without it and with it in the model; None where it was not computed.
-    in_model
-        Whether the model has it already, with a value that was not fitted to these data.
+        The measurement that would tell it from what it is tied with.
     """
 
     reference: EffectReference
@@ -95,12 +90,9 @@ class Finding:
     p_value: float
     evidence: float
     worth_um: float
-    where: Where
     tied: bool
     aliases: tuple[Alias, ...]
     separate_by: Separation | None
-    held_out: HeldOut | None
-    in_model: bool = False
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -109,8 +101,58 @@ class Finding:
 
     @property
     def is_rig(self) -> bool:
-        """Whether it is the cameras' and so never compensated."""
+        """Whether it is the measuring device's, and so never compensated."""
         return self.term.is_rig
+
+    @abstractmethod
+    def to_document(self) -> dict[str, Any]:
+        """Give it as FORMATS' `diagnose --json` has it, and more."""
+
+    def named_document(self, held_out_rmse_after_um: float | None) -> dict[str, Any]:
+        """Give the keys of FORMATS' `diagnose --json`, and more that both have."""
+        separation = self.separate_by
+        return {
+            **reference_document(self.reference),
+            "p_value": self.p_value,
+            "held_out_rmse_after_um": held_out_rmse_after_um,
+            "worth_um": self.worth_um,
+            "parameters": {parameter.name: _parameter_document(parameter) for parameter in self.parameters},
+            "tied": self.tied,
+            "aliases": [
+                {**reference_document(alias.reference), "correlation": alias.correlation} for alias in self.aliases
+            ],
+            "separate_by": None
+            if separation is None
+            else {"text": separation.text, "plan": separation.plan, "minutes": separation.minutes},
+            "title": self.effect.title,
+            "is_rig": self.is_rig,
+            "evidence": finite(self.evidence),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Finding(Named):
+    """A candidate in the diagnosis of measured points.
+
+    `worth_um` is of what the model cannot explain, components summed as for errors; `separate_by` tells it from the
+    first, or from the first one tied with it.
+
+    Attributes
+    ----------
+    where
+        Where it is largest.
+    held_out
+        Error without it and with it in the model; None where it was not computed.
+    moments
+        Of inner parameters that are a time on the clock of all sessions: name to when that was.
+    in_model
+        Whether the model has it already, with a value that was not fitted to these data.
+    """
+
+    where: Where
+    held_out: HeldOut | None
+    moments: dict[str, Moment] = field(default_factory=dict)
+    in_model: bool = False
 
     @property
     def held_out_rmse_after_um(self) -> float | None:
@@ -125,10 +167,11 @@ class Finding:
         signs = {spec.name: spec.sign for spec in self.effect.coefficients}
         texts = []
         for parameter in self.parameters:
-            text = value_words(parameter)
+            moment = self.moments.get(parameter.name)
+            text = value_words(parameter if moment is None else replace(parameter, unit=moment.unit))
             if is_at_an_end(parameter):
                 text += ", the end of its range"
-            words = plausibility_words(parameter, signs.get(parameter.name, 0))
+            words = plausibility_words(parameter, signs.get(parameter.name, 0)) if moment is None else moment.words()
             texts.append(text if words is None else f"{text} ({words})")
         return tuple(texts)
 
@@ -152,42 +195,19 @@ class Finding:
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and more."""
+        document = self.named_document(self.held_out_rmse_after_um)
+        for name, moment in self.moments.items():
+            document["parameters"][name] |= moment.to_document()
         return {
-            **reference_document(self.reference),
-            "p_value": self.p_value,
-            "held_out_rmse_after_um": self.held_out_rmse_after_um,
-            "worth_um": self.worth_um,
-            "parameters": {
-                parameter.name: {
-                    "value": finite(parameter.value),
-                    "std": finite(parameter.std),
-                    "unit": parameter.unit,
-                    "plausible": _plausible(parameter),
-                }
-                for parameter in self.parameters
-            },
-            "tied": self.tied,
-            "aliases": [
-                {**reference_document(alias.reference), "correlation": alias.correlation} for alias in self.aliases
-            ],
-            "separate_by": None
-            if self.separate_by is None
-            else {
-                "text": self.separate_by.text,
-                "plan": self.separate_by.plan,
-                "minutes": self.separate_by.minutes,
-            },
-            "title": self.effect.title,
-            "is_rig": self.is_rig,
+            **document,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
-            "evidence": finite(self.evidence),
             "where": self.where.to_document(),
             "words": self.words(),
         }
 
 
 @dataclass(frozen=True, eq=False)
-class Unknown:
+class Nameless(ABC):
     """Structure that no candidate explains.
 
     Attributes
@@ -195,9 +215,37 @@ class Unknown:
     depends_on
         Variables.
     component
-        Axis of the base along which it acts.
+        Axis of the base along which it acts, or `r` where only a radius tells of it.
     worth_um, p_value
         As for a candidate.
+    """
+
+    depends_on: tuple[str, ...]
+    component: str
+    worth_um: float
+    p_value: float
+
+    @abstractmethod
+    def words(self) -> str:
+        """Say what it is."""
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as FORMATS' `diagnose --json` has it."""
+        return {
+            "depends_on": list(self.depends_on),
+            "component": self.component,
+            "worth_um": self.worth_um,
+            "p_value": self.p_value,
+            "words": self.words(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown(Nameless):
+    """Structure without a name in measured points.
+
+    Attributes
+    ----------
     where
         Where it is largest.
     reference
@@ -208,10 +256,6 @@ class Unknown:
         Error without the curve and with it.
     """
 
-    depends_on: tuple[str, ...]
-    component: str
-    worth_um: float
-    p_value: float
     where: Where
     reference: str
     curve: Curve | None
@@ -243,17 +287,13 @@ class Unknown:
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and more."""
         return {
-            "depends_on": list(self.depends_on),
-            "component": self.component,
-            "worth_um": self.worth_um,
-            "p_value": self.p_value,
+            **super().to_document(),
             "reference": self.reference,
             "shape": self.shape,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
             "held_out_rmse_after_um": None if self.held_out is None else self.held_out.after_um,
             "where": self.where.to_document(),
             "curve": None if self.curve is None else self.curve.to_document(),
-            "words": self.words(),
         }
 
 
@@ -262,16 +302,16 @@ def reference_document(reference: EffectReference) -> dict[str, str | None]:
     return {"effect": reference.effect, "axis": reference.axis, "covariate": reference.covariate}
 
 
-def names_of(findings: Sequence[Finding]) -> list[str]:
-    """Give the references as texts."""
-    return [str(finding.reference) for finding in findings]
-
-
 def finite(value: float) -> float | None:
     """Give a number, or None where it is none."""
     return value if math.isfinite(value) else None
 
 
-def _plausible(parameter: Parameter) -> str | None:
+def _parameter_document(parameter: Parameter) -> dict[str, Any]:
     match = plausible_match(parameter)
-    return None if match is None else match.what
+    return {
+        "value": finite(parameter.value),
+        "std": finite(parameter.std),
+        "unit": parameter.unit,
+        "plausible": None if match is None else match.what,
+    }

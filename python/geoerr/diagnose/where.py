@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from geoerr.diagnose.moments import span_words
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.words import number_words
 from geoerr.fit.sightings import Numbers, Sightings
@@ -34,6 +35,8 @@ class Span:
     low: float
     high: float
     rms_um: float
+    # Of a span of the clock of all sessions: when it begins and ends on the sessions' own, in words.
+    when: str | None = None
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,9 @@ def _span(sightings: Sightings, size: Numbers, is_used: np.ndarray, name: str) -
     if held.sum() < 2 or rms[best] < _LARGER * least:
         return []
     own = values[known][third == best]
-    span = Span(name, _PARTS[best], float(own.min()), float(own.max()), float(rms[best]))
+    rows = np.flatnonzero(known)[third == best]
+    when = span_words(int(rows[0]), int(rows[-1]), sightings) if name == CLOCK_NAME else None
+    span = Span(name, _PARTS[best], float(own.min()), float(own.max()), float(rms[best]), when)
     return [(float(rms[best]) / max(least, 1e-3 * float(rms[best])), span)]
 
 
@@ -163,7 +168,6 @@ def _span_words(span: Span) -> str:
     ends = [number_words(span.low), number_words(span.high)]
     values = " to ".join(dict.fromkeys(ends))
     if span.variable in _TIMES:
-        return {"low": "at the beginning", "middle": "midway in time", "high": "at the end"}[
-            span.part
-        ] + f" ({span.variable} {values})"
+        when = {"low": "at the beginning", "middle": "midway in time", "high": "at the end"}[span.part]
+        return f"{when} ({span.when or f't {values}'})"
     return f"where {span.variable} is {'middling' if span.part == 'middle' else span.part} ({values})"

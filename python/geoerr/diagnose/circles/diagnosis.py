@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
+from geoerr.diagnose.answer import Answer, Verdict, held_out_um
 from geoerr.diagnose.circles.causes import Suspect, suspects_of
 from geoerr.diagnose.circles.found import Found, Rival, Searched
 from geoerr.diagnose.circles.noise import orthonormal
@@ -18,17 +18,14 @@ from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
 from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
-from geoerr.diagnose.findings import Alias, Separation, finite, reference_document
+from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
-from geoerr.effects.plausible import plausible_match
 from geoerr.errors import GeoerrError
-from geoerr.fit import Fitted, refit
+from geoerr.fit import refit
 from geoerr.model import Model
 from geoerr.observations import CircularTest
-from geoerr.terms import EffectReference, Parameter, Term
-
-Verdict = Literal["missing", "nothing-missing", "unknown", "ambiguous"]
+from geoerr.terms import EffectReference, Term
 
 # Suspects that a diagnosis lists beside the first cause.
 _LISTED = 8
@@ -52,61 +49,29 @@ _FOLLOWS_FEED = ("servo-mismatch", "reversal-spike", "stick-slip", "radial-shrin
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
+class Cause(Named):
     """A cause of a circular test's deviation, or a suspect that was looked at.
+
+    `term` has its values where the cause is in the model; a coefficient that the runs cannot see is NaN. `worth_um`
+    is of the trace that it alone would leave, set-up removed.
 
     Attributes
     ----------
-    reference, effect
-        Which.
-    term
-        With values, of a cause in the model; a coefficient that the runs cannot see is NaN.
-    p_value
-        Family-wise, over everything that was looked at.
-    evidence
-        Logarithm of the Bayes factor against the model without it (Schwarz), trial values counted.
     readings
         Its values as a shop floor has them.
-    worth_um
-        Root mean square of the trace that it alone would leave, set-up removed.
     peak_to_peak_um, peak_to_peak_std_um
         Of that trace; the largest of all set-ups.
     percent
         Its part of the explainable mean square, in per cent; None of a suspect that is not in the model.
-    tied
-        Whether the runs cannot tell it from the first.
-    aliases
-        What is like it.
-    separate_by
-        The measurement that would tell it from what it is tied with.
     held_out_rmse_after_um
         Held-out error with it, and all found before it, in the model; None where it was not computed.
     """
 
-    reference: EffectReference
-    effect: Effect
-    term: Term
-    p_value: float
-    evidence: float
     readings: tuple[Reading, ...]
-    worth_um: float
     peak_to_peak_um: float
     peak_to_peak_std_um: float
     percent: float | None
-    tied: bool
-    aliases: tuple[Alias, ...]
-    separate_by: Separation | None
     held_out_rmse_after_um: float | None
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Values with standard errors: linear, then inner."""
-        return (*self.term.coefficients, *self.term.inner)
-
-    @property
-    def is_rig(self) -> bool:
-        """Whether it is the bar's, and so never compensated."""
-        return self.term.is_rig
 
     @property
     def sure(self) -> str:
@@ -123,34 +88,7 @@ class Cause:
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own."""
         return {
-            **reference_document(self.reference),
-            "p_value": self.p_value,
-            "held_out_rmse_after_um": self.held_out_rmse_after_um,
-            "worth_um": self.worth_um,
-            "parameters": {
-                parameter.name: {
-                    "value": finite(parameter.value),
-                    "std": finite(parameter.std),
-                    "unit": parameter.unit,
-                    "plausible": None if match is None else match.what,
-                }
-                for parameter in self.parameters
-                for match in [plausible_match(parameter)]
-            },
-            "tied": self.tied,
-            "aliases": [
-                {**reference_document(alias.reference), "correlation": alias.correlation} for alias in self.aliases
-            ],
-            "separate_by": None
-            if self.separate_by is None
-            else {
-                "text": self.separate_by.text,
-                "plan": self.separate_by.plan,
-                "minutes": self.separate_by.minutes,
-            },
-            "title": self.effect.title,
-            "is_rig": self.is_rig,
-            "evidence": finite(self.evidence),
+            **self.named_document(self.held_out_rmse_after_um),
             "readings": [
                 {"what": one.what, "value": one.value, "std": finite(one.std), "unit": one.unit, "says": one.says}
                 for one in self.readings
@@ -162,26 +100,9 @@ class Cause:
         }
 
 
-@dataclass(frozen=True)
-class CircleUnknown:
-    """Structure that no cause explains.
-
-    Attributes
-    ----------
-    depends_on
-        Variables.
-    component
-        Axis along which it acts, or `r` where only the radius tells of it.
-    worth_um
-        Root mean square.
-    p_value
-        Family-wise.
-    """
-
-    depends_on: tuple[str, ...]
-    component: str
-    worth_um: float
-    p_value: float
+@dataclass(frozen=True, eq=False)
+class CircleUnknown(Nameless):
+    """Structure that no cause explains."""
 
     def words(self) -> str:
         """Say it in a sentence."""
@@ -189,16 +110,6 @@ class CircleUnknown:
         on = " and ".join(self.depends_on)
         worth = f"worth {self.worth_um:.2f} µm rms"
         return f"something that no known cause explains acts {where} and depends on {on}, {worth}"
-
-    def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it."""
-        return {
-            "depends_on": list(self.depends_on),
-            "component": self.component,
-            "worth_um": self.worth_um,
-            "p_value": self.p_value,
-            "words": self.words(),
-        }
 
 
 @dataclass(frozen=True)
@@ -229,13 +140,11 @@ class SetUpFigures:
 
 
 @dataclass(frozen=True, eq=False)
-class CircleDiagnosis:
+class CircleDiagnosis(Answer):
     """What ails a machine, by circular tests alone.
 
     Attributes
     ----------
-    verdict, p_value, found, candidates, unknown, not_offered
-        As of a `Diagnosis`; `found` in the order of the search.
     shares
         Mean squares: measured, explained, noise, rest.
     noise_um, wander_um
@@ -250,12 +159,9 @@ class CircleDiagnosis:
         Every number behind it.
     """
 
-    verdict: Verdict
-    p_value: float
     found: tuple[Cause, ...]
     candidates: tuple[Cause, ...]
     unknown: CircleUnknown | None
-    not_offered: tuple[tuple[str, str], ...]
     shares: Shares
     noise_um: float
     wander_um: float
@@ -266,24 +172,9 @@ class CircleDiagnosis:
     searched: Searched
 
     @property
-    def fitted(self) -> Fitted:
-        """The fit of the set-up."""
-        return self.searched.runs.fitted
-
-    @property
     def ranked(self) -> tuple[Cause, ...]:
         """The causes, the worthiest first."""
         return tuple(sorted(self.found, key=lambda cause: -(cause.percent or 0.0)))
-
-    @property
-    def noise_floor_um(self) -> float | None:
-        """Scatter of repeated rows; None without repeats."""
-        return self.fitted.repeats.floor_um
-
-    @cached_property
-    def held_out_rmse_um(self) -> float | None:
-        """Held-out error of the radius as the model was."""
-        return _held_out_um(self.fitted)
 
     def tied_with(self, cause: Cause) -> tuple[Alias, ...]:
         """Give what these runs cannot tell from a found cause."""
@@ -298,14 +189,7 @@ class CircleDiagnosis:
         """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own under `circle`."""
         shares = self.shares
         return {
-            "verdict": self.verdict,
-            "p_value": self.p_value,
-            "noise_floor_um": self.noise_floor_um,
-            "held_out_rmse_um": self.held_out_rmse_um,
-            "found": [cause.to_document() for cause in self.found],
-            "candidates": [cause.to_document() for cause in self.candidates],
-            "not_offered": [{"effect": effect, "why": why} for effect, why in self.not_offered],
-            "unknown": None if self.unknown is None else self.unknown.to_document(),
+            **super().to_document(),
             "circle": {
                 "ranked": [str(cause.reference) for cause in self.ranked],
                 "measured_rms_um": math.sqrt(shares.total),
@@ -392,20 +276,23 @@ def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str
     elif searched.unknown is not None:
         verdict = "unknown"
     invisible = [(str(one.reference), _NEEDS.get(one.reference.effect, _INVISIBLE)) for one in searched.invisible]
+    noise_um, wander_um = searched.noise.seen_um(set_up)
     return CircleDiagnosis(
-        verdict,
-        searched.p_value,
-        found,
-        candidates,
-        _unknown(searched),
-        (*not_offered, *invisible),
-        shares,
-        *searched.noise.seen_um(set_up),
-        _run_figures(searched),
-        _set_ups(runs),
-        tuple(one.suspect.reference for one in searched.withdrawn),
-        (*runs.notes, *_cannot_tell(runs, searched)),
-        searched,
+        verdict=verdict,
+        p_value=searched.p_value,
+        fitted=runs.fitted,
+        found=found,
+        candidates=candidates,
+        unknown=_unknown(searched),
+        not_offered=(*not_offered, *invisible),
+        shares=shares,
+        noise_um=noise_um,
+        wander_um=wander_um,
+        runs=_run_figures(searched),
+        set_ups=_set_ups(runs),
+        withdrawn=tuple(one.suspect.reference for one in searched.withdrawn),
+        notes=(*runs.notes, *_cannot_tell(runs, searched)),
+        searched=searched,
     )
 
 
@@ -642,9 +529,4 @@ def _after(searched: Searched, place: int) -> float | None:
         inner = tuple(replace(one, low=one.value, high=one.value) for one in term.inner)
         terms.append(replace(term, inner=inner))
     fitted = searched.runs.fitted
-    return _held_out_um(refit(fitted, [*fitted.terms, *terms]))
-
-
-def _held_out_um(fitted: Fitted) -> float | None:
-    figures = fitted.held_out.figures
-    return None if figures is None else figures.headline_um
+    return held_out_um(refit(fitted, [*fitted.terms, *terms]))
