@@ -10,6 +10,8 @@ import pytest
 from advice_machine import Hidden, Log, again, joined, lines_at_one_feed, machine, measure, planned_log
 
 from geoerr.diagnose.advice import Advice, Adviser, adviser_of, separation_for
+from geoerr.diagnose.advice.by_hand import by_hand
+from geoerr.diagnose.advice.situation import situation_of
 from geoerr.diagnose.findings import Separation
 from geoerr.diagnose.space import space_of
 from geoerr.effects import catalogue
@@ -190,3 +192,50 @@ def test_what_is_too_small_to_be_told_apart_falls_back_on_the_catalogue() -> Non
     assert isinstance(unknown, Advice)
     assert unknown.plan is None
     assert "no measurement known here would tell backlash:x and squareness:yz apart" in unknown.text
+
+
+def test_a_jump_is_told_apart_by_homing_and_the_course_is_laid_out() -> None:
+    log = lines_at_one_feed(np.random.default_rng(8), n_lines=4, n_points=8, is_moving=False)
+    since = (log.session == 0) & (log.t > 70.0)
+    table = measure(log, lambda _: 40.0 * since[:, None] * X, 8)
+    fitted = fit_terms(machine(), [table], options=FitOptions(threads=1, components="none"))
+    lost, knocked = term("lost-steps:x"), term("step")
+    lost = lost.with_values([0.04], [71.0])
+    knocked = knocked.with_values([0.04, *[0.0] * 5], [71.0])
+    found = separation_for(space_of(fitted, threads=1), [lost, knocked])
+    assert isinstance(found, Advice)
+    assert found.text == "homing again"
+    assert [(plan.name, times) for plan, times in found.measurements] == [("home-again", 1)]
+    assert found.minutes == found.measurements[0][0].minutes()
+    assert "run x there and back" in str(found.plan)
+    assert "What lost-steps:x did is gone after homing; what anything else did stays" in str(found.plan)
+    # Homing that is itself in doubt is done again and again.
+    homing = term("homing-offset:x")
+    often = by_hand(situation_of(fitted, space_of(fitted, threads=1).noise), [homing, term("tool-offset")])
+    assert often is not None
+    assert "3 times over" in often.plan
+    assert f"What {homing.id} does is another after each homing" in often.plan
+    assert by_hand(situation_of(fitted, space_of(fitted, threads=1).noise), [term("backlash:x")]) is None
+
+
+def _yielding(log: Log) -> np.ndarray:
+    """A tenth of a micrometre for each mm/s² by which the speed changes from picture to picture, both in motion."""
+    speed, result = log.speed[:, 0], np.zeros(len(log))
+    for row in range(1, len(log)):
+        if log.session[row] == log.session[row - 1] and log.moving[row] and log.moving[row - 1]:
+            result[row] = -0.1 * (speed[row] - speed[row - 1]) / (log.t[row] - log.t[row - 1])
+    return result[:, None] * X
+
+
+def test_ramps_tell_what_follows_the_acceleration() -> None:
+    """At one feed only the turns show it, as they show a spike; in slow ramps it is all the way."""
+    log = lines_at_one_feed(np.random.default_rng(9), n_lines=4, feed=3000.0)
+    # A picture every 0.6 s.
+    log.t *= 0.2
+    names = ("acceleration:x", "reversal-spike:x")
+    first = adviser(log, _yielding, names, 9)
+    assert first.gains.max() - first.gains.min() < 20.0
+    advice = first.separation()
+    assert [plan.name for plan, _ in advice.measurements] == ["ramps:x"]
+    after = adviser(carried_out(log, advice), _yielding, names, 9)
+    assert lead(after, "acceleration:x", advice) > 20.0

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from advice_machine import lines_at_one_feed, machine, measure
 
+from geoerr.diagnose.advice.by_hand import home_again
 from geoerr.diagnose.advice.course import Course
-from geoerr.diagnose.advice.measurement import duration, tidy_feed, uneven
-from geoerr.diagnose.advice.menu import feeds_of, four_feeds, menu, short_reversals
+from geoerr.diagnose.advice.measurement import duration, tidy, uneven
+from geoerr.diagnose.advice.menu import feeds_of, four_feeds, menu, ramps, short_reversals
 from geoerr.diagnose.advice.menu_conditions import warming, work
 from geoerr.diagnose.advice.planned import planned
 from geoerr.diagnose.advice.question import Question, question_of
@@ -23,7 +24,7 @@ from geoerr.fit import FitOptions, fit_terms
 
 EVERYTHING = Question(
     ("x", "y", "z"),
-    frozenset({"x", "y", "d_x", "s_x", "v_x", "t_rev_x", "mean_v_x", "t", "temp_bed", "temp_frame", "load"}),
+    frozenset({"x", "y", "d_x", "s_x", "v_x", "a_x", "t_rev_x", "mean_v_x", "t", "temp_bed", "temp_frame", "load"}),
     frozenset({"EXX", "EAX", "rig-scale", "rig-tx", "rig-depth", "target-x"}),
 )
 
@@ -87,7 +88,7 @@ def test_every_plan_stays_inside_what_was_measured_and_goes_forward_in_time(situ
     assert {
         *("at-rest", "circles", "feeds", "abba", "short-reversals", "one-sided", "fine-pitch", "diagonals"),
         *("second-lever", "moved-cameras", "scale-bar", "rest", "marker+rest", "work", "warm", "warm-cool"),
-        *("marker+warm", "scale-bar+warm", "changed"),
+        *("marker+warm", "scale-bar+warm", "changed", "ramps"),
     } <= kinds
     low, high = situation.span_mm.T
     for plan in plans:
@@ -109,6 +110,44 @@ def test_every_plan_is_in_the_documentation(situation: Situation) -> None:
     plans = [*menu(situation, EVERYTHING), *menu(replace(situation, is_circular=True), EVERYTHING)]
     kinds = {plan.name.split(":")[0] for plan in plans}
     assert [kind for kind in kinds if f"`{re.sub('[+].*', '+...', kind)}`" not in page] == []
+
+
+def test_pictures_in_ramps_have_the_speed_and_place_of_their_moment(situation: Situation) -> None:
+    own = replace(situation, interval_s=0.5, dwell_s=1.0)
+    course = Course(own, is_oriented=False)
+    course.at_mm = np.array([100.0, 200.0, 200.0])
+    # Two seconds to 20 mm/s, five at it, two to a stop: 20 + 100 + 20 mm.
+    course.ramp(np.array([240.0, 200.0, 200.0]), 20.0, 10.0, "L")
+    taken = course.pictures()
+    t, x, speed = taken.t_s[:-1], taken.q_mm[:-1, 0] - 100.0, taken.feed_mm_min[:-1] / 60.0
+    np.testing.assert_allclose(np.diff(t), 0.5)
+    left = 9.0 - t
+    expected = np.where(t < 2.0, 5.0 * t**2, np.where(left < 2.0, 140.0 - 5.0 * left**2, 20.0 * (t - 1.0)))
+    np.testing.assert_allclose(x, expected)
+    np.testing.assert_allclose(speed, np.minimum(20.0, 10.0 * np.minimum(t, left)))
+    assert taken.is_moving.tolist() == [True] * len(t) + [False]
+    assert taken.t_s[-1] == pytest.approx(10.0)
+    # Between two pictures of a ramp the speed changes by the acceleration, which rows show.
+    plan = ramps(situation, "x")
+    inside = plan.pictures.is_moving
+    change = np.abs(np.diff(plan.pictures.feed_mm_min[inside]) / 60.0 / np.diff(plan.pictures.t_s[inside]))
+    largest = float(re.search(r"to ([\d.]+) mm/s²", plan.words)[1])  # type: ignore[index]
+    assert np.median(change[change > 0.9 * largest]) == pytest.approx(largest)
+    assert (change > 0.9 * largest).sum() >= 16
+
+
+def test_homing_is_between_lines_that_are_the_same(situation: Situation) -> None:
+    plan = home_again(situation, ["x", "y"], 2)
+    pictures = plan.pictures
+    homed = np.array([line.endswith("homed") for line in pictures.line])
+    n = int(homed.sum()) // 2
+    assert plan.n_sessions == 1
+    assert homed[-2 * n :].all()
+    # The same places before and after, each time.
+    for again in (pictures.q_mm[-2 * n : -n], pictures.q_mm[-3 * n : -2 * n]):
+        np.testing.assert_allclose(again, pictures.q_mm[-n:])
+    assert (pictures.t_s[[-2 * n, -n]] - pictures.t_s[[-2 * n - 1, -n - 1]] > 30.0).all()
+    assert pictures.direction[-n, 0] == 1
 
 
 def test_directions_are_those_of_the_moves(situation: Situation) -> None:
@@ -163,7 +202,7 @@ def test_uneven_steps_show_every_period() -> None:
 
 
 def test_feeds_and_durations_as_people_write_them() -> None:
-    assert [tidy_feed(feed) for feed in (74.0, 812.0, 2210.0, 6100.0)] == [80.0, 800.0, 2000.0, 6000.0]
+    assert [tidy(feed) for feed in (74.0, 812.0, 2210.0, 6100.0)] == [80.0, 800.0, 2000.0, 6000.0]
     assert [duration(minutes) for minutes in (0.2, 12.3, 119.0, 150.0)] == ["1 min", "12 min", "119 min", "2.5 h"]
 
 

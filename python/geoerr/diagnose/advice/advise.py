@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoerr.diagnose.advice.by_hand import by_hand
 from geoerr.diagnose.advice.columns import Terms, poses_of
 from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser
 from geoerr.diagnose.findings import Separation
@@ -62,6 +63,8 @@ def separation_for(
 ) -> Separation | None:
     """Give the measurement that tells candidates apart, or what the catalogue says where none can be computed.
 
+    Where homing would tell, its course is laid out too; what comes of it a person reads.
+
     Parameters
     ----------
     space
@@ -85,6 +88,10 @@ def separation_for(
         return advice
     firsts = [one if isinstance(one, Term) else one[0] for one in candidates]
     said = _by_catalogue(firsts, known or catalogue())
+    hand = by_hand(adviser.situation, firsts)
+    if hand is not None:
+        plan = hand.measurement
+        return Advice(plan.title, hand.plan, plan.minutes(), measurements=((plan, 1),))
     return advice if said is None else said
 
 

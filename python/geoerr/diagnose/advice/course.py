@@ -12,6 +12,8 @@ from geoerr.diagnose.advice.situation import Situation
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 
+# To the switches and back, off and on again slowly.
+_HOMING_S = 30.0
 # Corners of the travel that are on no common plane, and its middle; the first is reached upwards along every axis.
 _PLACES = ((0.9, 0.9, 0.9), (0.1, 0.9, 0.9), (0.1, 0.1, 0.9), (0.1, 0.1, 0.1), (0.9, 0.1, 0.1), (0.5, 0.5, 0.5))
 
@@ -99,6 +101,12 @@ class Course:
         """Stand still."""
         self.t_s += seconds
 
+    def home(self) -> None:
+        """Send all axes to their switches, at the low ends, and on from there upwards."""
+        self.go(self.situation.span_mm[:, 0], self.situation.feed_mm_min)
+        self.wait(_HOMING_S)
+        self.direction = np.ones(3, dtype=np.int8)
+
     def go(self, point_mm: Numbers, feed_mm_min: float) -> None:
         """Move in a straight line, from rest to rest."""
         step = np.asarray(point_mm, dtype=np.float64) - self.at_mm
@@ -142,6 +150,32 @@ class Course:
         self._turn_to(points[-1])
         self.feed_mm_min = feed_mm_min
         self.t_s = start_s + 2.0 * ramp_s + way[-1] / speed
+        self.look(line, repeat)
+
+    def ramp(self, point_mm: Numbers, top_mm_s: float, acceleration_mm_s2: float, line: str, repeat: int = 0) -> None:
+        """Run to a point by a trapezium of speed, and take pictures all the way, as often as the cameras can.
+
+        The feed of each picture is the speed at its moment.
+        """
+        start, way = self.at_mm.copy(), np.asarray(point_mm, dtype=np.float64) - self.at_mm
+        length, ramp_s = float(np.linalg.norm(way)), top_mm_s / acceleration_mm_s2
+        total_s = length / top_mm_s + ramp_s
+        start_s = self.t_s
+        # Another run takes other moments.
+        since_s = self.situation.interval_s * (0.25 + 0.5 * (repeat % 2))
+        while since_s < total_s:
+            left_s = total_s - since_s
+            speed = min(top_mm_s, acceleration_mm_s2 * since_s, acceleration_mm_s2 * left_s)
+            gone, left = (0.5 * acceleration_mm_s2 * min(one, ramp_s) ** 2 for one in (since_s, left_s))
+            done = gone + top_mm_s * max(since_s - ramp_s, 0.0) if left_s > ramp_s else length - left
+            self._turn_to(start + way * done / length)
+            self.feed_mm_min = 60.0 * speed
+            self.t_s = start_s + since_s
+            self._take(line, repeat, is_moving=True)
+            since_s += self.situation.interval_s
+        self._turn_to(np.asarray(point_mm, dtype=np.float64))
+        self.feed_mm_min = 60.0 * top_mm_s
+        self.t_s = start_s + total_s
         self.look(line, repeat)
 
     @property

@@ -96,8 +96,8 @@ def uneven(n: int) -> Numbers:
     return np.concatenate([[0.0], sums / sums[-1]])
 
 
-def tidy_feed(feed_mm_min: float) -> float:
-    """Round a feed to one that a person would write."""
-    size = 10.0 ** np.floor(np.log10(feed_mm_min))
+def tidy(value: float) -> float:
+    """Round a feed or an acceleration to one that a person would write."""
+    size = 10.0 ** np.floor(np.log10(value))
     known = np.array([1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
-    return float(size * known[np.argmin(np.abs(np.log(known * size / feed_mm_min)))])
+    return float(size * known[np.argmin(np.abs(np.log(known * size / value)))])

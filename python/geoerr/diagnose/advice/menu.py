@@ -8,7 +8,7 @@ import numpy as np
 
 from geoerr.diagnose.advice import menu_conditions, menu_set_up
 from geoerr.diagnose.advice.course import Course, along
-from geoerr.diagnose.advice.measurement import Measurement, feeds_words, listed, tidy_feed, uneven
+from geoerr.diagnose.advice.measurement import Measurement, feeds_words, listed, tidy, uneven
 from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation
 from geoerr.fit.sightings import Numbers
@@ -25,6 +25,8 @@ _CLOSE_MM = (0.1, 0.3, 1.0, 3.0)
 _STROKES_MM = (5.0, 10.0, 20.0)
 _WINDOW_MM, _N_FINE = 25.0, 36
 _N_ROUND = 48
+# Pictures within a ramp, and runs there and back.
+_RAMP_PICTURES, _RAMP_RUNS = 2.0, 8
 
 
 def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
@@ -35,22 +37,29 @@ def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
     if situation.is_circular:
         yield from _circular_tests(situation)
         return
-    yield from _motions(situation, question)
+    yield from _speeds(situation, question)
+    yield from _ways(situation, question)
     yield diagonals(situation)
     yield from menu_set_up.menu(situation, question)
     yield from menu_conditions.menu(situation, question)
 
 
-def _motions(situation: Situation, question: Question) -> Iterator[Measurement]:
+def _speeds(situation: Situation, question: Question) -> Iterator[Measurement]:
     axes = question.axes
-    if question.follows_speed and situation.is_in_motion:
+    if situation.is_in_motion and question.follows_speed:
         yield at_rest(situation, axes)
         for plane in _planes(axes):
             yield circles(situation, plane)
+    if situation.is_in_motion and question.follows_acceleration:
+        for axis in axes:
+            yield ramps(situation, axis)
     if question.follows_speed:
         for some in [*((axis,) for axis in axes), *([axes] if len(axes) > 1 else [])]:
             yield four_feeds(situation, some)
-    for axis in axes:
+
+
+def _ways(situation: Situation, question: Question) -> Iterator[Measurement]:
+    for axis in question.axes:
         if question.follows_direction or question.follows_time:
             yield there_back_back_there(situation, axis)
         if question.follows_travel:
@@ -65,7 +74,7 @@ def feeds_of(situation: Situation) -> list[float]:
     """Give four feeds, slow to fast, none beyond the highest that the machine is known to run at."""
     top = situation.top_feed_mm_min
     slowest = min(max(top * _SLOWEST, _SLOWEST_MM_MIN), 0.5 * top)
-    return sorted({*(tidy_feed(float(feed)) for feed in np.geomspace(slowest, top, 4)[:-1]), top})
+    return sorted({*(tidy(float(feed)) for feed in np.geomspace(slowest, top, 4)[:-1]), top})
 
 
 def at_rest(situation: Situation, axes: Sequence[str]) -> Measurement:
@@ -135,7 +144,7 @@ def short_reversals(situation: Situation, axis: str) -> Measurement:
     unit = np.eye(3)[AXES.index(axis)]
     length = float(np.ptp(situation.span_mm[AXES.index(axis)]))
     fast = situation.feed_mm_min
-    feeds = [tidy_feed(fast / 4.0), fast]
+    feeds = [tidy(fast / 4.0), fast]
     strokes = [stroke for stroke in _STROKES_MM if stroke < 0.3 * length] or [0.3 * length]
     repeat = 0
     for feed in feeds:
@@ -203,6 +212,28 @@ def fine_pitch(situation: Situation, axis: str) -> Measurement:
     )
 
 
+def ramps(situation: Situation, axis: str) -> Measurement:
+    """Take points in ramps that are slow enough for the cameras, and at constant speed between them."""
+    course = Course(situation)
+    low, high = along(situation, axis, situation.middle_mm, np.array([0.0, 1.0]))
+    length = float(high[AXES.index(axis)] - low[AXES.index(axis)])
+    ramp_s = _RAMP_PICTURES * situation.interval_s
+    # Half of the way is at constant speed.
+    top_mm_s = min(situation.top_feed_mm_min / 60.0, 0.5 * length / ramp_s)
+    acceleration = tidy(top_mm_s / ramp_s)
+    course.go(low, situation.feed_mm_min)
+    course.look(f"{axis.upper()} ramps")
+    for number in range(_RAMP_RUNS):
+        course.ramp(high, top_mm_s, acceleration, f"{axis.upper()} ramps", number)
+        course.ramp(low, top_mm_s, acceleration, f"{axis.upper()} ramps", number)
+    words = (
+        f"Set the acceleration of {axis} to {acceleration:g} mm/s², so low that the cameras see its ramps, run it "
+        f"{_range(situation, axis)} there and back {_RAMP_RUNS} times at {60.0 * top_mm_s:.0f} mm/min without a stop "
+        f"on the way, a picture every {situation.interval_s:.1f} s; feed is the speed at each picture's moment"
+    )
+    return Measurement(f"ramps:{axis}", f"points in the ramps of {axis}", words, course.pictures(), situation.targets)
+
+
 def diagonals(situation: Situation) -> Measurement:
     """Run the four space diagonals there and back."""
     course, feed = Course(situation), situation.feed_mm_min
@@ -221,7 +252,7 @@ def diagonals(situation: Situation) -> Measurement:
 def circles(situation: Situation, plane: str) -> Measurement:
     """Take circles in both senses at two feeds, points in motion."""
     course = Course(situation)
-    feeds = [tidy_feed(situation.feed_mm_min / 4.0), situation.feed_mm_min]
+    feeds = [tidy(situation.feed_mm_min / 4.0), situation.feed_mm_min]
     places = [AXES.index(axis) for axis in plane]
     radius = 0.4 * float(np.ptp(situation.span_mm[places], axis=1).min())
     for feed in feeds:
@@ -244,7 +275,7 @@ def circles(situation: Situation, plane: str) -> Measurement:
 def _circular_tests(situation: Situation) -> Iterator[Measurement]:
     plane, radius = situation.plane, situation.radius_mm
     usual = situation.feed_mm_min
-    slow, slower = tidy_feed(usual / 4.0), tidy_feed(usual / 16.0)
+    slow, slower = tidy(usual / 4.0), tidy(usual / 16.0)
     both = f"Run the circle of {radius:.0f} mm in {plane} in both senses"
     yield _runs(
         situation, "circle-senses", "both senses of the circle", both, [(usual, sense, 0.0) for sense in (1, -1)]

@@ -42,6 +42,11 @@ class Question:
         return self._has(_SPEED)
 
     @property
+    def follows_acceleration(self) -> bool:
+        """Whether ramps change something."""
+        return self._has(("a_",))
+
+    @property
     def follows_travel(self) -> bool:
         """Whether points close after a reversal change something."""
         return self._has(_TRAVEL)
