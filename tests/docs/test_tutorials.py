@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-# Without the angles among the candidates the first step has another name.
 DOCS = Path(__file__).parents[2] / "docs"
 
 
 @cache
-def _run(name: str, *, with_real_data: bool = False) -> dict[str, Any]:
+def _run(name: str) -> dict[str, Any]:
+    """Run a page once for all tests, to its end where there are real data."""
     spec = importlib.util.spec_from_file_location("make_tutorials", DOCS / "make_tutorials.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     page = (DOCS / "tutorials" / name).read_text(encoding="utf-8")
-    names: dict[str, Any] = module.run_page(page, with_real_data=with_real_data)[1]
+    has_real_data = Path(os.environ.get("GEOERR_TEST_DATA") or DOCS / "none").is_dir()
+    names: dict[str, Any] = module.run_page(page, with_real_data=has_real_data)[1]
     return names
 
 
@@ -57,9 +59,10 @@ def test_all_three_are_named() -> None:
 
 
 @pytest.mark.real_data
-def test_the_bed_tells_what_the_frame_does_not(real_data: Path) -> None:
+@pytest.mark.usefixtures("real_data")
+def test_the_bed_tells_what_the_frame_does_not() -> None:
     """Trained while heating: the error on cooling, frame alone and with the bed, as known of these data."""
-    forward = _run("what_is_missing.md", with_real_data=True)["forward"]
+    forward = _run("what_is_missing.md")["forward"]
     assert forward["frame"] == pytest.approx(123.0, abs=2.0)
     assert forward["frame and bed"] < 18.5
     assert forward["both lagged"] < 4.6

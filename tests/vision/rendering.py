@@ -34,7 +34,8 @@ class Lens:
 
     def _shift(self, x, y):
         r2 = x * x + y * y
-        radial = 1.0 + self.k1 * r2 + self.k2 * r2**2 + self.k3 * r2**3
+        # Horner: powers of arrays take longer than all the rest of a picture.
+        radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
         return (
             radial,
             2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x),
@@ -46,10 +47,13 @@ class Lens:
         return x * radial + dx, y * radial + dy
 
     def straighten(self, xd, yd):
-        x, y = xd.copy(), yd.copy()
+        x, y = xd, yd
         for _ in range(14):
             radial, dx, dy = self._shift(x, y)
+            before = x
             x, y = (xd - dx) / radial, (yd - dy) / radial
+            if np.abs(x - before).max() < 1e-15:
+                break
         return x, y
 
     def pixel(self, points):

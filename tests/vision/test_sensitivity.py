@@ -60,11 +60,12 @@ def nearest_points(pair, shown):
 
 
 def test_sensitivity_is_that_of_triangulating_again():
-    found = rig_sensitivity(rig(), observations(pixels()))
-    assert found.shape == (12, 3, 24)
+    some = pixels()[::3]
+    found = rig_sensitivity(rig(), observations(some))
+    assert found.shape == (4, 3, 24)
     for k in range(24):
         size = 1e-2 if k < 18 and k % 9 < 4 else 1e-4
-        above, below = (nearest_points(rig().changed_by(s * size * np.eye(24)[k]), pixels()) for s in (1, -1))
+        above, below = (nearest_points(rig().changed_by(s * size * np.eye(24)[k]), some) for s in (1, -1))
         difference = (above - below) / (2 * size)
         assert np.abs(difference - found[..., k]).max() < 1e-3 * np.abs(difference).max() + 1e-6
 
