@@ -198,7 +198,7 @@ class CandidateScene:
 
     Parameters
     ----------
-    whitened : (3, n_basis + 1 + n_draws, n)
+    whitened : (3, n, n_basis + 1 + n_draws)
         By component: basis, residual and draws of noise; float32 or float64 is the precision of the products.
     directions : (n_channels, 3, n)
         Whitened displacement of each row by one unit on each channel.
@@ -227,7 +227,8 @@ class CandidateScene:
         variables: npt.NDArray[np.float64],
         starts: npt.NDArray[np.int64],
         t: npt.NDArray[np.float64] | None,
-        formulas: list[tuple[Expression, list[float]]],
+        formulas: list[tuple[Expression, list[float], tuple[int, int] | None]],
+        series: npt.NDArray[np.float64],
         given: npt.NDArray[np.float64],
         products: list[tuple[int, int]],
         groups: list[
@@ -342,6 +343,78 @@ def integrate_straightness(
 def remove_line(
     position_mm: npt.NDArray[np.float64], values: npt.NDArray[np.float64], threads: int
 ) -> npt.NDArray[np.float64]: ...
+
+@final
+class NoiseBlocks:
+    """Blocks of rows, sorted by session and time (`geoerr.diagnose.noise.Blocks`).
+
+    Parameters
+    ----------
+    block : (n,)
+        Block of each row.
+    session_starts
+        First block of each session.
+    pass_number, time : (n_blocks,)
+        Times in units of the session's span.
+    """
+
+    def __new__(
+        cls,
+        block: npt.NDArray[np.int64],
+        session_starts: npt.NDArray[np.int64],
+        pass_number: npt.NDArray[np.int64],
+        time: npt.NDArray[np.float64],
+    ) -> NoiseBlocks: ...
+    def likelihood(
+        self,
+        weights: npt.NDArray[np.float64],
+        residual: npt.NDArray[np.float64],
+        basis: npt.NDArray[np.float64],
+        threads: int,
+    ) -> NoiseLikelihood: ...
+    def less_one(
+        self, weights: npt.NDArray[np.float64], logs: npt.NDArray[np.float64], threads: int
+    ) -> list[list[npt.NDArray[np.float64]]]: ...
+    def whiten(
+        self,
+        values: npt.NDArray[np.float64],
+        sigma: list[float],
+        unit: npt.NDArray[np.float64],
+        less_one: list[list[npt.NDArray[np.float64]]],
+        transposed: bool,
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
+
+@final
+class NoiseLikelihood:
+    """−2 ln L of the noise of residuals; `logs` (3, 4) is ln σ², ln a², ln b², ln τ of each component.
+
+    Arrays that are asked for again are those that it was made of: it holds their sums.
+    """
+
+    @property
+    def is_used(self) -> list[bool]: ...
+    def minus_twice_ln(
+        self, logs: npt.NDArray[np.float64], restricted: bool, threads: int
+    ) -> tuple[float, npt.NDArray[np.float64]]: ...
+    def fit(
+        self, start: npt.NDArray[np.float64] | None, shortest_memory: float, restricted: bool, threads: int
+    ) -> tuple[npt.NDArray[np.float64], float, int]: ...
+    def with_columns(
+        self,
+        weights: npt.NDArray[np.float64],
+        residual: npt.NDArray[np.float64],
+        basis: npt.NDArray[np.float64],
+        columns: npt.NDArray[np.float64],
+        threads: int,
+    ) -> NoiseLikelihood: ...
+    def whitened_basis(
+        self,
+        weights: npt.NDArray[np.float64],
+        basis: npt.NDArray[np.float64],
+        logs: npt.NDArray[np.float64],
+        threads: int,
+    ) -> npt.NDArray[np.float64] | None: ...
 
 @final
 class GcodeRewriter:
@@ -591,3 +664,4 @@ def solve_least_squares(
     method: str,
     threads: int,
 ) -> LeastSquares: ...
+def orthonormal_columns(a: npt.NDArray[np.float64], threads: int) -> npt.NDArray[np.float64]: ...

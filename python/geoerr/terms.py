@@ -15,6 +15,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
@@ -106,6 +107,7 @@ def is_effect_id(text: str) -> bool:
     return _EFFECT_ID.match(text) is not None and len(text) <= 100
 
 
+@lru_cache(maxsize=4096)
 def names_in(expression: str) -> tuple[str, ...]:
     """Give the names that an expression mentions, functions and constants aside, each once, in order.
 
@@ -121,6 +123,7 @@ def names_in(expression: str) -> tuple[str, ...]:
     return tuple(found)
 
 
+@lru_cache(maxsize=4096)
 def mentions(expression: str, function: str) -> bool:
     """Tell whether an expression calls a function."""
     return any(match[1] == function for match in _TOKEN.finditer(expression))

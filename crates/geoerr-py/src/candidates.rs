@@ -65,9 +65,9 @@ fn made<T: Real + numpy::Element>(
     noise: Noise,
 ) -> Result<Scene<T>, CoreError> {
     let all = contiguous(whitened.as_slice().ok(), whitened.is_c_contiguous(), "whitened columns")?;
-    let [three, width, n_rows] = [whitened.shape()[0], whitened.shape()[1], whitened.shape()[2]];
+    let [three, n_rows, width] = [whitened.shape()[0], whitened.shape()[1], whitened.shape()[2]];
     if three != 3 || width <= n_basis {
-        return Err(CoreError::shape("whitened columns must be (3, n_basis + 1 + n_draws, n)"));
+        return Err(CoreError::shape("whitened columns must be (3, n, n_basis + 1 + n_draws)"));
     }
     let size = width * n_rows;
     let whitened = [0, 1, 2].map(|c| all[c * size..(c + 1) * size].to_vec());
@@ -144,22 +144,28 @@ impl PyCandidateScene {
         variables: PyReadonlyArray2<'py, f64>,
         starts: PyReadonlyArray1<'py, i64>,
         t: Option<PyReadonlyArray1<'py, f64>>,
-        formulas: Vec<(Bound<'py, PyExpression>, Vec<f64>)>,
+        formulas: Vec<(Bound<'py, PyExpression>, Vec<f64>, Option<[usize; 2]>)>,
+        series: PyReadonlyArray2<'py, f64>,
         given: PyReadonlyArray2<'py, f64>,
         products: Vec<[usize; 2]>,
         groups: Vec<GroupArrays<'py>>,
         threads: usize,
     ) -> PyResult<Vec<GroupResult<'py>>> {
         let variables = rows_of(&variables, "variables")?;
+        let series = rows_of(&series, "series")?;
         let given = rows_of(&given, "given functions")?;
         let starts = places(&starts)?;
         let t = t.as_ref().map(|t| numbers(t, "t")).transpose()?;
         let rows = Rows { variables: &variables, n_rows: self.n_rows, starts: &starts, t };
         let formulas: Vec<Formula> = (formulas.into_iter())
-            .map(|(expression, inner)| Formula { expression: expression.get().core().clone(), inner })
+            .map(|(expression, inner, series)| Formula {
+                expression: expression.get().core().clone(),
+                inner,
+                series,
+            })
             .collect();
         let groups: Vec<Group> = groups.iter().map(group_of).collect::<Result<_, _>>()?;
-        let sources = Sources { rows, formulas: &formulas, given: &given, products: &products };
+        let sources = Sources { rows, formulas: &formulas, series: &series, given: &given, products: &products };
         let scanned = enter_core(py, threads, || match &self.scene {
             Precision::Single(scene) => scan(scene, &sources, &groups),
             Precision::Double(scene) => scan(scene, &sources, &groups),

@@ -9,6 +9,7 @@ use geoerr_core::kinematics::KinematicsError;
 use geoerr_core::least_squares::LeastSquaresError;
 use geoerr_core::line::LineError;
 use geoerr_core::newton::NewtonError;
+use geoerr_core::noise_likelihood::NoiseError;
 use geoerr_core::straightness::StraightnessError;
 use geoerr_core::triangulate::TriangulateError;
 use geoerr_core::volumetric::{MachineError, MachineInverseError, VolumetricError};
@@ -124,6 +125,18 @@ impl From<NewtonError> for CoreError {
             NewtonError::Tolerance { .. } | NewtonError::NonFinite => GeometryError::new_err(message),
             NewtonError::NotConverged { .. } => NotConvergedError::new_err(message),
         })
+    }
+}
+
+impl From<NoiseError> for CoreError {
+    fn from(error: NoiseError) -> Self {
+        let message = error.to_string();
+        match error {
+            NoiseError::Length { .. } | NoiseError::BadBlock { .. } | NoiseError::NotInOrder { .. } => {
+                Self(ShapeError::new_err(message))
+            }
+            NoiseError::NotDefinite { .. } => Self(GeometryError::new_err(message)),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use geoerr_core::least_squares::{
     Blocks, Design, Fit, LeastSquaresError, Matrix, Method, Options, Restriction, Solution, fit,
-    leave_blocks_out,
+    leave_blocks_out, orthonormal,
 };
 use numpy::npyffi::types::NPY_ORDER;
 use numpy::{
@@ -270,8 +270,24 @@ fn py_solve_least_squares<'py>(
     Ok(PyLeastSquares { solution, is_from_normal_equations })
 }
 
-/// Adds this file's class and function to the module.
+/// An orthonormal basis of the columns of `a`: (n, k), k the number of columns that are not inside the others.
+#[pyfunction]
+#[pyo3(name = "orthonormal_columns")]
+fn py_orthonormal_columns<'py>(
+    py: Python<'py>,
+    a: PyReadonlyArray2<'py, f64>,
+    threads: usize,
+) -> PyResult<Array2<'py>> {
+    let refused = || CoreError::shape("a must be a C-contiguous (n, k) array of float64");
+    let rows = a.as_slice().ok().filter(|_| a.is_c_contiguous()).ok_or_else(refused)?;
+    let [n_rows, n_columns] = [a.shape()[0], a.shape()[1]];
+    let (found, count) = enter_core(py, threads, || orthonormal(rows, n_columns))?;
+    found.into_pyarray(py).reshape([n_rows, count])
+}
+
+/// Adds this file's class and functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyLeastSquares>()?;
-    module.add_function(wrap_pyfunction!(py_solve_least_squares, module)?)
+    module.add_function(wrap_pyfunction!(py_solve_least_squares, module)?)?;
+    module.add_function(wrap_pyfunction!(py_orthonormal_columns, module)?)
 }

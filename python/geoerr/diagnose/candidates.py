@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -120,6 +121,7 @@ def candidates_of(
     ]
     lacking = {effect.id for _, effect, _ in offered}
     not_offered: list[tuple[str, str]] = []
+    still = _still_axes(fitted)
     for effect in known:
         if effect.is_smooth:
             if effect.id not in lacking:
@@ -136,15 +138,17 @@ def candidates_of(
         for reference in references:
             if str(reference) in taken:
                 continue
-            terms = [term for term in _terms(effect, reference, fitted, columns) if not _stands_still(fitted, term)]
+            terms = [
+                term for term in _terms(effect, reference, fitted, columns) if not _stands_still(fitted, term, still)
+            ]
             if terms:
                 offered.append((reference, effect, terms))
         if references and len(offered) == n_before and not any(str(one) in taken for one in references):
             not_offered.append((effect.id, "wanting: rows at more than one position of its axis"))
     functions = Functions(fitted, [term for _, _, terms in offered for term in terms])
-    grids: dict[tuple[object, ...], list[float]] = {}
+    before = LaidOut()
     found = [
-        Candidate(reference, effect, tuple(shapes_of(functions, term, grids) for term in terms))
+        Candidate(reference, effect, tuple(shapes_of(functions, term, before) for term in terms))
         for reference, effect, terms in offered
     ]
     return found, not_offered, functions
@@ -158,15 +162,18 @@ def _why_not(effect: Effect, fitted: Fitted, columns: Sequence[str], is_circular
     return effect.wanting(columns, n_sessions=len(fitted.sightings.sessions), is_circular=is_circular)
 
 
-def _stands_still(fitted: Fitted, term: Term) -> bool:
+def _still_axes(fitted: Fitted) -> set[str]:
+    """Give the axes of which all rows are at one position."""
+    commanded_mm = fitted.sightings.commanded_mm[fitted.solved.used]
+    return {axis for index, axis in enumerate(AXES) if np.ptp(commanded_mm[:, index]) < SAME_POSITION_MM}
+
+
+def _stands_still(fitted: Fitted, term: Term, still: set[str]) -> bool:
     """Tell whether all rows are at one position of an axis whose position the term is a function of.
 
     There it is a constant on one channel, which simpler effects are; so is an angle seen at one place only.
     """
     sightings, used = fitted.sightings, fitted.solved.used
-    still = {
-        axis for index, axis in enumerate(AXES) if np.ptp(sightings.commanded_mm[used, index]) < SAME_POSITION_MM
-    }
     names = {name for part in term.parts for name in part.names}
     if still & names:
         return True
@@ -221,18 +228,25 @@ class Formulas:
 
     def __init__(self, functions: Functions, term: Term) -> None:
         self.functions = functions
-        self.parts: list[CompiledPart] = [functions.part(term, part) for part in term.parts]
+        self.parts: list[CompiledPart] = [one for part in term.parts for one in functions.parts(term, part)]
         self.channels = tuple((part.channel, part.factor) for part in self.parts)
         self.columns = tuple((number, place) for number, part in enumerate(self.parts) for place in part.coefficients)
         self.is_jump = term.variables == (CLOCK_NAME,) and all(
             mentions(part.expression or "", "step") for part in term.parts
         )
-        self.key = tuple((part.expression, part.inner) for part in self.parts)
+        self.key = tuple((part.expression, part.inner, part.follows) for part in self.parts)
 
     @property
     def needs_order(self) -> bool:
         """Whether some formula is a recursion along rows."""
-        return any(self.functions.expression(part).needs_order for part in self.parts)
+        return any(self.functions.needs_order(part) for part in self.parts)
+
+    def is_recursion_in(self, place: int) -> bool:
+        """Whether some formula is a recursion along rows that changes with this inner parameter."""
+        return any(
+            self.functions.expression(part).needs_order or (part.follows is not None and part.follows[1] == place)
+            for part in self.parts
+        )
 
     def codes(self, inner: Sequence[float]) -> list[int]:
         """Give the function of each column."""
@@ -243,34 +257,54 @@ class Formulas:
         return np.concatenate([self.functions.evaluate(part, inner, rows) for part in self.parts])
 
 
-def shapes_of(functions: Functions, term: Term, grids: dict[tuple[object, ...], list[float]] | None = None) -> Shapes:
+@dataclass(frozen=True)
+class LaidOut:
+    """What alike formulas have in common: trial values, and which parameters are affine."""
+
+    grids: dict[tuple[object, ...], list[float]] = field(default_factory=dict)
+    affine: dict[tuple[object, ...], bool] = field(default_factory=dict)
+
+
+def shapes_of(functions: Functions, term: Term, before: LaidOut | None = None) -> Shapes:
     """Lay out a term's columns at trial values of its inner parameters.
 
     Parameters
     ----------
-    grids
-        Trial values of formulas that were laid out before: alike formulas have the same.
+    before
+        Of formulas that were laid out before; those of this one are added.
     """
+    before = LaidOut() if before is None else before
     formulas = Formulas(functions, term)
     inner = term.inner
     middle = [_middle(parameter) for parameter in inner]
     rows = _few_rows(functions.n_rows)
-    affine = [place for place in range(len(inner)) if _is_affine(formulas, inner, middle, place, rows)]
+    affine = []
+    for place, parameter in enumerate(inner):
+        # Whatever temperature the formula follows.
+        alike = (
+            tuple((part.expression, part.inner) for part in formulas.parts),
+            place,
+            parameter.low,
+            parameter.high,
+        )
+        if alike not in before.affine:
+            before.affine[alike] = _is_affine(formulas, inner, middle, place, rows)
+        if before.affine[alike]:
+            affine.append(place)
     free = [place for place, one in enumerate(inner) if place not in affine and is_free(one)]
     corners = [
         dict(zip(affine, values, strict=True))
         for values in itertools.product(*[_ends(inner[place]) for place in affine])
     ]
-    known = {} if grids is None else grids
     choices = []
     for place, parameter in enumerate(inner):
         if place not in free:
             choices.append([middle[place]])
             continue
         key = (formulas.key, place, parameter.low, parameter.high, len(free))
-        if key not in known:
-            known[key] = _grid(formulas, inner, middle, place, len(free), rows)
-        choices.append(known[key])
+        if key not in before.grids:
+            before.grids[key] = _grid(formulas, inner, middle, place, len(free), rows)
+        choices.append(before.grids[key])
     trials = tuple(tuple(values) for values in itertools.product(*choices))
     k = len(term.coefficients)
     return Shapes(
@@ -303,6 +337,7 @@ def is_free(parameter: Parameter) -> bool:
     return bool(np.isnan(parameter.value)) and not parameter.is_fixed
 
 
+@cache
 def _few_rows(n_rows: int) -> np.ndarray:
     if n_rows <= _ROWS_TO_COMPARE:
         return np.arange(n_rows)
@@ -328,7 +363,7 @@ def _is_affine(
     if not is_free(inner[place]) or inner[place].spacing == "log":
         return False
     low, high = _ends(inner[place])
-    few = None if formulas.needs_order else rows
+    few = None if formulas.is_recursion_in(place) else rows
     at = [
         [*middle[:place], value, *middle[place + 1 :]]
         for value in (low, 0.5 * (low + high), high, 0.7 * low + 0.3 * high)

@@ -17,10 +17,18 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.model.compile import core_part
-from geoerr.terms import Part, Term, names_in
+from geoerr.terms import Parameter, Part, Term, names_in
 
 # Codes below 0 are functions that are numbers (odd) and products of two of them (even); others are slots of formulas.
 _SLOTS = 4096
+# A definition that is a temperature above another or above a number, with a lag or without. What follows it in many
+# ways follows one column of numbers, and what follows a difference is a difference.
+_SERIES_TEXT = re.compile(r"\s*(temp_\w+) - (temp_\w+|[0-9.]+)\s*")
+_LAGGED = re.compile(r"\s*lag\((.*),\s*([A-Za-z_]\w*)\s*\)\s*")
+# What formulas call that column.
+_SERIES = "followed_series"
+# A formula is proportional to the column if it is at these multiples of it.
+_MULTIPLES, _PROPORTIONAL = (0.0, 2.0, 3.0), 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +43,8 @@ class CompiledPart:
         The number of its formula.
     coefficients, inner
         Places of what it uses among the term's coefficients and inner parameters.
+    follows
+        The column that it follows: of what, and the place of the time constant of its lag (None: no lag), if any.
     """
 
     channel: str
@@ -42,6 +52,7 @@ class CompiledPart:
     expression: int
     coefficients: tuple[int, ...]
     inner: tuple[int, ...]
+    follows: tuple[str, int | None] | None
 
 
 class Functions:
@@ -65,19 +76,62 @@ class Functions:
         self.fitted = fitted
         self.names = tuple(names)
         self.n_rows = len(sightings)
-        self.variables = np.ascontiguousarray(variable_columns(sightings, self.names)).reshape(-1, self.n_rows)
+        # The last row is the column that some formulas follow, whichever it is at the time.
+        self._columns = np.zeros((len(names) + 1, self.n_rows))
+        self._columns[:-1] = np.asarray(variable_columns(sightings, self.names)).reshape(-1, self.n_rows)
+        self._columns_at: dict[bytes, Numbers] = {}
         self.times = times_s(sightings)
         self.starts = sightings.starts
         self._compiled: dict[tuple[object, ...], int] = {}
         self._expressions: list[_core.Expression] = []
-        self._trials: dict[tuple[int, tuple[float, ...]], int] = {}
-        self._formulas: list[tuple[int, tuple[float, ...]]] = []
+        self._lags: dict[str, _core.Expression] = {}
+        self._series_of: dict[tuple[str, float | None], int] = {}
+        self._series: list[Numbers] = []
+        self._trials: dict[tuple[int, tuple[float, ...], int | None], int] = {}
+        self._formulas: list[tuple[int, tuple[float, ...], int | None]] = []
+        self._proportional: dict[int, bool] = {}
         self._given: list[Numbers] = []
         self._products: list[tuple[int, int]] = []
 
-    def part(self, term: Term, part: Part) -> CompiledPart:
+    def parts(self, term: Term, part: Part) -> list[CompiledPart]:
+        """Compile a part of a term: two for what is proportional to a difference of two temperatures."""
+        whole = self._part(term, part)
+        if whole.follows is None:
+            return [whole]
+        text, place = whole.follows
+        match = _SERIES_TEXT.fullmatch(text)
+        if match is None or not match[2].startswith("temp_") or not self._is_proportional(whole, term):
+            return [whole]
+        if not all(np.isfinite(self.variables[self.names.index(name)]).all() for name in match.groups()):
+            # A lag leaves out rows without a value: for a difference those where either has none.
+            return [whole]
+        return [
+            replace(whole, factor=sign * whole.factor, follows=(f"{name} - 0.0", place))
+            for name, sign in zip(match.groups(), (1.0, -1.0), strict=True)
+        ]
+
+    def _is_proportional(self, part: CompiledPart, term: Term) -> bool:
+        if part.expression not in self._proportional:
+            expression = self.expression(part)
+            inner = np.array([_middle_of(term.inner[place]) for place in part.inner], dtype=np.float64)
+            rows = np.unique(np.linspace(0, self.n_rows - 1, 50).round().astype(np.int64))
+            variables = self._variables(None, rows)
+
+            def at(value: float) -> Numbers:
+                variables[-1] = value
+                return expression.coefficient_columns(variables, inner, np.zeros(0, dtype=np.int64), None, 1)
+
+            once = at(1.0)
+            self._proportional[part.expression] = not expression.needs_order and all(
+                np.allclose(at(multiple), multiple * once, rtol=_PROPORTIONAL, atol=0.0, equal_nan=True)
+                for multiple in _MULTIPLES
+            )
+        return self._proportional[part.expression]
+
+    def _part(self, term: Term, part: Part) -> CompiledPart:
         """Compile a part of a term; one with the same text and definitions is compiled once."""
-        used = set(part.names)
+        follows, definitions = _without_series(term, _definitions_used(part))
+        used = {name for text in (part.expression or "", *dict(definitions).values()) for name in names_in(text)}
         coefficients = tuple(place for place, one in enumerate(term.coefficients) if one.name in used)
         inner = tuple(place for place, one in enumerate(term.inner) if one.name in used)
         # Parameters by their places: one wave across and along an axis is one, whatever its amplitudes are called.
@@ -87,7 +141,7 @@ class Functions:
             part,
             channel="tool-x",
             expression=_renamed(part.expression or "", names),
-            definitions=tuple((name, _renamed(text, names)) for name, text in _definitions_used(part)),
+            definitions=tuple((name, _renamed(text, names)) for name, text in definitions),
         )
         key = (alike.expression, alike.definitions, len(coefficients), len(inner))
         if key not in self._compiled:
@@ -99,24 +153,44 @@ class Functions:
                 ),
                 inner=tuple(replace(term.inner[p], name=names[term.inner[p].name]) for p in inner),
             )
-            expression = core_part(stand_in, alike, self.names)[3]
+            expression = core_part(stand_in, alike, (*self.names, _SERIES))[3]
             assert isinstance(expression, _core.Expression)
             self._compiled[key] = len(self._expressions)
             self._expressions.append(expression)
-        return CompiledPart(part.channel, part.factor, self._compiled[key], coefficients, inner)
+        return CompiledPart(part.channel, part.factor, self._compiled[key], coefficients, inner, follows)
 
     def expression(self, part: CompiledPart) -> _core.Expression:
         """Give a part's formula."""
         return self._expressions[part.expression]
 
+    def needs_order(self, part: CompiledPart) -> bool:
+        """Tell whether a part's formula is a recursion along rows."""
+        return self.expression(part).needs_order or (part.follows is not None and part.follows[1] is not None)
+
     def formula(self, part: CompiledPart, inner: Sequence[float]) -> list[int]:
         """Give the codes of a part's functions, one for each of its coefficients, at values of the inner ones."""
-        key = (part.expression, tuple(inner[place] for place in part.inner))
+        key = (part.expression, tuple(inner[place] for place in part.inner), self._series_number(part, inner))
         if key not in self._trials:
             self._trials[key] = len(self._formulas)
             self._formulas.append(key)
         first = self._trials[key] * _SLOTS
         return [first + slot for slot in range(len(part.coefficients))]
+
+    def _series_number(self, part: CompiledPart, inner: Sequence[float]) -> int | None:
+        """Give the number of the column that a part's formula follows, at its time constant; made once."""
+        if part.follows is None:
+            return None
+        text, place = part.follows
+        tau_s = None if place is None else inner[place]
+        if (text, tau_s) not in self._series_of:
+            if text not in self._lags:
+                self._lags[text] = _core.Expression(f"c*lag({text}, tau)", list(self.names), ["c"], ["tau"], {})
+            # A lag of no time is the column itself.
+            own = np.array([0.0 if tau_s is None else tau_s])
+            values = self._lags[text].coefficient_columns(self.variables, own, self.starts, self.times, 1)
+            self._series_of[text, tau_s] = len(self._series)
+            self._series.append(np.ascontiguousarray(values[:, 0]))
+        return self._series_of[text, tau_s]
 
     def given(self, values: Numbers) -> int:
         """Name a function that is numbers (n,)."""
@@ -137,11 +211,31 @@ class Functions:
             Only these, for a formula that is no recursion along rows.
         """
         expression = self._expressions[part.expression]
-        variables = self.variables if rows is None else np.ascontiguousarray(self.variables[:, rows])
+        variables = self._variables(self._series_number(part, inner), rows)
         starts = self.starts if rows is None else np.zeros(0, dtype=np.int64)
         own = np.array([inner[place] for place in part.inner], dtype=np.float64)
         values = expression.coefficient_columns(variables, own, starts, self.times if rows is None else None, 1).T
         return values if np.isfinite(values.sum()) else np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+
+    def _variables(self, series: int | None, rows: np.ndarray | None = None) -> Numbers:
+        """Give the columns of all variables, (k + 1, n), the series last; valid until the next call."""
+        if rows is None:
+            columns = self._columns
+        else:
+            key = rows.tobytes()
+            if key not in self._columns_at:
+                self._columns_at[key] = np.ascontiguousarray(self._columns[:, rows])
+            columns = self._columns_at[key]
+        if series is None:
+            columns[-1] = 0.0
+        else:
+            columns[-1] = self._series[series] if rows is None else self._series[series][rows]
+        return columns
+
+    @property
+    def variables(self) -> Numbers:
+        """Columns of the variables by `names`, (k, n)."""
+        return self._columns[:-1]
 
     def values(self, codes: Sequence[int]) -> Numbers:
         """Give functions by their codes, (k, n)."""
@@ -153,10 +247,10 @@ class Functions:
                 return self._given[-code // 2]
             first, second = self._products[-code // 2 - 1]
             return self._given[first] * self._given[second]
-        number, inner = self._formulas[code // _SLOTS]
+        number, inner, series = self._formulas[code // _SLOTS]
         expression = self._expressions[number]
         own = np.array(inner, dtype=np.float64)
-        values = expression.coefficient_columns(self.variables, own, self.starts, self.times, 1)
+        values = expression.coefficient_columns(self._variables(series), own, self.starts, self.times, 1)
         return np.nan_to_num(values[:, code % _SLOTS], nan=0.0, posinf=0.0, neginf=0.0)
 
     def scan(
@@ -181,17 +275,48 @@ class Functions:
             result[~formula] = first[-1] + np.where(other % 2 == 1, other // 2, n_given + other // 2 - 1)
             return np.ascontiguousarray(result)
 
-        given = np.stack(self._given) if self._given else np.zeros((0, self.n_rows))
+        last = len(self.names)
         return scene.scan(
-            self.variables,
+            self._variables(None),
             self.starts,
             self.times,
-            [(self._expressions[number], list(inner)) for number, inner in (self._formulas[f] for f in formulas)],
-            given,
+            [
+                (self._expressions[number], list(inner), None if series is None else (last, series))
+                for number, inner, series in (self._formulas[f] for f in formulas)
+            ],
+            self._stacked(self._series),
+            self._stacked(self._given),
             self._products,
             [(numbered(group[0]), *group[1:]) for group in groups],
             threads,
         )
+
+    def _stacked(self, columns: Sequence[Numbers]) -> Numbers:
+        return np.stack(columns) if columns else np.zeros((0, self.n_rows))
+
+
+def _without_series(
+    term: Term, definitions: Sequence[tuple[str, str]]
+) -> tuple[tuple[str, int | None] | None, tuple[tuple[str, str], ...]]:
+    """Take the temperature out of a formula's definitions, if there is just one: over what, and its time constant."""
+    inner = [one.name for one in term.inner]
+    found: dict[str, tuple[str, int | None]] = {}
+    for name, text in definitions:
+        lagged = _LAGGED.fullmatch(text)
+        if lagged is not None and lagged[2] in inner and not {*inner, *dict(definitions)} & set(names_in(lagged[1])):
+            found[name] = (lagged[1].strip(), inner.index(lagged[2]))
+        elif _SERIES_TEXT.fullmatch(text):
+            found[name] = (text.strip(), None)
+    if len(found) != 1:
+        return None, tuple(definitions)
+    name, follows = next(iter(found.items()))
+    return follows, tuple((other, _SERIES if other == name else text) for other, text in definitions)
+
+
+def _middle_of(parameter: Parameter) -> float:
+    if not np.isnan(parameter.value) or parameter.low is None or parameter.high is None:
+        return parameter.value
+    return 0.5 * (parameter.low + parameter.high)
 
 
 def _definitions_used(part: Part) -> tuple[tuple[str, str], ...]:

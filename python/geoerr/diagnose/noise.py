@@ -2,7 +2,7 @@
 
 For each component c of the whitened residual the covariance is
 
-    V_c = σ_c² (I + Z C_c Zᵀ),   C_c = a_c² [same pass] + b_c² exp(−|t − t'| / τ_c) [same session],
+    V_c = σ_c² (I + Z C_c Zᵀ),   C_c = a_c² [same pass] + b_c² exp(−|t − t'| / τ_c) [same session]
 
 Z the membership of rows in blocks: runs of neighbouring rows of one pass. The drift is the device's, so that rows
 of a static reference marker share it with the rows of the machine: where there are such rows, generalised least
@@ -14,20 +14,22 @@ squares takes off what the marker shows.
 | T | `transforms` | inverse Cholesky factor of I + K in the order of time: σ⁻¹(I + U (T − I) Uᵀ) whitens |
 | A | `basis` | orthonormal columns of what the fit is free to do |
 
-The four numbers of each component maximise the restricted likelihood, which charges for A; all that depends on them
-are sums by blocks. A test holds it to the likelihood written out with dense matrices.
+The four numbers of each component maximise the restricted likelihood, which charges for A. The arithmetic is the
+core's (`geoerr_core::noise_likelihood`); a test holds it to the likelihood written out with dense matrices.
 
 Source: Harville, Maximum likelihood approaches to variance component estimation, JASA 72 (1977).
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg, optimize, sparse
+from scipy import linalg, sparse
 
+from geoerr import _core
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s
 
@@ -35,10 +37,6 @@ from geoerr.fit.variables import times_s
 _BLOCK_ROWS = 24
 # Blocks of one session: what their matrices cost grows with the cube.
 _MOST_BLOCKS = 160
-# Variance ratios beyond these are nothing, or all there is.
-_LEAST_LOG, _MOST_LOG = -16.0, 9.0
-# A drift that forgets within a pass is that pass's offset; one beyond this many sessions is a straight line.
-_LONGEST_SESSIONS = 2.0
 # Beyond so many standard deviations a residual counts as one of so many: once in 150,000 by chance.
 WINSOR = 4.5
 
@@ -72,6 +70,13 @@ class Blocks:
         """Blocks of each session."""
         starts = np.searchsorted(self.session, np.unique(self.session))
         return tuple(slice(int(a), int(b)) for a, b in zip(starts, [*starts[1:], len(self)], strict=True))
+
+    @property
+    def core(self) -> _core.NoiseBlocks:
+        """The same, as the core has it."""
+        starts = np.array([own.start for own in self.slices], dtype=np.int64)
+        numbers = self.block.astype(np.int64), starts, self.pass_number.astype(np.int64)
+        return _core.NoiseBlocks(*numbers, np.ascontiguousarray(self.time))
 
 
 def blocks_of(sightings: Sightings) -> Blocks:
@@ -163,60 +168,84 @@ class NoiseModel:
         return result
 
     def _apply(self, values: Numbers, *, transposed: bool) -> Numbers:
-        result = np.empty_like(values)
-        for c in range(3):
-            sums = self.unit[c].T @ values[:, c]
-            result[:, c] = (values[:, c] + self.unit[c] @ self.less_one(c, sums, transposed=transposed)) / self.sigma[
-                c
-            ]
-        return result
-
-    def less_one(self, component: int, sums: Numbers, *, transposed: bool = False) -> Numbers:
-        """Apply T − I to sums by block (n_blocks, ...)."""
-        result = np.empty_like(sums)
-        for own, less_one in zip(self.blocks.slices, self.transforms[component], strict=True):
-            result[own] = (less_one.T if transposed else less_one) @ sums[own]
-        return result
-
-
-class _Sums:
-    """All of the likelihood that does not depend on the parameters."""
-
-    def __init__(self, blocks: Blocks, weights: Numbers, residual: Numbers, basis: Numbers) -> None:
-        n = len(residual)
-        self.blocks = blocks
-        self.n_numbers = (weights > 0.0).sum(axis=0)
-        self.unit, self.root_count, self.g, self.g_basis, self.inside, self.pull, self.square = (
-            [],
-            [],
-            [],
-            [],
-            [],
-            [],
-            [],
+        whitened = self.blocks.core.whiten(
+            np.ascontiguousarray(values.reshape(len(values), 3, -1)),
+            self.sigma.tolist(),
+            np.stack([unit.data for unit in self.unit]),
+            [list(of_component) for of_component in self.transforms],
+            transposed,
+            0,
         )
-        for c in range(3):
-            own, y = basis[:, c], residual[:, c]
-            length = np.sqrt(np.bincount(blocks.block, weights=weights[:, c] ** 2, minlength=len(blocks)))
-            data = weights[:, c] / np.maximum(length, 1e-300)[blocks.block]
-            unit = sparse.csr_array((data, blocks.block, np.arange(n + 1)), shape=(n, len(blocks)))
-            self.unit.append(unit)
-            self.root_count.append(length)
-            sums, sums_basis = unit.T @ y, unit.T @ own
-            self.g.append(sums)
-            self.g_basis.append(sums_basis)
-            self.inside.append(own.T @ own - sums_basis.T @ sums_basis)
-            self.pull.append(own.T @ y - sums_basis.T @ sums)
-            self.square.append(float(y @ y - sums @ sums))
-        same = blocks.pass_number[:, None] == blocks.pass_number
-        self.same = [same[own, own].astype(np.float64) for own in blocks.slices]
-        self.apart = [np.abs(blocks.time[own, None] - blocks.time[None, own]) for own in blocks.slices]
+        return whitened.reshape(values.shape)
 
-    def covariance(self, c: int, number: int, a2: float, b2: float, tau: float) -> tuple[Numbers, Numbers]:
-        """Give K of one session, and the part of it that is drift."""
-        root = self.root_count[c][self.blocks.slices[number]]
-        drift = b2 * np.exp(-self.apart[number] / tau) * (root[:, None] * root)
-        return a2 * self.same[number] * (root[:, None] * root) + drift, drift
+    @property
+    def logs(self) -> Numbers:
+        """Logarithms of σ², a², b² and τ of each component, (3, 4)."""
+        with np.errstate(divide="ignore"):
+            variances = 2.0 * np.log([self.sigma, self.offset, self.drift])
+        return np.ascontiguousarray(np.vstack([variances, np.log(self.memory)]).T)
+
+
+class NoiseSums:
+    """What the likelihood of noise depends on besides its parameters, summed up once for any number of fits.
+
+    Parameters
+    ----------
+    weights : (n, 3)
+        What an offset of one unit does to each number: 0 where nothing was measured or used.
+    residual : (n, 3)
+        What the fit leaves, whitened by the stated uncertainties; 0 where `weights` is.
+    basis : (n, 3, r)
+        Columns of what the fit is free to do, orthonormal or nearly.
+    """
+
+    def __init__(
+        self, blocks: Blocks, weights: Numbers, residual: Numbers, basis: Numbers, *, threads: int = 0
+    ) -> None:
+        self.blocks, self.threads = blocks, threads
+        self.weights, self.residual = np.ascontiguousarray(weights), np.ascontiguousarray(residual)
+        self._columns: tuple[Numbers, ...] = (np.ascontiguousarray(basis),)
+        self._core = blocks.core.likelihood(self.weights, self.residual, self.basis, threads)
+
+    @cached_property
+    def basis(self) -> Numbers:
+        """All columns, (n, 3, r)."""
+        return self._columns[0] if len(self._columns) == 1 else np.concatenate(self._columns, axis=2)
+
+    def with_columns(self, columns: Numbers) -> NoiseSums:
+        """Give the sums with more columns (n, 3, k) in the basis; those that are known are not made again."""
+        more = copy(self)
+        more.__dict__.pop("basis", None)
+        more._columns = (*self._columns, np.ascontiguousarray(columns))
+        more._core = self._core.with_columns(self.weights, self.residual, self.basis, more._columns[-1], self.threads)
+        return more
+
+    def fit(self, *, restricted: bool = True, start: NoiseModel | None = None) -> NoiseModel:
+        """Fit the noise; as `fit_noise`."""
+        logs, minus_twice, _ = self._core.fit(
+            None if start is None else start.logs, self.blocks.shortest, restricted, self.threads
+        )
+        used = np.array(self._core.is_used)
+        sigma, offset, drift = np.where(used, np.exp(0.5 * logs[:, :3].T), np.array([[1.0], [0.0], [0.0]]))
+        memory = np.where(used, np.exp(logs[:, 3]), 1.0)
+        model = NoiseModel(
+            self.blocks, sigma, offset, drift, memory, _units(self.blocks, self.weights), (), -0.5 * minus_twice
+        )
+        return replace(model, transforms=_transforms(model, self.weights))
+
+    def minus_twice_log_likelihood(self, logs: Numbers, *, restricted: bool = True) -> tuple[float, Numbers]:
+        """Give −2 ln L, but for a constant, and its gradient.
+
+        Parameters
+        ----------
+        logs : (3, 4)
+            ln σ², ln a², ln b², ln τ of each component.
+        """
+        return self._core.minus_twice_ln(np.ascontiguousarray(logs), restricted, self.threads)
+
+    def whitened_basis(self, noise: NoiseModel) -> Numbers | None:
+        """Give an orthonormal basis of the whitened columns, (n, 3, r); None where they are too much alike."""
+        return self._core.whitened_basis(self.weights, self.basis, noise.logs, self.threads)
 
 
 def fit_noise(
@@ -227,67 +256,20 @@ def fit_noise(
     *,
     restricted: bool = True,
     start: NoiseModel | None = None,
+    threads: int = 0,
 ) -> NoiseModel:
     """Fit the noise of whitened residuals.
 
     Parameters
     ----------
-    weights : (n, 3)
-        What an offset of one unit does to each number: 0 where nothing was measured or used.
-    residual : (n, 3)
-        What the fit leaves, whitened by the stated uncertainties; 0 where `weights` is.
-    basis : (n, 3, r)
-        Columns of what the fit is free to do, orthonormal or nearly.
+    weights, residual, basis
+        As for `NoiseSums`.
     restricted
         Whether the likelihood charges for `basis`; to compare models with different columns it must not.
     start
         A model to start from.
     """
-    sums = _Sums(blocks, weights, residual, basis)
-    used = [c for c in range(3) if sums.n_numbers[c] > 0]
-    low = np.log(blocks.shortest)
-    high = np.log(_LONGEST_SESSIONS)
-    first, bounds = [], []
-    n_all = max(int(sums.n_numbers.sum()) - basis.shape[2], 1)
-    level = float((residual**2).sum()) / n_all
-    for c in used:
-        if start is None:
-            first += [np.log(max(level, 1e-300)), -3.0, -3.0, 0.5 * (low + high)]
-        else:
-            least = np.exp(0.5 * _LEAST_LOG)
-            first += [
-                *(2.0 * np.log(max(v[c], least)) for v in (start.sigma, start.offset, start.drift)),
-                float(np.log(start.memory[c])),
-            ]
-        bounds += [(None, None), (_LEAST_LOG, _MOST_LOG), (_LEAST_LOG, _MOST_LOG), (min(low, high - 0.1), high)]
-    found = optimize.minimize(
-        _minus_twice_log_likelihood,
-        np.clip(
-            first,
-            [-np.inf if b[0] is None else b[0] for b in bounds],
-            [np.inf if b[1] is None else b[1] for b in bounds],
-        ),
-        args=(sums, used, restricted),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=bounds,
-        options={"maxiter": 60, "ftol": 1e-7 if start is None else 1e-6},
-    )
-    sigma, offset, drift, memory = np.ones(3), np.zeros(3), np.zeros(3), np.ones(3)
-    for place, c in enumerate(used):
-        own = found.x[4 * place : 4 * place + 4]
-        sigma[c], offset[c], drift[c] = np.exp(0.5 * own[:3])
-        memory[c] = np.exp(own[3])
-    return NoiseModel(
-        blocks,
-        sigma,
-        offset,
-        drift,
-        memory,
-        tuple(sums.unit),
-        _transforms(sums, offset, drift, memory),
-        -0.5 * float(found.fun),
-    )
+    return NoiseSums(blocks, weights, residual, basis, threads=threads).fit(restricted=restricted, start=start)
 
 
 def without_drift(noise: NoiseModel, weights: Numbers) -> NoiseModel:
@@ -296,77 +278,23 @@ def without_drift(noise: NoiseModel, weights: Numbers) -> NoiseModel:
     Parameters
     ----------
     weights : (n, 3)
-        As for `fit_noise`.
+        As for `NoiseSums`.
     """
-    sums = _Sums(noise.blocks, weights, np.zeros_like(weights), np.zeros((*weights.shape, 0)))
-    none = np.zeros(3)
-    transforms = _transforms(sums, noise.offset, none, noise.memory)
-    return replace(noise, drift=none, transforms=transforms)
+    calm = replace(noise, drift=np.zeros(3))
+    return replace(calm, transforms=_transforms(calm, np.ascontiguousarray(weights)))
 
 
-def _transforms(sums: _Sums, offset: Numbers, drift: Numbers, memory: Numbers) -> tuple[tuple[Numbers, ...], ...]:
+def _transforms(noise: NoiseModel, weights: Numbers) -> tuple[tuple[Numbers, ...], ...]:
     """Give T − I of each component and session."""
-    transforms = []
-    for c in range(3):
-        rows = []
-        for number, own in enumerate(sums.blocks.slices):
-            size = own.stop - own.start
-            k, _ = sums.covariance(c, number, offset[c] ** 2, drift[c] ** 2, memory[c])
-            factor = np.linalg.cholesky(np.eye(size) + k)
-            rows.append(linalg.solve_triangular(factor, np.eye(size), lower=True) - np.eye(size))
-        transforms.append(tuple(rows))
-    return tuple(transforms)
+    return tuple(tuple(of_component) for of_component in noise.blocks.core.less_one(weights, noise.logs, 0))
 
 
-def _minus_twice_log_likelihood(
-    parameters: Numbers, sums: _Sums, used: list[int], restricted: bool
-) -> tuple[float, Numbers]:
-    """Give −2 ln L, but for a constant, and its gradient by (ln σ², ln a², ln b², ln τ) of each component."""
-    r = sums.inside[0].shape[0]
-    h, pull = np.zeros((r, r)), np.zeros(r)
-    value = 0.0
-    kept = []
-    for place, c in enumerate(used):
-        s2, a2, b2, tau = np.exp(parameters[4 * place : 4 * place + 4])
-        inside, along, square = sums.inside[c].copy(), sums.pull[c].copy(), sums.square[c]
-        value += sums.n_numbers[c] * np.log(s2)
-        sessions = []
-        for number, own in enumerate(sums.blocks.slices):
-            k, drift = sums.covariance(c, number, a2, b2, tau)
-            factor = np.linalg.cholesky(np.eye(len(k)) + k)
-            inverse_root = linalg.solve_triangular(factor, np.eye(len(k)), lower=True, check_finite=False)
-            x, y = inverse_root @ sums.g_basis[c][own], inverse_root @ sums.g[c][own]
-            inside += x.T @ x
-            along += x.T @ y
-            square += float(y @ y)
-            value += 2.0 * float(np.log(np.diag(factor)).sum())
-            sessions.append((k, drift, inverse_root, x, y))
-        h += inside / s2
-        pull += along / s2
-        value += square / s2
-        kept.append((s2, inside, along, square, sessions))
-    root = np.linalg.cholesky(h + 1e-12 * np.trace(h) / max(r, 1) * np.eye(r))
-    root_inverse = linalg.solve_triangular(root, np.eye(r), lower=True, check_finite=False)
-    shift = root_inverse.T @ (root_inverse @ pull)
-    value -= float(pull @ shift)
-    if restricted:
-        value += 2.0 * float(np.log(np.diag(root)).sum())
-    gradient = np.zeros(len(parameters))
-    for place, c in enumerate(used):
-        s2, inside, along, square, sessions = kept[place]
-        quadratic = square - 2.0 * float(along @ shift) + float(shift @ inside @ shift)
-        gradient[4 * place] = sums.n_numbers[c] - quadratic / s2
-        if restricted:
-            gradient[4 * place] -= float(((root_inverse @ inside) * root_inverse).sum()) / s2
-        for number, (k, drift, inverse_root, x, y) in enumerate(sessions):
-            p = inverse_root.T @ inverse_root
-            if restricted:
-                part = inverse_root.T @ (x @ root_inverse.T)
-                p = p - part @ part.T / s2
-            q = inverse_root.T @ (y - x @ shift)
-            weight = p - np.outer(q, q) / s2
-            tau = float(np.exp(parameters[4 * place + 3]))
-            gradient[4 * place + 1] += float((weight * (k - drift)).sum())
-            gradient[4 * place + 2] += float((weight * drift).sum())
-            gradient[4 * place + 3] += float((weight * drift * (sums.apart[number] / tau)).sum())
-    return value, gradient
+def _units(blocks: Blocks, weights: Numbers) -> tuple[sparse.csr_array, ...]:
+    """Give U of each component."""
+    n = len(weights)
+    units = []
+    for own in weights.T:
+        reach = np.sqrt(np.bincount(blocks.block, weights=own**2, minlength=len(blocks)))
+        data = own / np.maximum(reach, 1e-300)[blocks.block]
+        units.append(sparse.csr_array((data, blocks.block, np.arange(n + 1)), shape=(n, len(blocks))))
+    return tuple(units)

@@ -79,17 +79,17 @@ class Scanner:
     def single(self) -> _core.CandidateScene:
         """With draws of noise, in single precision."""
         parts = [
-            self.space.basis.transpose(1, 2, 0).astype(np.float32),
-            self.space.residual.T[:, None].astype(np.float32),
-            self.space.draws(self.n_draws).transpose(2, 0, 1),
+            self.space.basis.transpose(1, 0, 2).astype(np.float32),
+            self.space.residual.T[:, :, None].astype(np.float32),
+            self.space.draws(self.n_draws).transpose(2, 1, 0),
         ]
-        return self._scene(np.concatenate(parts, axis=1))
+        return self._scene(np.concatenate(parts, axis=2))
 
     @cached_property
     def double(self) -> _core.CandidateScene:
         """Without draws, in double precision."""
-        parts = [self.space.basis.transpose(1, 2, 0), self.space.residual.T[:, None]]
-        return self._scene(np.concatenate(parts, axis=1))
+        parts = [self.space.basis.transpose(1, 0, 2), self.space.residual.T[:, :, None]]
+        return self._scene(np.concatenate(parts, axis=2))
 
     def _scene(self, whitened: np.ndarray) -> _core.CandidateScene:
         noise = self.space.noise

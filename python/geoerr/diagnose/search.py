@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate, Formulas, Shapes, candidates_of, is_free
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.held_out_after import HeldOutAfter
-from geoerr.diagnose.noise import NoiseModel, blocks_of, fit_noise, without_drift
+from geoerr.diagnose.noise import NoiseModel, NoiseSums, without_drift
 from geoerr.diagnose.null import N_DRAWS, Null, largest_surprise, surprise
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import Scanned, Scanner, all_channels, estimate, off_model
-from geoerr.diagnose.space import Channels, Space, offset_weights, orthonormal, whitened_space
+from geoerr.diagnose.space import Channels, Space, beyond, noise_sums, orthonormal, whitened_space
 from geoerr.diagnose.where import displacement_um
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
@@ -133,9 +134,8 @@ class Bench:
         scale = solved.used.astype(np.float64)
         raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
         self.rows = (fitted.sightings.is_measured & solved.used[:, None]).astype(np.float64)
-        self.base = orthonormal(raw.reshape(-1, raw.shape[2])).reshape(*self.rows.shape, -1)
-        self.blocks = blocks_of(fitted.sightings)
-        self.weights = offset_weights(fitted)
+        flat = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads)
+        self.base = flat.reshape(*self.rows.shape, -1)
         self.channels = Channels(fitted, self.rows, threads=threads)
         self.channels.need(self.names)
         self.noise: NoiseModel | None = None
@@ -144,29 +144,28 @@ class Bench:
         """Give a space in the form in which the core multiplies it."""
         return Scanner(space, self.channels, self.functions, names=self.names, n_draws=n_draws, threads=self.threads)
 
-    @property
+    @cached_property
     def held_out(self) -> HeldOutAfter:
         """The held-out error with more in the model."""
         return HeldOutAfter(self.fitted, self.base, self.rows)
 
-    def basis(self, added: Sequence[Numbers]) -> Numbers:
-        """Give orthonormal columns of the model and of what was added, (n, 3, r)."""
-        if not added:
-            return self.base
-        joined = np.concatenate([self.base, *added], axis=2)
-        return orthonormal(joined.reshape(-1, joined.shape[2])).reshape(*self.rows.shape, -1)
+    @cached_property
+    def _base_sums(self) -> NoiseSums:
+        return noise_sums(self.fitted, self.rows, self.base, threads=self.threads)
 
-    def fit_noise(self, basis: Numbers, *, restricted: bool = True) -> NoiseModel:
-        """Fit the noise with these columns in the model."""
-        residual = self.fitted.solved.whitened * self.rows
-        return fit_noise(self.blocks, self.weights, residual, basis, restricted=restricted, start=self.noise)
+    def sums(self, added: Sequence[Numbers]) -> NoiseSums:
+        """Give what the likelihood of the noise depends on, with the model and what was added in its basis."""
+        if not added:
+            return self._base_sums
+        columns = np.concatenate(added, axis=2)
+        new = beyond(self.base.reshape(-1, self.base.shape[2]), columns.reshape(-1, columns.shape[2]))
+        return self._base_sums.with_columns(new.reshape(*self.rows.shape, -1))
 
     def space(self, added: Sequence[Numbers]) -> Space:
         """Give the space that the model and what was added leave, the noise estimated anew."""
-        basis = self.basis(added)
-        noise = self.fit_noise(basis)
-        self.noise = noise
-        return whitened_space(self.fitted, noise, self.rows, basis)
+        sums = self.sums(added)
+        self.noise = sums.fit(start=self.noise)
+        return whitened_space(self.fitted, self.noise, self.rows, sums)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,26 +253,26 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     A drift that was estimated without a jump has learnt the jump, and leaves nothing of it. So has one that is strong
     what follows a temperature.
     """
-    is_strong = _drift_to_scatter(bench, looked.space.noise) > _STRONG_DRIFT
+    is_strong = _drift_to_scatter(looked.space) > _STRONG_DRIFT
     like = [one for one in looked.candidates if _is_of_time(one.what) or (is_strong and _is_slow(one.what))]
     if not like:
         return looked
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
-    basis = bench.basis(added)
-    calm = whitened_space(bench.fitted, without_drift(looked.space.noise, bench.weights), bench.rows, basis)
+    sums = bench.sums(added)
+    calm = whitened_space(bench.fitted, without_drift(looked.space.noise, sums.weights), bench.rows, sums)
     scanner = bench.scanner(calm, n_draws=0)
     scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
     tops = [_best(calm, one.what, [next(scanned) for _ in one.what.shapes]) for one in like]
     clear = sorted((one for one in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
     if not clear:
         return looked
-    without = bench.fit_noise(basis, restricted=False).log_likelihood
+    without = sums.fit(restricted=False, start=bench.noise).log_likelihood
     judged = {id(one.what): one for one in looked.candidates}
     for one in clear[:_MOST_LIKE_DRIFT]:
         # A drift forgives no jump at the wrong moment: the time is found first.
         single = settle(calm, scanner, one).shapes
         columns = scanner.raw_columns(single, 0)
-        with_it = bench.fit_noise(bench.basis([*added, columns]), restricted=False).log_likelihood
+        with_it = bench.sums([*added, columns]).fit(restricted=False, start=bench.noise).log_likelihood
         gain = max(2.0 * (with_it - without), 0.0)
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
@@ -291,10 +290,9 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     return replace(looked, candidates=tuple(sorted(judged.values(), key=lambda one: -one.evidence)))
 
 
-def _drift_to_scatter(bench: Bench, noise: NoiseModel) -> float:
+def _drift_to_scatter(space: Space) -> float:
     """Give the variance of the drift over that of the mean of a block of rows, the largest of all components."""
-    counted = np.array([(bench.weights[:, c] > 0.0).sum() for c in range(3)])
-    return float((noise.drift**2 * counted).max()) / len(noise.blocks)
+    return float((space.noise.drift**2 * space.rows.sum(axis=0)).max()) / len(space.noise.blocks)
 
 
 def _is_slow(what: Candidate | Probe) -> bool:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy import linalg
 
 from geoerr import _core
-from geoerr.diagnose.noise import WINSOR, NoiseModel, blocks_of, fit_noise
+from geoerr.diagnose.noise import WINSOR, NoiseModel, NoiseSums, blocks_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
@@ -28,7 +28,7 @@ NumbersOfDraws = npt.NDArray[np.float32]
 _SEED = 20_210_917
 # A direction of a pass that the rest determines by less than this share is the pass's own, and says nothing.
 _OWN = 1e-3
-# Columns whose part off the others is below this share of them are inside already.
+# Columns whose part off the others has less than this share of their square are inside already. The core's.
 _INSIDE = 1e-9
 
 
@@ -83,11 +83,11 @@ class Space:
         residual = self.residual.reshape(-1)[counts] / np.sqrt(np.maximum(own[counts], _OWN))
         residual /= max(float(np.sqrt((residual**2).mean())), 1e-300)
         rng = np.random.default_rng(_SEED)
-        drawn = np.zeros((n_draws, len(counts)), dtype=np.float32)
-        picked = rng.integers(0, 2 * len(residual), size=(n_draws, len(residual)), dtype=np.int32)
-        drawn[:, counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
-        drawn -= (drawn @ basis) @ basis.T
-        return drawn.reshape(n_draws, *self.rows.shape)
+        drawn = np.zeros((len(counts), n_draws), dtype=np.float32)
+        picked = rng.integers(0, 2 * len(residual), size=(len(residual), n_draws), dtype=np.int32)
+        drawn[counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
+        drawn -= basis @ (basis.T @ drawn)
+        return drawn.T.reshape(n_draws, *self.rows.shape)
 
     @cached_property
     def basis_back(self) -> Numbers:
@@ -107,10 +107,7 @@ class Space:
     def with_columns(self, columns: Numbers) -> Space:
         """Give the space in which these whitened columns (n, 3, k) are the model's own too."""
         flat = self.basis.reshape(-1, self.basis.shape[2])
-        own = columns.reshape(-1, columns.shape[2])
-        own = own - flat @ (flat.T @ own)
-        own = own - flat @ (flat.T @ own)
-        new = orthonormal(own)
+        new = beyond(flat, columns.reshape(-1, columns.shape[2]))
         residual = self.residual.reshape(-1)
         residual = residual - new @ (new.T @ residual)
         return replace(
@@ -126,14 +123,25 @@ def space_of(fitted: Fitted, *, threads: int = 0) -> Space:
     scale = solved.used.astype(np.float64)
     raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
     rows = (sightings.is_measured & solved.used[:, None]).astype(np.float64)
-    raw_basis = orthonormal(raw.reshape(-1, raw.shape[2])).reshape(*rows.shape, -1)
-    noise = fit_noise(blocks_of(sightings), offset_weights(fitted), solved.whitened * rows, raw_basis)
-    return whitened_space(fitted, noise, rows, raw_basis)
+    raw_basis = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads).reshape(*rows.shape, -1)
+    sums = noise_sums(fitted, rows, raw_basis, threads=threads)
+    return whitened_space(fitted, sums.fit(), rows, sums)
 
 
-def whitened_space(fitted: Fitted, noise: NoiseModel, rows: Numbers, raw_basis: Numbers) -> Space:
-    """Bring a fit's residual and basis (n, 3, r) into the metric of a noise model."""
-    basis = orthonormal(noise.whiten(raw_basis).reshape(-1, raw_basis.shape[2]))
+def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: int = 0) -> NoiseSums:
+    """Sum up a fit's residual and basis (n, 3, r), both whitened by the stated uncertainties, for a noise model."""
+    residual = fitted.solved.whitened * rows
+    return NoiseSums(blocks_of(fitted.sightings), offset_weights(fitted), residual, raw_basis, threads=threads)
+
+
+def whitened_space(fitted: Fitted, noise: NoiseModel, rows: Numbers, sums: NoiseSums) -> Space:
+    """Bring a fit's residual and basis into the metric of a noise model."""
+    whitened = sums.whitened_basis(noise)
+    if whitened is None:
+        whitened = noise.whiten(sums.basis)
+        basis = orthonormal(whitened.reshape(-1, whitened.shape[2]), threads=sums.threads)
+    else:
+        basis = whitened.reshape(-1, whitened.shape[2])
     flat = noise.whiten(fitted.solved.whitened * rows).reshape(-1)
     flat = flat - basis @ (basis.T @ flat)
     # The middle of absolute values knows no tails; 0.6745 makes it a standard deviation.
@@ -153,20 +161,20 @@ def offset_weights(fitted: Fitted) -> Numbers:
     return np.asarray(weights / np.where(mean > 0.0, mean, 1.0))
 
 
-def orthonormal(columns: Numbers) -> Numbers:
-    """Give an orthonormal basis of columns (n, k); columns inside the others, and 0, are left out.
+def orthonormal(columns: Numbers, *, threads: int = 0) -> Numbers:
+    """Give an orthonormal basis of columns (n, k); columns inside the others, and 0, are left out."""
+    return _core.orthonormal_columns(np.ascontiguousarray(columns), threads)
 
-    Twice by the Gram matrix, which a second time is good to rounding.
-    """
-    for tolerance in (_INSIDE, 0.5):
-        if not columns.shape[1]:
-            return columns
-        size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
-        size = np.where(size > 0.0, size, 1.0)
-        value, vector = np.linalg.eigh(columns.T @ columns / np.outer(size, size))
-        keep = value > tolerance
-        columns = columns @ (vector[:, keep] / size[:, None] / np.sqrt(value[keep]))
-    return columns
+
+def beyond(basis: Numbers, columns: Numbers) -> Numbers:
+    """Give orthonormal columns of what columns (n, k) add to an orthonormal basis (n, r)."""
+    size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
+    own = columns / np.where(size > 0.0, size, 1.0)
+    own = own - basis @ (basis.T @ own)
+    value, vector = np.linalg.eigh(own.T @ own)
+    keep = value > _INSIDE
+    own = own @ (vector[:, keep] / np.sqrt(value[keep]))
+    return orthonormal(own - basis @ (basis.T @ own))
 
 
 def unseen_residual(basis: Numbers, residual: Numbers, pass_number: np.ndarray, n_passes: int) -> Numbers:
@@ -178,11 +186,12 @@ def unseen_residual(basis: Numbers, residual: Numbers, pass_number: np.ndarray, 
     for number in range(n_passes):
         rows = order[starts[number] : starts[number + 1]]
         own, left = basis[rows].reshape(-1, r), residual[rows].reshape(-1)
-        result[rows] = _unseen(own, left).reshape(-1, 3)
+        result[rows] = unseen_of_pass(own, left).reshape(-1, 3)
     return result
 
 
-def _unseen(own: Numbers, left: Numbers) -> Numbers:
+def unseen_of_pass(own: Numbers, left: Numbers) -> Numbers:
+    """Give (I − Q Qᵀ)⁻¹ r for a pass's rows of Q (m, r) and of r (m,)."""
     if len(own) > own.shape[1]:
         # (I − Q Qᵀ)⁻¹ r = r + Q (I − QᵀQ)⁻¹ Qᵀ r: the smaller of the two systems.
         inside = own.T @ left

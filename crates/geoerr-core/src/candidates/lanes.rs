@@ -4,7 +4,7 @@
 
 use pulp::Arch;
 
-use super::tile::ROWS;
+use super::scene::Run;
 use crate::least_squares::Real;
 
 /// Lanes of a sum: one widest register in single precision.
@@ -18,64 +18,76 @@ pub(super) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
     )
 }
 
-/// Adds to the sums of blocks what a column and weights give in each run of rows (first, end, block).
-pub(super) fn add_by_run<T: Real>(
-    sums: &mut [T],
-    column: &[T],
-    weights: &[T],
-    runs: &[(usize, usize, usize)],
-) {
+/// `target += scale · from`.
+pub(super) fn add_scaled<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            for &(start, end, block) in runs {
-                sums[block] += sum_of_products(&column[start..end], &weights[start..end]);
+            for (value, &add) in target.iter_mut().zip(from) {
+                *value += scale * add;
             }
         },
     );
 }
 
-/// Adds to every column of `target` the same rows of a column of `from`, row by row times `scale`.
-pub(super) fn add_scaled_columns<T: Real>(
-    target: &mut [T],
-    scale: &[T],
-    from: &[T],
-    n_rows: usize,
-    start: usize,
-) {
+/// Adds to every row of `target` that of `from` times the row's own scale.
+pub(super) fn add_scaled_rows<T: Real>(target: &mut [T], scale: &[T], from: &[T], width: usize) {
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            for (target, from) in target.chunks_exact_mut(scale.len()).zip(from.chunks_exact(n_rows)) {
-                for ((value, &a), &b) in target.iter_mut().zip(scale).zip(&from[start..]) {
-                    *value += a * b;
+            for ((target, from), &scale) in
+                target.chunks_exact_mut(width).zip(from.chunks_exact(width)).zip(scale)
+            {
+                for (value, &add) in target.iter_mut().zip(from) {
+                    *value += scale * add;
                 }
             }
         },
     );
 }
 
-/// `Σ f d g e`, in blocks whose sums are added in double precision.
-pub(super) fn product_of_four<T: Real>(f: &[T], d: &[T], g: &[T], e: &[T]) -> f64 {
+/// Adds to the sums of blocks what a column and weights give in each run of rows.
+pub(super) fn add_by_run<T: Real>(sums: &mut [T], column: &[T], weights: &[T], runs: &[Run]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for run in runs {
+                sums[run.block] += sum_of_products(&column[run.start..run.end], &weights[run.start..run.end]);
+            }
+        },
+    );
+}
+
+/// `Σ f g w` of columns of `n` numbers, for each pair of columns and the weights named with it.
+pub(super) fn add_weighted<T: Real>(
+    sums: &mut [f64],
+    pairs: &[[usize; 3]],
+    columns: &[T],
+    weights: &[T],
+    n: usize,
+) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (sum, &[f, g, w]) in sums.iter_mut().zip(pairs) {
+                let [f, g] = [f, g].map(|column| &columns[column * n..(column + 1) * n]);
+                *sum += sum_of_three(f, g, &weights[w * n..(w + 1) * n]).double();
+            }
+        },
+    );
+}
+
+/// `fᵀ M g` with a symmetric M of so many diagonals, the main one first, each as long as f and g.
+pub(super) fn banded<T: Real>(f: &[T], g: &[T], diagonals: &[Vec<T>]) -> f64 {
     Arch::new().dispatch(
         #[inline(always)]
         || {
             let mut total = 0.0;
-            let blocks = f.chunks(ROWS).zip(d.chunks(ROWS)).zip(g.chunks(ROWS)).zip(e.chunks(ROWS));
-            for (((f, d), g), e) in blocks {
-                let (f_lanes, f_rest) = f.as_chunks::<LANES>();
-                let (d_lanes, d_rest) = d.as_chunks::<LANES>();
-                let (g_lanes, g_rest) = g.as_chunks::<LANES>();
-                let (e_lanes, e_rest) = e.as_chunks::<LANES>();
-                let mut sums = [T::default(); LANES];
-                for (((f, d), g), e) in f_lanes.iter().zip(d_lanes).zip(g_lanes).zip(e_lanes) {
-                    for lane in 0..LANES {
-                        sums[lane] += (f[lane] * d[lane]) * (g[lane] * e[lane]);
-                    }
-                }
-                total += sums.iter().map(|&lane| lane.double()).sum::<f64>();
-                for (((&f, &d), &g), &e) in f_rest.iter().zip(d_rest).zip(g_rest).zip(e_rest) {
-                    total += ((f * d) * (g * e)).double();
+            for (off, diagonal) in diagonals.iter().enumerate() {
+                let n = f.len() - off.min(f.len());
+                total += sum_of_three(&f[..n], &g[off..], &diagonal[..n]).double();
+                if off > 0 {
+                    total += sum_of_three(&g[..n], &f[off..], &diagonal[..n]).double();
                 }
             }
             total
@@ -83,10 +95,50 @@ pub(super) fn product_of_four<T: Real>(f: &[T], d: &[T], g: &[T], e: &[T]) -> f6
     )
 }
 
+/// Column after column of `n` numbers becomes row after row.
+pub(super) fn transpose<T: Real>(target: &mut Vec<T>, from: &[T], n: usize) {
+    const SIDE: usize = 16;
+    let m = from.len() / n;
+    target.clear();
+    target.resize(from.len(), T::default());
+    for column in (0..m).step_by(SIDE) {
+        for row in (0..n).step_by(SIDE) {
+            for j in column..(column + SIDE).min(m) {
+                for i in row..(row + SIDE).min(n) {
+                    target[i * m + j] = from[j * n + i];
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn sum_of_three<T: Real>(a: &[T], b: &[T], c: &[T]) -> T {
+    let n = a.len().min(b.len()).min(c.len());
+    let (a_lanes, a_rest) = a[..n].as_chunks::<LANES>();
+    let (b_lanes, b_rest) = b[..n].as_chunks::<LANES>();
+    let (c_lanes, c_rest) = c[..n].as_chunks::<LANES>();
+    let mut sums = [T::default(); LANES];
+    for ((a, b), c) in a_lanes.iter().zip(b_lanes).zip(c_lanes) {
+        for lane in 0..LANES {
+            sums[lane] += (a[lane] * b[lane]) * c[lane];
+        }
+    }
+    let mut sum = T::default();
+    for lane in sums {
+        sum += lane;
+    }
+    for ((&a, &b), &c) in a_rest.iter().zip(b_rest).zip(c_rest) {
+        sum += (a * b) * c;
+    }
+    sum
+}
+
 #[inline(always)]
 fn sum_of_products<T: Real>(a: &[T], b: &[T]) -> T {
-    let (a_lanes, a_rest) = a.as_chunks::<LANES>();
-    let (b_lanes, b_rest) = b.as_chunks::<LANES>();
+    let n = a.len().min(b.len());
+    let (a_lanes, a_rest) = a[..n].as_chunks::<LANES>();
+    let (b_lanes, b_rest) = b[..n].as_chunks::<LANES>();
     let mut sums = [T::default(); LANES];
     for (a, b) in a_lanes.iter().zip(b_lanes) {
         for lane in 0..LANES {

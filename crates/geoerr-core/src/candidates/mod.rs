@@ -18,10 +18,13 @@
 //! at. Verified in `tests/candidates` against least squares written out, and in the Python package against a second
 //! implementation in NumPy.
 
+mod by_nodes;
+mod by_rows;
 mod error;
 mod group;
 mod judge;
 mod lanes;
+mod nodes;
 mod noise;
 mod scan;
 mod scene;

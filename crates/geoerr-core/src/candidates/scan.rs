@@ -2,16 +2,21 @@
 
 use rayon::prelude::*;
 
+use super::by_nodes::NodeOperands;
+use super::by_rows;
 use super::error::CandidateError;
 use super::group::Group;
 use super::judge::Judged;
+use super::nodes::lattices;
 use super::scene::Scene;
-use super::sources::{Numbering, Sources};
-use super::tile::{Piece, judged};
+use super::sources::{Numbering, Source, Sources};
+use super::tile::{Piece, Tile};
 use crate::least_squares::Real;
 
 /// Functions on channels of one tile: enough for a product to be worth its operands, few enough to stay in the cache.
-const PAIRS: usize = 192;
+const PAIRS: usize = 256;
+/// Coarser numbers than these only rank, and need no more digits than nodes give.
+const RANKING: f64 = 1e-10;
 
 /// What one group gains.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,7 +33,8 @@ pub struct Scanned {
 
 /// Judges all groups at all their trials.
 ///
-/// The bytes do not depend on the number of threads: tiles are cut by the groups alone.
+/// In single precision, what is to be ranked, functions of one variable are taken at few nodes (see `nodes`). The bytes
+/// do not depend on the number of threads: tiles are cut by the groups alone.
 ///
 /// # Errors
 /// [`CandidateError`] for groups that name what is not there, and for rows that do not fit.
@@ -41,11 +47,30 @@ pub fn scan<T: Real>(
     for (number, group) in groups.iter().enumerate() {
         group.check(number, numbering.n_functions(), scene.directions.len())?;
     }
-    let tiles = tiles_of(groups);
+    let is_ranking = T::EPSILON > RANKING;
+    let (lattices, lattice_of) =
+        if is_ranking { lattices(sources)? } else { (Vec::new(), vec![None; sources.formulas.len()]) };
+    let tiles =
+        tiles_of(
+            groups,
+            |functions| {
+                if is_ranking { place_of(functions, &numbering, &lattice_of) } else { Place::Rows }
+            },
+        );
+    let operands: Vec<NodeOperands<'_, T>> = (lattices.iter().enumerate())
+        .map(|(number, lattice)| NodeOperands::new(scene, lattice, groups, &pieces_on(&tiles, number)))
+        .collect();
     let found: Vec<Vec<Judged>> = tiles
         .par_iter()
-        .map(|pieces| judged(scene, sources, &numbering, groups, pieces))
-        .collect::<Result<_, _>>()?;
+        .map(|(place, pieces)| {
+            let mut tile = Tile::laid_out(scene, groups, pieces);
+            match place {
+                Place::Nodes(lattice) => operands[*lattice].sum(&mut tile, sources, &numbering)?,
+                Place::Rows => by_rows::sum(&mut tile, sources, &numbering)?,
+            }
+            Ok(tile.judged(groups, pieces))
+        })
+        .collect::<Result<_, CandidateError>>()?;
     let mut scanned: Vec<Scanned> = (groups.iter())
         .map(|group| Scanned {
             gain: vec![0.0; group.n_trials()],
@@ -54,9 +79,8 @@ pub fn scan<T: Real>(
             largest: vec![Vec::new(); group.n_coefficients + 1],
         })
         .collect();
-    for (pieces, judged) in tiles.iter().zip(found) {
-        let places =
-            pieces.iter().flat_map(|piece| piece.trials.clone().map(move |trial| (piece.group, trial)));
+    for ((_, pieces), judged) in tiles.iter().zip(found) {
+        let places = pieces.iter().flat_map(|piece| piece.trials.iter().map(|&trial| (piece.group, trial)));
         for ((group, trial), one) in places.zip(judged) {
             let scanned = &mut scanned[group];
             scanned.gain[trial] = one.gain;
@@ -75,33 +99,71 @@ pub fn scan<T: Real>(
     Ok(scanned)
 }
 
-/// Cuts the groups into tiles; those that share a channel lie together.
-fn tiles_of(groups: &[Group]) -> Vec<Vec<Piece>> {
-    let mut order: Vec<usize> = (0..groups.len()).collect();
-    order.sort_by_key(|&group| {
-        (groups[group].columns.iter().map(|column| column.channel).collect::<Vec<_>>(), group)
-    });
-    let mut tiles = Vec::new();
-    let mut tile: Vec<Piece> = Vec::new();
-    let mut n_pairs = 0;
-    for group in order {
-        let (n_trials, n_columns) = (groups[group].n_trials(), groups[group].columns.len().max(1));
-        let mut first = 0;
-        while first < n_trials {
-            let room = PAIRS.saturating_sub(n_pairs) / n_columns;
-            if room == 0 && n_pairs > 0 {
-                tiles.push(std::mem::take(&mut tile));
-                n_pairs = 0;
-                continue;
+/// Where a trial is summed.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    /// At the nodes of a lattice.
+    Nodes(usize),
+    /// Over all rows.
+    Rows,
+}
+
+fn pieces_on(tiles: &[(Place, Vec<Piece>)], lattice: usize) -> Vec<&Piece> {
+    (tiles.iter())
+        .filter(|(place, _)| *place == Place::Nodes(lattice))
+        .flat_map(|(_, pieces)| pieces)
+        .collect()
+}
+
+/// Cuts the groups into tiles; those that share a place and channels lie together.
+fn tiles_of(groups: &[Group], place_of: impl Fn(&[usize]) -> Place) -> Vec<(Place, Vec<Piece>)> {
+    let mut order: Vec<(Place, Vec<usize>, usize, Vec<usize>)> = Vec::new();
+    for (number, group) in groups.iter().enumerate() {
+        let channels: Vec<usize> = group.columns.iter().map(|column| column.channel).collect();
+        let mut by_place: Vec<(Place, Vec<usize>)> = Vec::new();
+        for trial in 0..group.n_trials() {
+            let place = place_of(group.trial(trial));
+            match by_place.iter_mut().find(|one| one.0 == place) {
+                Some(one) => one.1.push(trial),
+                None => by_place.push((place, vec![trial])),
             }
-            let count = room.clamp(1, n_trials - first);
-            tile.push(Piece { group, trials: first..first + count });
-            first += count;
-            n_pairs += count * n_columns;
+        }
+        for (place, trials) in by_place {
+            order.push((place, channels.clone(), number, trials));
         }
     }
-    if !tile.is_empty() {
-        tiles.push(tile);
+    order.sort();
+    let mut tiles: Vec<(Place, Vec<Piece>)> = Vec::new();
+    let mut n_pairs = 0;
+    for (place, _, group, trials) in order {
+        let n_columns = groups[group].columns.len().max(1);
+        let mut rest = &trials[..];
+        while !rest.is_empty() {
+            let room = PAIRS.saturating_sub(n_pairs) / n_columns;
+            if tiles.last().is_none_or(|tile| tile.0 != place) || (room == 0 && n_pairs > 0) {
+                tiles.push((place, Vec::new()));
+                n_pairs = 0;
+            }
+            let room = PAIRS.saturating_sub(n_pairs) / n_columns;
+            let (own, later) = rest.split_at(room.clamp(1, rest.len()));
+            if let Some((_, pieces)) = tiles.last_mut() {
+                pieces.push(Piece { group, trials: own.to_vec() });
+            }
+            n_pairs += own.len() * n_columns;
+            rest = later;
+        }
     }
     tiles
+}
+
+/// The lattice on which all functions of a trial are, if there is one.
+fn place_of(functions: &[usize], numbering: &Numbering, lattice_of: &[Option<usize>]) -> Place {
+    let mut lattices = functions.iter().map(|&function| match numbering.source(function) {
+        Source::Formula(formula, _) => lattice_of[formula],
+        _ => None,
+    });
+    match lattices.next().flatten() {
+        Some(first) if lattices.all(|lattice| lattice == Some(first)) => Place::Nodes(first),
+        _ => Place::Rows,
+    }
 }

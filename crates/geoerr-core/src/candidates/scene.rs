@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::error::CandidateError;
+use super::lanes;
 use super::noise::{Noise, length};
-use crate::least_squares::Real;
+use crate::least_squares::{Real, set_product};
 
 /// Whitened displacement of every row by one unit on a channel: a column of n numbers for each component.
 pub type Directions = [Vec<f64>; 3];
@@ -17,18 +18,26 @@ pub struct Scene<T> {
     pub(super) n_draws: usize,
     /// By channel and component; empty where a channel does nothing on a component.
     pub(super) directions: Vec<[Vec<T>; 3]>,
-    /// By component, column after column: `V^(-T/2)` times Q, r and the draws.
+    /// By component, row after row: `V^(-T/2)` times Q, r and the draws.
     pub(super) back: [Vec<T>; 3],
     pub(super) noise: Noise,
-    /// Runs of rows of one block: first row, end, block.
-    pub(super) runs: Vec<(usize, usize, usize)>,
+    /// Runs of rows of one block.
+    pub(super) runs: Vec<Run>,
+}
+
+/// Neighbouring rows of one block of the noise.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Run {
+    pub(super) start: usize,
+    pub(super) end: usize,
+    pub(super) block: usize,
 }
 
 impl<T: Real> Scene<T> {
     /// Puts a scene together.
     ///
-    /// `whitened` has, for each component, `n_basis + 1 + n_draws` columns of n numbers: the orthonormal basis of what
-    /// the model is free to do, what it leaves, and draws of noise off the basis.
+    /// `whitened` has, for each component, n rows of `n_basis + 1 + n_draws` numbers: the orthonormal basis of what the
+    /// model is free to do, what it leaves, and draws of noise off the basis.
     ///
     /// # Errors
     /// [`CandidateError`] for lengths that do not fit.
@@ -41,17 +50,18 @@ impl<T: Real> Scene<T> {
         noise: Noise,
     ) -> Result<Self, CandidateError> {
         noise.check(n_rows)?;
+        let width = n_basis + 1 + n_draws;
         for column in directions.iter().flatten() {
             length("a channel's displacement", column.len(), n_rows)?;
         }
-        for columns in &whitened {
-            length("basis, residual and draws", columns.len(), n_rows * (n_basis + 1 + n_draws))?;
+        for rows in &whitened {
+            length("basis, residual and draws", rows.len(), n_rows * width)?;
         }
-        let mut runs: Vec<(usize, usize, usize)> = Vec::new();
+        let mut runs: Vec<Run> = Vec::new();
         for (row, &block) in noise.block.iter().enumerate() {
             match runs.last_mut() {
-                Some(run) if run.2 == block => run.1 = row + 1,
-                _ => runs.push((row, row + 1, block)),
+                Some(run) if run.block == block => run.end = row + 1,
+                _ => runs.push(Run { start: row, end: row + 1, block }),
             }
         }
         let directions = (directions.iter())
@@ -64,11 +74,9 @@ impl<T: Real> Scene<T> {
             })
             .collect();
         let mut back = whitened;
-        for (c, columns) in back.iter_mut().enumerate() {
-            columns
-                .par_chunks_exact_mut(n_rows.max(1))
-                .for_each(|column| whiten_transposed(&noise, c, &runs, column));
-        }
+        back.par_iter_mut()
+            .enumerate()
+            .for_each(|(c, rows)| whiten_transposed(&noise, c, &runs, width, rows));
         Ok(Self { n_rows, n_basis, n_draws, directions, back, noise, runs })
     }
 
@@ -76,27 +84,73 @@ impl<T: Real> Scene<T> {
     pub(super) fn width(&self) -> usize {
         self.n_basis + 1 + self.n_draws
     }
-}
 
-/// Applies `V^(-T/2)` to a column of one component, in place.
-fn whiten_transposed<T: Real>(noise: &Noise, c: usize, runs: &[(usize, usize, usize)], column: &mut [T]) {
-    let unit = &noise.unit[c];
-    let mut sums = vec![0.0; noise.n_blocks];
-    for &(start, end, block) in runs {
-        let own = column[start..end].iter().zip(&unit[start..end]);
-        sums[block] += own.map(|(value, &u)| value.double() * u).sum::<f64>();
+    /// Components on which a channel does something.
+    pub(super) fn components(&self, channel: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..3).filter(move |&c| !self.directions[channel][c].is_empty())
     }
-    let mut more = vec![0.0; noise.n_blocks];
-    for (session, less_one) in noise.sessions.iter().zip(&noise.less_one[c]) {
-        let of_session = &sums[session.clone()];
-        for (target, row) in more[session.clone()].iter_mut().zip(less_one.chunks_exact(session.len())) {
-            *target = row.iter().zip(of_session).map(|(&t, &sum)| t * sum).sum();
+
+    /// Weights of rows in the information of two channels, `Σ_c d_c e_c / σ_c²`; nothing where they share no component.
+    pub(super) fn weights(&self, one: usize, two: usize, rows: std::ops::Range<usize>) -> Option<Vec<T>> {
+        let mut weights: Option<Vec<T>> = None;
+        for c in self.components(one) {
+            let (d, e) = (&self.directions[one][c], &self.directions[two][c]);
+            if e.is_empty() {
+                continue;
+            }
+            let per_variance = T::nearest(1.0 / self.noise.sigma[c].powi(2));
+            let weights = weights.get_or_insert_with(|| vec![T::default(); rows.len()]);
+            for ((weight, &d), &e) in weights.iter_mut().zip(&d[rows.clone()]).zip(&e[rows.clone()]) {
+                *weight += d * e * per_variance;
+            }
+        }
+        weights
+    }
+
+    /// What rows of a channel add to the sum of their block, `d u / σ`, on one component.
+    pub(super) fn unit(&self, channel: usize, c: usize, rows: std::ops::Range<usize>) -> Vec<T> {
+        let per_sigma = 1.0 / self.noise.sigma[c];
+        let along = &self.directions[channel][c][rows.clone()];
+        along.iter().zip(&self.noise.unit[c][rows]).map(|(&a, &u)| a * T::nearest(u * per_sigma)).collect()
+    }
+
+    /// What a function on a channel is multiplied with, row after row: basis, residual and draws of the channel.
+    pub(super) fn set_operand(&self, target: &mut Vec<T>, channel: usize, rows: std::ops::Range<usize>) {
+        let width = self.width();
+        target.clear();
+        target.resize(rows.len() * width, T::default());
+        for c in self.components(channel) {
+            let scale = &self.directions[channel][c][rows.clone()];
+            lanes::add_scaled_rows(target, scale, &self.back[c][rows.start * width..rows.end * width], width);
         }
     }
-    let per_sigma = 1.0 / noise.sigma[c];
-    for &(start, end, block) in runs {
-        for (value, &u) in column[start..end].iter_mut().zip(&unit[start..end]) {
-            *value = T::nearest((value.double() + u * more[block]) * per_sigma);
+}
+
+/// Applies `V^(-T/2)` to the columns of one component, in place.
+fn whiten_transposed<T: Real>(noise: &Noise, c: usize, runs: &[Run], width: usize, rows: &mut [T]) {
+    let unit = &noise.unit[c];
+    let mut sums = vec![T::default(); noise.n_blocks * width];
+    for run in runs {
+        let sum = &mut sums[run.block * width..(run.block + 1) * width];
+        for (row, &u) in rows[run.start * width..].chunks_exact(width).zip(&unit[run.start..run.end]) {
+            lanes::add_scaled(sum, T::nearest(u), row);
+        }
+    }
+    let mut more = vec![T::default(); noise.n_blocks * width];
+    for (session, less_one) in noise.sessions.iter().zip(&noise.less_one[c]) {
+        let matrix: Vec<T> = less_one.iter().map(|&value| T::nearest(value)).collect();
+        let own = session.start * width..session.end * width;
+        // Row after row of one is column after column of its transpose: (Tᵀ − I) S = (Sᵀ (T − I))ᵀ.
+        set_product(&mut more[own.clone()], &sums[own], &matrix, width);
+    }
+    let per_sigma = T::nearest(1.0 / noise.sigma[c]);
+    for run in runs {
+        let more = &more[run.block * width..(run.block + 1) * width];
+        for (row, &u) in rows[run.start * width..].chunks_exact_mut(width).zip(&unit[run.start..run.end]) {
+            lanes::add_scaled(row, T::nearest(u), more);
+            for value in row {
+                *value = *value * per_sigma;
+            }
         }
     }
 }

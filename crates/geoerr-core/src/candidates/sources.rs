@@ -1,5 +1,7 @@
 //! The functions of the rows that columns are made of.
 
+use std::ops::Range;
+
 use super::error::CandidateError;
 use super::noise::length;
 use crate::expression::{Expression, Rows};
@@ -12,6 +14,8 @@ pub struct Formula {
     pub expression: Expression,
     /// Values of its inner parameters.
     pub inner: Vec<f64>,
+    /// One of its variables that is a series instead: number of the variable, and of the series.
+    pub series: Option<[usize; 2]>,
 }
 
 /// All functions, numbered: those of the formulas, one after the other, then those given, then products of two given.
@@ -21,6 +25,8 @@ pub struct Sources<'a> {
     pub rows: Rows<'a>,
     /// Formulas at trial values.
     pub formulas: &'a [Formula],
+    /// Columns that stand in for a variable of some formulas: a temperature with a lag, once for all that follow it.
+    pub series: &'a [&'a [f64]],
     /// Functions as numbers, row by row.
     pub given: &'a [&'a [f64]],
     /// Products of two of those given.
@@ -34,6 +40,15 @@ pub(super) struct Numbering {
     n_products: usize,
 }
 
+/// What a function's number says.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    /// A formula, and which of its coefficients.
+    Formula(usize, usize),
+    Given(usize),
+    Product(usize),
+}
+
 impl Numbering {
     pub(super) fn of(sources: &Sources<'_>) -> Result<Self, CandidateError> {
         let mut first_of_formula = Vec::with_capacity(sources.formulas.len() + 1);
@@ -41,10 +56,21 @@ impl Numbering {
         for formula in sources.formulas {
             first_of_formula.push(next);
             next += formula.expression.coefficients().len();
+            let within = |what, found, count| {
+                if found < count {
+                    Ok(())
+                } else {
+                    Err(CandidateError::Missing { group: 0, what, found, count })
+                }
+            };
+            if let Some([variable, series]) = formula.series {
+                within("variable", variable, sources.rows.variables.len())?;
+                within("series", series, sources.series.len())?;
+            }
         }
         first_of_formula.push(next);
-        for given in sources.given {
-            length("a given function", given.len(), sources.rows.n_rows)?;
+        for given in sources.given.iter().chain(sources.series) {
+            length("a given function or series", given.len(), sources.rows.n_rows)?;
         }
         for &one in sources.products.iter().flatten() {
             if one >= sources.given.len() {
@@ -59,45 +85,107 @@ impl Numbering {
         self.n_of_formulas() + self.n_given + self.n_products
     }
 
+    pub(super) fn source(&self, function: usize) -> Source {
+        if let Some(given) = function.checked_sub(self.n_of_formulas()) {
+            return given.checked_sub(self.n_given).map_or(Source::Given(given), Source::Product);
+        }
+        let formula = self.first_of_formula.partition_point(|&first| first <= function) - 1;
+        Source::Formula(formula, function - self.first_of_formula[formula])
+    }
+
     fn n_of_formulas(&self) -> usize {
         self.first_of_formula.last().copied().unwrap_or(0)
     }
 }
 
-/// Evaluates functions (numbers rising) over all rows, column after column. What has no value is 0.
-pub(super) fn evaluated<T: Real>(
-    sources: &Sources<'_>,
-    numbering: &Numbering,
-    functions: &[usize],
-) -> Result<Vec<T>, CandidateError> {
-    let n_rows = sources.rows.n_rows;
-    let mut values = Vec::with_capacity(functions.len() * n_rows);
-    let (of_formulas, mut of_formula, mut known) = (numbering.n_of_formulas(), Vec::new(), usize::MAX);
-    for &function in functions {
-        if function < of_formulas {
-            let formula = numbering.first_of_formula.partition_point(|&first| first <= function) - 1;
-            if formula != known {
-                let Formula { expression, inner } = &sources.formulas[formula];
-                of_formula.resize(expression.coefficients().len() * n_rows, 0.0);
-                expression.coefficient_columns(&sources.rows, 0..n_rows, inner, &mut of_formula)?;
-                known = formula;
-            }
-            let slot = function - numbering.first_of_formula[formula];
-            let own = &of_formula[slot * n_rows..(slot + 1) * n_rows];
-            values.extend(own.iter().map(|&value| number::<T>(value)));
-            continue;
-        }
-        let given = function - of_formulas;
-        if given < numbering.n_given {
-            values.extend(sources.given[given].iter().map(|&value| number::<T>(value)));
-        } else {
-            let [one, two] = sources.products[given - numbering.n_given].map(|place| sources.given[place]);
-            values.extend(one.iter().zip(two).map(|(&a, &b)| number::<T>(a * b)));
-        }
-    }
-    Ok(values)
+/// Some functions, evaluated a block of rows at a time. What has no value is 0.
+pub(super) struct Evaluator<'a, T> {
+    sources: &'a Sources<'a>,
+    functions: Vec<Source>,
+    /// Of functions that depend on the rows before: all rows. Empty for the others.
+    whole: Vec<Vec<T>>,
+    /// All columns of one formula.
+    of_formula: Vec<f64>,
 }
 
-fn number<T: Real>(value: f64) -> T {
+impl<'a, T: Real> Evaluator<'a, T> {
+    pub(super) fn new(
+        sources: &'a Sources<'a>,
+        numbering: &Numbering,
+        functions: &[usize],
+    ) -> Result<Self, CandidateError> {
+        let functions: Vec<Source> = functions.iter().map(|&function| numbering.source(function)).collect();
+        let mut evaluator = Self { sources, functions, whole: Vec::new(), of_formula: Vec::new() };
+        let mut whole = Vec::with_capacity(evaluator.functions.len());
+        let n_rows = sources.rows.n_rows;
+        let mut known = usize::MAX;
+        for &source in &evaluator.functions {
+            match source {
+                Source::Formula(formula, slot) if sources.formulas[formula].expression.needs_order() => {
+                    if formula != known {
+                        evaluate(sources, formula, 0..n_rows, &mut evaluator.of_formula)?;
+                        known = formula;
+                    }
+                    let own = &evaluator.of_formula[slot * n_rows..(slot + 1) * n_rows];
+                    whole.push(own.iter().map(|&value| number(value)).collect());
+                }
+                _ => whole.push(Vec::new()),
+            }
+        }
+        evaluator.whole = whole;
+        Ok(evaluator)
+    }
+
+    /// Sets `target` to the functions over some rows, column after column.
+    pub(super) fn set(&mut self, target: &mut Vec<T>, rows: Range<usize>) -> Result<(), CandidateError> {
+        let n = rows.len();
+        target.clear();
+        let mut known = usize::MAX;
+        for (&source, whole) in self.functions.iter().zip(&self.whole) {
+            match source {
+                _ if !whole.is_empty() => target.extend_from_slice(&whole[rows.clone()]),
+                Source::Formula(formula, slot) => {
+                    if formula != known {
+                        evaluate(self.sources, formula, rows.clone(), &mut self.of_formula)?;
+                        known = formula;
+                    }
+                    let own = &self.of_formula[slot * n..(slot + 1) * n];
+                    target.extend(own.iter().map(|&value| number::<T>(value)));
+                }
+                Source::Given(given) => {
+                    let own = &self.sources.given[given][rows.clone()];
+                    target.extend(own.iter().map(|&value| number::<T>(value)));
+                }
+                Source::Product(product) => {
+                    let [one, two] =
+                        self.sources.products[product].map(|given| &self.sources.given[given][rows.clone()]);
+                    target.extend(one.iter().zip(two).map(|(&a, &b)| number::<T>(a * b)));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn evaluate(
+    sources: &Sources<'_>,
+    formula: usize,
+    rows: Range<usize>,
+    values: &mut Vec<f64>,
+) -> Result<(), CandidateError> {
+    let Formula { expression, inner, series } = &sources.formulas[formula];
+    values.resize(expression.coefficients().len() * rows.len(), 0.0);
+    if let Some([variable, series]) = *series {
+        let mut variables = sources.rows.variables.to_vec();
+        variables[variable] = sources.series[series];
+        let own = Rows { variables: &variables, ..sources.rows };
+        expression.coefficient_columns(&own, rows, inner, values)?;
+    } else {
+        expression.coefficient_columns(&sources.rows, rows, inner, values)?;
+    }
+    Ok(())
+}
+
+pub(super) fn number<T: Real>(value: f64) -> T {
     T::nearest(if value.is_finite() { value } else { 0.0 })
 }

@@ -1,173 +1,118 @@
-//! The sums over rows of some groups: one product of matrices a channel, and what the noise needs by blocks.
+//! The sums over rows of some groups: what is multiplied with what, and what becomes of it.
 
-use super::error::CandidateError;
 use super::group::Group;
 use super::judge::{Judged, Sums, judge};
 use super::lanes;
 use super::scene::Scene;
-use super::sources::{Numbering, Sources, evaluated};
-use crate::least_squares::{Real, add_transposed_product, set_product};
-
-/// Rows of one step: a block of each operand stays in the cache.
-pub(super) const ROWS: usize = 512;
+use crate::least_squares::{Real, set_product};
 
 /// A function on a channel.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Pair {
-    channel: usize,
+pub(super) struct Pair {
+    pub channel: usize,
     /// Place among the tile's functions.
-    function: usize,
+    pub function: usize,
 }
 
 /// Some trials of a group.
 pub(super) struct Piece {
     pub group: usize,
-    pub trials: std::ops::Range<usize>,
+    pub trials: Vec<usize>,
 }
 
 /// All that is summed over rows for one tile.
-struct Tile<'a, T> {
-    scene: &'a Scene<T>,
-    functions: Vec<usize>,
-    values: Vec<T>,
-    pairs: Vec<Pair>,
+pub(super) struct Tile<'a, T> {
+    pub scene: &'a Scene<T>,
+    /// Numbers of the functions, rising.
+    pub functions: Vec<usize>,
+    /// Sorted by channel.
+    pub pairs: Vec<Pair>,
+    /// Places of two pairs, the first not behind the second, whose information is asked for; sorted.
+    pub wanted: Vec<[usize; 2]>,
+    /// By wanted: `Σ_c fᵀ (d e / σ_c²) g`.
+    pub white: Vec<f64>,
     /// By pair: products with basis, residual and draws.
-    products: Vec<T>,
-    /// By component and pair: sums by block before the noise's transform, and after.
-    level: [Vec<T>; 3],
+    pub products: Vec<T>,
+    /// By component and pair: sums by block before the noise's transform.
+    pub level: [Vec<T>; 3],
+    /// And after.
     after: [Vec<T>; 3],
 }
 
-/// Judges every trial of the pieces, in their order.
-pub(super) fn judged<T: Real>(
-    scene: &Scene<T>,
-    sources: &Sources<'_>,
-    numbering: &Numbering,
-    groups: &[Group],
-    pieces: &[Piece],
-) -> Result<Vec<Judged>, CandidateError> {
-    let tile = Tile::summed(scene, sources, numbering, groups, pieces)?;
-    let mut found = Vec::new();
-    for piece in pieces {
-        let group = &groups[piece.group];
-        found.extend(piece.trials.clone().map(|trial| tile.judged(group, group.trial(trial))));
-    }
-    Ok(found)
-}
-
 impl<'a, T: Real> Tile<'a, T> {
-    fn summed(
-        scene: &'a Scene<T>,
-        sources: &Sources<'_>,
-        numbering: &Numbering,
-        groups: &[Group],
-        pieces: &[Piece],
-    ) -> Result<Self, CandidateError> {
-        let mut functions = Vec::new();
-        let mut named = Vec::new();
-        for piece in pieces {
-            let group = &groups[piece.group];
-            for trial in piece.trials.clone() {
-                for (column, &function) in group.columns.iter().zip(group.trial(trial)) {
-                    functions.push(function);
-                    named.push((column.channel, function));
-                }
-            }
-        }
+    /// Lays out what the pieces need, all sums 0.
+    pub(super) fn laid_out(scene: &'a Scene<T>, groups: &[Group], pieces: &[Piece]) -> Self {
+        let columns = || {
+            pieces.iter().flat_map(|piece| {
+                let group = &groups[piece.group];
+                (piece.trials.iter())
+                    .flat_map(|&trial| group.columns.iter().zip(group.trial(trial)))
+                    .map(|(column, &function)| (column.channel, function))
+            })
+        };
+        let mut functions: Vec<usize> = columns().map(|(_, function)| function).collect();
         functions.sort_unstable();
         functions.dedup();
-        named.sort_unstable();
-        named.dedup();
-        let values = evaluated(sources, numbering, &functions)?;
-        let pairs = (named.into_iter())
+        let mut pairs: Vec<Pair> = columns()
             .map(|(channel, function)| Pair {
                 channel,
                 function: functions.partition_point(|&one| one < function),
             })
             .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let n = pairs.len();
         let mut tile = Self {
             scene,
             functions,
-            values,
             pairs,
-            products: Vec::new(),
-            level: Default::default(),
+            wanted: Vec::new(),
+            white: Vec::new(),
+            products: vec![T::default(); n * scene.width()],
+            level: [(); 3].map(|()| vec![T::default(); n * scene.noise.n_blocks]),
             after: Default::default(),
         };
-        tile.multiply();
-        tile.sum_by_block();
-        Ok(tile)
+        for piece in pieces {
+            let group = &groups[piece.group];
+            for &trial in &piece.trials {
+                let places = tile.places(group, trial);
+                for (a, &one) in places.iter().enumerate() {
+                    tile.wanted.extend(places[a..].iter().map(|&two| [one.min(two), one.max(two)]));
+                }
+            }
+        }
+        tile.wanted.sort_unstable();
+        tile.wanted.dedup();
+        tile.white = vec![0.0; tile.wanted.len()];
+        tile
     }
 
-    fn column(&self, function: usize) -> &[T] {
-        &self.values[function * self.scene.n_rows..(function + 1) * self.scene.n_rows]
-    }
-
-    /// Products of every pair with basis, residual and draws.
-    fn multiply(&mut self) {
-        let (scene, width) = (self.scene, self.scene.width());
-        self.products = vec![T::default(); self.pairs.len() * width];
-        let (mut left, mut right, mut sum) = (Vec::new(), Vec::new(), Vec::new());
+    /// Runs of pairs of one channel: channel, first pair, number of pairs.
+    pub(super) fn channels(&self) -> Vec<(usize, usize, usize)> {
         let mut first = 0;
-        for of_channel in self.pairs.chunk_by(|a, b| a.channel == b.channel) {
-            let (m, direction) = (of_channel.len(), &scene.directions[of_channel[0].channel]);
-            sum.clear();
-            sum.resize(m * width, T::default());
-            for start in (0..scene.n_rows).step_by(ROWS) {
-                let end = (start + ROWS).min(scene.n_rows);
-                left.clear();
-                for pair in of_channel {
-                    left.extend_from_slice(&self.column(pair.function)[start..end]);
-                }
-                right.clear();
-                right.resize((end - start) * width, T::default());
-                for (along, back) in direction.iter().zip(&scene.back) {
-                    if !along.is_empty() {
-                        lanes::add_scaled_columns(&mut right, &along[start..end], back, scene.n_rows, start);
-                    }
-                }
-                add_transposed_product(&mut sum, &left, &right, end - start);
-            }
-            for (i, target) in self.products[first * width..].chunks_exact_mut(width).take(m).enumerate() {
-                for (j, value) in target.iter_mut().enumerate() {
-                    *value = sum[j * m + i];
-                }
-            }
-            first += m;
-        }
+        (self.pairs.chunk_by(|a, b| a.channel == b.channel))
+            .map(|own| {
+                first += own.len();
+                (own[0].channel, first - own.len(), own.len())
+            })
+            .collect()
     }
 
-    /// Sums of every pair by block of the noise, before its transform and after.
-    fn sum_by_block(&mut self) {
-        let (scene, n_blocks) = (self.scene, self.scene.noise.n_blocks);
-        for c in 0..3 {
-            let mut level = vec![T::default(); self.pairs.len() * n_blocks];
-            let mut weights: Vec<T> = Vec::new();
-            let mut of = usize::MAX;
-            for (pair, sums) in self.pairs.iter().zip(level.chunks_exact_mut(n_blocks)) {
-                let along = &scene.directions[pair.channel][c];
-                if along.is_empty() {
-                    continue;
-                }
-                if of != pair.channel {
-                    of = pair.channel;
-                    let unit = &scene.noise.unit[c];
-                    let per_sigma = 1.0 / scene.noise.sigma[c];
-                    weights.clear();
-                    weights.extend(along.iter().zip(unit).map(|(&a, &u)| a * T::nearest(u * per_sigma)));
-                }
-                let column = self.column(pair.function);
-                lanes::add_by_run(sums, column, &weights, &scene.runs);
-            }
-            self.after[c] = self.transformed(c, &level);
-            self.level[c] = level;
+    /// Judges every trial of the pieces, in their order, once all is summed.
+    pub(super) fn judged(mut self, groups: &[Group], pieces: &[Piece]) -> Vec<Judged> {
+        self.after = [0, 1, 2].map(|c| self.transformed(c));
+        let mut found = Vec::new();
+        for piece in pieces {
+            let group = &groups[piece.group];
+            found.extend(piece.trials.iter().map(|&trial| self.judged_trial(group, trial)));
         }
+        found
     }
 
     /// The noise's transform of sums by block.
-    fn transformed(&self, c: usize, level: &[T]) -> Vec<T> {
-        let noise = &self.scene.noise;
-        let mut after = level.to_vec();
+    fn transformed(&self, c: usize) -> Vec<T> {
+        let (noise, level) = (&self.scene.noise, &self.level[c]);
+        let mut after = level.clone();
         let (mut own, mut more) = (Vec::new(), Vec::new());
         for (session, less_one) in noise.sessions.iter().zip(&noise.less_one[c]) {
             let matrix: Vec<T> = less_one.iter().map(|&value| T::nearest(value)).collect();
@@ -187,23 +132,25 @@ impl<'a, T: Real> Tile<'a, T> {
         after
     }
 
-    fn place(&self, channel: usize, function: usize) -> usize {
-        let function = self.functions.partition_point(|&one| one < function);
-        self.pairs.partition_point(|&pair| pair < Pair { channel, function })
+    /// Places of the pairs of a trial's columns.
+    fn places(&self, group: &Group, trial: usize) -> Vec<usize> {
+        (group.columns.iter().zip(group.trial(trial)))
+            .map(|(column, &function)| {
+                let function = self.functions.partition_point(|&one| one < function);
+                self.pairs.partition_point(|&pair| pair < Pair { channel: column.channel, function })
+            })
+            .collect()
     }
 
     /// `b_aᵀ V⁻¹ b_b` of two pairs.
     fn information(&self, a: usize, b: usize) -> f64 {
-        let (scene, n_blocks) = (self.scene, self.scene.noise.n_blocks);
-        let (one, two) = (self.pairs[a], self.pairs[b]);
-        let (f, g) = (self.column(one.function), self.column(two.function));
-        let mut sum = 0.0;
-        for c in 0..3 {
-            let (d, e) = (&scene.directions[one.channel][c], &scene.directions[two.channel][c]);
-            if d.is_empty() || e.is_empty() {
+        let n_blocks = self.scene.noise.n_blocks;
+        let wanted = [a.min(b), a.max(b)];
+        let mut sum = self.white[self.wanted.partition_point(|&one| one < wanted)];
+        for c in self.scene.components(self.pairs[a].channel) {
+            if self.scene.directions[self.pairs[b].channel][c].is_empty() {
                 continue;
             }
-            sum += lanes::product_of_four(f, d, g, e) / scene.noise.sigma[c].powi(2);
             let [a, b] = [a, b].map(|pair| pair * n_blocks..(pair + 1) * n_blocks);
             sum += lanes::dot(&self.after[c][a.clone()], &self.after[c][b.clone()]).double()
                 - lanes::dot(&self.level[c][a], &self.level[c][b]).double();
@@ -211,12 +158,10 @@ impl<'a, T: Real> Tile<'a, T> {
         sum
     }
 
-    fn judged(&self, group: &Group, functions: &[usize]) -> Judged {
+    fn judged_trial(&self, group: &Group, trial: usize) -> Judged {
         let (k, width) = (group.n_coefficients, self.scene.width());
         let (n_basis, n_draws) = (self.scene.n_basis, self.scene.n_draws);
-        let places: Vec<usize> = (group.columns.iter().zip(functions))
-            .map(|(column, &function)| self.place(column.channel, function))
-            .collect();
+        let places = self.places(group, trial);
         let mut information = vec![0.0; k * k];
         let mut inside = vec![0.0; k * n_basis];
         let mut score = vec![0.0; k];

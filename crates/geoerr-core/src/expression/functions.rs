@@ -65,6 +65,13 @@ impl Unary {
     }
 }
 
+impl Unary {
+    /// Whether it has neither corner nor jump where it has a value.
+    pub(super) fn is_smooth(self) -> bool {
+        !matches!(self, Self::Abs | Self::Sign | Self::Step)
+    }
+}
+
 impl Binary {
     /// The operation on numbers. Every one gives NaN where either is NaN.
     #[inline(always)]
@@ -84,6 +91,11 @@ impl Binary {
             Self::NotEqual => truth(a != b, a, b),
             Self::Decay => decay(a, b),
         }
+    }
+
+    /// Whether it has neither corner nor jump where it has a value.
+    pub(super) fn is_smooth(self) -> bool {
+        matches!(self, Self::Add | Self::Subtract | Self::Multiply | Self::Divide | Self::Power | Self::Decay)
     }
 
     /// Whether `a op b` is `b op a` to the last bit.

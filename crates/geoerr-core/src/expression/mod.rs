@@ -260,6 +260,11 @@ impl Expression {
         self.shared.variables_used.iter().map(|&index| self.shared.symbols.variables[index].as_str())
     }
 
+    /// Indices of the variables that the formula needs, rising.
+    pub fn variable_indices(&self) -> &[usize] {
+        &self.shared.variables_used
+    }
+
     /// Indices of the coefficients that the formula uses, rising; the columns of the others are 0.
     pub fn coefficients_used(&self) -> &[usize] {
         &self.shared.coefficients_used
@@ -268,6 +273,11 @@ impl Expression {
     /// Whether a row's value depends on the rows before it (`lag`, `windup`).
     pub fn needs_order(&self) -> bool {
         self.shared.value.has_memory()
+    }
+
+    /// Whether no operation on rows has a corner or a jump (`abs`, `step`, `min`, comparisons …).
+    pub fn is_smooth(&self) -> bool {
+        self.shared.columns.is_smooth()
     }
 
     /// `∂f/∂θ_j` for the rows of a range, column after column: `out` has `n_coefficients · range.len()` numbers.

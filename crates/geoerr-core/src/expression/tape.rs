@@ -118,6 +118,16 @@ impl Tape {
         self.n_memories > 0
     }
 
+    /// Whether no operation on rows has a corner or a jump.
+    pub(super) fn is_smooth(&self) -> bool {
+        self.steps.iter().all(|step| match step {
+            Step::Do { action: Action::Unary(operation, _), .. } => operation.is_smooth(),
+            Step::Do { action: Action::Binary(operation, ..), .. } => operation.is_smooth(),
+            Step::Do { .. } => false,
+            Step::Emit { .. } => true,
+        })
+    }
+
     /// The numbers that are the same for all rows.
     pub(super) fn uniforms(&self, inner: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.uniforms.len());

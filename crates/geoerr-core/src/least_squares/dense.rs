@@ -106,6 +106,122 @@ pub fn lower_gram(matrix: &Matrix) -> Matrix {
     result
 }
 
+/// `left · upper` for an upper triangle.
+pub fn product_with_upper(left: &Matrix, upper: &Matrix) -> Matrix {
+    product_with_triangle(left, view(upper), BlockStructure::TriangularUpper)
+}
+
+/// `left · upperᵀ` for an upper triangle.
+pub fn product_with_upper_transposed(left: &Matrix, upper: &Matrix) -> Matrix {
+    product_with_triangle(left, view(upper).transpose(), BlockStructure::TriangularLower)
+}
+
+fn product_with_triangle(left: &Matrix, triangle: MatRef<'_, f64>, structure: BlockStructure) -> Matrix {
+    let _wide = WideRegisters;
+    let mut result = Matrix::zeros(left.n_rows(), triangle.ncols());
+    triangular::matmul(
+        view_mut(&mut result),
+        BlockStructure::Rectangular,
+        Accum::Replace,
+        view(left),
+        BlockStructure::Rectangular,
+        triangle,
+        structure,
+        1.0,
+        Par::Seq,
+    );
+    result
+}
+
+/// `sum += AᵀA`, the lower triangle, for `n_rows` rows of A that begin `stride` numbers apart.
+pub fn add_lower_gram_of_rows(sum: &mut Matrix, rows: &[f64], stride: usize, n_rows: usize) {
+    let _wide = WideRegisters;
+    // Rows as NumPy has them are columns of the transpose.
+    let turned = MatRef::from_column_major_slice_with_stride(rows, sum.n_columns(), n_rows, stride);
+    add_lower(view_mut(sum), 1.0, turned, turned);
+}
+
+/// `sum += AᵀB` for `n_rows` rows of A and of B, given with the distance at which they begin.
+pub fn add_product_of_strided_rows(
+    sum: &mut Matrix,
+    (left, left_stride): (&[f64], usize),
+    (right, right_stride): (&[f64], usize),
+    n_rows: usize,
+) {
+    let _wide = WideRegisters;
+    let left = MatRef::from_column_major_slice_with_stride(left, sum.n_rows(), n_rows, left_stride);
+    let right = MatRef::from_column_major_slice_with_stride(right, sum.n_columns(), n_rows, right_stride);
+    matmul::matmul(view_mut(sum), Accum::Add, left, right.transpose(), 1.0, Par::Seq);
+}
+
+/// `sum += factor · matrix · matrixᵀ`, the lower triangle.
+pub fn add_lower_outer(sum: &mut Matrix, factor: f64, matrix: &Matrix) {
+    let _wide = WideRegisters;
+    add_lower(view_mut(sum), factor, view(matrix), view(matrix));
+}
+
+/// `sum += left · rightᵀ`, the lower triangle of what is known to be symmetric.
+pub fn add_lower_product(sum: &mut Matrix, left: &Matrix, right: &Matrix) {
+    let _wide = WideRegisters;
+    add_lower(view_mut(sum), 1.0, view(left), view(right));
+}
+
+/// `sum += factor · CᵀC`, the lower triangle, for columns of `n_rows` numbers.
+pub fn add_lower_inner(sum: &mut Matrix, factor: f64, columns: &[f64], n_rows: usize) {
+    let _wide = WideRegisters;
+    let columns = MatRef::from_column_major_slice(columns, n_rows, sum.n_columns());
+    add_lower(view_mut(sum), factor, columns.transpose(), columns.transpose());
+}
+
+fn add_lower(sum: MatMut<'_, f64>, factor: f64, left: MatRef<'_, f64>, right: MatRef<'_, f64>) {
+    triangular::matmul(
+        sum,
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        left,
+        BlockStructure::Rectangular,
+        right.transpose(),
+        BlockStructure::Rectangular,
+        factor,
+        Par::Seq,
+    );
+}
+
+/// `target = A · factor` for rows of A, one after another as those of `target`.
+pub fn set_rows_times(target: &mut [f64], rows: &[f64], factor: &Matrix) {
+    let _wide = WideRegisters;
+    let (width, found) = (factor.n_rows(), factor.n_columns());
+    let n_rows = target.len().checked_div(found).unwrap_or(0);
+    let target = MatMut::from_column_major_slice_mut(target, found, n_rows);
+    let rows = MatRef::from_column_major_slice(rows, width, n_rows);
+    matmul::matmul(target, Accum::Replace, view(factor).transpose(), rows, 1.0, Par::Seq);
+}
+
+/// Columns of a triangle that are multiplied at once, without the zeros beyond them: products of the triangle as a whole
+/// were measured a third slower at 150 columns.
+const TRIANGLE_PANEL: usize = 24;
+
+/// `target = A · upper` for rows of A, one after another as those of `target`.
+pub fn set_rows_times_upper(target: &mut [f64], rows: &[f64], upper: &Matrix) {
+    let _wide = WideRegisters;
+    let n = upper.n_columns();
+    let n_rows = target.len().checked_div(n).unwrap_or(0);
+    let mut target = MatMut::from_column_major_slice_mut(target, n, n_rows);
+    let rows = MatRef::from_column_major_slice(rows, n, n_rows);
+    for first in (0..n).step_by(TRIANGLE_PANEL) {
+        let width = TRIANGLE_PANEL.min(n - first);
+        let panel = view(upper).submatrix(0, first, first + width, width);
+        matmul::matmul(
+            target.rb_mut().subrows_mut(first, width),
+            Accum::Replace,
+            panel.transpose(),
+            rows.subrows(0, first + width),
+            1.0,
+            Par::Seq,
+        );
+    }
+}
+
 /// Copies the lower triangle to the upper one.
 pub fn mirror_lower(matrix: &mut Matrix) {
     for column in 1..matrix.n_columns() {

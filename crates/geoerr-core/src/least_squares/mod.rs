@@ -5,27 +5,37 @@
 //! bytes do not depend on the number of threads.
 
 mod blocks;
+mod definite;
 mod dense;
 mod error;
 mod gram;
 mod leave_out;
 mod matrix;
 mod null_space;
+mod orthonormal;
 mod products;
 mod rank;
 mod registers;
 mod restriction;
 mod solution;
+mod strided;
 mod triangle;
 
 pub use blocks::{Blocks, Design, FnDesign, StoredDesign, design_fn};
+pub use definite::Definite;
+pub use dense::{
+    add_lower_inner, add_lower_outer, add_lower_product, product_with_upper, product_with_upper_transposed,
+    set_rows_times_upper,
+};
 pub use error::LeastSquaresError;
 pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
 pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};
 pub use matrix::Matrix;
-pub use products::{Real, add_transposed_product, set_product};
+pub use orthonormal::{orthonormal, orthonormalizing};
+pub use products::{Real, add_product_of_rows, set_product};
 pub use rank::RankDecision;
 pub use registers::clear_wide_registers;
 pub use restriction::Restriction;
 pub use solution::{Functional, Options, Solution, solve};
+pub use strided::StridedRows;
 pub use triangle::Triangle;

@@ -59,18 +59,18 @@ impl Real for f64 {
     }
 }
 
-/// `sum += leftᵀ · right`, all column after column: `sum` (m × k), `left` (n × m), `right` (n × k).
+/// `sum += leftᵀ · right`: `left` (n × m) column after column, `right` (n × k) and `sum` (m × k) row after row.
 ///
-/// Slices whose lengths are not those of such matrices are cut to the columns that fit.
-pub fn add_transposed_product<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize) {
+/// Slices whose lengths are not those of such matrices are cut to what fits.
+pub fn add_product_of_rows<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize) {
     let _wide = WideRegisters;
     let (m, k) = (left.len() / n_rows.max(1), right.len() / n_rows.max(1));
     if sum.len() < m * k || n_rows == 0 || m == 0 || k == 0 {
         return;
     }
     let left = MatRef::from_column_major_slice(&left[..n_rows * m], n_rows, m);
-    let right = MatRef::from_column_major_slice(&right[..n_rows * k], n_rows, k);
-    let sum = MatMut::from_column_major_slice_mut(&mut sum[..m * k], m, k);
+    let right = MatRef::from_row_major_slice(&right[..n_rows * k], n_rows, k);
+    let sum = MatMut::from_row_major_slice_mut(&mut sum[..m * k], m, k);
     matmul::matmul(sum, Accum::Add, left.transpose(), right, T::nearest(1.0), Par::Seq);
 }
 

@@ -1,0 +1,157 @@
+//! Sums of a tile at the nodes of a lattice, which are few.
+
+use rayon::prelude::*;
+
+use super::error::CandidateError;
+use super::group::Group;
+use super::lanes;
+use super::nodes::{Lattice, TAPS};
+use super::scene::Scene;
+use super::sources::{Numbering, Source, Sources};
+use super::tile::{Pair, Piece, Tile};
+use crate::least_squares::{Real, add_product_of_rows};
+
+/// What functions at the nodes of a lattice are multiplied with.
+pub(super) struct NodeOperands<'a, T> {
+    lattice: &'a Lattice,
+    /// Channels that are used, rising, with their operands.
+    channels: Vec<(usize, OfChannel<T>)>,
+    /// Two channels that are used together, rising, with the diagonals of `Cᵀ (Σ_c d e / σ_c²) C`, the main one first.
+    together: Vec<([usize; 2], Vec<Vec<T>>)>,
+}
+
+struct OfChannel<T> {
+    /// `Cᵀ D` times basis, residual and draws, row after row.
+    operand: Vec<T>,
+    /// By component, `Uᵀ D C / σ`: node and weight of every block's entries; no blocks where the channel does nothing.
+    units: [Vec<Vec<(usize, T)>>; 3],
+}
+
+impl<'a, T: Real> NodeOperands<'a, T> {
+    /// Sums rows into nodes, for all channels that the pieces use.
+    pub(super) fn new(scene: &Scene<T>, lattice: &'a Lattice, groups: &[Group], pieces: &[&Piece]) -> Self {
+        let mut channels: Vec<usize> = Vec::new();
+        let mut together: Vec<[usize; 2]> = Vec::new();
+        for piece in pieces {
+            let columns = &groups[piece.group].columns;
+            channels.extend(columns.iter().map(|column| column.channel));
+            for one in columns {
+                together.extend(
+                    (columns.iter()).map(|two| [one.channel.min(two.channel), one.channel.max(two.channel)]),
+                );
+            }
+        }
+        channels.sort_unstable();
+        channels.dedup();
+        together.sort_unstable();
+        together.dedup();
+        let channels =
+            channels.into_par_iter().map(|channel| (channel, of_channel(scene, lattice, channel))).collect();
+        let together = (together.into_par_iter())
+            .filter_map(|[one, two]| Some(([one, two], diagonals(scene, lattice, one, two)?)))
+            .collect();
+        Self { lattice, channels, together }
+    }
+
+    /// Sums everything that a tile needs.
+    pub(super) fn sum(
+        &self,
+        tile: &mut Tile<'_, T>,
+        sources: &Sources<'_>,
+        numbering: &Numbering,
+    ) -> Result<(), CandidateError> {
+        let n = self.lattice.nodes.len();
+        let (width, n_blocks) = (tile.scene.width(), tile.scene.noise.n_blocks);
+        let mut columns: Vec<T> = Vec::with_capacity(tile.functions.len() * n);
+        let formulas: Vec<(usize, usize)> = (tile.functions.iter())
+            .filter_map(|&function| match numbering.source(function) {
+                Source::Formula(formula, slot) => Some((formula, slot)),
+                _ => None,
+            })
+            .collect();
+        for own in formulas.chunk_by(|a, b| a.0 == b.0) {
+            let slots: Vec<usize> = own.iter().map(|&(_, slot)| slot).collect();
+            self.lattice.extend(&mut columns, &sources.formulas[own[0].0], &slots)?;
+        }
+        let column = |pair: Pair| &columns[pair.function * n..(pair.function + 1) * n];
+        let (mut left, mut across, mut sums) = (Vec::new(), Vec::new(), Vec::new());
+        for (channel, first, m) in tile.channels() {
+            left.clear();
+            for &pair in &tile.pairs[first..first + m] {
+                left.extend_from_slice(column(pair));
+            }
+            let place = self.channels.partition_point(|one| one.0 < channel);
+            let OfChannel { operand, units } = &self.channels[place].1;
+            add_product_of_rows(&mut tile.products[first * width..(first + m) * width], &left, operand, n);
+            lanes::transpose(&mut across, &left, n);
+            for (level, unit) in tile.level.iter_mut().zip(units).filter(|(_, unit)| !unit.is_empty()) {
+                sums.clear();
+                sums.resize(n_blocks * m, T::default());
+                for (sum, entries) in sums.chunks_exact_mut(m).zip(unit) {
+                    for &(node, weight) in entries {
+                        lanes::add_scaled(sum, weight, &across[node * m..(node + 1) * m]);
+                    }
+                }
+                lanes::transpose(&mut left, &sums, m);
+                level[first * n_blocks..(first + m) * n_blocks].copy_from_slice(&left);
+            }
+        }
+        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.white) {
+            let [f, g] = wanted.map(|pair| tile.pairs[pair]);
+            let channels = [f.channel, g.channel];
+            let place = self.together.partition_point(|one| one.0 < channels);
+            if let Some((own, diagonals)) = self.together.get(place)
+                && *own == channels
+            {
+                *sum = lanes::banded(column(f), column(g), diagonals);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize) -> OfChannel<T> {
+    let (n, width, n_blocks) = (lattice.nodes.len(), scene.width(), scene.noise.n_blocks);
+    let mut operand = vec![T::default(); n * width];
+    let mut of_row = Vec::new();
+    for (row, first, weights) in lattice.taps() {
+        scene.set_operand(&mut of_row, channel, row..row + 1);
+        for (target, &weight) in operand[first * width..].chunks_exact_mut(width).zip(weights) {
+            lanes::add_scaled(target, T::nearest(weight), &of_row);
+        }
+    }
+    let mut units: [Vec<Vec<(usize, T)>>; 3] = Default::default();
+    for c in scene.components(channel) {
+        let unit = scene.unit(channel, c, 0..scene.n_rows);
+        let mut blocks: Vec<Vec<(usize, T)>> = vec![Vec::new(); n_blocks];
+        // Rows come in the order of their nodes: of one block's entries, the same node is among the last few.
+        for (row, first, weights) in lattice.taps() {
+            let block = &mut blocks[scene.noise.block[row]];
+            for (node, &weight) in (first..).zip(weights) {
+                let value = T::nearest(weight) * unit[row];
+                let recent = block.len().saturating_sub(TAPS);
+                match block[recent..].iter_mut().find(|entry| entry.0 == node) {
+                    Some(entry) => entry.1 += value,
+                    None => block.push((node, value)),
+                }
+            }
+        }
+        units[c] = blocks;
+    }
+    OfChannel { operand, units }
+}
+
+/// The diagonals of two channels' weights at the nodes; nothing where they share no component.
+fn diagonals<T: Real>(scene: &Scene<T>, lattice: &Lattice, one: usize, two: usize) -> Option<Vec<Vec<T>>> {
+    let of_rows = scene.weights(one, two, 0..scene.n_rows)?;
+    let n_taps = lattice.n_taps();
+    let mut sums = vec![vec![0.0; lattice.nodes.len()]; n_taps];
+    for (row, first, weights) in lattice.taps() {
+        for a in 0..n_taps {
+            for b in a..n_taps {
+                sums[b - a][first + a] += of_rows[row].double() * weights[a] * weights[b];
+            }
+        }
+    }
+    Some(sums.into_iter().map(|diagonal| diagonal.into_iter().map(T::nearest).collect()).collect())
+}

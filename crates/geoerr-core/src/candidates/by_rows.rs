@@ -1,0 +1,94 @@
+//! Sums of a tile over all rows, a block of rows at a time.
+
+use super::error::CandidateError;
+use super::lanes;
+use super::scene::{Run, Scene};
+use super::sources::{Evaluator, Numbering, Sources};
+use super::tile::Tile;
+use crate::least_squares::{Real, add_product_of_rows};
+
+/// Rows of one step: a block of each operand stays in the cache.
+const ROWS: usize = 256;
+
+/// Sums everything that a tile needs.
+pub(super) fn sum<T: Real>(
+    tile: &mut Tile<'_, T>,
+    sources: &Sources<'_>,
+    numbering: &Numbering,
+) -> Result<(), CandidateError> {
+    let scene = tile.scene;
+    let (width, n_blocks) = (scene.width(), scene.noise.n_blocks);
+    let channels = tile.channels();
+    let asked = Asked::of(tile);
+    let mut evaluator = Evaluator::new(sources, numbering, &tile.functions)?;
+    let (mut columns, mut left, mut right, mut weights) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for start in (0..scene.n_rows).step_by(ROWS) {
+        let rows = start..(start + ROWS).min(scene.n_rows);
+        let n = rows.len();
+        evaluator.set(&mut columns, rows.clone())?;
+        let column = |function: usize| &columns[function * n..(function + 1) * n];
+        let runs = runs_within(scene, rows.start, rows.end);
+        for &(channel, first, m) in &channels {
+            let own = &tile.pairs[first..first + m];
+            left.clear();
+            for pair in own {
+                left.extend_from_slice(column(pair.function));
+            }
+            scene.set_operand(&mut right, channel, rows.clone());
+            add_product_of_rows(&mut tile.products[first * width..(first + m) * width], &left, &right, n);
+            for c in scene.components(channel) {
+                let unit = scene.unit(channel, c, rows.clone());
+                let sums = tile.level[c][first * n_blocks..].chunks_exact_mut(n_blocks);
+                for (pair, sums) in own.iter().zip(sums) {
+                    lanes::add_by_run(sums, column(pair.function), &unit, &runs);
+                }
+            }
+        }
+        weights.clear();
+        for &[one, two] in &asked.channels {
+            match scene.weights(one, two, rows.clone()) {
+                Some(own) => weights.extend(own),
+                None => weights.resize(weights.len() + n, T::default()),
+            }
+        }
+        lanes::add_weighted(&mut tile.white, &asked.columns, &columns, &weights, n);
+    }
+    Ok(())
+}
+
+/// What is asked for in `wanted`.
+struct Asked {
+    /// Two channels each.
+    channels: Vec<[usize; 2]>,
+    /// By wanted: two functions, and the place of their channels.
+    columns: Vec<[usize; 3]>,
+}
+
+impl Asked {
+    fn of<T: Real>(tile: &Tile<'_, T>) -> Self {
+        let of = |&[a, b]: &[usize; 2]| [tile.pairs[a].channel, tile.pairs[b].channel];
+        let mut channels: Vec<[usize; 2]> = tile.wanted.iter().map(of).collect();
+        channels.sort_unstable();
+        channels.dedup();
+        let columns = (tile.wanted.iter())
+            .map(|wanted| {
+                let of_channels = of(wanted);
+                let [f, g] = wanted.map(|pair| tile.pairs[pair].function);
+                [f, g, channels.partition_point(|&one| one < of_channels)]
+            })
+            .collect();
+        Self { channels, columns }
+    }
+}
+
+/// Runs of a block of rows, counted from its first row.
+fn runs_within<T: Real>(scene: &Scene<T>, start: usize, end: usize) -> Vec<Run> {
+    let first = scene.runs.partition_point(|run| run.end <= start);
+    (scene.runs[first..].iter().take_while(|run| run.start < end))
+        .map(|run| Run {
+            start: run.start.max(start) - start,
+            end: run.end.min(end) - start,
+            block: run.block,
+        })
+        .collect()
+}

@@ -1,0 +1,131 @@
+//! Blocks of rows, sorted by session and time, and the covariance that they share.
+
+use std::ops::Range;
+
+use super::error::{NoiseError, length};
+use super::filter::Filter;
+use super::sums::Logs;
+use crate::least_squares::Matrix;
+
+/// Which block each row belongs to.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    of_row: Vec<usize>,
+    sessions: Vec<Range<usize>>,
+    pass_number: Vec<i64>,
+    time: Vec<f64>,
+    /// Rows, block by block, and where each block begins.
+    rows: Vec<usize>,
+    first: Vec<usize>,
+}
+
+impl Blocks {
+    /// `of_row`: block of each row; `session_starts`: first block of each session; `pass_number`, `time`: of each block.
+    ///
+    /// # Errors
+    /// [`NoiseError`] for lengths that do not fit, and for blocks that are not in the order of time within their session.
+    pub fn new(
+        of_row: Vec<usize>,
+        session_starts: &[usize],
+        pass_number: Vec<i64>,
+        time: Vec<f64>,
+    ) -> Result<Self, NoiseError> {
+        let count = time.len();
+        length("passes of blocks", pass_number.len(), count)?;
+        if let Some((row, &block)) = of_row.iter().enumerate().find(|&(_, &block)| block >= count) {
+            return Err(NoiseError::BadBlock { row, block, count });
+        }
+        let ends = session_starts.iter().skip(1).copied().chain([count]);
+        let sessions: Vec<Range<usize>> =
+            session_starts.iter().copied().zip(ends).map(|(a, b)| a..b).collect();
+        length("blocks before the first session", session_starts.first().copied().unwrap_or(0), 0)?;
+        for own in &sessions {
+            if own.start > own.end {
+                return Err(NoiseError::NotInOrder { block: own.start });
+            }
+            // NaN is in no order either.
+            if let Some(block) = (own.start + 1..own.end).find(|&block| !(time[block - 1] <= time[block])) {
+                return Err(NoiseError::NotInOrder { block });
+            }
+        }
+        length("blocks of all sessions", sessions.iter().map(Range::len).sum(), count)?;
+        let mut first = vec![0; count + 1];
+        for &block in &of_row {
+            first[block + 1] += 1;
+        }
+        for block in 0..count {
+            first[block + 1] += first[block];
+        }
+        let mut next = first.clone();
+        let mut rows = vec![0; of_row.len()];
+        for (row, &block) in of_row.iter().enumerate() {
+            rows[next[block]] = row;
+            next[block] += 1;
+        }
+        Ok(Self { of_row, sessions, pass_number, time, rows, first })
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.of_row.len()
+    }
+
+    /// Number of blocks.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there is no block.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// Blocks of each session.
+    #[must_use]
+    pub fn sessions(&self) -> &[Range<usize>] {
+        &self.sessions
+    }
+
+    /// Block of each row.
+    pub(super) fn of_row(&self) -> &[usize] {
+        &self.of_row
+    }
+
+    /// Rows of a block.
+    pub(super) fn rows(&self, block: usize) -> &[usize] {
+        &self.rows[self.first[block]..self.first[block + 1]]
+    }
+
+    /// `I + K` of one session, factorized. `reach` is the root of the sum of squared weights of each block.
+    pub(super) fn filter(&self, session: usize, reach: &[f64], logs: Logs) -> Option<Filter> {
+        let own = self.sessions[session].clone();
+        Filter::new(&self.pass_number[own.clone()], &self.time[own.clone()], &reach[own], logs)
+    }
+
+    /// Derivatives of K of one session by ln a², ln b² and ln τ, lower triangles: the part of offsets of passes, the part
+    /// of drift, and that times `|t − t'| / τ`.
+    pub(super) fn covariance_slopes(&self, session: usize, reach: &[f64], logs: Logs) -> [Matrix; 3] {
+        let own = self.sessions[session].clone();
+        let (reach, passes, time) = (&reach[own.clone()], &self.pass_number[own.clone()], &self.time[own]);
+        let [offset2, drift2, memory] = [logs[1], logs[2], logs[3]].map(f64::exp);
+        let n = time.len();
+        let keeps: Vec<f64> = time.windows(2).map(|pair| (-(pair[1] - pair[0]) / memory).exp()).collect();
+        let [mut offset, mut drift, mut fading] = [0, 1, 2].map(|_| Matrix::zeros(n, n));
+        for j in 0..n {
+            let (offset, drift, fading) = (offset.column_mut(j), drift.column_mut(j), fading.column_mut(j));
+            let mut kept = drift2 * reach[j];
+            for i in j..n {
+                drift[i] = kept * reach[i];
+                fading[i] = drift[i] * (time[i] - time[j]) / memory;
+                if passes[i] == passes[j] {
+                    offset[i] = offset2 * reach[i] * reach[j];
+                }
+                kept *= keeps.get(i).copied().unwrap_or(0.0);
+            }
+        }
+        [offset, drift, fading]
+    }
+}

@@ -1,0 +1,210 @@
+//! Binds `geoerr_core::noise_likelihood`: blocks of rows and a likelihood as immutable handles.
+
+use geoerr_core::least_squares::Matrix;
+use geoerr_core::noise_likelihood::{Blocks, Direction, Likelihood, Logs, Whitening};
+use numpy::{
+    IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use crate::arrays::{from_numbers, numbers, rows};
+use crate::core_door::enter_core;
+use crate::errors::CoreError;
+use crate::expression::places;
+
+/// Blocks of rows. Immutable, so that any number of threads may ask it.
+#[pyclass(frozen, name = "NoiseBlocks", module = "geoerr._core")]
+pub struct PyNoiseBlocks {
+    blocks: Blocks,
+}
+
+/// The likelihood of the noise of residuals. Immutable.
+#[pyclass(frozen, name = "NoiseLikelihood", module = "geoerr._core")]
+pub struct PyNoiseLikelihood {
+    likelihood: Likelihood,
+}
+
+type Array2<'py> = Bound<'py, PyArray2<f64>>;
+
+/// The numbers of a (n, 3, m) array, and m.
+fn three_wide<'a>(array: &'a PyReadonlyArray3<'_, f64>, name: &str) -> Result<(&'a [f64], usize), CoreError> {
+    let refused = || CoreError::shape(format!("{name} must be a C-contiguous (n, 3, m) array of float64"));
+    if array.shape()[1] != 3 || !array.is_c_contiguous() {
+        return Err(refused());
+    }
+    Ok((array.as_slice().map_err(|_| refused())?, array.shape()[2]))
+}
+
+fn logs_of(array: &PyReadonlyArray2<'_, f64>) -> Result<[Logs; 3], CoreError> {
+    let all = rows::<4>(array, "logs")?;
+    <[Logs; 3]>::try_from(all).map_err(|_| CoreError::shape("logs must be (3, 4)"))
+}
+
+fn from_logs<'py>(py: Python<'py>, logs: [Logs; 3]) -> PyResult<Array2<'py>> {
+    from_numbers(py, logs.concat()).reshape([3, 4])
+}
+
+#[pymethods]
+impl PyNoiseBlocks {
+    #[new]
+    fn new(
+        block: PyReadonlyArray1<'_, i64>,
+        session_starts: PyReadonlyArray1<'_, i64>,
+        pass_number: PyReadonlyArray1<'_, i64>,
+        time: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Self> {
+        let passes = pass_number.as_slice().map_err(|_| CoreError::shape("pass_number must be contiguous"))?;
+        let (of_row, starts) = (places(&block)?, places(&session_starts)?);
+        let blocks = Blocks::new(of_row, &starts, passes.to_vec(), numbers(&time, "time")?.to_vec());
+        Ok(Self { blocks: blocks.map_err(CoreError::from)? })
+    }
+
+    fn likelihood(
+        &self,
+        py: Python<'_>,
+        weights: PyReadonlyArray2<'_, f64>,
+        residual: PyReadonlyArray2<'_, f64>,
+        basis: PyReadonlyArray3<'_, f64>,
+        threads: usize,
+    ) -> PyResult<PyNoiseLikelihood> {
+        let (weights, residual) = (rows::<3>(&weights, "weights")?, rows::<3>(&residual, "residual")?);
+        let (basis, n_basis) = three_wide(&basis, "basis")?;
+        let blocks = self.blocks.clone();
+        let likelihood =
+            enter_core(py, threads, || Likelihood::new(blocks, weights, residual, basis, n_basis))?;
+        Ok(PyNoiseLikelihood { likelihood })
+    }
+
+    /// T − I of each component and session.
+    fn less_one<'py>(
+        &self,
+        py: Python<'py>,
+        weights: PyReadonlyArray2<'py, f64>,
+        logs: PyReadonlyArray2<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Vec<Vec<Array2<'py>>>> {
+        let (weights, logs) = (rows::<3>(&weights, "weights")?, logs_of(&logs)?);
+        let less_one = enter_core(py, threads, || self.blocks.less_one(weights, &logs))?;
+        let array = |matrix: Matrix| {
+            // Column after column of the transpose: row after row.
+            let n = matrix.n_rows();
+            matrix.into_values().into_pyarray(py).reshape([n, n])
+        };
+        less_one.into_iter().map(|of_component| of_component.into_iter().map(array).collect()).collect()
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "what whitens, and what is whitened")]
+    fn whiten<'py>(
+        &self,
+        py: Python<'py>,
+        values: PyReadonlyArray3<'py, f64>,
+        sigma: [f64; 3],
+        unit: PyReadonlyArray2<'py, f64>,
+        less_one: Vec<Vec<PyReadonlyArray2<'py, f64>>>,
+        transposed: bool,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (numbers, width) = three_wide(&values, "values")?;
+        let n = values.shape()[0];
+        let refused = || CoreError::shape("unit must be a C-contiguous (3, n) array of float64");
+        let all = unit.as_slice().ok().filter(|_| unit.is_c_contiguous()).ok_or_else(refused)?;
+        if unit.shape() != [3, n] {
+            return Err(refused().into());
+        }
+        let matrices = |of_component: &Vec<PyReadonlyArray2<'_, f64>>| {
+            let matrix = |array: &PyReadonlyArray2<'_, f64>| {
+                let refused = || CoreError::shape("T − I must be C-contiguous square matrices");
+                let n = array.shape()[0];
+                let values = array.as_slice().ok().filter(|_| array.is_c_contiguous()).ok_or_else(refused)?;
+                Matrix::from_columns(n, n, values.to_vec()).ok_or_else(refused)
+            };
+            of_component.iter().map(matrix).collect::<Result<Vec<_>, _>>()
+        };
+        let less_one = less_one.iter().map(matrices).collect::<Result<Vec<_>, _>>()?;
+        let less_one = <[Vec<Matrix>; 3]>::try_from(less_one)
+            .map_err(|_| CoreError::shape("transforms are wanted for three components"))?;
+        let unit = [0, 1, 2].map(|c| &all[c * n..(c + 1) * n]);
+        let whitening = Whitening { blocks: &self.blocks, sigma, unit, less_one };
+        let direction = if transposed { Direction::Transposed } else { Direction::Forward };
+        let result = enter_core(py, threads, || whitening.apply(numbers, width, direction))?;
+        result.into_pyarray(py).reshape([n, 3, width])
+    }
+}
+
+#[pymethods]
+impl PyNoiseLikelihood {
+    /// −2 ln L, but for a constant, and its gradient by `logs`.
+    fn minus_twice_ln<'py>(
+        &self,
+        py: Python<'py>,
+        logs: PyReadonlyArray2<'py, f64>,
+        restricted: bool,
+        threads: usize,
+    ) -> PyResult<(f64, Array2<'py>)> {
+        let logs = logs_of(&logs)?;
+        let (value, gradient) =
+            enter_core(py, threads, || self.likelihood.minus_twice_ln(&logs, restricted))?;
+        Ok((value, from_logs(py, gradient)?))
+    }
+
+    /// Logarithms of the parameters, −2 ln L, and how many evaluations it took.
+    fn fit<'py>(
+        &self,
+        py: Python<'py>,
+        start: Option<PyReadonlyArray2<'py, f64>>,
+        shortest_memory: f64,
+        restricted: bool,
+        threads: usize,
+    ) -> PyResult<(Array2<'py>, f64, usize)> {
+        let start = start.as_ref().map(logs_of).transpose()?;
+        let fitted = enter_core(py, threads, || self.likelihood.fit(start, shortest_memory, restricted))?;
+        Ok((from_logs(py, fitted.logs)?, fitted.minus_twice_ln_likelihood, fitted.n_evaluations))
+    }
+
+    /// With more columns.
+    fn with_columns(
+        &self,
+        py: Python<'_>,
+        weights: PyReadonlyArray2<'_, f64>,
+        residual: PyReadonlyArray2<'_, f64>,
+        basis: PyReadonlyArray3<'_, f64>,
+        columns: PyReadonlyArray3<'_, f64>,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let (weights, residual) = (rows::<3>(&weights, "weights")?, rows::<3>(&residual, "residual")?);
+        let (basis, _) = three_wide(&basis, "basis")?;
+        let (columns, count) = three_wide(&columns, "columns")?;
+        let likelihood = enter_core(py, threads, || {
+            self.likelihood.with_columns(weights, residual, basis, columns, count)
+        })?;
+        Ok(Self { likelihood })
+    }
+
+    /// The basis, whitened and made orthonormal; None where its columns are too much alike for that in one product.
+    fn whitened_basis<'py>(
+        &self,
+        py: Python<'py>,
+        weights: PyReadonlyArray2<'py, f64>,
+        basis: PyReadonlyArray3<'py, f64>,
+        logs: PyReadonlyArray2<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Option<Bound<'py, PyArray3<f64>>>> {
+        let (weights, logs) = (rows::<3>(&weights, "weights")?, logs_of(&logs)?);
+        let (values, width) = three_wide(&basis, "basis")?;
+        let found = enter_core(py, threads, || self.likelihood.whitened_basis(weights, values, &logs))?;
+        found.map(|found| found.into_pyarray(py).reshape([basis.shape()[0], 3, width])).transpose()
+    }
+
+    /// Whether anything was measured of each component.
+    #[getter]
+    fn is_used(&self) -> Vec<bool> {
+        self.likelihood.is_used()
+    }
+}
+
+/// Adds this file's classes to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyNoiseBlocks>()?;
+    module.add_class::<PyNoiseLikelihood>()
+}
