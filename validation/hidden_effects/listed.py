@@ -524,8 +524,7 @@ def _camera_drift(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting
 def _camera_settling(log: Log, rng: np.random.Generator, _: str, __: str) -> Acting:
     # A stand settles in a minute or more, however short the session.
     tau = log.value("tau", max(60.0, _session_length(log) * log_uniform(rng, 0.03, 0.2)))
-    # A rate times τ: what the rates make, while τ is varied.
-    moved, linear = _knocked(log, rng, -np.expm1(-log.t_s / tau), ("k", "c"), 1.0 / tau)
+    moved, linear = _knocked(log, rng, -np.expm1(-log.t_s / tau), ("A", "C"))
     return Acting(moved, linear, {"tau": tau}, ("t",), RIG_VECTOR)
 
 

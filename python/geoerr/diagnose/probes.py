@@ -1,39 +1,50 @@
-"""Probes: smooth functions of one variable or two on each axis, for structure that no effect of the catalogue has.
+"""Probes: functions of one variable, two or three on each axis, for structure that no effect of the catalogue has.
 
 A probe names variables, not causes. It is judged like a candidate, against the same noise and the same kind of null.
+Most are smooth; waves over a plane, and waves along an axis that change with a condition, stand beside them. Waves in
+time, of which there are too many for columns, are in `waves_in_time`.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
+from geoerr.diagnose.probe_variables import MOST_DEGREES, PLAYS, Variable, variables_of
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.noise import _NOT_CONDITIONS
-from geoerr.fit.sightings import Numbers
-from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
 
-# Degrees of the functions of one variable, and of two (each alone and their products): the low ones cost less.
-_ONE = (3, 8)
-_TWO = (1, 2)
-# Of two positions: what no rigid body does is often a pattern over a plane.
-_TWO_POSITIONS = (1, 2, 4)
-# A variable of at most so many values is a list of cases, not a curve.
-_FEW_VALUES = 4
-# Two variables whose ranks agree so far are one.
-_SAME = 0.98
+_Degrees = tuple[tuple[int, int], ...]
+Form = Literal["smooth", "play", "waves", "hum"]
+# Degrees of the functions of one variable.
+_ONE = (1, 3, MOST_DEGREES)
+# Of two (each alone and their products): the low ones cost less. What no rigid body does is often a pattern over a
+# plane; what changes with the direction may follow the other variable closely; two conditions are seen in few places.
+_PLANE: _Degrees = ((1, 1), (2, 2), (4, 4))
+_USUAL: _Degrees = ((1, 1), (2, 2))
+_OF_DIRECTION: _Degrees = ((1, 2),)
+_OF_DIRECTION_CLOSELY: _Degrees = ((1, 2), (1, 4))
+_CONDITIONS: _Degrees = ((1, 1),)
+# A variable of so few values that each can have its own is followed closely.
+_CLOSELY = 8
+# Of three positions: straight lines, one of them bent, all bent.
+_SPACE = ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2), (2, 2, 2))
+# Waves over an axis's range: between two of them a wave has three quarters of its gain. Below them polynomials do.
+_WAVES_OF_PLANE, _WAVES_OF_AXIS = (1.0, 5.2), (2.0, 8.0)
+_STEP_OF_WAVES = 0.6
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A smooth dependence of one component of the error on one variable or two.
+    """A dependence of one component of the error on one variable or more.
 
     Attributes
     ----------
@@ -43,94 +54,195 @@ class Probe:
         Names of its variables, sorted.
     shapes
         Of rising freedom.
+    n_sets
+        How many sets of as many variables there are: each is as likely as another.
+    form
+        `smooth`; `play`: what a temperature leaves behind, trials are widths as shares of its range; `waves`: trials
+        are lengths in mm; `hum`: the trial is a frequency.
     """
 
     component: str
     depends_on: tuple[str, ...]
     shapes: tuple[Shapes, ...]
+    n_sets: int = 1
+    form: Form = "smooth"
 
     @property
     def n_trials(self) -> int:
         """Number of ways to write it."""
-        return len(self.shapes)
+        return sum(len(one.trials) for one in self.shapes)
+
+
+@dataclass(frozen=True)
+class _Group:
+    """A probe on any channel: for each way to write it, the codes of its columns at each trial value."""
+
+    names: tuple[str, ...]
+    ways: tuple[tuple[tuple[int, ...], ...], ...]
+    form: Form = "smooth"
+    trials: tuple[tuple[float, ...], ...] = ((),)
+
+    @classmethod
+    def smooth(cls, names: Sequence[str], ways: Sequence[Sequence[int]]) -> _Group:
+        return cls(tuple(names), tuple((tuple(codes),) for codes in dict.fromkeys(map(tuple, ways)) if codes))
+
+    def shapes(self, channel: str) -> tuple[Shapes, ...]:
+        return tuple(shapes_on(channel, way, self.trials) for way in self.ways)
 
 
 def probes_of(fitted: Fitted, functions: Functions) -> list[Probe]:
-    """Give all probes that the data can carry; their functions are added to `functions`."""
-    codes = {
-        name: [functions.given(one) for one in _functions(values)] for name, values in _variables(fitted).items()
-    }
-    groups: list[tuple[tuple[str, ...], list[list[int]]]] = [
-        ((name,), _different([own[:degree] for degree in _ONE])) for name, own in codes.items()
-    ]
-    for first, second in itertools.combinations(codes, 2):
-        degrees = _TWO_POSITIONS if {first, second} <= set(AXES) else _TWO
-        one, two = codes[first][: max(degrees)], codes[second][: max(degrees)]
-        product = [[functions.product(a, b) for b in two] for a in one]
-        columns = [
-            [*one[:degree], *two[:degree], *(code for row in product[:degree] for code in row[:degree])]
-            for degree in degrees
-        ]
-        groups.append(((first, second), _different(columns)))
+    """Give all probes that are columns and that the data can carry; their functions are added to `functions`."""
+    known = [_Codes(functions, one) for one in variables_of(fitted)]
+    groups = [*_alone(known), *_pairs(known), *_triples(known), *_memories(known), *_waves(known)]
+    sets = Counter(len(names) for names in {tuple(sorted(group.names)) for group in groups})
     return [
-        Probe(axis, tuple(sorted(names)), tuple(_shapes(f"{body}-{axis}", own) for own in columns))
-        for body in _bodies(fitted)
+        Probe(axis, tuple(sorted(own.names)), own.shapes(f"{body}-{axis}"), sets[len(own.names)], own.form)
+        for body in bodies(fitted)
         for axis in AXES
-        for names, columns in groups
+        for own in groups
     ]
 
 
-def _bodies(fitted: Fitted) -> list[str]:
+def bodies(fitted: Fitted) -> list[str]:
     """Give the bodies whose displacement was seen: what one does, targets on the other do not show."""
     seen = {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
     return [body for body in ("tool", "work") if body in seen] or ["tool"]
 
 
-def _different(columns: list[list[int]]) -> list[list[int]]:
-    return [own for number, own in enumerate(columns) if number == 0 or len(own) > len(columns[number - 1])]
-
-
-def _shapes(channel: str, codes: list[int]) -> Shapes:
-    n = len(codes)
+def shapes_on(channel: str, codes: Sequence[Sequence[int]], trials: Sequence[tuple[float, ...]] = ((),)) -> Shapes:
+    """Give columns on a channel: codes of functions, as many at each trial."""
+    n = len(codes[0])
     columns = tuple((0, k) for k in range(n))
-    return Shapes(None, ((channel, 1.0),), columns, n, ({},), ((),), np.array([codes], dtype=np.int64))
+    return Shapes(None, ((channel, 1.0),), columns, n, ({},), tuple(trials), np.array(codes, dtype=np.int64))
 
 
-def _variables(fitted: Fitted) -> dict[str, Numbers]:
-    """Give every variable that varies, NaN where it has no value; of those that agree the first."""
-    sightings = fitted.sightings
-    names = [*AXES, *(f"d_{axis}" for axis in AXES), *(f"s_{axis}" for axis in AXES)]
-    columns = set(sightings.covariate_columns)
-    if "moving" in columns and columns & {"feed", "t"}:
-        names += [f"v_{axis}" for axis in AXES]
-    found = dict(zip(names, variable_columns(sightings, names), strict=True))
-    found |= {name: sightings.numbers(name) for name in sightings.covariate_columns if name not in _NOT_CONDITIONS}
-    found["t"] = times_s(sightings)
-    kept: dict[str, Numbers] = {}
-    ranks: list[Numbers] = []
-    for name, values in found.items():
-        known = np.isfinite(values)
-        if known.sum() < 2 or np.ptp(values[known]) <= 1e-9 * max(float(np.abs(values[known]).max()), 1e-300):
+class _Codes:
+    """A variable's functions, named."""
+
+    def __init__(self, functions: Functions, variable: Variable) -> None:
+        self.variable, self.functions = variable, functions
+        self.name, self.kind = variable.name, variable.kind
+        self.by_rank = [functions.given(one) for one in variable.by_rank]
+        #: Functions of rising degree, each way to count them.
+        self.ways = [self.by_rank, *([functions.given(one) for one in way] for way in variable.other_ways)]
+        self.memory = [functions.given(one) for one in variable.memory]
+        self.grows = None if variable.from_lowest is None else functions.given(variable.from_lowest)
+
+
+def _alone(known: Sequence[_Codes]) -> Iterator[_Group]:
+    for one in known:
+        ways = [own[:degree] for own in one.ways for degree in _ONE]
+        yield _Group.smooth([one.name], ways)
+
+
+def _pairs(known: Sequence[_Codes]) -> Iterator[_Group]:
+    for first, second in itertools.combinations(known, 2):
+        if second.kind == "direction":
+            first, second = second, first
+        kinds = {first.kind, second.kind}
+        degrees = _CONDITIONS
+        if kinds == {"position"}:
+            degrees = _PLANE
+        elif first.kind == "direction":
+            degrees = _OF_DIRECTION
+            if second.kind == "position" or second.variable.n_levels <= _CLOSELY:
+                degrees = _OF_DIRECTION_CLOSELY
+        elif "position" in kinds:
+            degrees = _USUAL
+        ways = [(first.by_rank, second.by_rank)]
+        if "position" in kinds:
+            ways = list(itertools.product(first.ways, second.ways))
+        columns = [_products(first.functions, one[:m], two[:n]) for one, two in ways for m, n in degrees]
+        yield _Group.smooth([first.name, second.name], columns)
+
+
+def _products(functions: Functions, one: Sequence[int], two: Sequence[int]) -> list[int]:
+    """Give functions of two variables: each alone, and their products."""
+    return [*one, *two, *(functions.product(a, b) for a in one for b in two)]
+
+
+def _triples(known: Sequence[_Codes]) -> Iterator[_Group]:
+    """Give functions of all three positions, and straight ones of two positions and one thing more."""
+    places = [one for one in known if one.kind == "position"]
+    for first, second in itertools.combinations(places, 2):
+        plane = _Plane(first, second)
+        for third in known:
+            if third.kind in ("direction", "condition"):
+                yield _Group.smooth([first.name, second.name, third.name], [plane.times(third.by_rank, 1, 1, 1)])
+        if [one.name for one in places] == [*AXES] and second is places[1]:
+            yield _Group.smooth(AXES, [plane.times(places[2].by_rank, *degrees) for degrees in _SPACE])
+
+
+class _Plane:
+    """Products over two positions, to be multiplied by a third variable."""
+
+    def __init__(self, first: _Codes, second: _Codes) -> None:
+        self.first, self.second, self.functions = first, second, first.functions
+        most = max(max(degrees) for degrees in _SPACE)
+        self.product = {
+            (m, n): self.functions.given(one * two)
+            for m, one in enumerate(first.variable.by_rank[:most], start=1)
+            for n, two in enumerate(second.variable.by_rank[:most], start=1)
+        }
+
+    def times(self, third: Sequence[int], *degrees: int) -> list[int]:
+        """Give functions of all three up to their degrees: each alone, their products of two and of three."""
+        of_first, of_second, of_third = degrees
+        inside = [code for (m, n), code in self.product.items() if m <= of_first and n <= of_second]
+        flat = [*self.first.by_rank[:of_first], *self.second.by_rank[:of_second], *inside]
+        own = third[:of_third]
+        return [*flat, *own, *(self.functions.product(code, other) for code in flat for other in own)]
+
+
+def _memories(known: Sequence[_Codes]) -> Iterator[_Group]:
+    """Give what a temperature leaves behind where it has been: alone, and more or less of it along an axis."""
+    for one in known:
+        if not one.memory:
             continue
-        filled = np.where(known, values, np.median(values[known]))
-        rank = stats.rankdata(filled)
-        rank = (rank - rank.mean()) / rank.std()
-        if any(abs(float(rank @ other)) > _SAME * len(rank) for other in ranks):
-            continue
-        ranks.append(rank)
-        # Travel, speed and covariates bunch: their ranks are spread evenly.
-        kept[name] = np.full(len(values), np.nan)
-        kept[name][known] = values[known] if name in AXES or name == "t" else stats.rankdata(values[known])
-    return kept
+        trials = tuple((share,) for share in PLAYS)
+        yield _Group((one.name,), (tuple((code,) for code in one.memory),), "play", trials)
+        for place in known:
+            if place.kind == "position":
+                codes = tuple((code, one.functions.product(code, place.by_rank[0])) for code in one.memory)
+                yield _Group((one.name, place.name), (codes,), "play", trials)
 
 
-def _functions(values: Numbers) -> Numbers:
-    """Give functions without a constant, orthogonal over an even spread, (k, n); 0 where there is no value."""
-    known = np.isfinite(values)
-    levels, place = np.unique(values[known], return_inverse=True)
-    most = len(levels) - 1 if len(levels) <= _FEW_VALUES else min(max(_ONE), len(levels) - 1)
-    own = place.ravel().astype(np.float64) if len(levels) <= _FEW_VALUES else values[known]
-    u = 2.0 * (own - own.min()) / np.ptp(own) - 1.0
-    result = np.zeros((most, len(values)))
-    result[:, known] = np.polynomial.legendre.legvander(u, most).T[1:]
-    return result
+def _waves(known: Sequence[_Codes]) -> Iterator[_Group]:
+    """Give waves over two positions, and waves along one that grow with a condition or turn with a direction."""
+    fewest = 2.0 * _WAVES_OF_AXIS[1]
+    places = [_Waves(one) for one in known if one.kind == "position" and one.variable.n_levels > fewest]
+    for one, two in itertools.combinations(places, 2):
+        pairs = list(itertools.product(one.between(*_WAVES_OF_PLANE), two.between(*_WAVES_OF_PLANE)))
+        codes = tuple(
+            tuple(one.functions.product(a, b) for a in first[1] for b in second[1]) for first, second in pairs
+        )
+        lengths = tuple((first[0], second[0]) for first, second in pairs)
+        yield _Group((one.name, two.name), (codes,), "waves", lengths)
+    for one in places:
+        own = one.between(*_WAVES_OF_AXIS)
+        for other in known:
+            if other.grows is not None:
+                grown = tuple(tuple(one.functions.product(a, other.grows) for a in pair) for _, pair in own)
+                yield _Group((one.name, other.name), (grown,), "waves", tuple((length,) for length, _ in own))
+
+
+class _Waves:
+    """Cosine and sine over a position's range."""
+
+    def __init__(self, codes: _Codes) -> None:
+        self.name, self.functions = codes.name, codes.functions
+        values = codes.variable.values
+        self.span_mm = float(np.ptp(values))
+        self.turns = (values - values.min()) / self.span_mm
+        self.known: dict[float, tuple[int, int]] = {}
+
+    def between(self, fewest: float, most: float) -> list[tuple[float, tuple[int, int]]]:
+        """Give the length in mm and the codes of each number of waves."""
+        counts = np.arange(fewest, most + 0.5 * _STEP_OF_WAVES, _STEP_OF_WAVES).tolist()
+        return [(self.span_mm / count, self._codes(count)) for count in counts]
+
+    def _codes(self, count: float) -> tuple[int, int]:
+        if count not in self.known:
+            phase = 2.0 * np.pi * count * self.turns
+            self.known[count] = (self.functions.given(np.cos(phase)), self.functions.given(np.sin(phase)))
+        return self.known[count]

@@ -14,9 +14,10 @@ from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.held_out_after import HeldOutAfter
 from geoerr.diagnose.noise import NoiseModel, NoiseSums, without_drift
 from geoerr.diagnose.null import N_DRAWS, Null, largest_surprise, surprise
-from geoerr.diagnose.probes import Probe, probes_of
+from geoerr.diagnose.probes import Probe, bodies, probes_of, shapes_on
 from geoerr.diagnose.scan import Scanned, Scanner, all_channels, estimate, off_model
 from geoerr.diagnose.space import Channels, Space, beyond, noise_sums, orthonormal, whitened_space
+from geoerr.diagnose.waves_in_time import WavesInTime
 from geoerr.diagnose.where import displacement_um
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
@@ -25,6 +26,9 @@ from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.terms import Parameter, Term
 
+_SEED = 19_820_601
+# A wave in time that is less of a surprise is chance's, whatever its evidence: others surprise more in every search.
+_LEAST_OF_HUM = 3.0
 # Family-wise: one half for the catalogue, the other for probes.
 ALPHA = 0.05
 MOST_EFFECTS = 6
@@ -51,6 +55,9 @@ _FEW_LIKE_DRIFT = 10.0
 _STRONG_DRIFT = 1.0
 # Evidence, and share of the gain, of a curve in a candidate's own covariate: the formula is another one.
 _BENT, _BENT_SHARE = 6.0, 0.02
+# Variables of formulas by the names that probes have for what is nearly the same.
+_PROBED_AS = {"clock": "t", "bed_x": "x", "bed_y": "y"}
+_PROBED_AS |= {f"mean_v_{axis}": f"v_{axis}" for axis in AXES} | {f"t_rev_{axis}": f"s_{axis}" for axis in AXES}
 # Less sure than this, a name has to help where the fit did not see the data.
 _SURE = 1e-3
 # Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
@@ -139,6 +146,7 @@ class Bench:
         self.channels = Channels(fitted, self.rows, threads=threads)
         self.channels.need(self.names)
         self.noise: NoiseModel | None = None
+        self.waves = WavesInTime(fitted.sightings, [f"{body}-{axis}" for body in bodies(fitted) for axis in AXES])
 
     def scanner(self, space: Space, *, n_draws: int = N_DRAWS) -> Scanner:
         """Give a space in the form in which the core multiplies it."""
@@ -214,6 +222,8 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
     for group in groups:
         own: list[Judged] = []
         largest = np.full(scanner.n_draws, -math.inf)
+        if group is probes:
+            own, largest = hums(bench, space, scanner)
         for what in group:
             found = [next(scanned) for _ in what.shapes]
             best = _best(space, what, found)
@@ -234,6 +244,27 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
         # Of equals the one with the least freedom: with more of it, it says the same.
         judged.append(sorted(own, key=lambda one: (-round(one.evidence, 6), _freedom(one))))
     return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0], _together(nulls))
+
+
+def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Numbers]:
+    """Judge waves in time: the best of each channel, and what chance finds in as many searches, (n_draws,).
+
+    That some frequency has a surprise above s has a chance of e^-s at most: so it is drawn.
+    """
+    found = []
+    waves = list(bench.waves.look(space, bench.channels)) if scanner.n_draws else []
+    for wave in waves:
+        if wave.surprise < _LEAST_OF_HUM:
+            continue
+        codes = [bench.functions.given(column) for column in wave.columns]
+        shapes = shapes_on(wave.channel, [codes], [(wave.frequency,)])
+        probe = Probe(wave.channel[-1], ("t",), (shapes,), 1, "hum")
+        judged = _best(space, probe, [scanner.exact(shapes)])
+        if judged is not None:
+            evidence = judged.evidence - math.log(wave.n_trials)
+            found.append(replace(judged, surprise=wave.surprise, evidence=evidence))
+    drawn = np.random.default_rng(_SEED).exponential(size=(max(len(waves), 1), scanner.n_draws))
+    return found, np.max(drawn, axis=0) if waves else np.full(scanner.n_draws, -math.inf)
 
 
 def _together(nulls: Sequence[Null]) -> Null:
@@ -305,8 +336,9 @@ def _is_of_time(what: Candidate | Probe) -> bool:
 
 def _best(space: Space, what: Candidate | Probe, scanned: Sequence[Scanned]) -> Judged | None:
     found: Judged | None = None
+    n_sets = what.n_sets if isinstance(what, Probe) else 1
     for shapes, one in zip(what.shapes, scanned, strict=True):
-        evidence = _evidence(space, one.gain, one.rank, len(what.shapes) * len(shapes.trials))
+        evidence = _evidence(space, one.gain, one.rank, n_sets * len(what.shapes) * len(shapes.trials))
         evidence = np.where(one.rank > 0, evidence, -math.inf)
         trial = int(np.argmax(evidence))
         if one.rank[trial] == 0 or (found is not None and evidence[trial] <= found.evidence):
@@ -579,8 +611,13 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         added = [*aside, *(one.settled.raw for one in found)]
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
-        best, probe = _passed(looked.candidates), _passed(looked.probes)
+        best, probe = _passed(looked.candidates), _simplest(looked.probes)
         if unknown is None and probe is not None and _is_impostor(bench, looked, best, probe, added, candidates):
+            misnamed = _misnamed(found, probe)
+            if misnamed is not None:
+                found = [one for one in found if one is not misnamed]
+                looked = look(bench, bench.space([one.settled.raw for one in found]), [], probes)
+                probe = _simplest(looked.probes) or probe
             unknown = (probe, settle(looked.space, looked.scanner, probe))
             found = _not_taken_back(bench, found, unknown)
             continue
@@ -634,7 +671,7 @@ def _is_impostor(
 def _bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Judged | None:
     """Give the probe of a candidate's covariate where the error follows it, but not as the candidate's formula says.
 
-    The candidate's columns times its covariate are what a formula of the second order has beyond one of the first.
+    What the candidate explains times its covariate is what a formula of the second order has beyond one of the first.
     """
     if not isinstance(best.what, Candidate) or best.what.reference.covariate is None or settled.term is None:
         return None
@@ -647,14 +684,49 @@ def _bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Jud
     if not values.any():
         return None
     space = looked.space.with_columns(looked.space.noise.whiten(settled.raw))
-    k = len(settled.term.coefficients)
-    bent = settled.raw[:, :, :k] * (values / np.abs(values).max())[:, None, None]
+    explained = settled.raw[:, :, : len(settled.term.coefficients)] @ [one.value for one in settled.term.coefficients]
+    bent = (explained * (values / np.abs(values).max())[:, None])[:, :, None]
     _, root, gain = estimate(space, bent)
     evidence = float(_evidence(space, gain, np.asarray(root.shape[1]), 1))
     if evidence < _BENT or float(gain) < _BENT_SHARE * settled.gain:
         return None
-    alone = [one for one in looked.probes if isinstance(one.what, Probe) and set(one.what.depends_on) == set(names)]
-    return alone[0] if alone else None
+    own = {*names, *(name for name in settled.term.variables if name in AXES)}
+    return next((one for one in looked.probes if _is_probe_of(one, own) and set(names) <= _depends_on(one)), None)
+
+
+def _misnamed(found: Sequence[Found], probe: Judged) -> Found | None:
+    """Give the name beside which something is left that follows nothing but the name's own variables.
+
+    Its formula is another one, then. What a name leaves along another variable is an effect a little off its formula.
+    """
+    for one in found:
+        is_more = probe.gain >= _BENT_SHARE * one.settled.gain and probe.evidence >= _BENT
+        if is_more and not _acts_elsewhere(one.looked.space, one.settled, probe) and _is_probe_of(probe, _own(one)):
+            return one
+    return None
+
+
+def _own(found: Found) -> set[str]:
+    """Give the variables of a name, as probes call them; of what turns a body, the positions that are its lever."""
+    term = found.settled.term
+    assert term is not None
+    names = {_PROBED_AS.get(name, name) for name in term.variables}
+    turns = any(
+        not channel.startswith(("tool", "work", "target")) and channel[1] in "ABC_" for channel in term.channels
+    )
+    return names | (set(AXES) if turns else set())
+
+
+def _is_probe_of(judged: Judged, names: set[str]) -> bool:
+    return _depends_on(judged) <= names
+
+
+def _component(judged: Judged) -> str | None:
+    return judged.what.component if isinstance(judged.what, Probe) else None
+
+
+def _depends_on(judged: Judged) -> set[str]:
+    return set(judged.what.depends_on) if isinstance(judged.what, Probe) else set()
 
 
 def _not_taken_back(bench: Bench, found: list[Found], unknown: tuple[Judged, Settled]) -> list[Found]:
@@ -691,6 +763,16 @@ def _acts_elsewhere(space: Space, settled: Settled, unknown: Judged) -> bool:
 def _passed(judged: Sequence[Judged]) -> Judged | None:
     """Give the best that is neither chance nor not worth its freedom."""
     return next((one for one in judged if one.p_value <= 0.5 * ALPHA and one.evidence > 0.0), None)
+
+
+def _simplest(probes: Sequence[Judged]) -> Judged | None:
+    """Give the best probe that passes; one of fewer of its variables where that is hardly worse."""
+    best = _passed(probes)
+    if best is None:
+        return None
+    near = [one for one in probes if one.p_value <= 0.5 * ALPHA and one.evidence >= best.evidence - _IMPOSTOR]
+    fewer = [one for one in near if _component(one) == _component(best) and _depends_on(one) < _depends_on(best)]
+    return min(fewer, key=lambda one: len(_depends_on(one)), default=best)
 
 
 def _without_superfluous(bench: Bench, found: list[Found], aside: list[Numbers]) -> list[Found]:

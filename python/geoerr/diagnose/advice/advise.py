@@ -11,8 +11,7 @@ from geoerr.diagnose.advice.by_hand import by_hand
 from geoerr.diagnose.advice.columns import Terms, poses_of
 from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser
 from geoerr.diagnose.findings import Separation
-from geoerr.diagnose.noise import blocks_of, fit_noise
-from geoerr.diagnose.space import Space, offset_weights, orthonormal, whitened_space
+from geoerr.diagnose.space import Space, noise_sums, orthonormal, whitened_space
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted
@@ -135,8 +134,8 @@ def _space_with(fitted: Fitted, term: Term, threads: int) -> Space:
     columns = terms.columns(sightings, poses_of(fitted), scale=used, threads=threads)[:, :, : terms.n_columns]
     joined = np.concatenate([own, columns * rows[:, :, None]], axis=2)
     basis = orthonormal(joined.reshape(-1, joined.shape[2])).reshape(*rows.shape, -1)
-    noise = fit_noise(blocks_of(sightings), offset_weights(fitted), solved.whitened * rows, basis)
-    return whitened_space(fitted, noise, rows, basis)
+    sums = noise_sums(fitted, rows, basis, threads=threads)
+    return whitened_space(fitted, sums.fit(), rows, sums)
 
 
 __all__ = ["Advice", "advise", "adviser_of", "forms_of", "separation_for"]
