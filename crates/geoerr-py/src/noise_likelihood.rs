@@ -54,7 +54,8 @@ impl PyNoiseBlocks {
         pass_number: PyReadonlyArray1<'_, i64>,
         time: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Self> {
-        let passes = pass_number.as_slice().map_err(|_| CoreError::shape("pass_number must be contiguous"))?;
+        let passes =
+            pass_number.as_slice().map_err(|_| CoreError::shape("pass_number must be contiguous"))?;
         let (of_row, starts) = (places(&block)?, places(&session_starts)?);
         let blocks = Blocks::new(of_row, &starts, passes.to_vec(), numbers(&time, "time")?.to_vec());
         Ok(Self { blocks: blocks.map_err(CoreError::from)? })

@@ -35,20 +35,20 @@ impl Blocks {
         if let Some((row, &block)) = of_row.iter().enumerate().find(|&(_, &block)| block >= count) {
             return Err(NoiseError::BadBlock { row, block, count });
         }
+        length("blocks before the first session", session_starts.first().copied().unwrap_or(count), 0)?;
         let ends = session_starts.iter().skip(1).copied().chain([count]);
         let sessions: Vec<Range<usize>> =
             session_starts.iter().copied().zip(ends).map(|(a, b)| a..b).collect();
-        length("blocks before the first session", session_starts.first().copied().unwrap_or(0), 0)?;
+        if let Some(own) = sessions.iter().find(|own| own.start > own.end) {
+            return Err(NoiseError::NotInOrder { block: own.end });
+        }
         for own in &sessions {
-            if own.start > own.end {
-                return Err(NoiseError::NotInOrder { block: own.start });
-            }
+            let is_later = |&block: &usize| time[block - 1] <= time[block];
             // NaN is in no order either.
-            if let Some(block) = (own.start + 1..own.end).find(|&block| !(time[block - 1] <= time[block])) {
+            if let Some(block) = (own.start + 1..own.end).find(|block| !is_later(block)) {
                 return Err(NoiseError::NotInOrder { block });
             }
         }
-        length("blocks of all sessions", sessions.iter().map(Range::len).sum(), count)?;
         let mut first = vec![0; count + 1];
         for &block in &of_row {
             first[block + 1] += 1;

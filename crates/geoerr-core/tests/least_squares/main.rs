@@ -7,5 +7,6 @@ mod identities;
 mod leave_out;
 mod nist;
 mod normal_equations;
+mod orthonormal;
 mod solution;
 mod triangle;
