@@ -653,6 +653,8 @@ class Model:
             for a name that is none of these.
         """
         wanted = (names,) if isinstance(names, str) else tuple(names)
+        if not wanted:
+            return self
         out, left_out_terms = names_left_out(wanted, self.terms)
         errors = self.errors
         if errors is not None:
