@@ -14,7 +14,7 @@ from validation.hot_and_cold import EXAMPLE_SEED, Hot, write_example
 from geoerr.cli.main import app
 from geoerr.machine import write_machine
 from geoerr.model import load_model
-from geoerr.observations import write_observations
+from geoerr.observations import Observations, write_observations
 from geoerr.report.figures import difference_curves, difference_map, state_curves
 from geoerr.states import States
 
@@ -61,7 +61,17 @@ def test_growth_taken_off_is_the_metals(hot: Hot, states: States) -> None:
     assert volume.rms_um < 0.2 * states.difference(20.0, 120.0).volume(4).rms_um
 
 
-def test_the_verb_from_files_to_a_corrected_program(states: States, tmp_path: Path) -> None:
+def test_the_verb_from_files_to_a_corrected_program(
+    states: States, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it hands on and writes; the numbers themselves are the guide's, from its files."""
+    given: dict[float, list[Observations]] = {}
+
+    def known(tables: dict[float, list[Observations]], *_: object, **__: object) -> States:
+        given.update(tables)
+        return states
+
+    monkeypatch.setattr("geoerr.states.identify_states", known)
     write_machine(tmp_path / "machine.toml", states.machine)
     for state in states.states:
         table = state.observations
@@ -72,11 +82,12 @@ def test_the_verb_from_files_to_a_corrected_program(states: States, tmp_path: Pa
     run = CliRunner().invoke(app, ["states", *named, *common, *written, "--json"])
     assert run.exit_code == 0, run.output
     assert "What three scale factors would leave" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    for state in states.states:
+        (table,) = given[state.temperature_degc]
+        assert np.allclose(table.measured_mm, state.observations.measured_mm)
     document = json.loads(run.stdout)
-    expected = states.to_document()
-    assert document["difference"]["functions"]["EXX"]["value_um"] == pytest.approx(
-        expected["difference"]["functions"]["EXX"]["value_um"], rel=1e-6
-    )
+    expected = json.loads(json.dumps(states.to_document()["difference"]["functions"]["EXX"]["value_um"]))
+    assert document["difference"]["functions"]["EXX"]["value_um"] == expected
     assert load_model(tmp_path / "model.json").conditions == ("temp",)
     low = [states.machine.axes[axis].range_mm[0] for axis in "xyz"]
     lines = ["G90", *(f"G1 X{low[0] + k:.3f} Y{low[1] + k:.3f} Z{low[2] + k:.3f}" for k in (20, 100, 180))]
