@@ -34,6 +34,8 @@ type GroupArrays<'py> = (
     PyReadonlyArray1<'py, i64>,
     usize,
 );
+/// A formula, values of its inner parameters, and which of its variables is which series, if one is.
+type TrialFormula<'py> = (Bound<'py, PyExpression>, Vec<f64>, Option<[usize; 2]>);
 /// Gain, rank and share (n_trials,), and by rank the largest gain of every draw (n_ranks, n_draws), −1 for none.
 type GroupResult<'py> = (
     Bound<'py, PyArray1<f64>>,
@@ -144,7 +146,7 @@ impl PyCandidateScene {
         variables: PyReadonlyArray2<'py, f64>,
         starts: PyReadonlyArray1<'py, i64>,
         t: Option<PyReadonlyArray1<'py, f64>>,
-        formulas: Vec<(Bound<'py, PyExpression>, Vec<f64>, Option<[usize; 2]>)>,
+        formulas: Vec<TrialFormula<'py>>,
         series: PyReadonlyArray2<'py, f64>,
         given: PyReadonlyArray2<'py, f64>,
         products: Vec<[usize; 2]>,
@@ -165,7 +167,8 @@ impl PyCandidateScene {
             })
             .collect();
         let groups: Vec<Group> = groups.iter().map(group_of).collect::<Result<_, _>>()?;
-        let sources = Sources { rows, formulas: &formulas, series: &series, given: &given, products: &products };
+        let sources =
+            Sources { rows, formulas: &formulas, series: &series, given: &given, products: &products };
         let scanned = enter_core(py, threads, || match &self.scene {
             Precision::Single(scene) => scan(scene, &sources, &groups),
             Precision::Double(scene) => scan(scene, &sources, &groups),

@@ -149,7 +149,7 @@ fn whiten_transposed<T: Real>(noise: &Noise, c: usize, runs: &[Run], width: usiz
         for (row, &u) in rows[run.start * width..].chunks_exact_mut(width).zip(&unit[run.start..run.end]) {
             lanes::add_scaled(row, T::nearest(u), more);
             for value in row {
-                *value = *value * per_sigma;
+                *value *= per_sigma;
             }
         }
     }

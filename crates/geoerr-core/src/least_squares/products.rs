@@ -1,6 +1,6 @@
 //! Products of tall blocks in either precision, on the calling thread.
 
-use std::ops::{Add, AddAssign, Mul};
+use std::ops::{Add, AddAssign, Mul, MulAssign};
 
 use faer::linalg::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
@@ -15,6 +15,7 @@ pub trait Real:
     + Add<Output = Self>
     + Mul<Output = Self>
     + AddAssign
+    + MulAssign
     + Send
     + Sync
     + sealed::Sealed
