@@ -166,13 +166,6 @@ pub fn add_lower_product(sum: &mut Matrix, left: &Matrix, right: &Matrix) {
     add_lower(view_mut(sum), 1.0, view(left), view(right));
 }
 
-/// `sum += factor · CᵀC`, the lower triangle, for columns of `n_rows` numbers.
-pub fn add_lower_inner(sum: &mut Matrix, factor: f64, columns: &[f64], n_rows: usize) {
-    let _wide = WideRegisters;
-    let columns = MatRef::from_column_major_slice(columns, n_rows, sum.n_columns());
-    add_lower(view_mut(sum), factor, columns.transpose(), columns.transpose());
-}
-
 fn add_lower(sum: MatMut<'_, f64>, factor: f64, left: MatRef<'_, f64>, right: MatRef<'_, f64>) {
     triangular::matmul(
         sum,

@@ -24,7 +24,7 @@ mod triangle;
 pub use blocks::{Blocks, Design, FnDesign, StoredDesign, design_fn};
 pub use definite::Definite;
 pub use dense::{
-    add_lower_inner, add_lower_outer, add_lower_product, product_with_upper, product_with_upper_transposed,
+    add_lower_outer, add_lower_product, product_with_upper, product_with_upper_transposed,
     set_rows_times_upper,
 };
 pub use error::LeastSquaresError;

@@ -5,7 +5,6 @@ use std::ops::Range;
 use super::error::{NoiseError, length};
 use super::filter::Filter;
 use super::sums::Logs;
-use crate::least_squares::Matrix;
 
 /// Which block each row belongs to.
 #[derive(Clone, Debug)]
@@ -103,29 +102,5 @@ impl Blocks {
     pub(super) fn filter(&self, session: usize, reach: &[f64], logs: Logs) -> Option<Filter> {
         let own = self.sessions[session].clone();
         Filter::new(&self.pass_number[own.clone()], &self.time[own.clone()], &reach[own], logs)
-    }
-
-    /// Derivatives of K of one session by ln a², ln b² and ln τ, lower triangles: the part of offsets of passes, the part
-    /// of drift, and that times `|t − t'| / τ`.
-    pub(super) fn covariance_slopes(&self, session: usize, reach: &[f64], logs: Logs) -> [Matrix; 3] {
-        let own = self.sessions[session].clone();
-        let (reach, passes, time) = (&reach[own.clone()], &self.pass_number[own.clone()], &self.time[own]);
-        let [offset2, drift2, memory] = [logs[1], logs[2], logs[3]].map(f64::exp);
-        let n = time.len();
-        let keeps: Vec<f64> = time.windows(2).map(|pair| (-(pair[1] - pair[0]) / memory).exp()).collect();
-        let [mut offset, mut drift, mut fading] = [0, 1, 2].map(|_| Matrix::zeros(n, n));
-        for j in 0..n {
-            let (offset, drift, fading) = (offset.column_mut(j), drift.column_mut(j), fading.column_mut(j));
-            let mut kept = drift2 * reach[j];
-            for i in j..n {
-                drift[i] = kept * reach[i];
-                fading[i] = drift[i] * (time[i] - time[j]) / memory;
-                if passes[i] == passes[j] {
-                    offset[i] = offset2 * reach[i] * reach[j];
-                }
-                kept *= keeps.get(i).copied().unwrap_or(0.0);
-            }
-        }
-        [offset, drift, fading]
     }
 }

@@ -60,7 +60,7 @@ impl Likelihood {
             let per_variance = (-ln_variance).exp();
             add_scaled(&mut pull, per_variance, &part.along);
             value += self.components[part.component].n_numbers as f64 * ln_variance;
-            value += part.filters.iter().map(Filter::ln_determinant).sum::<f64>();
+            value += part.filters.iter().map(|filter| filter.ln_determinant.value).sum::<f64>();
             value += part.square * per_variance;
         }
         let trace: f64 = (0..self.n_basis).map(|j| h[(j, j)]).sum();

@@ -3,7 +3,8 @@
 //! The drift keeps `e^(-Δ/τ)` of itself from one block to the next and gains the rest anew; an offset stays as it is
 //! from the first block of its pass to the last. What blocks have in common is then a state of few numbers, the drift
 //! and the offsets of the passes that are under way, and a Kalman filter gives what each block says beyond those
-//! before it: the rows of the inverse Cholesky factor. Back in time it gives the inverse.
+//! before it: the rows of the inverse Cholesky factor. Back in time it gives the inverse. K itself, and its derivatives
+//! by ln a², ln b² and ln τ, act on columns by sums that run along the blocks.
 //!
 //! | symbol | code | meaning |
 //! |---|---|---|
@@ -17,13 +18,19 @@
 
 use pulp::Arch;
 
+use super::dual::Dual;
+use super::lanes::{add_scaled, dot};
 use super::sums::Logs;
-use crate::least_squares::Matrix;
 
 /// The factorized matrix.
 pub(super) struct Filter {
     steps: Vec<Step>,
     n_offsets: usize,
+    /// Variance of an offset and of the drift, scatter 1.
+    offset2: f64,
+    drift2: f64,
+    /// `ln det (I + K)`.
+    pub ln_determinant: Dual,
 }
 
 /// One block.
@@ -40,10 +47,13 @@ struct Step {
     offset_gain: f64,
     /// Places and gains of the offsets of other passes that are under way.
     others: Vec<(usize, f64)>,
+    /// Memories until the next block, and what the drift keeps of itself; 0 after the last.
+    gap: f64,
     keep: f64,
 }
 
-/// Places of the offsets of passes in a state: those of passes that are over are used again.
+/// Places of the offsets of passes in a state, whether a block begins and ends its pass, and how many places there are:
+/// those of passes that are over are used again.
 fn places(passes: &[i64]) -> (Vec<(usize, bool, bool)>, usize) {
     let mut open: Vec<Option<i64>> = Vec::new();
     let mut found = Vec::with_capacity(passes.len());
@@ -60,61 +70,97 @@ fn places(passes: &[i64]) -> (Vec<(usize, bool, bool)>, usize) {
     (found, open.len())
 }
 
+/// The covariance of what is not known of a state: offsets, then the drift.
+struct Unknown {
+    values: Vec<Dual>,
+    width: usize,
+}
+
+impl Unknown {
+    fn get(&self, i: usize, j: usize) -> Dual {
+        self.values[i * self.width + j]
+    }
+
+    /// A number of the state that has nothing to do with the others.
+    fn reset(&mut self, place: usize, variance: Dual) {
+        for other in 0..self.width {
+            self.values[place * self.width + other] = Dual::default();
+            self.values[other * self.width + place] = Dual::default();
+        }
+        self.values[place * self.width + place] = variance;
+    }
+
+    fn learn(&mut self, shared: &[Dual], variance: Dual) {
+        for (i, &first) in shared.iter().enumerate() {
+            let per_variance = first / variance;
+            for (j, &second) in shared.iter().enumerate() {
+                let value = &mut self.values[i * self.width + j];
+                *value = *value - per_variance * second;
+            }
+        }
+    }
+
+    fn scale(&mut self, place: usize, keep: Dual) {
+        for other in 0..self.width {
+            for at in [place * self.width + other, other * self.width + place] {
+                self.values[at] = self.values[at] * keep;
+            }
+        }
+    }
+}
+
 impl Filter {
     /// Of blocks in the order of time, `reach` the root of the sum of squared weights of each; `None` where a variance
     /// is not finite.
     pub fn new(passes: &[i64], time: &[f64], reach: &[f64], logs: Logs) -> Option<Self> {
         let [offset2, drift2, memory] = [logs[1], logs[2], logs[3]].map(f64::exp);
+        let of_offset = Dual { value: offset2, slopes: [offset2, 0.0, 0.0] };
+        let of_drift = Dual { value: drift2, slopes: [0.0, drift2, 0.0] };
         let (places, n_offsets) = places(passes);
-        // The covariance of what is not known of the state: offsets, then the drift.
-        let drift = n_offsets;
-        let mut state = Matrix::zeros(n_offsets + 1, n_offsets + 1);
-        state[(drift, drift)] = drift2;
+        let (drift, width) = (n_offsets, n_offsets + 1);
+        let mut unknown = Unknown { values: vec![Dual::default(); width * width], width };
+        unknown.reset(drift, of_drift);
+        let mut ln_determinant = Dual::default();
         let mut steps = Vec::with_capacity(time.len());
         for (block, &(offset, begins, ends)) in places.iter().enumerate() {
             if begins {
-                for other in 0..=drift {
-                    state[(offset, other)] = 0.0;
-                    state[(other, offset)] = 0.0;
-                }
-                state[(offset, offset)] = offset2;
+                unknown.reset(offset, of_offset);
             }
-            let reach = reach[block];
-            let shared: Vec<f64> =
-                (0..=drift).map(|i| reach * (state[(i, drift)] + state[(i, offset)])).collect();
-            let variance = 1.0 + reach * (shared[drift] + shared[offset]);
-            if !variance.is_finite() {
+            let does = Dual::constant(reach[block]);
+            let shared: Vec<Dual> =
+                (0..width).map(|i| does * (unknown.get(i, drift) + unknown.get(i, offset))).collect();
+            let variance = Dual::constant(1.0) + does * (shared[drift] + shared[offset]);
+            if !variance.value.is_finite() {
                 return None;
             }
-            for j in 0..=drift {
-                for i in 0..=drift {
-                    state[(i, j)] -= shared[i] * shared[j] / variance;
-                }
-            }
-            let keep = time.get(block + 1).map_or(0.0, |next| (-(next - time[block]) / memory).exp());
-            for other in 0..=drift {
-                state[(drift, other)] *= keep;
-                state[(other, drift)] *= keep;
-            }
-            state[(drift, drift)] += drift2 * (1.0 - keep * keep);
+            ln_determinant = ln_determinant + variance.ln();
+            unknown.learn(&shared, variance);
+            let gap = time.get(block + 1).map_or(f64::INFINITY, |next| (next - time[block]) / memory);
+            let keep = (-gap).exp();
+            let gap = if keep > 0.0 { gap } else { 0.0 };
+            let kept = Dual { value: keep, slopes: [0.0, 0.0, keep * gap] };
+            unknown.scale(drift, kept);
+            let place = drift * width + drift;
+            unknown.values[place] = unknown.values[place] + of_drift * (Dual::constant(1.0) - kept * kept);
             if ends {
-                for other in 0..=drift {
-                    state[(offset, other)] = 0.0;
-                    state[(other, offset)] = 0.0;
-                }
+                unknown.reset(offset, Dual::default());
             }
-            let gain = |place: usize| shared[place] / variance;
-            let others = (0..n_offsets).filter(|&place| place != offset && shared[place] != 0.0);
-            let others = others.map(|place| (place, gain(place))).collect();
-            let (drift_gain, offset_gain) = (gain(drift), gain(offset));
-            steps.push(Step { offset, begins, ends, reach, variance, drift_gain, offset_gain, others, keep });
+            let gain = |place: usize| shared[place].value / variance.value;
+            let others = (0..n_offsets).filter(|&place| place != offset && shared[place].value != 0.0);
+            steps.push(Step {
+                offset,
+                begins,
+                ends,
+                reach: reach[block],
+                variance: variance.value,
+                drift_gain: gain(drift),
+                offset_gain: gain(offset),
+                others: others.map(|place| (place, gain(place))).collect(),
+                gap,
+                keep,
+            });
         }
-        Some(Self { steps, n_offsets })
-    }
-
-    /// `ln det (I + K)`.
-    pub fn ln_determinant(&self) -> f64 {
-        self.steps.iter().map(|step| step.variance.ln()).sum()
+        Some(Self { steps, n_offsets, offset2, drift2, ln_determinant })
     }
 
     /// `(I + K)⁻¹ B` in place: `rows` has `width` numbers of B for each block.
@@ -184,5 +230,70 @@ impl Filter {
                 *offset += step.reach * *value;
             }
         }
+    }
+
+    /// `tr(Bᵀ ∂K B)` by ln a², ln b², ln τ: `rows` has `width` numbers of B for each block.
+    pub fn slope_traces(&self, rows: &[f64], width: usize) -> [f64; 3] {
+        let [mut drift, mut fading] = [vec![0.0; width], vec![0.0; width]];
+        let mut offsets = vec![vec![0.0; width]; self.n_offsets];
+        let [mut own_squares, mut by_offset, mut by_drift, mut by_fading] = [0.0; 4];
+        for (own, step) in rows.chunks_exact(width.max(1)).zip(&self.steps) {
+            let offset = &mut offsets[step.offset];
+            if step.begins {
+                offset.fill(0.0);
+            }
+            own_squares += step.reach * step.reach * dot(own, own);
+            by_offset += step.reach * dot(own, offset);
+            by_drift += step.reach * dot(own, &drift);
+            by_fading += step.reach * dot(own, &fading);
+            add_scaled(offset, step.reach, own);
+            add_scaled(&mut drift, step.reach, own);
+            run_on(&mut drift, &mut fading, step);
+        }
+        [
+            self.offset2 * (own_squares + 2.0 * by_offset),
+            self.drift2 * (own_squares + 2.0 * by_drift),
+            self.drift2 * 2.0 * by_fading,
+        ]
+    }
+
+    /// `∂K v` by ln a², ln b², ln τ.
+    pub fn slopes_times(&self, v: &[f64]) -> [Vec<f64>; 3] {
+        let mut result = [0, 1, 2].map(|_| vec![0.0; v.len()]);
+        for (block, (v, step)) in v.iter().zip(&self.steps).enumerate() {
+            result[0][block] = self.offset2 * step.reach * step.reach * v;
+            result[1][block] = self.drift2 * step.reach * step.reach * v;
+        }
+        for is_back in [false, true] {
+            let [mut drift, mut fading] = [[0.0], [0.0]];
+            let mut offsets = vec![0.0; self.n_offsets];
+            for at in 0..v.len() {
+                let block = if is_back { v.len() - 1 - at } else { at };
+                let step = &self.steps[block];
+                if if is_back { step.ends } else { step.begins } {
+                    offsets[step.offset] = 0.0;
+                }
+                if is_back {
+                    run_on(&mut drift, &mut fading, step);
+                }
+                result[0][block] += self.offset2 * step.reach * offsets[step.offset];
+                result[1][block] += self.drift2 * step.reach * drift[0];
+                result[2][block] += self.drift2 * step.reach * fading[0];
+                offsets[step.offset] += step.reach * v[block];
+                drift[0] += step.reach * v[block];
+                if !is_back {
+                    run_on(&mut drift, &mut fading, step);
+                }
+            }
+        }
+        result
+    }
+}
+
+/// Sums that fade with the drift, and the same times the memories that have passed, from one block to the next.
+fn run_on(drift: &mut [f64], fading: &mut [f64], step: &Step) {
+    for (drift, fading) in drift.iter_mut().zip(fading) {
+        *fading = step.keep * (*fading + step.gap * *drift);
+        *drift *= step.keep;
     }
 }

@@ -34,6 +34,7 @@
 
 mod blocks;
 mod box_step;
+mod dual;
 mod error;
 mod evaluate;
 mod filter;

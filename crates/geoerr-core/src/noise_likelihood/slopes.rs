@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::evaluate::{Evaluated, Part};
 use super::lanes::{add_scaled, dot, lower_inner, times_lower_symmetric};
-use crate::least_squares::{Matrix, add_lower_inner, add_lower_outer, set_rows_times_upper};
+use crate::least_squares::{Matrix, add_lower_outer, set_rows_times_upper};
 
 /// Parameters of one component.
 pub(super) const PARAMETERS: usize = 4;
@@ -136,33 +136,25 @@ impl Evaluated<'_> {
     }
 
     fn of_session(&self, part: &Part, session: usize, charged: Option<&[f64]>) -> OfSession {
-        let blocks = &self.likelihood.blocks;
-        let own = blocks.sessions()[session].clone();
-        let logs = self.logs[part.component];
-        let per_variance = (-logs[0]).exp();
-        let reach = &self.likelihood.components[part.component].reach;
-        let slopes = blocks.covariance_slopes(session, reach, logs);
+        let own = self.likelihood.blocks.sessions()[session].clone();
+        let per_variance = (-self.logs[part.component][0]).exp();
+        let filter = &part.filters[session];
         // (I + K)⁻¹ Uᵀ (y − A shift), and what the derivatives of K make of it.
         let q: Vec<f64> = own.map(|block| part.q[block] - dot(part.w.column(block), &self.shift)).collect();
-        let mut inverse = Matrix::identity(q.len());
-        part.filters[session].solve(inverse.as_mut_slice(), q.len());
-        let moved = slopes.each_ref().map(|slope| times_lower_symmetric(slope.as_slice(), &q));
-        let whitened = moved.each_ref().map(|moved| times_lower_symmetric(inverse.as_slice(), moved));
-        // P on U, times σ², less its share of the squares.
-        let mut weight = inverse;
-        if let Some(charged) = charged {
-            add_lower_inner(&mut weight, -per_variance, charged, self.likelihood.n_basis);
-        }
-        for (j, &factor) in q.iter().enumerate() {
-            add_scaled(&mut weight.column_mut(j)[j..], -per_variance * factor, &q[j..]);
-        }
-        let gradient =
-            slopes.each_ref().map(|slope| lower_inner(weight.as_slice(), slope.as_slice(), q.len()));
-        OfSession {
-            gradient,
-            information: [0, 1, 2].map(|i| [0, 1, 2].map(|j| dot(&moved[i], &whitened[j]))),
-            along_residual: moved.each_ref().map(|moved| dot(&q, moved)),
-            moved,
-        }
+        let moved = filter.slopes_times(&q);
+        let mut solved: Vec<f64> =
+            (0..q.len()).flat_map(|block| moved.each_ref().map(|one| one[block])).collect();
+        filter.solve(&mut solved, 3);
+        let charge =
+            charged.map_or([0.0; 3], |charged| filter.slope_traces(charged, self.likelihood.n_basis));
+        let along_residual = moved.each_ref().map(|moved| dot(&q, moved));
+        let information = [0, 1, 2].map(|i| {
+            let of =
+                |j: usize| moved[i].iter().zip(solved.iter().skip(j).step_by(3)).map(|(a, b)| a * b).sum();
+            [0, 1, 2].map(of)
+        });
+        let gradient = [0, 1, 2]
+            .map(|i| filter.ln_determinant.slopes[i] - per_variance * (charge[i] + along_residual[i]));
+        OfSession { gradient, information, along_residual, moved }
     }
 }
