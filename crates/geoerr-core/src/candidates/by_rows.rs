@@ -9,6 +9,8 @@ use crate::least_squares::{Real, add_product_of_rows};
 
 /// Rows of one step: a block of each operand stays in the cache.
 const ROWS: usize = 256;
+/// Runs of rows of one step up to which their sums are one product, of which most factors are 0.
+const MOST_RUNS: usize = 32;
 
 /// Sums everything that a tile needs.
 pub(super) fn sum<T: Real>(
@@ -22,6 +24,7 @@ pub(super) fn sum<T: Real>(
     let asked = Asked::of(tile);
     let mut evaluator = Evaluator::new(sources, numbering, &tile.functions)?;
     let (mut columns, mut left, mut right, mut weights) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut spread, mut of_runs) = (Vec::new(), Vec::new());
     for start in (0..scene.n_rows).step_by(ROWS) {
         let rows = start..(start + ROWS).min(scene.n_rows);
         let n = rows.len();
@@ -39,8 +42,20 @@ pub(super) fn sum<T: Real>(
             for c in scene.components(channel) {
                 let unit = scene.unit(channel, c, rows.clone());
                 let sums = tile.level[c][first * n_blocks..].chunks_exact_mut(n_blocks);
-                for (pair, sums) in own.iter().zip(sums) {
-                    lanes::add_by_run(sums, column(pair.function), &unit, &runs);
+                if runs.len() > MOST_RUNS {
+                    for (pair, sums) in own.iter().zip(sums) {
+                        lanes::add_by_run(sums, column(pair.function), &unit, &runs);
+                    }
+                    continue;
+                }
+                set_spread(&mut spread, &unit, &runs);
+                of_runs.clear();
+                of_runs.resize(m * runs.len(), T::default());
+                add_product_of_rows(&mut of_runs, &left, &spread, n);
+                for (sums, of_runs) in sums.zip(of_runs.chunks_exact(runs.len())) {
+                    for (run, &sum) in runs.iter().zip(of_runs) {
+                        sums[run.block] += sum;
+                    }
                 }
             }
         }
@@ -78,6 +93,17 @@ impl Asked {
             })
             .collect();
         Self { channels, columns }
+    }
+}
+
+/// Row after row: what the row gives to its run, and 0 for the others.
+fn set_spread<T: Real>(spread: &mut Vec<T>, unit: &[T], runs: &[Run]) {
+    spread.clear();
+    spread.resize(unit.len() * runs.len(), T::default());
+    for (number, run) in runs.iter().enumerate() {
+        for row in run.start..run.end {
+            spread[row * runs.len() + number] = unit[row];
+        }
     }
 }
 

@@ -4,7 +4,8 @@
 //! the rows are combinations of its values at nodes, `f = C F`, with the same sparse C for all such functions; so
 //! `fᵀ X = Fᵀ (Cᵀ X)`, and Cᵀ X is made once. Where the variable has few values, or all functions are constant between
 //! some places, C picks one node a row and is exact. Else it interpolates by splines of degree 5 between evenly spaced
-//! nodes, so many that every function is met within [`ACCURACY`] of its largest value at places between them.
+//! nodes, so many that a function is met within [`ACCURACY`] of its largest value at places between them. Long waves
+//! need few nodes and short ones many: one variable has several levels, where they save more than they cost.
 //!
 //! Source: Unser, Aldroubi & Eden, B-spline signal processing, IEEE Trans. Signal Processing 41 (1993), for the filter
 //! that turns values at nodes into coefficients.
@@ -24,12 +25,16 @@ const ACCURACY: f64 = 1e-4;
 const WORTHWHILE: usize = 16;
 /// Nodes are at most this share of the rows: with fewer rows each, sums over rows are no more work.
 const ROWS_PER_NODE: usize = 2;
+/// A level of nodes is worth its making if it saves as many values at nodes as this many times the rows.
+const ROWS_OF_LEVEL: usize = 6;
 /// Fewest intervals that are tried; then twice as many, and so on.
 const FEWEST: usize = 64;
 /// Nodes beyond either end: the filter forgets its ends by a factor of 0.43 a node.
 const MARGIN: usize = 14;
 /// Places where interpolation is tried.
 const TRIED: usize = 16;
+/// And where it is tried first.
+const FIRST_TRIED: usize = 2;
 /// Poles of the filter for degree 5.
 const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
 
@@ -91,9 +96,9 @@ pub(super) fn lattices(sources: &Sources<'_>) -> Result<(Vec<Lattice>, Vec<Optio
             by_variable[variable].push(number);
         }
     }
-    let found: Vec<Option<(Lattice, Vec<usize>)>> = (by_variable.into_par_iter().enumerate())
+    let found: Vec<Vec<(Lattice, Vec<usize>)>> = (by_variable.into_par_iter().enumerate())
         .filter(|(_, formulas)| formulas.len() >= WORTHWHILE)
-        .map(|(variable, formulas)| lattice(sources.rows.variables[variable], sources.formulas, formulas))
+        .map(|(variable, formulas)| lattices_of(sources.rows.variables[variable], sources.formulas, formulas))
         .collect::<Result<_, _>>()?;
     let mut lattices = Vec::new();
     let mut lattice_of = vec![None; sources.formulas.len()];
@@ -106,19 +111,19 @@ pub(super) fn lattices(sources: &Sources<'_>) -> Result<(Vec<Lattice>, Vec<Optio
     Ok((lattices, lattice_of))
 }
 
-/// Nodes for some functions of one column, and those of the functions that they serve.
-fn lattice(
+/// Nodes for some functions of one column, each with the functions that it serves.
+fn lattices_of(
     column: &[f64],
     all: &[Formula],
     formulas: Vec<usize>,
-) -> Result<Option<(Lattice, Vec<usize>)>, CandidateError> {
+) -> Result<Vec<(Lattice, Vec<usize>)>, CandidateError> {
     let mut order: Vec<usize> = (0..column.len()).filter(|&row| column[row].is_finite()).collect();
     order.sort_by(|&a, &b| column[a].total_cmp(&column[b]));
     let mut values: Vec<f64> = order.iter().map(|&row| column[row]).collect();
     values.dedup();
     let most = column.len() / ROWS_PER_NODE;
     if values.len() < 2 || most < 2 {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let cells =
         if values.len() <= most { Some(values.clone()) } else { cells(&values, most, all, &formulas)? };
@@ -126,39 +131,58 @@ fn lattice(
         let first: Vec<usize> =
             order.iter().map(|&row| starts.partition_point(|&start| start <= column[row]) - 1).collect();
         let weights = vec![1.0; order.len()];
-        return Ok(Some((Lattice { nodes: starts, is_spline: false, order, first, weights }, formulas)));
+        return Ok(vec![(Lattice { nodes: starts, is_spline: false, order, first, weights }, formulas)]);
     }
-    let (low, high) = (values[0], values[values.len() - 1]);
+    let ends = (values[0], values[values.len() - 1]);
+    let mut of_levels = levels(ends, most, all, formulas)?;
+    join_levels(&mut of_levels, ROWS_OF_LEVEL * column.len());
+    Ok((of_levels.into_iter())
+        .filter(|(_, met)| met.len() >= WORTHWHILE)
+        .map(|(nodes, met)| (splines(column, order.clone(), nodes), met))
+        .collect())
+}
+
+/// Evenly spaced nodes, twice as many each time, with the functions for which they are the first that are enough.
+fn levels(
+    (low, high): (f64, f64),
+    most: usize,
+    all: &[Formula],
+    formulas: Vec<usize>,
+) -> Result<Vec<(Vec<f64>, Vec<usize>)>, CandidateError> {
+    let mut found = Vec::new();
+    let mut waiting = formulas;
     let mut n_intervals = FEWEST;
-    let mut met = formulas;
-    let nodes = loop {
-        if n_intervals + 2 * MARGIN > most {
-            return Ok(None);
-        }
+    while n_intervals + 2 * MARGIN <= most && !waiting.is_empty() {
         let nodes = spread(low, high, n_intervals);
-        let is_last = 2 * n_intervals + 2 * MARGIN > most;
-        let mut is_kept = Vec::with_capacity(met.len());
-        for &formula in &met {
-            is_kept.push(is_met(&all[formula], &nodes)?);
-            if !is_last && is_kept.last() == Some(&false) {
-                break;
-            }
+        let (mut met, mut later) = (Vec::new(), Vec::new());
+        for formula in waiting {
+            if is_met(&all[formula], &nodes)? { met.push(formula) } else { later.push(formula) }
         }
-        match is_kept.iter().position(|&kept| !kept) {
-            None => break nodes,
-            Some(_) if is_last => {
-                let mut kept = is_kept.into_iter();
-                met.retain(|_| kept.next().unwrap_or(false));
-                break nodes;
-            }
-            // What needs more nodes is tried first the next time.
-            Some(missed) => met.swap(0, missed),
-        }
+        found.push((nodes, met));
+        waiting = later;
         n_intervals *= 2;
-    };
-    if met.len() < WORTHWHILE {
-        return Ok(None);
     }
+    Ok(found)
+}
+
+/// Joins levels to the next finer one that serve few functions or do not save so many values at nodes.
+fn join_levels(levels: &mut Vec<(Vec<f64>, Vec<usize>)>, least_saved: usize) {
+    while levels.last().is_some_and(|(_, met)| met.is_empty()) {
+        levels.pop();
+    }
+    for finer in (1..levels.len()).rev() {
+        let n_served: usize = levels[..finer].iter().map(|(_, met)| met.len()).sum();
+        let n_coarser = levels[finer - 1].0.len();
+        let is_small = levels[finer - 1].1.len() < WORTHWHILE;
+        if is_small || n_served * (levels[finer].0.len() - n_coarser) < least_saved {
+            let (_, met) = levels.remove(finer - 1);
+            levels[finer - 1].1.extend(met);
+        }
+    }
+}
+
+/// Splines between evenly spaced nodes.
+fn splines(column: &[f64], order: Vec<usize>, nodes: Vec<f64>) -> Lattice {
     let per_interval = 1.0 / (nodes[1] - nodes[0]);
     let mut first = Vec::with_capacity(order.len());
     let mut weights = Vec::with_capacity(TAPS * order.len());
@@ -167,7 +191,7 @@ fn lattice(
         first.push(node);
         weights.extend(own);
     }
-    Ok(Some((Lattice { nodes, is_spline: true, order, first, weights }, met)))
+    Lattice { nodes, is_spline: true, order, first, weights }
 }
 
 /// First values of the cells within which all functions are constant; `None` for too many cells.
@@ -201,20 +225,26 @@ fn spread(low: f64, high: f64, n_intervals: usize) -> Vec<f64> {
 
 /// Whether splines through a function's values at the nodes meet it between them.
 ///
-/// The function is smooth, and the filter forgets what is far: some nodes around each place are enough.
+/// The function is smooth, and the filter forgets what is far: some nodes around each place are enough. Most of what
+/// is not met is missed at the first places.
 fn is_met(formula: &Formula, nodes: &[f64]) -> Result<bool, CandidateError> {
     if !formula.expression.is_smooth() {
         return Ok(false);
     }
-    const AROUND: usize = 2 * MARGIN + TAPS;
     // Shares of the golden section repeat nothing that nodes or waves repeat.
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let step = nodes[1] - nodes[0];
     let n_inner = (nodes.len() - 1 - 2 * MARGIN) as f64;
     let tried: Vec<f64> =
         (1..=TRIED).map(|place| MARGIN as f64 + n_inner * (place as f64 * golden).fract()).collect();
+    Ok(is_met_at(formula, nodes, &tried[..FIRST_TRIED])? && is_met_at(formula, nodes, &tried)?)
+}
+
+/// Whether it is met at some places, in intervals from the first node.
+fn is_met_at(formula: &Formula, nodes: &[f64], tried: &[f64]) -> Result<bool, CandidateError> {
+    const AROUND: usize = 2 * MARGIN + TAPS;
+    let step = nodes[1] - nodes[0];
     let mut at: Vec<f64> = tried.iter().map(|place| nodes[0] + place * step).collect();
-    for place in &tried {
+    for place in tried {
         let first = spline(*place).0 - (MARGIN - 2);
         at.extend_from_slice(&nodes[first..(first + AROUND).min(nodes.len())]);
     }
@@ -223,7 +253,7 @@ fn is_met(formula: &Formula, nodes: &[f64]) -> Result<bool, CandidateError> {
             return Ok(false);
         }
         let largest = column.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-        let (expected, mut rest) = column.split_at(TRIED);
+        let (expected, mut rest) = column.split_at(tried.len());
         for (&place, &expected) in tried.iter().zip(expected) {
             let (node, weights) = spline(place);
             let first = node - (MARGIN - 2);

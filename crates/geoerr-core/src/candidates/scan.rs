@@ -1,5 +1,7 @@
 //! A scan: groups cut into tiles, tiles in parallel, results by group.
 
+use std::collections::HashSet;
+
 use rayon::prelude::*;
 
 use super::by_nodes::NodeOperands;
@@ -14,7 +16,7 @@ use super::tile::{Piece, Tile};
 use crate::least_squares::Real;
 
 /// Functions on channels of one tile: enough for a product to be worth its operands, few enough to stay in the cache.
-const PAIRS: usize = 256;
+const PAIRS: usize = 512;
 /// Coarser numbers than these only rank, and need no more digits than nodes give.
 const RANKING: f64 = 1e-10;
 
@@ -47,6 +49,7 @@ pub fn scan<T: Real>(
     for (number, group) in groups.iter().enumerate() {
         group.check(number, numbering.n_functions(), scene.directions.len())?;
     }
+    let groups = &alike_once(groups, &numbering)[..];
     let is_ranking = T::EPSILON > RANKING;
     let (lattices, lattice_of) =
         if is_ranking { lattices(sources)? } else { (Vec::new(), vec![None; sources.formulas.len()]) };
@@ -115,11 +118,20 @@ fn pieces_on(tiles: &[(Place, Vec<Piece>)], lattice: usize) -> Vec<&Piece> {
         .collect()
 }
 
-/// Cuts the groups into tiles; those that share a place and channels lie together.
+/// The groups with one number for each function.
+fn alike_once(groups: &[Group], numbering: &Numbering) -> Vec<Group> {
+    let alike = |group: &Group| group.functions.iter().map(|&one| numbering.first_alike(one)).collect();
+    groups.iter().map(|group| Group { functions: alike(group), ..group.clone() }).collect()
+}
+
+/// Cuts the groups into tiles; those that share a place and channels lie together, in the order of the groups: forms
+/// of one candidate share functions.
 fn tiles_of(groups: &[Group], place_of: impl Fn(&[usize]) -> Place) -> Vec<(Place, Vec<Piece>)> {
     let mut order: Vec<(Place, Vec<usize>, usize, Vec<usize>)> = Vec::new();
     for (number, group) in groups.iter().enumerate() {
-        let channels: Vec<usize> = group.columns.iter().map(|column| column.channel).collect();
+        let mut channels: Vec<usize> = group.columns.iter().map(|column| column.channel).collect();
+        channels.sort_unstable();
+        channels.dedup();
         let mut by_place: Vec<(Place, Vec<usize>)> = Vec::new();
         for trial in 0..group.n_trials() {
             let place = place_of(group.trial(trial));
@@ -134,23 +146,24 @@ fn tiles_of(groups: &[Group], place_of: impl Fn(&[usize]) -> Place) -> Vec<(Plac
     }
     order.sort();
     let mut tiles: Vec<(Place, Vec<Piece>)> = Vec::new();
-    let mut n_pairs = 0;
-    for (place, _, group, trials) in order {
-        let n_columns = groups[group].columns.len().max(1);
-        let mut rest = &trials[..];
-        while !rest.is_empty() {
-            let room = PAIRS.saturating_sub(n_pairs) / n_columns;
-            if tiles.last().is_none_or(|tile| tile.0 != place) || (room == 0 && n_pairs > 0) {
+    let mut pairs: HashSet<(usize, usize)> = HashSet::new();
+    for (place, _, number, trials) in order {
+        let group = &groups[number];
+        for trial in trials {
+            let own =
+                || group.columns.iter().map(|column| column.channel).zip(group.trial(trial).iter().copied());
+            let n_new = own().filter(|pair| !pairs.contains(pair)).count();
+            let is_full = !pairs.is_empty() && pairs.len() + n_new > PAIRS;
+            if is_full || tiles.last().is_none_or(|tile| tile.0 != place) {
                 tiles.push((place, Vec::new()));
-                n_pairs = 0;
+                pairs.clear();
             }
-            let room = PAIRS.saturating_sub(n_pairs) / n_columns;
-            let (own, later) = rest.split_at(room.clamp(1, rest.len()));
-            if let Some((_, pieces)) = tiles.last_mut() {
-                pieces.push(Piece { group, trials: own.to_vec() });
+            pairs.extend(own());
+            let Some((_, pieces)) = tiles.last_mut() else { continue };
+            match pieces.last_mut() {
+                Some(piece) if piece.group == number => piece.trials.push(trial),
+                _ => pieces.push(Piece { group: number, trials: vec![trial] }),
             }
-            n_pairs += own.len() * n_columns;
-            rest = later;
         }
     }
     tiles

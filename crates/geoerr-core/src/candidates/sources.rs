@@ -1,5 +1,6 @@
 //! The functions of the rows that columns are made of.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use super::error::CandidateError;
@@ -37,7 +38,8 @@ pub struct Sources<'a> {
 pub(super) struct Numbering {
     first_of_formula: Vec<usize>,
     n_given: usize,
-    n_products: usize,
+    /// By product: the first of the same two functions, so that each is summed once.
+    first_alike: Vec<usize>,
 }
 
 /// What a function's number says.
@@ -78,11 +80,23 @@ impl Numbering {
                 return Err(CandidateError::Missing { group: 0, what: "given function", found: one, count });
             }
         }
-        Ok(Self { first_of_formula, n_given: sources.given.len(), n_products: sources.products.len() })
+        let mut known: HashMap<[usize; 2], usize> = HashMap::new();
+        let first_alike = (sources.products.iter().enumerate())
+            .map(|(number, &[one, two])| *known.entry([one.min(two), one.max(two)]).or_insert(number))
+            .collect();
+        Ok(Self { first_of_formula, n_given: sources.given.len(), first_alike })
     }
 
     pub(super) fn n_functions(&self) -> usize {
-        self.n_of_formulas() + self.n_given + self.n_products
+        self.n_of_formulas() + self.n_given + self.first_alike.len()
+    }
+
+    /// The lowest number of the same function.
+    pub(super) fn first_alike(&self, function: usize) -> usize {
+        match self.source(function) {
+            Source::Product(product) => self.n_of_formulas() + self.n_given + self.first_alike[product],
+            _ => function,
+        }
     }
 
     pub(super) fn source(&self, function: usize) -> Source {
