@@ -30,16 +30,31 @@ pub(super) fn add_scaled<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     );
 }
 
-/// Adds to every row of `target` that of `from` times the row's own scale.
-pub(super) fn add_scaled_rows<T: Real>(target: &mut [T], scale: &[T], from: &[T], width: usize) {
+/// Sets every row of `target` to the sum of those of three arrays or fewer, each times the row's own scale.
+pub(super) fn set_scaled_rows<T: Real>(target: &mut [T], scaled: &[(&[T], &[T])], width: usize) {
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            for ((target, from), &scale) in
-                target.chunks_exact_mut(width).zip(from.chunks_exact(width)).zip(scale)
-            {
-                for (value, &add) in target.iter_mut().zip(from) {
-                    *value += scale * add;
+            for (row, target) in target.chunks_exact_mut(width).enumerate() {
+                let own = row * width..(row + 1) * width;
+                match *scaled {
+                    [(s, a)] => {
+                        for (value, &a) in target.iter_mut().zip(&a[own]) {
+                            *value = s[row] * a;
+                        }
+                    }
+                    [(s, a), (t, b)] => {
+                        for ((value, &a), &b) in target.iter_mut().zip(&a[own.clone()]).zip(&b[own]) {
+                            *value = s[row] * a + t[row] * b;
+                        }
+                    }
+                    [(s, a), (t, b), (u, c)] => {
+                        let (a, b, c) = (&a[own.clone()], &b[own.clone()], &c[own]);
+                        for (((value, &a), &b), &c) in target.iter_mut().zip(a).zip(b).zip(c) {
+                            *value = s[row] * a + t[row] * b + u[row] * c;
+                        }
+                    }
+                    _ => target.fill(T::default()),
                 }
             }
         },

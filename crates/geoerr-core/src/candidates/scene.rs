@@ -117,12 +117,15 @@ impl<T: Real> Scene<T> {
     /// What a function on a channel is multiplied with, row after row: basis, residual and draws of the channel.
     pub(super) fn set_operand(&self, target: &mut Vec<T>, channel: usize, rows: std::ops::Range<usize>) {
         let width = self.width();
-        target.clear();
         target.resize(rows.len() * width, T::default());
+        let mut scaled = [(&[] as &[T], &[] as &[T]); 3];
+        let mut n_components = 0;
         for c in self.components(channel) {
-            let scale = &self.directions[channel][c][rows.clone()];
-            lanes::add_scaled_rows(target, scale, &self.back[c][rows.start * width..rows.end * width], width);
+            let own = &self.back[c][rows.start * width..rows.end * width];
+            scaled[n_components] = (&self.directions[channel][c][rows.clone()], own);
+            n_components += 1;
         }
+        lanes::set_scaled_rows(target, &scaled[..n_components], width);
     }
 }
 
