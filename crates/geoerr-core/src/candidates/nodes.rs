@@ -38,6 +38,9 @@ const FIRST_TRIED: usize = 2;
 /// Poles of the filter for degree 5.
 const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
 
+/// Values at evenly spaced nodes, and the formulas for which these nodes are enough.
+type Level = (Vec<f64>, Vec<usize>);
+
 /// Nodes of one variable, and how rows are made of them.
 pub(super) struct Lattice {
     /// Value of the variable at each node.
@@ -148,7 +151,7 @@ fn levels(
     most: usize,
     all: &[Formula],
     formulas: Vec<usize>,
-) -> Result<Vec<(Vec<f64>, Vec<usize>)>, CandidateError> {
+) -> Result<Vec<Level>, CandidateError> {
     let mut found = Vec::new();
     let mut waiting = formulas;
     let mut n_intervals = FEWEST;
@@ -166,7 +169,7 @@ fn levels(
 }
 
 /// Joins levels to the next finer one that serve few functions or do not save so many values at nodes.
-fn join_levels(levels: &mut Vec<(Vec<f64>, Vec<usize>)>, least_saved: usize) {
+fn join_levels(levels: &mut Vec<Level>, least_saved: usize) {
     while levels.last().is_some_and(|(_, met)| met.is_empty()) {
         levels.pop();
     }
