@@ -1,10 +1,25 @@
 //! The one way from Python into the core: interpreter released, threads bounded, errors mapped.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use geoerr_core::least_squares::clear_wide_registers;
 use pyo3::marker::Ungil;
 use pyo3::prelude::*;
+use rayon::ThreadPool;
 
 use crate::errors::CoreError;
+
+/// Threads that wait for the next call: to start them costs more than many a call has to do.
+struct Kept {
+    process: u32,
+    threads: usize,
+    pool: Rc<ThreadPool>,
+}
+
+thread_local! {
+    static KEPT: RefCell<Option<Kept>> = const { RefCell::new(None) };
+}
 
 /// Runs `work` with the interpreter released, on at most `threads` threads (0 = all cores).
 ///
@@ -21,11 +36,33 @@ where
         if threads == 0 {
             return Ok(work());
         }
+        Ok(pool_of(threads)?.install(work))
+    });
+    outcome.map_err(PyErr::from)?.map_err(|error| PyErr::from(error.into()))
+}
+
+/// The pool of the caller's last call, or a new one where that had another number of threads.
+fn pool_of(threads: usize) -> Result<Rc<ThreadPool>, CoreError> {
+    let process = std::process::id();
+    KEPT.with_borrow_mut(|kept| {
+        if let Some(last) = kept.as_ref()
+            && last.process == process
+            && last.threads == threads
+        {
+            return Ok(Rc::clone(&last.pool));
+        }
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .map_err(|source| CoreError::thread_pool(&source))?;
-        Ok(pool.install(work))
-    });
-    outcome.map_err(PyErr::from)?.map_err(|error| PyErr::from(error.into()))
+        let pool = Rc::new(pool);
+        let new = Kept { process, threads, pool: Rc::clone(&pool) };
+        if let Some(last) = kept.replace(new)
+            && last.process != process
+        {
+            // A fork copies the memory of a pool, not its threads: there is nobody to tell that it has ended.
+            std::mem::forget(last);
+        }
+        Ok(pool)
+    })
 }
