@@ -63,7 +63,7 @@ def _stated_variance(fitted: Fitted) -> Numbers:
     """Give the stated variances of the measured points along the base axes, (n, 3); 0 where nothing is stated."""
     stated = np.zeros((len(fitted.sightings), 3))
     if fitted.sightings.is_stated:
-        root = np.linalg.pinv(fitted.sightings.whitening)
+        root = fitted.sightings.unwhitening
         for column in np.moveaxis(root, 2, 0):
             stated += fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(column)) ** 2
     return stated

@@ -101,7 +101,7 @@ def stages_of(fitted: Fitted, rig: Rig | None) -> list[Stage]:
 
 def covariances_mm2(fitted: Fitted) -> Numbers:
     """Give the stated covariances of the measured points (n, 3, 3), 0 in what was not measured."""
-    inverse = np.linalg.pinv(fitted.sightings.whitening)
+    inverse = fitted.sightings.unwhitening
     return np.asarray(inverse @ inverse.transpose(0, 2, 1))
 
 

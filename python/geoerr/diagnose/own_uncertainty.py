@@ -74,7 +74,7 @@ def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
     taken = np.linalg.pinv(total[frames, frames], rcond=1e-12, hermitian=True) @ total[frames, own]
     gram = total[own, own] - total[own, frames] @ taken
     moment = total[own, -1] - taken.T @ total[frames, -1]
-    unwhitening = np.linalg.pinv(fitted.sightings.whitening)
+    unwhitening = fitted.sightings.unwhitening
     squares = np.zeros(3)
     for block in _blocks(len(row_scale)):
         design = problem.design(state, row_scale, block.start, block.stop, fitted.threads)

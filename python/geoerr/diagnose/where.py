@@ -85,7 +85,7 @@ def displacement_um(space: Space, displacement: Numbers) -> Numbers:
     """Bring a whitened displacement (n, 3) to µm in base axes; 0 where nothing was measured."""
     fitted = space.fitted
     stated = space.noise.unwhiten(displacement)
-    mm = np.einsum("nij,nj->ni", np.linalg.pinv(fitted.sightings.whitening), stated) * space.rows
+    mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, stated) * space.rows
     return np.asarray(UM_PER_MM * fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm)))
 
 

@@ -103,7 +103,7 @@ def leave_out(
         state, solution, residual_mm, order, starts.astype(np.int64), np.array(own, dtype=np.int64), threads
     )
     # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
-    unwhitening = np.linalg.pinv(sightings.whitening[order])
+    unwhitening = sightings.unwhitening[order]
     held[order] = np.einsum("nij,nj->ni", unwhitening, whitened)
     variance[order] = np.einsum("nij,nj->ni", unwhitening**2, spread)
     base = problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -110,6 +111,12 @@ class Sightings:
 
     def __len__(self) -> int:
         return len(self.commanded_mm)
+
+    @cached_property
+    def unwhitening(self) -> Numbers:
+        """Pseudo-inverses of W, (n, 3, 3): from numbers of unit variance to mm; most rows have one and the same."""
+        alike, row = np.unique(self.whitening.reshape(len(self), 9), axis=0, return_inverse=True)
+        return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3))[row.ravel()])
 
     def select(self, mask: npt.ArrayLike, why: str) -> Sightings:
         """Give the rows where `mask` (n,) is true; the others are counted under the reason."""
@@ -310,7 +317,7 @@ def _with_weights_of_circles(parts: Sequence[Sightings]) -> Sequence[Sightings]:
     stated = [part for part in parts if part.is_stated]
     if not stated:
         return parts
-    variances = [(np.linalg.pinv(part.whitening) ** 2).sum(axis=2)[part.is_measured] for part in stated]
+    variances = [(part.unwhitening**2).sum(axis=2)[part.is_measured] for part in stated]
     std_mm = float(np.sqrt(np.concatenate(variances).mean()))
     note = f"a circular test states no uncertainty (column sr, mm): its radii got that of the points, {std_mm:.2g} mm"
     return [

@@ -57,7 +57,7 @@ def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats
         noise = repeats.floor_um
     elif sightings.is_stated and dof > 0:
         p_value = float(stats.chi2.sf(total, dof))
-        inverse = np.linalg.pinv(sightings.whitening[used])
+        inverse = sightings.unwhitening[used]
         variances = (inverse**2).sum(axis=2)
         count = np.maximum(sightings.is_measured[used].sum(axis=0), 1)
         noise = math.sqrt(float((variances.sum(axis=0) / count).sum())) * 1e3
