@@ -182,10 +182,16 @@ def test_surprise_is_the_tail_of_chi_squared_even_where_it_has_no_number() -> No
     assert np.isfinite(surprise(np.array([1e6]), 3, 1)).all()
 
 
-def test_largest_surprise_is_over_ranks() -> None:
-    largest = np.array([[-1.0, -1.0], [4.0, 9.0], [-1.0, -1.0], [12.0, 3.0]])
-    expected = np.maximum(surprise(largest[1], 1, 5), surprise(largest[3], 3, 5))
-    assert largest_surprise(largest, 5) == pytest.approx(expected)
+def test_largest_surprise_is_over_ranks_and_groups() -> None:
+    first = np.array([[-1.0, -1.0], [4.0, 9.0], [-1.0, -1.0], [12.0, 3.0]])
+    second = np.array([[-1.0, -1.0], [11.0, 2.0]])
+    of_first = np.maximum(surprise(first[1], 1, 5), surprise(first[3], 3, 5))
+    assert largest_surprise([(first, 5)], 2) == pytest.approx(of_first)
+    # Of one number of trials and of another: what more trials found is less of a surprise.
+    for n_trials in (5, 400):
+        expected = np.maximum(of_first, surprise(second[1], 1, n_trials))
+        assert largest_surprise([(first, 5), (second, n_trials)], 2) == pytest.approx(expected)
+    assert (largest_surprise([], 2) == -np.inf).all()
 
 
 def test_tail_of_the_null_is_that_of_the_largest_of_many() -> None:

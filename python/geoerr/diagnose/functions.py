@@ -27,6 +27,7 @@ _SERIES_TEXT = re.compile(r"\s*(temp_\w+) - (temp_\w+|[0-9.]+)\s*")
 _LAGGED = re.compile(r"\s*lag\((.*),\s*([A-Za-z_]\w*)\s*\)\s*")
 # What formulas call that column.
 _SERIES = "followed_series"
+_NO_STARTS = np.zeros(0, dtype=np.int64)
 # A formula is proportional to the column if it is at these multiples of it.
 _MULTIPLES, _PROPORTIONAL = (0.0, 2.0, 3.0), 1e-9
 
@@ -80,6 +81,7 @@ class Functions:
         self._columns = np.zeros((len(names) + 1, self.n_rows))
         self._columns[:-1] = np.asarray(variable_columns(sightings, self.names)).reshape(-1, self.n_rows)
         self._columns_at: dict[bytes, Numbers] = {}
+        self._at_rows: dict[tuple[bytes, int, tuple[float, ...], int | None], Numbers] = {}
         self.times = times_s(sightings)
         self.starts = sightings.starts
         self._compiled: dict[tuple[object, ...], int] = {}
@@ -210,11 +212,21 @@ class Functions:
         rows
             Only these, for a formula that is no recursion along rows.
         """
-        expression = self._expressions[part.expression]
-        variables = self._variables(self._series_number(part, inner), rows)
-        starts = self.starts if rows is None else np.zeros(0, dtype=np.int64)
-        own = np.array([inner[place] for place in part.inner], dtype=np.float64)
-        values = expression.coefficient_columns(variables, own, starts, self.times if rows is None else None, 1).T
+        own, series = tuple([inner[place] for place in part.inner]), self._series_number(part, inner)
+        if rows is None:
+            return self._evaluated(part.expression, own, series, None)
+        key = (rows.tobytes(), part.expression, own, series)
+        if key not in self._at_rows:
+            self._at_rows[key] = self._evaluated(part.expression, own, series, rows)
+        return self._at_rows[key]
+
+    def _evaluated(
+        self, expression: int, inner: tuple[float, ...], series: int | None, rows: np.ndarray | None
+    ) -> Numbers:
+        variables = self._variables(series, rows)
+        starts, times = (self.starts, self.times) if rows is None else (_NO_STARTS, None)
+        formula = self._expressions[expression]
+        values = formula.coefficient_columns(variables, np.array(inner, dtype=np.float64), starts, times, 1).T
         return values if np.isfinite(values.sum()) else np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
 
     def _variables(self, series: int | None, rows: np.ndarray | None = None) -> Numbers:

@@ -44,6 +44,17 @@ class HeldOutAfter:
 
     def um(self, added: Sequence[Numbers]) -> float | None:
         """Give the held-out error with columns (n, 3, k) added, whitened likewise; None where there is none."""
+        key = tuple(map(id, added))
+        if key not in self._known:
+            self._known[key] = (tuple(added), self._um(added))
+        return self._known[key][1]
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, ...], tuple[tuple[Numbers, ...], float | None]]:
+        """By what was added, which is kept: the search asks again for what it has added already."""
+        return {}
+
+    def _um(self, added: Sequence[Numbers]) -> float | None:
         before = self.fitted.held_out
         if before.figures is None or len(self._passes) < LEAST_FOLDS:
             return None
@@ -59,7 +70,7 @@ class HeldOutAfter:
         unseen = np.zeros_like(self.rows)
         for one in self._passes:
             unseen[one.rows] = one.unseen(columns[one.rows].reshape(3 * len(one.rows), -1)).reshape(-1, 3)
-        mm = np.einsum("nij,nj->ni", self._mm_of_whitened, unseen)
+        mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, unseen)
         base = fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm))
         computable = np.isfinite(before.residual_mm).all(axis=1) & fitted.solved.used
         return figures_of(fitted.sightings, base, computable).headline_um
@@ -70,10 +81,6 @@ class HeldOutAfter:
         basis = self.base.reshape(-1, self.base.shape[2])
         flat = (self.fitted.solved.whitened * self.rows).reshape(-1)
         return np.asarray(flat - basis @ (basis.T @ flat))
-
-    @cached_property
-    def _mm_of_whitened(self) -> Numbers:
-        return np.asarray(np.linalg.pinv(self.fitted.sightings.whitening), dtype=np.float64)
 
     @cached_property
     def _passes(self) -> list[_Pass]:

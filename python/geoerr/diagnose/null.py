@@ -9,6 +9,7 @@ of M numbers from a χ² distribution, M and the scale of its logarithm by the m
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ _GUMBEL_STD = math.pi / math.sqrt(6.0)
 _EULER = 0.5772156649015329
 
 
-def surprise(gain: Numbers, rank: np.ndarray | int, n_trials: int) -> Numbers:
+def surprise(gain: Numbers, rank: np.ndarray | int, n_trials: np.ndarray | int) -> Numbers:
     """Give −ln of the χ² tail beyond the gain, less ln of the number of trials; lower than 0 for nothing at all."""
     half, degrees = 0.5 * np.maximum(np.asarray(gain, dtype=np.float64), 0.0), 0.5 * np.maximum(rank, 1)
     with np.errstate(divide="ignore"):
@@ -34,15 +35,31 @@ def surprise(gain: Numbers, rank: np.ndarray | int, n_trials: int) -> Numbers:
     # Where the tail is no number any more: the leading terms of its continued fraction.
     far = (degrees - 1.0) * np.log(np.maximum(half, 1.0)) - half - special.gammaln(degrees)
     far -= np.log1p(-np.minimum((degrees - 1.0) / np.maximum(half, 1.0), 0.5))
-    return np.asarray(-np.where(half > _FAR, far, log_tail) - math.log(max(n_trials, 1)))
+    return np.asarray(-np.where(half > _FAR, far, log_tail) - np.log(np.maximum(n_trials, 1)))
 
 
-def largest_surprise(largest: Numbers, n_trials: int) -> Numbers:
-    """Give the largest surprise of each draw, (n_draws,), of largest gains by rank (n_ranks, n_draws)."""
-    found = np.full(largest.shape[1], -math.inf)
-    for rank in range(1, len(largest)):
-        if largest.shape[1] and largest[rank, 0] >= 0.0:
-            found = np.maximum(found, surprise(largest[rank], rank, n_trials))
+def largest_surprise(groups: Iterable[tuple[Numbers, int]], n_draws: int) -> Numbers:
+    """Give the largest surprise of each draw, (n_draws,), over groups.
+
+    Parameters
+    ----------
+    groups
+        Of each the largest gains by rank (n_ranks, n_draws), −1 for none, and its number of trials.
+
+    Notes
+    -----
+    Of as many trials and one rank the larger gain is the larger surprise: the tails are only those of the largest.
+    """
+    gains: dict[tuple[int, int], Numbers] = {}
+    for largest, n_trials in groups:
+        for rank in range(1, len(largest)):
+            if n_draws and largest[rank, 0] >= 0.0:
+                own = largest[rank]
+                before = gains.get((rank, n_trials))
+                gains[rank, n_trials] = own if before is None else np.maximum(before, own)
+    found = np.full(n_draws, -math.inf)
+    for (rank, n_trials), own in gains.items():
+        found = np.maximum(found, surprise(own, rank, n_trials))
     return found
 
 

@@ -150,11 +150,15 @@ def _off_play(sightings: Sightings, values: Numbers, share: float) -> Numbers:
     The play stands in the middle when a session begins.
     """
     width = share * float(np.ptp(values))
-    result = np.zeros(len(values))
+    play: list[float] = []
     ends: Sequence[int] = [*sightings.starts[1:].tolist(), len(values)]
     for start, end in zip(sightings.starts.tolist(), ends, strict=True):
-        held = float(values[start])
-        for row, value in enumerate(values[start:end].tolist(), start=start):
-            held = min(max(held, value - width), value + width)
-            result[row] = (value - held) / width
-    return result
+        own = values[start:end]
+        held = float(own[0])
+        for low, high in zip((own - width).tolist(), (own + width).tolist(), strict=True):
+            if held < low:
+                held = low
+            elif held > high:
+                held = high
+            play.append(held)
+    return np.asarray((values - np.array(play)) / width)

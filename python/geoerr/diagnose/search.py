@@ -220,20 +220,23 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
     invisible: list[Candidate] = []
     groups: tuple[Sequence[Candidate | Probe], ...] = (candidates, probes)
     for group in groups:
-        own: list[Judged] = []
-        largest = np.full(scanner.n_draws, -math.inf)
+        found = [(what, [next(scanned) for _ in what.shapes]) for what in group]
+        best = _best(space, found)
+        invisible += [
+            what for what, (one, _) in zip(group, best, strict=True) if one is None and isinstance(what, Candidate)
+        ]
+        # As for a draw of noise the largest over all trials, not that of the best one.
+        own = [replace(one, surprise=most) for one, most in best if one is not None]
+        of_draws = [
+            (one.largest, what.n_trials)
+            for (what, of_shapes), (top, _) in zip(found, best, strict=True)
+            if top is not None
+            for one in of_shapes
+        ]
+        largest = largest_surprise(of_draws, scanner.n_draws)
         if group is probes:
-            own, largest = hums(bench, space, scanner)
-        for what in group:
-            found = [next(scanned) for _ in what.shapes]
-            best = _best(space, what, found)
-            if best is None:
-                if isinstance(what, Candidate):
-                    invisible.append(what)
-                continue
-            for one in found:
-                largest = np.maximum(largest, largest_surprise(one.largest, what.n_trials))
-            own.append(replace(best, surprise=max(_most_surprise(one, what.n_trials) for one in found)))
+            waves, drawn = hums(bench, space, scanner)
+            own, largest = [*waves, *own], np.maximum(largest, drawn)
         null = Null(largest)
         nulls.append(null)
         own = [
@@ -259,7 +262,7 @@ def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Nu
         codes = [bench.functions.given(column) for column in wave.columns]
         shapes = shapes_on(wave.channel, [codes], [(wave.frequency,)])
         probe = Probe(wave.channel[-1], ("t",), (shapes,), 1, "hum")
-        judged = _best(space, probe, [scanner.exact(shapes)])
+        judged, _ = _best(space, [(probe, [scanner.exact(shapes)])])[0]
         if judged is not None:
             evidence = judged.evidence - math.log(wave.n_trials)
             found.append(replace(judged, surprise=wave.surprise, evidence=evidence))
@@ -269,13 +272,6 @@ def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Nu
 
 def _together(nulls: Sequence[Null]) -> Null:
     return Null(np.max([one.largest for one in nulls], axis=0))
-
-
-def _most_surprise(scanned: Scanned, n_trials: int) -> float:
-    """Give the largest surprise over trials, as for a draw of noise."""
-    ranks = [rank for rank in np.unique(scanned.rank) if rank > 0]
-    most = [float(surprise(scanned.gain[scanned.rank == rank].max(), int(rank), n_trials)) for rank in ranks]
-    return max(most, default=-math.inf)
 
 
 def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
@@ -293,8 +289,8 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     calm = whitened_space(bench.fitted, without_drift(looked.space.noise, sums.weights), bench.rows, sums)
     scanner = bench.scanner(calm, n_draws=0)
     scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
-    tops = [_best(calm, one.what, [next(scanned) for _ in one.what.shapes]) for one in like]
-    clear = sorted((one for one in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
+    tops = _best(calm, [(one.what, [next(scanned) for _ in one.what.shapes]) for one in like])
+    clear = sorted((one for one, _ in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
     if not clear:
         return looked
     without = sums.fit(restricted=False, start=bench.noise).log_likelihood
@@ -334,28 +330,49 @@ def _is_of_time(what: Candidate | Probe) -> bool:
     return any(shapes.term is not None and shapes.term.is_of_time for shapes in what.shapes)
 
 
-def _best(space: Space, what: Candidate | Probe, scanned: Sequence[Scanned]) -> Judged | None:
-    found: Judged | None = None
-    n_sets = what.n_sets if isinstance(what, Probe) else 1
-    for shapes, one in zip(what.shapes, scanned, strict=True):
-        evidence = _evidence(space, one.gain, one.rank, n_sets * len(what.shapes) * len(shapes.trials))
-        evidence = np.where(one.rank > 0, evidence, -math.inf)
-        trial = int(np.argmax(evidence))
-        if one.rank[trial] == 0 or (found is not None and evidence[trial] <= found.evidence):
-            continue
-        rank, gain = int(one.rank[trial]), float(one.gain[trial])
-        found = Judged(
+def _best(
+    space: Space, everything: Sequence[tuple[Candidate | Probe, Sequence[Scanned]]]
+) -> list[tuple[Judged | None, float]]:
+    """Give each at the trial of the most evidence, None where the model leaves nothing, and its largest surprise.
+
+    All trials of all groups are judged in one go: there are tens of thousands of them, few in each group.
+    """
+    if not everything:
+        return []
+    groups = [(what, *one) for what, found in everything for one in zip(what.shapes, found, strict=True)]
+    counts = np.array([len(one.rank) for _, _, one in groups])
+    group = np.repeat(np.arange(len(groups)), counts)
+    first = np.cumsum(counts) - counts
+    rank = np.concatenate([one.rank for _, _, one in groups])
+    gain = np.concatenate([one.gain for _, _, one in groups])
+    n_ways = [
+        (what.n_sets if isinstance(what, Probe) else 1) * len(what.shapes) * len(shapes.trials)
+        for what, shapes, _ in groups
+    ]
+    n_trials = np.array([what.n_trials for what, _, _ in groups])
+    evidence = np.where(rank > 0, _evidence(space, gain, rank, np.array(n_ways)[group]), -math.inf)
+    surprises = np.where(rank > 0, surprise(gain, rank, n_trials[group]), -math.inf)
+    result: list[tuple[Judged | None, float]] = []
+    start = 0
+    for what, found in everything:
+        end = start + sum(len(one.rank) for one in found)
+        best = start + int(np.argmax(evidence[start:end]))
+        _, shapes, one = groups[group[best]]
+        trial = best - int(first[group[best]])
+        judged = Judged(
             what,
             shapes,
             trial,
-            gain,
-            rank,
-            float(surprise(one.gain[trial : trial + 1], rank, what.n_trials)[0]),
-            float(evidence[trial]),
+            float(gain[best]),
+            int(rank[best]),
+            float(surprises[best]),
+            float(evidence[best]),
             1.0,
             float(one.share[trial]),
         )
-    return found
+        result.append((judged if judged.rank > 0 else None, float(surprises[start:end].max())))
+        start = end
+    return result
 
 
 def _is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
@@ -376,8 +393,8 @@ def _is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
     return bool((values * signs >= 0.0).all())
 
 
-def _evidence(space: Space, gain: Numbers, rank: np.ndarray, n_trials: int) -> Numbers:
-    return np.asarray(0.5 * gain - 0.5 * rank * math.log(max(space.n_numbers, 2)) - math.log(max(n_trials, 1)))
+def _evidence(space: Space, gain: Numbers, rank: np.ndarray, n_trials: np.ndarray | int) -> Numbers:
+    return np.asarray(0.5 * gain - 0.5 * rank * math.log(max(space.n_numbers, 2)) - np.log(np.maximum(n_trials, 1)))
 
 
 def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int = _REFINEMENTS) -> Settled:
@@ -430,7 +447,7 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
     valued = term.with_values(
         coefficients.tolist(), inner, coefficients_std=std[:k].tolist(), inner_std=inner_std.tolist()
     )
-    displacement = off_model(space, raw) @ coefficients
+    displacement = (beyond[:, :k] @ coefficients).reshape(space.residual.shape)
     return Settled(valued, single, float(gain), joined, displacement, visible_um(space, displacement))
 
 
@@ -457,9 +474,8 @@ def _between(parameter: Parameter, low: float, high: float) -> list[float]:
 
 def visible_um(space: Space, displacement: Numbers) -> float:
     """Give the root mean square of a whitened displacement (n, 3) in µm, components summed as for errors."""
-    sightings = space.fitted.sightings
     stated = space.noise.unwhiten(displacement)
-    mm = np.einsum("nij,nj->ni", np.linalg.pinv(sightings.whitening), stated)
+    mm = np.einsum("nij,nj->ni", space.fitted.sightings.unwhitening, stated)
     count = np.maximum(space.rows.sum(axis=0), 1.0)
     return 1e3 * float(np.sqrt(((mm**2 * space.rows).sum(axis=0) / count).sum()))
 
