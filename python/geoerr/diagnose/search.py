@@ -146,6 +146,7 @@ class Bench:
         self.channels = Channels(fitted, self.rows, threads=threads)
         self.channels.need(self.names)
         self.noise: NoiseModel | None = None
+        self._last_sums: tuple[tuple[Numbers, ...], NoiseSums] | None = None
         self.waves = WavesInTime(fitted.sightings, [f"{body}-{axis}" for body in bodies(fitted) for axis in AXES])
 
     def scanner(self, space: Space, *, n_draws: int = N_DRAWS) -> Scanner:
@@ -165,6 +166,11 @@ class Bench:
         """Give what the likelihood of the noise depends on, with the model and what was added in its basis."""
         if not added:
             return self._base_sums
+        if self._last_sums is None or not _are_the_same(self._last_sums[0], added):
+            self._last_sums = tuple(added), self._sums_with(added)
+        return self._last_sums[1]
+
+    def _sums_with(self, added: Sequence[Numbers]) -> NoiseSums:
         columns = np.concatenate(added, axis=2)
         new = beyond(self.base.reshape(-1, self.base.shape[2]), columns.reshape(-1, columns.shape[2]))
         return self._base_sums.with_columns(new.reshape(*self.rows.shape, -1))
@@ -174,6 +180,10 @@ class Bench:
         sums = self.sums(added)
         self.noise = sums.fit(start=self.noise)
         return whitened_space(self.fitted, self.noise, self.rows, sums)
+
+
+def _are_the_same(first: Sequence[Numbers], second: Sequence[Numbers]) -> bool:
+    return len(first) == len(second) and all(a is b for a, b in zip(first, second, strict=True))
 
 
 @dataclass(frozen=True, eq=False)

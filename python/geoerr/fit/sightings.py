@@ -49,6 +49,8 @@ _PLACING = frozenset(
 )
 # A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
 _LEAST_STD_MM = 1e-7
+# Makes one number of the directions −1, 0 and 1 of three axes.
+_SENSES = np.array([1, 3, 9], dtype=np.int64)
 # Positions closer than this are one position: a hundredth of a micrometre is below every command's resolution.
 SAME_POSITION_MM = 1e-5
 
@@ -380,13 +382,15 @@ def _passes(
     for row, key in enumerate(group_keys):
         groups.setdefault(key, []).append(row)
     numbers = np.zeros(len(session), dtype=np.int64)
-    known: dict[tuple[object, ...], int] = {}
-    for key, members in groups.items():
+    n_passes = 0
+    for members in groups.values():
         rows = np.asarray(members)
         moves = np.ptp(commanded_mm[rows], axis=0) > SAME_POSITION_MM
         sense = np.where(moves, _with_first_direction(directions[rows], commanded_mm[rows]), 0)
-        for row, one in zip(members, sense.tolist(), strict=True):
-            numbers[row] = known.setdefault((*key, *one), len(known))
+        _, first, own = np.unique(sense @ _SENSES, return_index=True, return_inverse=True)
+        # Numbered as they come.
+        numbers[rows] = n_passes + np.argsort(np.argsort(first))[own]
+        n_passes += len(first)
     return numbers
 
 
