@@ -44,6 +44,7 @@ impl Sub for Dual {
 impl Mul for Dual {
     type Output = Self;
 
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "the rule of products")]
     fn mul(self, other: Self) -> Self {
         self.with(other, self.value * other.value, |a, b| a * other.value + self.value * b)
     }
@@ -52,6 +53,7 @@ impl Mul for Dual {
 impl Div for Dual {
     type Output = Self;
 
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "the rule of quotients")]
     fn div(self, other: Self) -> Self {
         let value = self.value / other.value;
         self.with(other, value, |a, b| (a - value * b) / other.value)
