@@ -45,6 +45,9 @@ def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose
     yield ""
     yield from narrow(f"{diagnosis.sentence[0].upper()}{diagnosis.sentence[1:]}.")
     yield from _figures(diagnosis)
+    drifts_most = diagnosis.between_passes.worth_um > max((one.worth_um for one in diagnosis.found), default=0.0)
+    if drifts_most:
+        yield from _between_passes(diagnosis)
     for number, finding in enumerate(diagnosis.found, start=1):
         yield ""
         yield from _finding(finding, f"{number}. " if len(diagnosis.found) > 1 else "")
@@ -52,9 +55,18 @@ def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose
             yield from _tied(diagnosis)
     if diagnosis.unknown is not None:
         yield from _unknown(diagnosis.unknown)
+    if not drifts_most:
+        yield from _between_passes(diagnosis)
     yield from _others(diagnosis, verbose=verbose)
     yield from not_offered_lines(diagnosis.not_offered, verbose=verbose)
     yield from _next(diagnosis, command, options)
+
+
+def _between_passes(diagnosis: Diagnosis) -> Iterator[str]:
+    """Say what does not come back from pass to pass, where that is more than rows scatter."""
+    if diagnosis.between_passes.stands_out:
+        yield ""
+        yield from narrow(diagnosis.between_passes.words())
 
 
 def _data(diagnosis: Diagnosis) -> Iterator[str]:

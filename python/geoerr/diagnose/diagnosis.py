@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from geoerr.diagnose.advice import advise
 from geoerr.diagnose.answer import Answer, Verdict, held_out_um
+from geoerr.diagnose.between_passes import BetweenPasses, between_passes
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
@@ -62,6 +64,11 @@ class Diagnosis(Answer):
     searched: Searched
     comparison: Comparison | None = None
 
+    @cached_property
+    def between_passes(self) -> BetweenPasses:
+        """What does not come back from pass to pass, and what rows scatter, beside all that was found."""
+        return between_passes(self.searched.last.space)
+
     @property
     def tied(self) -> tuple[Finding, ...]:
         """The first candidate and those that these data cannot tell from it; none where nothing was found."""
@@ -88,7 +95,11 @@ class Diagnosis(Answer):
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and more."""
-        return {**super().to_document(), "sentence": self.sentence}
+        return {
+            **super().to_document(),
+            "sentence": self.sentence,
+            "between_passes": self.between_passes.to_document(),
+        }
 
 
 def diagnose(

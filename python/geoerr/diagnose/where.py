@@ -83,8 +83,12 @@ class Where:
 
 def displacement_um(space: Space, displacement: Numbers) -> Numbers:
     """Bring a whitened displacement (n, 3) to µm in base axes; 0 where nothing was measured."""
+    return unwhitened_um(space, space.noise.unwhiten(displacement))
+
+
+def unwhitened_um(space: Space, stated: Numbers) -> Numbers:
+    """Bring a displacement (n, 3) in units of the stated uncertainties to µm in base axes; 0 where nothing was seen."""
     fitted = space.fitted
-    stated = space.noise.unwhiten(displacement)
     mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, stated) * space.rows
     return np.asarray(UM_PER_MM * fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm)))
 

@@ -86,6 +86,11 @@ def _sections(diagnosis: Diagnosis) -> list[Section]:
         sections.append(Section("What these data cannot tell from it", tuple(map(_rival, rivals))))
     if diagnosis.unknown is not None:
         sections.append(Section("What has no name", _unknown(diagnosis, diagnosis.unknown)))
+    if diagnosis.between_passes.stands_out:
+        text = f"{diagnosis.between_passes.words()}."
+        sections.append(
+            Section("What does not come back from pass to pass", (Paragraph(text[0].upper() + text[1:]),))
+        )
     if diagnosis.not_offered:
         rows = tuple(diagnosis.not_offered)
         sections.append(Section("What was not looked for", (Table("Effects and why", ("effect", "why"), rows),)))
