@@ -56,8 +56,8 @@ class BetweenPasses:
     def words(self) -> str:
         """Say it, and what would tell where it comes from."""
         text = (
-            f"from pass to pass the error differs by {um_words(self.worth_um)} rms, most along {self.component}; within "
-            f"a pass rows scatter by {um_words(self.rows_um)}"
+            f"from pass to pass the error differs by {um_words(self.worth_um)} rms, most along {self.component}; "
+            f"within a pass rows scatter by {um_words(self.rows_um)}"
         )
         if self.trend_p is None or self.trend_um is None:
             return text
@@ -65,8 +65,8 @@ class BetweenPasses:
             return f"{text}. It does not rise or fall with time: offsets of passes, not a drift"
         way = "rises" if self.trend_um > 0.0 else "falls"
         return (
-            f"{text}. It {way} with time, by {um_words(abs(self.trend_um))} in a session: a drift of the machine or of "
-            f"the measuring device ({sure_words(self.trend_p)}). A fixed reference marker in the view tells which"
+            f"{text}. It {way} with time, by {um_words(abs(self.trend_um))} in a session: a drift of the machine or "
+            f"of the measuring device ({sure_words(self.trend_p)}). A fixed reference marker in the view tells which"
         )
 
     def to_document(self) -> dict[str, Any]:
@@ -84,8 +84,8 @@ class BetweenPasses:
 def between_passes(space: Space) -> BetweenPasses:
     """Split what a space leaves into what its passes share and what is each row's own.
 
-    Source: the best linear unbiased prediction, r − σ²V⁻¹r (Robinson, That BLUP is a good thing, Statistical Science 6
-    (1991)). Verified in tests/diagnose on offsets that were put in.
+    Source: the best linear unbiased prediction, r − σ²V⁻¹r (Robinson, That BLUP is a good thing, Statistical Science
+    6 (1991)). Verified in tests/diagnose on offsets that were put in.
     """
     own = space.noise.whiten_transposed(space.residual) * space.noise.sigma**2 * space.rows
     shared_um = unwhitened_um(space, space.noise.unwhiten(space.residual) * space.rows - own)
@@ -104,14 +104,14 @@ def _size_um(space: Space, values_um: Numbers) -> float:
 def _trend(space: Space, shared_um: Numbers) -> tuple[float | None, float | None]:
     """Give the chance of such a trend in any other order of passes, and its rise in a session."""
     sightings = space.fitted.sightings
-    used = space.rows.any(axis=1)
+    used = np.flatnonzero(space.rows.any(axis=1))
     count = np.bincount(space.pass_number[used], minlength=space.n_passes)
     mean = np.bincount(space.pass_number[used], weights=shared_um[used], minlength=space.n_passes)
-    mean /= np.maximum(count, 1)
+    mean = mean / np.maximum(count, 1)
     session = np.zeros(space.n_passes, dtype=np.int64)
     session[space.pass_number] = sightings.session
-    first = np.full(space.n_passes, len(used))
-    np.minimum.at(first, space.pass_number, np.arange(len(used)))
+    first = np.full(space.n_passes, len(space.rows))
+    np.minimum.at(first, space.pass_number, np.arange(len(space.rows)))
     ranks: list[Numbers] = []
     rises: list[float] = []
     for number in range(len(sightings.sessions)):

@@ -87,7 +87,7 @@ def displacement_um(space: Space, displacement: Numbers) -> Numbers:
 
 
 def unwhitened_um(space: Space, stated: Numbers) -> Numbers:
-    """Bring a displacement (n, 3) in units of the stated uncertainties to µm in base axes; 0 where nothing was seen."""
+    """Bring a displacement (n, 3) in units of the stated uncertainties to µm in base axes; 0 where unmeasured."""
     fitted = space.fitted
     mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, stated) * space.rows
     return np.asarray(UM_PER_MM * fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm)))
