@@ -106,8 +106,8 @@ def _trend(space: Space, shared_um: Numbers) -> tuple[float | None, float | None
     sightings = space.fitted.sightings
     used = np.flatnonzero(space.rows.any(axis=1))
     count = np.bincount(space.pass_number[used], minlength=space.n_passes)
-    mean = np.bincount(space.pass_number[used], weights=shared_um[used], minlength=space.n_passes)
-    mean = mean / np.maximum(count, 1)
+    total = np.bincount(space.pass_number[used], weights=shared_um[used], minlength=space.n_passes)
+    mean = total / np.maximum(count, 1)
     session = np.zeros(space.n_passes, dtype=np.int64)
     session[space.pass_number] = sightings.session
     first = np.full(space.n_passes, len(space.rows))
