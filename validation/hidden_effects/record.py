@@ -97,12 +97,19 @@ def answer_of(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": document["verdict"],
         "p": document["p_value"],
+        "p_of_candidates": _p_of_candidates(diagnosis),
         "found": [_finding(one) for one in document["found"]],
         "candidates": [_finding(one) for one in document["candidates"]],
         "unknown": unknown,
         "before_um": document["held_out_rmse_um"],
         "floor_um": document["noise_floor_um"],
     }
+
+
+def _p_of_candidates(diagnosis: Diagnosis) -> float:
+    """Give the probability that chance finds as much among the candidates alone, without the probes."""
+    first = diagnosis.searched.first
+    return first.null.p_value(max((one.surprise for one in first.candidates), default=-np.inf))
 
 
 def _finding(one: dict[str, Any]) -> dict[str, Any]:

@@ -19,6 +19,8 @@ from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
 _SETTLED = 1e-4
+# While gross rows are looked for: smaller ones make no row gross.
+_NEARLY_SETTLED = 0.03
 _MAX_STEPS = 40
 _MAX_ROUNDS = 12
 # Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
@@ -293,6 +295,7 @@ def _gauss_newton(
     else:
         triangle, solution = of_all.triangle, of_all.solution
     converged, steps = False, 0
+    settled = _SETTLED if of_all is None else _NEARLY_SETTLED
     cost = _cost(problem, residual, row_scale, _held(problem, state, prior))
     while not converged and steps < _MAX_STEPS:
         if steps and not is_linear:
@@ -318,7 +321,7 @@ def _gauss_newton(
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
         # A step cut short by the end of a range is not small: the next one goes on along the end.
-        converged = factor * share < _SETTLED and (factor < longest or longest == 1.0)
+        converged = factor * share < settled and (factor < longest or longest == 1.0)
     return _Iterated(state, solution, triangle, residual, problem.whitened(residual), converged, steps)
 
 
