@@ -21,7 +21,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.noise import _NOT_CONDITIONS
+from geoerr.fit.noise import NOT_CONDITIONS
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES
@@ -97,7 +97,7 @@ def _named(sightings: Sightings) -> list[tuple[str, Kind, Numbers]]:
     if "moving" in columns and columns & {"feed", "t"}:
         names += [f"{name}_{axis}" for name in ("v", "a") for axis in AXES]
     values = dict(zip(names, variable_columns(sightings, names), strict=True))
-    values |= {name: sightings.numbers(name) for name in sightings.covariate_columns if name not in _NOT_CONDITIONS}
+    values |= {name: sightings.numbers(name) for name in sightings.covariate_columns if name not in NOT_CONDITIONS}
     values["t"] = times_s(sightings)
     return [(name, _kind(name), own) for name, own in values.items()]
 

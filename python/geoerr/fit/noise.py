@@ -23,7 +23,7 @@ _ALIKE_K = 0.1
 _ALIKE_SHARE = 1e-3
 _UM_PER_MM = 1e3
 # Columns that identify or order rows; they say nothing about the conditions.
-_NOT_CONDITIONS = {
+NOT_CONDITIONS = {
     *("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz", "sx", "sy", "sz", "repeat", "t", "r", "file_row"),
     *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z", "dir"),
     *("u_left", "v_left", "u_right", "v_right"),
@@ -81,7 +81,7 @@ def groups_of(sightings: Sightings) -> np.ndarray:
         sightings.session[:, None].astype(np.float64),
     ]
     for name in sightings.covariate_columns:
-        if name in _NOT_CONDITIONS:
+        if name in NOT_CONDITIONS:
             continue
         values = sightings.numbers(name)
         low, high = float(np.nanmin(values)), float(np.nanmax(values))

@@ -9,7 +9,7 @@ import numpy as np
 from geoerr.diagnose.noise import NoiseModel
 from geoerr.effects.covariates import is_temperature
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.noise import _NOT_CONDITIONS
+from geoerr.fit.noise import NOT_CONDITIONS
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import clock_s, times_s
@@ -270,7 +270,7 @@ def _covariates(sightings: Sightings) -> tuple[dict[str, tuple[float, float]], d
     temperatures: dict[str, tuple[float, float]] = {}
     conditions: dict[str, tuple[float, float]] = {}
     for name in sightings.covariate_columns:
-        if name in _NOT_CONDITIONS or name in ("feed", "moving"):
+        if name in NOT_CONDITIONS or name in ("feed", "moving"):
             continue
         values = sightings.numbers(name)
         values = values[np.isfinite(values)]
