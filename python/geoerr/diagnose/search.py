@@ -32,6 +32,8 @@ _LEAST_OF_HUM = 3.0
 # Family-wise: one half for the catalogue, the other for probes.
 ALPHA = 0.05
 MOST_EFFECTS = 6
+# Every further look is another chance to be wrong: beside what was found, this share of the level.
+_FURTHER = 0.2
 # A probe has to be this much better than the best name, in the logarithm of the evidence, for there to be no name.
 _IMPOSTOR = 3.0
 # A name that explains this share of what the best probe does is the name of it, if not all of it.
@@ -637,13 +639,15 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         added = [*aside, *(one.settled.raw for one in found)]
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
-        best, probe = _passed(looked.candidates), _simplest(looked.probes)
-        if unknown is None and probe is not None and _is_impostor(bench, looked, best, probe, added, candidates):
+        level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
+        best = _passed(looked.candidates, level)
+        probe = _simplest(looked.probes, level) if unknown is None else None
+        if probe is not None and _is_impostor(bench, looked, best, probe, added, candidates, level):
             misnamed = _misnamed(found, probe)
             if misnamed is not None:
                 found = [one for one in found if one is not misnamed]
                 looked = look(bench, bench.space([one.settled.raw for one in found]), [], probes)
-                probe = _simplest(looked.probes) or probe
+                probe = _simplest(looked.probes, level) or probe
             unknown = (probe, settle(looked.space, looked.scanner, probe))
             found = _not_taken_back(bench, found, unknown)
             continue
@@ -674,6 +678,7 @@ def _is_impostor(
     probe: Judged,
     added: Sequence[Numbers],
     candidates: Sequence[Candidate],
+    level: float,
 ) -> bool:
     """Tell whether the best name only stands in for something that has none.
 
@@ -687,7 +692,7 @@ def _is_impostor(
     for _ in range(_MOST_INSTEAD - 1):
         named.append(settle(looked.space, looked.scanner, one).raw)
         looked = look(bench, bench.space([*added, *named]), [c for c in candidates if c is not one.what], [])
-        following = _passed(looked.candidates)
+        following = _passed(looked.candidates, level)
         if following is None:
             break
         evidence, one = evidence + following.evidence, following
@@ -786,17 +791,17 @@ def _acts_elsewhere(space: Space, settled: Settled, unknown: Judged) -> bool:
     return float(energy[AXES.index(unknown.what.component)]) < (1.0 - _ELSEWHERE) * float(energy.sum())
 
 
-def _passed(judged: Sequence[Judged]) -> Judged | None:
-    """Give the best that is neither chance nor not worth its freedom."""
-    return next((one for one in judged if one.p_value <= 0.5 * ALPHA and one.evidence > 0.0), None)
+def _passed(judged: Sequence[Judged], level: float) -> Judged | None:
+    """Give the best that is neither chance at this level nor not worth its freedom."""
+    return next((one for one in judged if one.p_value <= level and one.evidence > 0.0), None)
 
 
-def _simplest(probes: Sequence[Judged]) -> Judged | None:
+def _simplest(probes: Sequence[Judged], level: float) -> Judged | None:
     """Give the best probe that passes; one of fewer of its variables where that is hardly worse."""
-    best = _passed(probes)
+    best = _passed(probes, level)
     if best is None:
         return None
-    near = [one for one in probes if one.p_value <= 0.5 * ALPHA and one.evidence >= best.evidence - _IMPOSTOR]
+    near = [one for one in probes if one.p_value <= level and one.evidence >= best.evidence - _IMPOSTOR]
     fewer = [one for one in near if _component(one) == _component(best) and _depends_on(one) < _depends_on(best)]
     return min(fewer, key=lambda one: len(_depends_on(one)), default=best)
 
