@@ -1,0 +1,10 @@
+"""What may be missing, looked for: one look at everything, the best added, another look, until chance explains it."""
+
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.judged import Judged
+from geoerr.diagnose.search.look import Round, look
+from geoerr.diagnose.search.rivals import Found, Rival
+from geoerr.diagnose.search.rounds import Searched, search
+from geoerr.diagnose.search.settle import Settled, settle
+
+__all__ = ["Bench", "Found", "Judged", "Rival", "Round", "Searched", "Settled", "look", "search", "settle"]

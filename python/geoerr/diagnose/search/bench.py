@@ -1,0 +1,75 @@
+"""What a search works on: a fit, the effects added so far, and the space that they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from geoerr.diagnose.functions import Functions
+from geoerr.diagnose.held_out_after import HeldOutAfter
+from geoerr.diagnose.noise import NoiseModel, NoiseSums
+from geoerr.diagnose.null import N_DRAWS
+from geoerr.diagnose.probes import bodies
+from geoerr.diagnose.scan import Scanner
+from geoerr.diagnose.space import Channels, Space, beyond, noise_sums, orthonormal, whitened_space
+from geoerr.diagnose.waves_in_time import WavesInTime
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.held_out import projected_rows
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
+
+
+class Bench:
+    """A fit, the effects added so far, and the space that they leave."""
+
+    def __init__(self, fitted: Fitted, functions: Functions, *, names: Sequence[str], threads: int = 0) -> None:
+        self.fitted, self.functions, self.names, self.threads = fitted, functions, tuple(names), threads
+        solved = fitted.solved
+        scale = solved.used.astype(np.float64)
+        raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
+        self.rows = (fitted.sightings.is_measured & solved.used[:, None]).astype(np.float64)
+        flat = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads)
+        self.base = flat.reshape(*self.rows.shape, -1)
+        self.channels = Channels(fitted, self.rows, threads=threads)
+        self.channels.need(self.names)
+        self.noise: NoiseModel | None = None
+        self._last_sums: tuple[tuple[Numbers, ...], NoiseSums] | None = None
+        self.waves = WavesInTime(fitted.sightings, [f"{body}-{axis}" for body in bodies(fitted) for axis in AXES])
+
+    def scanner(self, space: Space, *, n_draws: int = N_DRAWS) -> Scanner:
+        """Give a space in the form in which the core multiplies it."""
+        return Scanner(space, self.channels, self.functions, names=self.names, n_draws=n_draws, threads=self.threads)
+
+    @cached_property
+    def held_out(self) -> HeldOutAfter:
+        """The held-out error with more in the model."""
+        return HeldOutAfter(self.fitted, self.base, self.rows)
+
+    @cached_property
+    def _base_sums(self) -> NoiseSums:
+        return noise_sums(self.fitted, self.rows, self.base, threads=self.threads)
+
+    def sums(self, added: Sequence[Numbers]) -> NoiseSums:
+        """Give what the likelihood of the noise depends on, with the model and what was added in its basis."""
+        if not added:
+            return self._base_sums
+        if self._last_sums is None or not _are_the_same(self._last_sums[0], added):
+            self._last_sums = tuple(added), self._sums_with(added)
+        return self._last_sums[1]
+
+    def _sums_with(self, added: Sequence[Numbers]) -> NoiseSums:
+        columns = np.concatenate(added, axis=2)
+        new = beyond(self.base.reshape(-1, self.base.shape[2]), columns.reshape(-1, columns.shape[2]))
+        return self._base_sums.with_columns(new.reshape(*self.rows.shape, -1))
+
+    def space(self, added: Sequence[Numbers]) -> Space:
+        """Give the space that the model and what was added leave, the noise estimated anew."""
+        sums = self.sums(added)
+        self.noise = sums.fit(start=self.noise)
+        return whitened_space(self.fitted, self.noise, self.rows, sums)
+
+
+def _are_the_same(first: Sequence[Numbers], second: Sequence[Numbers]) -> bool:
+    return len(first) == len(second) and all(a is b for a, b in zip(first, second, strict=True))

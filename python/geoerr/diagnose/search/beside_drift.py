@@ -1,0 +1,87 @@
+"""Functions of time, which a drift can swallow: judged with the drift estimated anew under each of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from geoerr.diagnose.candidates import Candidate
+from geoerr.diagnose.noise import without_drift
+from geoerr.diagnose.null import surprise
+from geoerr.diagnose.probes import Probe
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.judged import best_of_each, evidence_of
+from geoerr.diagnose.search.look import Round
+from geoerr.diagnose.search.settle import settle
+from geoerr.diagnose.space import Space, whitened_space
+from geoerr.fit.sightings import Numbers
+
+# Functions of time, which a drift can swallow, are judged with the drift estimated anew: so many of the best, and
+# such as would be a surprise if nothing drifted.
+_MOST_LIKE_DRIFT, _LEAST_SURPRISE = 4, 8.0
+# Logarithm of the evidence that a function of time needs beside a drift that is estimated anew: of drifts alone the
+# largest was 10.
+_LEAST_BESIDE_DRIFT = 12.5
+# That was of so many functions of time; with more of them chance has more to choose from.
+_FEW_LIKE_DRIFT = 10.0
+# A drift that moves the mean of a block by less than this share of its scatter (variances) hides nothing.
+_STRONG_DRIFT = 1.0
+
+
+def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
+    """Judge functions of time by the likelihood with the drift estimated anew under each of them.
+
+    A drift that was estimated without a jump has learnt the jump, and leaves nothing of it. So has one that is strong
+    what follows a temperature.
+    """
+    is_strong = _drift_to_scatter(looked.space) > _STRONG_DRIFT
+    like = [one for one in looked.candidates if _is_of_time(one.what) or (is_strong and _is_slow(one.what))]
+    if not like:
+        return looked
+    least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
+    sums = bench.sums(added)
+    calm = whitened_space(bench.fitted, without_drift(looked.space.noise, sums.weights), bench.rows, sums)
+    scanner = bench.scanner(calm, n_draws=0)
+    scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
+    tops = best_of_each(calm, [(one.what, [next(scanned) for _ in one.what.shapes]) for one in like])
+    clear = sorted((one for one, _ in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
+    if not clear:
+        return looked
+    without = sums.fit(restricted=False, start=bench.noise).log_likelihood
+    judged = {id(one.what): one for one in looked.candidates}
+    for one in clear[:_MOST_LIKE_DRIFT]:
+        # A drift forgives no jump at the wrong moment: the time is found first.
+        single = settle(calm, scanner, one).shapes
+        columns = scanner.raw_columns(single, 0)
+        with_it = bench.sums([*added, columns]).fit(restricted=False, start=bench.noise).log_likelihood
+        gain = max(2.0 * (with_it - without), 0.0)
+        found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
+        n_ways = len(one.what.shapes) * len(one.shapes.trials)
+        evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
+        if evidence > max(judged[id(one.what)].evidence, least):
+            judged[id(one.what)] = replace(
+                one,
+                shapes=single,
+                trial=0,
+                gain=gain,
+                surprise=found,
+                evidence=evidence,
+                p_value=looked.null.p_value(found),
+            )
+    return replace(looked, candidates=tuple(sorted(judged.values(), key=lambda one: -one.evidence)))
+
+
+def _drift_to_scatter(space: Space) -> float:
+    """Give the variance of the drift over that of the mean of a block of rows, the largest of all components."""
+    return float((space.noise.drift**2 * space.rows.sum(axis=0)).max()) / len(space.noise.blocks)
+
+
+def _is_slow(what: Candidate | Probe) -> bool:
+    return isinstance(what, Candidate) and what.reference.covariate is not None
+
+
+def _is_of_time(what: Candidate | Probe) -> bool:
+    return any(shapes.term is not None and shapes.term.is_of_time for shapes in what.shapes)

@@ -1,0 +1,120 @@
+"""One look at everything: all candidates and probes against what a model leaves, and what chance finds there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoerr.diagnose.candidates import Candidate
+from geoerr.diagnose.null import Null, largest_surprise
+from geoerr.diagnose.probes import Probe, shapes_on
+from geoerr.diagnose.scan import Scanner
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.judged import Judged, best_of_each, freedom_of, is_admissible
+from geoerr.diagnose.space import Space
+from geoerr.fit.sightings import Numbers
+
+_SEED = 19_820_601
+# A wave in time that is less of a surprise is chance's, whatever its evidence: others surprise more in every search.
+_LEAST_OF_HUM = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One look at everything: all candidates and probes against what a model leaves.
+
+    Attributes
+    ----------
+    space, scanner
+        What was left.
+    candidates, probes
+        Best first, by evidence; of candidates those that can be seen.
+    invisible
+        Candidates of which the model leaves nothing.
+    null
+        What chance finds among the candidates.
+    overall
+        What chance finds among candidates and probes together.
+    """
+
+    space: Space
+    scanner: Scanner
+    candidates: tuple[Judged, ...]
+    probes: tuple[Judged, ...]
+    invisible: tuple[Candidate, ...]
+    null: Null
+    overall: Null
+
+    @property
+    def p_value(self) -> float:
+        """That nothing is missing, for all that was looked at, before any gate: uniform where nothing is."""
+        return self.overall.p_value(
+            max((one.surprise for one in (*self.candidates, *self.probes)), default=-math.inf)
+        )
+
+
+def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Sequence[Probe]) -> Round:
+    """Judge every candidate and probe."""
+    everything: list[Candidate | Probe] = [*candidates, *probes]
+    scanner = bench.scanner(space)
+    scanned = iter(scanner.scan([shapes for what in everything for shapes in what.shapes]))
+    judged: list[list[Judged]] = []
+    nulls: list[Null] = []
+    invisible: list[Candidate] = []
+    groups: tuple[Sequence[Candidate | Probe], ...] = (candidates, probes)
+    for group in groups:
+        found = [(what, [next(scanned) for _ in what.shapes]) for what in group]
+        best = best_of_each(space, found)
+        invisible += [
+            what for what, (one, _) in zip(group, best, strict=True) if one is None and isinstance(what, Candidate)
+        ]
+        # As for a draw of noise the largest over all trials, not that of the best one.
+        own = [replace(one, surprise=most) for one, most in best if one is not None]
+        of_draws = [
+            (one.largest, what.n_trials)
+            for (what, of_shapes), (top, _) in zip(found, best, strict=True)
+            if top is not None
+            for one in of_shapes
+        ]
+        largest = largest_surprise(of_draws, scanner.n_draws)
+        if group is probes:
+            waves, drawn = hums(bench, space, scanner)
+            own, largest = [*waves, *own], np.maximum(largest, drawn)
+        null = Null(largest)
+        nulls.append(null)
+        own = [
+            replace(one, p_value=null.p_value(one.surprise))
+            for one in own
+            if one.evidence <= 0.0 or is_admissible(space, scanner, one)
+        ]
+        # Of equals the one with the least freedom: with more of it, it says the same.
+        judged.append(sorted(own, key=lambda one: (-round(one.evidence, 6), freedom_of(one))))
+    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0], _together(nulls))
+
+
+def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Numbers]:
+    """Judge waves in time: the best of each channel, and what chance finds in as many searches, (n_draws,).
+
+    That some frequency has a surprise above s has a chance of e^-s at most: so it is drawn.
+    """
+    found = []
+    waves = list(bench.waves.look(space, bench.channels)) if scanner.n_draws else []
+    for wave in waves:
+        if wave.surprise < _LEAST_OF_HUM:
+            continue
+        codes = [bench.functions.given(column) for column in wave.columns]
+        shapes = shapes_on(wave.channel, [codes], [(wave.frequency,)])
+        probe = Probe(wave.channel[-1], ("t",), (shapes,), 1, "hum")
+        judged, _ = best_of_each(space, [(probe, [scanner.exact(shapes)])])[0]
+        if judged is not None:
+            evidence = judged.evidence - math.log(wave.n_trials)
+            found.append(replace(judged, surprise=wave.surprise, evidence=evidence))
+    drawn = np.random.default_rng(_SEED).exponential(size=(max(len(waves), 1), scanner.n_draws))
+    return found, np.max(drawn, axis=0) if waves else np.full(scanner.n_draws, -math.inf)
+
+
+def _together(nulls: Sequence[Null]) -> Null:
+    return Null(np.max([one.largest for one in nulls], axis=0))

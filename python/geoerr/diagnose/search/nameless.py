@@ -1,0 +1,136 @@
+"""What has no name: when a probe beats every name, and which names were only a part of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoerr.diagnose.candidates import Candidate
+from geoerr.diagnose.probes import Probe
+from geoerr.diagnose.scan import estimate
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, first_to_pass, variables_of
+from geoerr.diagnose.search.look import Round, look
+from geoerr.diagnose.search.rivals import Found
+from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.diagnose.space import Space
+from geoerr.diagnose.where import displacement_um
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
+
+# A name that explains this share of what the best probe does is the name of it, if not all of it.
+_MOST_OF_IT = 0.8
+# How many names at most are tried in place of a probe that beats each of them alone.
+_MOST_INSTEAD = 2
+# A name that does less than this share of what it does on components without an unknown is part of that.
+_ELSEWHERE = 0.7
+# Evidence, and share of the gain, of a curve in a candidate's own covariate: the formula is another one.
+_BENT, _BENT_SHARE = 6.0, 0.02
+# Variables of formulas by the names that probes have for what is nearly the same.
+_PROBED_AS = {"clock": "t", "bed_x": "x", "bed_y": "y"}
+_PROBED_AS |= {f"mean_v_{axis}": f"v_{axis}" for axis in AXES} | {f"t_rev_{axis}": f"s_{axis}" for axis in AXES}
+
+
+def is_impostor(
+    bench: Bench,
+    looked: Round,
+    best: Judged | None,
+    probe: Judged,
+    added: Sequence[Numbers],
+    candidates: Sequence[Candidate],
+    level: float,
+) -> bool:
+    """Tell whether the best name only stands in for something that has none.
+
+    A probe of two variables may beat each of two effects that are both missing: so many names together are tried.
+    """
+    if best is None:
+        return True
+    if probe.evidence <= best.evidence + CLEARLY_BETTER or best.gain >= _MOST_OF_IT * probe.gain:
+        return False
+    evidence, named, one = best.evidence, [], best
+    for _ in range(_MOST_INSTEAD - 1):
+        named.append(settle(looked.space, looked.scanner, one).raw)
+        looked = look(bench, bench.space([*added, *named]), [c for c in candidates if c is not one.what], [])
+        following = first_to_pass(looked.candidates, level)
+        if following is None:
+            break
+        evidence, one = evidence + following.evidence, following
+    return evidence < probe.evidence
+
+
+def bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Judged | None:
+    """Give the probe of a candidate's covariate where the error follows it, but not as the candidate's formula says.
+
+    What the candidate explains times its covariate is what a formula of the second order has beyond one of the first.
+    """
+    if not isinstance(best.what, Candidate) or best.what.reference.covariate is None or settled.term is None:
+        return None
+    sightings = looked.space.fitted.sightings
+    names = best.what.reference.covariate.split("-")
+    if not set(names) <= set(sightings.covariate_columns):
+        return None
+    values = sightings.numbers(names[0]) - (sightings.numbers(names[1]) if len(names) > 1 else 0.0)
+    values = np.nan_to_num(values - np.nanmean(values))
+    if not values.any():
+        return None
+    space = looked.space.with_columns(looked.space.noise.whiten(settled.raw))
+    explained = settled.raw[:, :, : len(settled.term.coefficients)] @ [one.value for one in settled.term.coefficients]
+    bent = (explained * (values / np.abs(values).max())[:, None])[:, :, None]
+    _, root, gain = estimate(space, bent)
+    evidence = float(evidence_of(space, gain, np.asarray(root.shape[1]), 1))
+    if evidence < _BENT or float(gain) < _BENT_SHARE * settled.gain:
+        return None
+    own = {*names, *(name for name in settled.term.variables if name in AXES)}
+    return next((one for one in looked.probes if _is_probe_of(one, own) and set(names) <= variables_of(one)), None)
+
+
+def misnamed(found: Sequence[Found], probe: Judged) -> Found | None:
+    """Give the name beside which something is left that follows nothing but the name's own variables.
+
+    Its formula is another one, then. What a name leaves along another variable is an effect a little off its formula.
+    """
+    for one in found:
+        is_more = probe.gain >= _BENT_SHARE * one.settled.gain and probe.evidence >= _BENT
+        if is_more and not acts_elsewhere(one.looked.space, one.settled, probe) and _is_probe_of(probe, _own(one)):
+            return one
+    return None
+
+
+def _own(found: Found) -> set[str]:
+    """Give the variables of a name, as probes call them; of what turns a body, the positions that are its lever."""
+    term = found.settled.term
+    assert term is not None
+    names = {_PROBED_AS.get(name, name) for name in term.variables}
+    turns = any(
+        not channel.startswith(("tool", "work", "target")) and channel[1] in "ABC_" for channel in term.channels
+    )
+    return names | (set(AXES) if turns else set())
+
+
+def _is_probe_of(judged: Judged, names: set[str]) -> bool:
+    return variables_of(judged) <= names
+
+
+def not_taken_back(bench: Bench, found: list[Found], unknown: tuple[Judged, Settled]) -> list[Found]:
+    """Give the names that stand beside something without a name.
+
+    Names on its component were parts of it where it does clearly more without them than they did; an effect whose
+    formula is a little off keeps its name, and what it leaves is the unknown.
+    """
+    part = [one for one in found if not acts_elsewhere(one.looked.space, one.settled, unknown[0])]
+    if not part:
+        return found
+    others = [one for one in found if one not in part]
+    space = bench.space([one.settled.raw for one in others])
+    _, _, of_names = estimate(space, np.concatenate([one.settled.raw for one in part], axis=2))
+    _, _, of_unknown = estimate(space, unknown[1].raw)
+    return others if float(of_names) < _MOST_OF_IT * float(of_unknown) else found
+
+
+def acts_elsewhere(space: Space, settled: Settled, unknown: Judged) -> bool:
+    """Tell whether a name acts on other components than something without a name, of which it would be a part."""
+    assert isinstance(unknown.what, Probe)
+    energy = (displacement_um(space, settled.displacement) ** 2).sum(axis=0)
+    return float(energy[AXES.index(unknown.what.component)]) < (1.0 - _ELSEWHERE) * float(energy.sum())

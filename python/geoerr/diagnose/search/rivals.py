@@ -1,0 +1,109 @@
+"""What else might explain the same: how alike two candidates are, and whether these data tell them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.diagnose.scan import Scanner
+from geoerr.diagnose.search.judged import Judged, freedom_of, price_of
+from geoerr.diagnose.search.look import Round
+from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.diagnose.space import Space, orthonormal
+from geoerr.fit.sightings import Numbers
+
+# Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
+# contains it.
+_TOO_ALIKE = 0.99
+# Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
+_VUONG, _LEAST_CORRELATION = 1.64, 0.5
+# Falls of the sum of squares that differ by less than 6 are e^3 in likelihood, which is little; by 20, decided.
+_LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
+# Candidates that are looked at closely.
+_CLOSELY = 12
+
+
+def correlation(first: Settled, other: Judged, scanner: Scanner) -> float:
+    """Give the share, as a cosine, of what one candidate explains that another could have explained."""
+    columns = scanner.columns(other.shapes, other.trial)
+    own = orthonormal(columns.reshape(-1, columns.shape[2]))
+    flat = first.displacement.reshape(-1)
+    size = float(np.linalg.norm(flat))
+    return float(np.linalg.norm(own.T @ flat)) / size if size > 0.0 else 0.0
+
+
+def vuong(space: Space, first: Numbers, second: Numbers) -> float:
+    """Give Vuong's statistic by pass: how surely the first displacement (n, 3) is the better of two."""
+    difference = (space.residual - second) ** 2 - (space.residual - first) ** 2
+    by_pass = np.bincount(space.pass_number, weights=difference.sum(axis=1), minlength=space.n_passes)
+    spread = float(np.sqrt(((by_pass - by_pass.mean()) ** 2).sum()))
+    return float(by_pass.sum()) / spread if spread > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A candidate beside the best: how alike they are, and whether these data tell them apart.
+
+    Attributes
+    ----------
+    judged, settled
+        The candidate.
+    correlation
+        Share, as a cosine, of what the best explains that this one could have explained.
+    is_tied
+        Whether these data do not tell them apart.
+    contains
+        Whether it says what the best says, with more freedom: no rival, but the best written otherwise.
+    """
+
+    judged: Judged
+    settled: Settled
+    correlation: float
+    is_tied: bool
+    contains: bool
+
+
+def rivals_of(looked: Round, first: Judged, best: Settled, others: Sequence[Judged]) -> list[Rival]:
+    """Look closely at the next best candidates."""
+    found = []
+    for other in others[:_CLOSELY]:
+        alike = correlation(best, other, looked.scanner)
+        is_far = best.gain - other.gain > 4.0 * _MOST_DIFFERENCE and best.gain > 2.0 * other.gain
+        settled = _unrefined(looked, other) if is_far else settle(looked.space, looked.scanner, other)
+        # In twice the logarithm of the evidence: what has more freedom has to earn it.
+        difference = best.gain - settled.gain + price_of(first) - price_of(other)
+        z = vuong(looked.space, best.displacement, settled.displacement)
+        is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
+        contains = alike > _TOO_ALIKE and freedom_of(other) > freedom_of(first) and difference > 0.0
+        tied = not contains and (alike > _TOO_ALIKE or (alike > _LEAST_CORRELATION and is_near))
+        found.append(Rival(other, settled, alike, tied, contains))
+    return found
+
+
+def _unrefined(looked: Round, judged: Judged) -> Settled:
+    """Give a candidate as the trial found it: for one that is far behind the digits do not matter."""
+    if judged.shapes.term is None:
+        return settle(looked.space, looked.scanner, judged)
+    return settle(looked.space, looked.scanner, judged, refinements=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An effect that the search added.
+
+    Attributes
+    ----------
+    judged, settled
+        The effect.
+    rivals
+        What came next.
+    looked
+        The look that found it.
+    """
+
+    judged: Judged
+    settled: Settled
+    rivals: tuple[Rival, ...]
+    looked: Round

@@ -1,0 +1,136 @@
+"""The search: candidates and probes judged together, the best added, until chance explains what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from geoerr.diagnose.candidates import Candidate, candidates_of
+from geoerr.diagnose.probes import Probe, probes_of
+from geoerr.diagnose.scan import all_channels
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.beside_drift import beside_drift
+from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, simplest_to_pass
+from geoerr.diagnose.search.look import Round, look
+from geoerr.diagnose.search.nameless import (
+    acts_elsewhere,
+    bent_by_its_covariate,
+    is_impostor,
+    misnamed,
+    not_taken_back,
+)
+from geoerr.diagnose.search.rivals import Found, rivals_of
+from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.effects.collection import Catalogue
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.sightings import Numbers
+
+MOST_EFFECTS = 6
+# Every further look is another chance to be wrong: beside what was found, this share of the level.
+_FURTHER = 0.2
+# Less sure than this, a name has to help where the fit did not see the data.
+_SURE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What the search found.
+
+    Attributes
+    ----------
+    bench
+        The fit, and what it is multiplied with.
+    first
+        The look at the model as it was.
+    last
+        The look after all that was added.
+    found
+        Effects in the order in which they were added.
+    unknown
+        The probe that no candidate matches, with what it is worth; None where there is none.
+    not_offered
+        Effects that the data cannot carry, and why.
+    """
+
+    bench: Bench
+    first: Round
+    last: Round
+    found: tuple[Found, ...]
+    unknown: tuple[Judged, Settled] | None
+    not_offered: tuple[tuple[str, str], ...]
+
+
+def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0) -> Searched:
+    """Add what is missing, best first, until chance explains what is left.
+
+    Where a probe beats every name, and two names together, there is something without a name: its columns are set
+    aside, and the search goes on for names on other components.
+
+    Parameters
+    ----------
+    present
+        Ids of terms that the model has besides those of the fit.
+    """
+    candidates, not_offered, functions = candidates_of(fitted, known, present)
+    probes = probes_of(fitted, functions)
+    everything: list[Candidate | Probe] = [*candidates, *probes]
+    names = all_channels([shapes for what in everything for shapes in what.shapes])
+    bench = Bench(fitted, functions, names=names, threads=threads)
+    found: list[Found] = []
+    unknown: tuple[Judged, Settled] | None = None
+    first: Round | None = None
+    while True:
+        aside = [] if unknown is None else [unknown[1].raw]
+        added = [*aside, *(one.settled.raw for one in found)]
+        looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
+        first = first or looked
+        level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
+        best = first_to_pass(looked.candidates, level)
+        probe = simplest_to_pass(looked.probes, level) if unknown is None else None
+        if probe is not None and is_impostor(bench, looked, best, probe, added, candidates, level):
+            wrong = misnamed(found, probe)
+            if wrong is not None:
+                found = [one for one in found if one is not wrong]
+                looked = look(bench, bench.space([one.settled.raw for one in found]), [], probes)
+                probe = simplest_to_pass(looked.probes, level) or probe
+            unknown = (probe, settle(looked.space, looked.scanner, probe))
+            found = not_taken_back(bench, found, unknown)
+            continue
+        if best is None or len(found) >= MOST_EFFECTS:
+            break
+        settled = settle(looked.space, looked.scanner, best)
+        if not _helps(bench, settled, best, added):
+            candidates = [one for one in candidates if one is not best.what]
+            continue
+        bent = bent_by_its_covariate(looked, best, settled) if unknown is None else None
+        if bent is not None:
+            unknown = (bent, settle(looked.space, looked.scanner, bent))
+            continue
+        if unknown is not None and not acts_elsewhere(looked.space, settled, unknown[0]):
+            break
+        others = [one for one in looked.candidates if one is not best]
+        found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
+        found = _without_superfluous(bench, found, aside)
+        taken = {id(one.judged.what) for one in found}
+        candidates = [one for one in candidates if id(one) not in taken]
+    return Searched(bench, first, looked, tuple(found), unknown, tuple(not_offered))
+
+
+def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers]) -> bool:
+    """Tell whether a name that is only just sure lowers the held-out error."""
+    if best.p_value < _SURE:
+        return True
+    before, after = bench.held_out.um(added), bench.held_out.um([*added, settled.raw])
+    return before is None or after is None or after < before
+
+
+def _without_superfluous(bench: Bench, found: list[Found], aside: list[Numbers]) -> list[Found]:
+    """Drop an earlier effect that a later one makes superfluous."""
+    for place in range(len(found) - 1):
+        others = [*aside, *(one.settled.raw for number, one in enumerate(found) if number != place)]
+        space = bench.space(others)
+        one = found[place]
+        scanned = bench.scanner(space).exact(one.settled.shapes)
+        if float(evidence_of(space, scanned.gain, scanned.rank, one.judged.what.n_trials)[0]) <= 0.0:
+            return [other for number, other in enumerate(found) if number != place]
+    return found
