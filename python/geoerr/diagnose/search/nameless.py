@@ -31,6 +31,26 @@ _BENT, _BENT_SHARE = 6.0, 0.02
 _PROBED_AS = {"clock": "t", "bed_x": "x", "bed_y": "y"}
 _PROBED_AS |= {f"mean_v_{axis}": f"v_{axis}" for axis in AXES} | {f"t_rev_{axis}": f"s_{axis}" for axis in AXES}
 
+# The acceleration at a picture is known from the pictures around it, not from the controller: what an effect of it
+# leaves of itself is less than this share, and follows how the axis moves.
+_REMAINDER = 0.3
+_OF_MOTION = ("a_", "v_", "mean_v_", "d_", "s_", "t_rev_")
+
+
+def is_a_remainder(found: Sequence[Found], settled: Settled) -> bool:
+    """Tell whether a name may be no more than what a larger one, of an acceleration, leaves of itself."""
+    term = settled.term
+    assert term is not None
+    follows_motion = all(name.startswith(_OF_MOTION) for name in term.variables)
+    axes = {name[-1] for name in term.variables}
+    return follows_motion and any(
+        settled.visible_um < _REMAINDER * one.settled.visible_um
+        and one.settled.term is not None
+        and any(name.startswith("a_") for name in one.settled.term.variables)
+        and axes <= {name[-1] for name in one.settled.term.variables}
+        for one in found
+    )
+
 
 def is_impostor(
     bench: Bench,

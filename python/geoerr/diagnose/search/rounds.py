@@ -15,6 +15,7 @@ from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.nameless import (
     acts_elsewhere,
     bent_by_its_covariate,
+    is_a_remainder,
     is_impostor,
     misnamed,
     not_taken_back,
@@ -99,7 +100,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         if best is None or len(found) >= MOST_EFFECTS:
             break
         settled = settle(looked.space, looked.scanner, best)
-        if not _helps(bench, settled, best, added):
+        if is_a_remainder(found, settled) or not _helps(bench, settled, best, added):
             candidates = [one for one in candidates if one is not best.what]
             continue
         bent = bent_by_its_covariate(looked, best, settled) if unknown is None else None
