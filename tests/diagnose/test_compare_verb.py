@@ -20,7 +20,7 @@ from geoerr.machine import write_machine
 from geoerr.model import Model, write_model
 from geoerr.report import figures
 from geoerr.report.figures import style
-from geoerr.report.figures.residuals import direction_colors
+from geoerr.report.figures.volume import direction_colors
 
 STRETCHED = Model(MACHINE, terms=(term("scale", "EXX", "k*x", k=1e-4),))
 # FORMATS.md, `compare --json`.

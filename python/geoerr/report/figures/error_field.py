@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from geoerr.model import Model
+from geoerr.model.conditions import Conditions
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers
 from geoerr.verify.ballbar import usable_range_mm
@@ -46,8 +47,7 @@ def error_field(model: Model, compensated: Callable[[Numbers], Numbers] | None =
     if compensated is not None:
         fields.append(("after compensation", compensated(nodes)))
     largest = float(np.linalg.norm(before, axis=1).max())
-    shortest = float((high - low).min())
-    magnification = 1.0 if largest == 0.0 else max(style.round_down_125(_LARGEST_DRAWN * shortest / largest), 1.0)
+    magnification = _magnification(low, high, largest)
     figure = make_subplots(
         rows=1,
         cols=len(fields),
@@ -56,7 +56,8 @@ def error_field(model: Model, compensated: Callable[[Numbers], Numbers] | None =
         subplot_titles=[_panel_title(name, error) for name, error in fields],
     )
     for column, (_, error) in enumerate(fields, start=1):
-        _draw_panel(figure, column, lines, error.reshape(lines.shape), magnification, largest)
+        for trace in _grid(lines, error.reshape(lines.shape), magnification, largest, shows_scale=column == 1):
+            figure.add_trace(trace, row=1, col=column)
     style.finish(
         figure,
         "Volumetric error",
@@ -91,13 +92,38 @@ def _panel_title(name: str, error: Numbers) -> str:
     return f"<b>{name}</b>: largest {style.text_um(length.max())}, rms {style.text_um(np.sqrt(np.mean(length**2)))}"
 
 
-def _draw_panel(
-    figure: go.Figure, column: int, lines: Numbers, error: Numbers, magnification: float, largest_mm: float
-) -> None:
+def grid_traces(
+    model: Model, *, exaggeration: float = 1.0, at: Conditions | None = None, n_lines: int = 5
+) -> tuple[list[go.Scatter3d], float]:
+    """Draw the volume's nominal grid and where the model puts it; give the magnification too.
+
+    Parameters
+    ----------
+    exaggeration
+        Times the magnification that draws the largest error as about a tenth of the shortest edge.
+    at
+        Conditions that the model needs.
+    """
+    low, high = usable_range_mm(model)
+    lines = _lines_on_faces(low, high, n_lines)
+    error = model.error_mm(lines.reshape(-1, 3), at=at)
+    largest = float(np.linalg.norm(error, axis=1).max())
+    magnification = exaggeration * _magnification(low, high, largest)
+    return _grid(lines, error.reshape(lines.shape), magnification, largest, shows_scale=True), magnification
+
+
+def _magnification(low: Numbers, high: Numbers, largest_mm: float) -> float:
+    shortest = float((high - low).min())
+    return 1.0 if largest_mm == 0.0 else max(style.round_down_125(_LARGEST_DRAWN * shortest / largest_mm), 1.0)
+
+
+def _grid(
+    lines: Numbers, error: Numbers, magnification: float, largest_mm: float, *, shows_scale: bool
+) -> list[go.Scatter3d]:
     nominal = _joined(lines)
     drawn = _joined(lines + magnification * error)
     length = np.nan_to_num(_joined(np.linalg.norm(error, axis=2, keepdims=True))[:, 0]) * style.UM_PER_MM
-    figure.add_trace(
+    return [
         go.Scatter3d(
             x=nominal[:, 0],
             y=nominal[:, 1],
@@ -107,10 +133,6 @@ def _draw_panel(
             hoverinfo="skip",
             name="nominal",
         ),
-        row=1,
-        col=column,
-    )
-    figure.add_trace(
         go.Scatter3d(
             x=drawn[:, 0],
             y=drawn[:, 1],
@@ -122,7 +144,7 @@ def _draw_panel(
                 "cmin": 0.0,
                 "cmax": max(largest_mm * style.UM_PER_MM, 1e-6),
                 "width": 4,
-                "showscale": column == 1,
+                "showscale": shows_scale,
                 "colorbar": {"title": {"text": "µm", "side": "top"}, "thickness": 14, "len": 0.7, "x": 1.0},
             },
             customdata=np.column_stack([nominal, _joined(error) * style.UM_PER_MM]),
@@ -132,9 +154,7 @@ def _draw_panel(
             ),
             name="actual",
         ),
-        row=1,
-        col=column,
-    )
+    ]
 
 
 def _lines_on_faces(low_mm: Numbers, high_mm: Numbers, n_lines: int) -> Numbers:

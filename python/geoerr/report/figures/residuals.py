@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
-import colorsys
-
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from geoerr.diagnose import Comparison, Component
-from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.regions import region_name
 from geoerr.diagnose.trends import trend_of, variables_of
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.report.figures import style
-from geoerr.report.figures.style import Numbers
+from geoerr.report.figures.style import Numbers, thinned
+from geoerr.report.figures.volume import MOST_POINTS, residual_volume, volume_of
 
 _ROW_PX = 230
-_VOLUME_PX = 620
 _REGION_PX = 440
 _HISTOGRAM_PX = 400
-# Share of the volume's diagonal that the largest residual is drawn as.
-_LARGEST_DRAWN = 0.12
-_MOST_POINTS = 20_000
 _MOST_BARS = 60
 _COLORS = {"x": style.BLUE, "y": style.ORANGE, "z": style.GREEN, "radius": style.PURPLE}
 
 
-def residual_against(comparison: Comparison, variable: str, color_by: str | None = None) -> go.Figure:
+def residual_against(
+    comparison: Comparison,
+    variable: str,
+    color_by: str | None = None,
+    *,
+    explained_um: Numbers | None = None,
+    most_points: int = MOST_POINTS,
+    is_live: bool = False,
+) -> go.Figure:
     """Draw the residual over one variable, a row for each component, with the mean of its bins.
 
     Parameters
@@ -39,6 +41,13 @@ def residual_against(comparison: Comparison, variable: str, color_by: str | None
         A column of the data, or `d_x`, `s_x`, `v_x`, `row`: as `comparison.trends` names them.
     color_by
         Another one, as colour: a loop that one variable leaves open closes over the right one.
+    explained_um : (n, 3)
+        What an effect would explain of the residual, drawn over it.
+    most_points
+        Of more rows every k-th is drawn; means are of all.
+    is_live
+        For a page that answers: points are drawn by the graphics card and know their rows, and every component has
+        three traces, the last for `explained_um` even where that is None.
 
     Raises
     ------
@@ -56,18 +65,20 @@ def residual_against(comparison: Comparison, variable: str, color_by: str | None
     values = variables[variable]
     colors = None if color_by is None else variables[color_by]
     components = comparison.components
+    points = go.Scattergl if is_live else go.Scatter
     figure = make_subplots(rows=len(components), cols=1, shared_xaxes=True, vertical_spacing=0.05)
     for row, component in enumerate(components, start=1):
-        shown = _thinned(component.is_known & np.isfinite(values))
+        shown = thinned(component.is_known & np.isfinite(values), most_points)
         marker = {"size": 4, "opacity": 0.6, "color": _COLORS[component.name]}
         if colors is not None:
             marker = {"size": 4, "opacity": 0.8, "color": colors[shown], "coloraxis": "coloraxis"}
         figure.add_trace(
-            go.Scatter(
+            points(
                 x=values[shown],
                 y=component.residual_um[shown],
                 mode="markers",
                 marker=marker,
+                customdata=shown if is_live else None,
                 name="one row",
                 showlegend=row == 1,
                 hovertemplate=f"{variable} %{{x:.6g}}: %{{y:.2f}} µm<extra></extra>",
@@ -90,6 +101,23 @@ def residual_against(comparison: Comparison, variable: str, color_by: str | None
             row=row,
             col=1,
         )
+        if is_live or explained_um is not None:
+            moved_um = (
+                np.full(len(shown), np.nan) if explained_um is None else of_component(explained_um, component)[shown]
+            )
+            figure.add_trace(
+                points(
+                    x=values[shown],
+                    y=moved_um,
+                    mode="markers",
+                    marker={"size": 4, "color": style.VERMILLION},
+                    hoverinfo="skip",
+                    name="would be explained",
+                    showlegend=row == 1 and explained_um is not None,
+                ),
+                row=row,
+                col=1,
+            )
         figure.update_yaxes(title_text=f"{_in_words(component)}, µm", row=row, col=1)
     figure.update_xaxes(title_text=variable, row=len(components), col=1)
     if color_by is not None:
@@ -107,7 +135,7 @@ def residual_against(comparison: Comparison, variable: str, color_by: str | None
 
 def residual_vectors(comparison: Comparison) -> go.Figure:
     """Draw every residual as a stroke at its commanded position, coloured by its length."""
-    return _volume(comparison, "length")
+    return residual_volume(volume_of(comparison), "length")
 
 
 def residual_directions(comparison: Comparison) -> go.Figure:
@@ -115,96 +143,7 @@ def residual_directions(comparison: Comparison) -> go.Figure:
 
     Clusters of one colour are what a model lacks; noise has every colour everywhere (mrcal's view of directions).
     """
-    return _volume(comparison, "direction")
-
-
-def _volume(comparison: Comparison, what: str) -> go.Figure:
-    fitted = comparison.points
-    rows = _thinned(fitted.solved.used & ~is_circle(fitted))
-    at = fitted.sightings.commanded_mm[rows] + np.where(
-        (fitted.sightings.carrier == 1)[rows, None], 0.0, fitted.sightings.offset_mm[rows]
-    )
-    error = np.where(fitted.sightings.is_measured, fitted.residual_mm, 0.0)[rows]
-    length = np.linalg.norm(error, axis=1)
-    largest = float(length.max(initial=0.0))
-    diagonal = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 1.0
-    room = diagonal if diagonal > 0.0 else 1.0
-    factor = 1.0 if largest == 0.0 else max(style.round_down_125(_LARGEST_DRAWN * room / largest), 1.0)
-    ends = at + factor * error
-    strokes = np.full((len(at), 3, 3), np.nan)
-    strokes[:, 0], strokes[:, 1] = at, ends
-    line = strokes.reshape(-1, 3)
-    if what == "length":
-        color: object = np.repeat(length * style.UM_PER_MM, 3)
-        look = {
-            "color": color,
-            "colorscale": "Viridis",
-            "cmin": 0.0,
-            "cmax": max(largest * style.UM_PER_MM, 1e-6),
-            "width": 4,
-            "showscale": True,
-            "colorbar": {"title": {"text": "µm", "side": "top"}, "thickness": 14, "len": 0.7},
-        }
-    else:
-        look = {"color": [name for name in direction_colors(error) for _ in range(3)], "width": 4}
-    customdata = np.repeat(np.column_stack([at, error * style.UM_PER_MM]), 3, axis=0)
-    hover = (
-        "at (%{customdata[0]:.1f}, %{customdata[1]:.1f}, %{customdata[2]:.1f}) mm<br>"
-        "residual (%{customdata[3]:.1f}, %{customdata[4]:.1f}, %{customdata[5]:.1f}) µm<extra></extra>"
-    )
-    figure = go.Figure(
-        go.Scatter3d(
-            x=line[:, 0],
-            y=line[:, 1],
-            z=line[:, 2],
-            mode="lines",
-            line=look,
-            customdata=customdata,
-            hovertemplate=hover,
-            name="residual",
-        )
-    )
-    figure.add_trace(
-        go.Scatter3d(
-            x=at[:, 0],
-            y=at[:, 1],
-            z=at[:, 2],
-            mode="markers",
-            marker={"size": 1.5, "color": "#B8B8B8"},
-            hoverinfo="skip",
-            name="commanded",
-        )
-    )
-    title = "Residual in the volume" if what == "length" else "Direction of the residual in the volume"
-    colored = "its length" if what == "length" else "its direction (hue: in the XY plane, light: +Z, dark: −Z)"
-    style.finish(
-        figure,
-        title,
-        f"{len(at)} rows; magnified {factor:,.0f} times; colour: {colored}",
-        _VOLUME_PX,
-        bottom_px=10,
-    )
-    figure.update_scenes(
-        xaxis_title_text="X, mm",
-        yaxis_title_text="Y, mm",
-        zaxis_title_text="Z, mm",
-        aspectmode="data" if float(np.ptp(at, axis=0).min(initial=0.0)) > 0.02 * room else "cube",
-        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-    )
-    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
-    return figure
-
-
-def direction_colors(error_mm: Numbers) -> list[str]:
-    """Give a colour (`#RRGGBB`) for the direction of each vector (n, 3): hue in the XY plane, lightness along Z."""
-    colors = []
-    for x, y, z in error_mm.tolist():
-        size = float(np.sqrt(x * x + y * y + z * z))
-        hue = float(np.arctan2(y, x)) / (2.0 * np.pi) % 1.0
-        up = z / size if size > 0.0 else 0.0
-        level = colorsys.hls_to_rgb(hue, 0.5 + 0.3 * up, float(np.sqrt(max(1.0 - up * up, 0.0))))
-        colors.append("#" + "".join(f"{round(255.0 * part):02X}" for part in level))
-    return colors
+    return residual_volume(volume_of(comparison), "direction")
 
 
 def residual_by_region(comparison: Comparison) -> go.Figure:
@@ -305,7 +244,6 @@ def _in_words(component: Component) -> str:
     return "radius" if component.name == "radius" else f"along {component.name}"
 
 
-def _thinned(shown: np.ndarray) -> np.ndarray:
-    """Give the rows that are drawn: all, or of very many every k-th."""
-    rows = np.flatnonzero(shown)
-    return rows[:: max(-(-len(rows) // _MOST_POINTS), 1)]
+def of_component(moved_um: Numbers, component: Component) -> Numbers:
+    """Give one component (n,) of displacements (n, 3); a radius stands in the first."""
+    return moved_um[:, AXES.index(component.name) if component.name in AXES else 0]

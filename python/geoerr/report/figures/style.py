@@ -166,3 +166,9 @@ def round_down_125(value: float) -> float:
     """Round a positive number down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(step * power for step in (5.0, 2.0, 1.0) if step * power <= value * (1.0 + 1e-12)))
+
+
+def thinned(shown: npt.NDArray[np.bool_], most_points: int) -> npt.NDArray[np.int64]:
+    """Give the rows that are drawn of those that are `shown` (n,): all, or of very many every k-th."""
+    rows = np.flatnonzero(shown)
+    return rows[:: max(-(-len(rows) // most_points), 1)]
