@@ -28,6 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "bases": CORE | {"errors", "terms"},
     "effects": TABLES | CORE | {"terms"},
     "observations": BASE,
+    "measurements": BASE | {"observations"},
     "error_functions": BASE | {"machine"},
     "geometry": CORE | {"errors"},
     "model": TABLES | CORE | {"terms", "bases", "effects"},
@@ -42,8 +43,9 @@ ALLOWED: dict[str, set[str]] = {
     "simulate": TABLES | {"vision.patterns", "vision.images"},
     "report": MODEL | WORK,
     "demo": MODEL | WORK | {"report"},
+    "workbench": MODEL | WORK | {"measurements", "report"},
     "__main__": {"cli"},
-    "cli": MODEL | WORK | {"report", "demo"},
+    "cli": MODEL | WORK | {"measurements", "report", "demo", "workbench"},
 }
 
 
@@ -105,3 +107,12 @@ def test_faer_lives_in_least_squares_only() -> None:
     assert all(user.startswith("geoerr-core/src/least_squares/") for user in users)
     if root.is_dir():
         assert users
+
+
+def test_dash_lives_in_the_workbench_only() -> None:
+    users = {
+        room_of(path)
+        for path in sources()
+        if any(name.split(".")[0] in ("dash", "flask", "werkzeug") for name in imported_modules(path))
+    }
+    assert users == {"workbench"}

@@ -49,8 +49,8 @@ def add(
     `empirical:x@feed` (or `empirical:z@x*y`, `empirical:work-z@t`) adds a curve that no cause is known of.
     """
     from geoerr.cli.change_text import report_change
-    from geoerr.cli.measurements import read_measurements
     from geoerr.diagnose.change import add_effect
+    from geoerr.measurements import read_measurements
     from geoerr.model import load_model
 
     paths, reference = observations_and_reference(arguments)

@@ -51,8 +51,8 @@ def compare_verb(
     measuring frame is fitted.
     """
     from geoerr.cli.compare_text import comparison_lines, places_of, print_notes
-    from geoerr.cli.measurements import read_measurements
     from geoerr.diagnose.comparison import compare
+    from geoerr.measurements import read_measurements
     from geoerr.model import load_model
     from geoerr.report.provenance import provenance_of_command
 

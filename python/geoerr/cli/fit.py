@@ -68,10 +68,10 @@ def fit(
         raise typer.BadParameter("follows from the angles, which only --components 21 has", param_hint="--tangent")
     from geoerr.cli.fit_document import fit_document
     from geoerr.cli.fit_outcome import FitOutcome, outcome_lines, outlier_places, print_notes
-    from geoerr.cli.measurements import read_measurements
     from geoerr.effects import load_catalogue
     from geoerr.fit import FitOptions, fit_model
     from geoerr.machine import read_machine
+    from geoerr.measurements import read_measurements
     from geoerr.model import write_model
 
     effect_files = effects or []

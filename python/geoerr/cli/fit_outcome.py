@@ -16,12 +16,12 @@ from geoerr.cli.fit_text import (
     scale_sentence,
     wrapped,
 )
-from geoerr.cli.measurements import Measurements
 from geoerr.cli.options import note, note_left_out, note_set_aside
 from geoerr.diagnose.document import comparison_document
 from geoerr.error_functions import ALL_NAMES
 from geoerr.fit import Components, FitResult
 from geoerr.fit.undetermined import iso_name
+from geoerr.measurements import Measurements
 
 _MOST_OUTLIERS_NAMED = 8
 

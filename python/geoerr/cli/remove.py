@@ -39,8 +39,8 @@ def remove(
 ) -> None:
     """Take an effect out of a model, fit what is left again, and show how far the error rises."""
     from geoerr.cli.change_text import report_change
-    from geoerr.cli.measurements import read_measurements
     from geoerr.diagnose.change import remove_terms
+    from geoerr.measurements import read_measurements
     from geoerr.model import load_model
 
     paths, reference = observations_and_reference(arguments)

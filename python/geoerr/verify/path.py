@@ -74,6 +74,26 @@ class PathResult:
         return dict(vars(self))
 
 
+@dataclass(frozen=True, eq=False)
+class PathSamples:
+    """Samples of a stretch of path.
+
+    Attributes
+    ----------
+    intended_mm : (n, 3)
+        Where the program means the tool to be.
+    before_mm, after_mm : (n,)
+        Distance of the tool from it, without and with compensation.
+    weight_mm : (n,)
+        Length of path that a sample stands for.
+    """
+
+    intended_mm: Numbers
+    before_mm: Numbers
+    after_mm: Numbers
+    weight_mm: Numbers
+
+
 @dataclass(frozen=True)
 class _Pieces:
     """Straight pieces of the corrected program: commanded and intended ends, motion, lines; all (n, ...)."""
@@ -134,6 +154,7 @@ def compare_paths(
     sample_step_mm: float = 0.5,
     threads: int = 0,
     on_progress: Callable[[int], None] | None = None,
+    on_samples: Callable[[PathSamples], None] | None = None,
 ) -> PathResult:
     """Compare the paths of a program and of its corrected form with the intended path.
 
@@ -154,6 +175,8 @@ def compare_paths(
         0 = all cores. Never changes a figure.
     on_progress
         Called with the number of lines of `before` read so far.
+    on_samples
+        Called with the samples of each stretch of path, in order: to draw them.
 
     Returns
     -------
@@ -176,7 +199,9 @@ def compare_paths(
         n_compared += n_moves
         n_other += n_differ
         for part in _parts(pieces, sample_step_mm):
-            _sample(machine, part, sample_step_mm, in_figures, out_figures)
+            samples = _sample(machine, part, sample_step_mm, in_figures, out_figures)
+            if on_samples is not None:
+                on_samples(samples)
         last_line = batch[-1][0].next_line
         if on_progress is not None and last_line is not None:
             on_progress(last_line.number)
@@ -339,7 +364,9 @@ def _intervals(pieces: _Pieces, step_mm: float) -> npt.NDArray[np.int64]:
     return np.asarray(np.maximum(4, np.ceil(length_mm / step_mm)), dtype=np.int64)
 
 
-def _sample(machine: _Machine, pieces: _Pieces, step_mm: float, in_figures: _Figures, out_figures: _Figures) -> None:
+def _sample(
+    machine: _Machine, pieces: _Pieces, step_mm: float, in_figures: _Figures, out_figures: _Figures
+) -> PathSamples:
     """Sample every piece from end to end, evenly; a sample stands for the path half-way to its neighbours.
 
     A piece that the program means to have no length takes up play: its end counts.
@@ -360,6 +387,7 @@ def _sample(machine: _Machine, pieces: _Pieces, step_mm: float, in_figures: _Fig
     after = np.linalg.norm((command - ideal) + machine.error_mm(command, motion), axis=1)
     in_figures.add(before, weight, line)
     out_figures.add(after, weight, line)
+    return PathSamples(ideal, before, after, weight)
 
 
 def _rows(triples: list[Any]) -> Numbers:

@@ -5,6 +5,7 @@ from geoerr.report.figures.circle import circle
 from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unknown_curve
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
+from geoerr.report.figures.fall import Stage, error_fall, stages_of
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.path import path_error
@@ -21,6 +22,7 @@ from geoerr.report.figures.uncertainty import uncertainty_slices
 __all__ = [
     "CalibrationView",
     "LineCurve",
+    "Stage",
     "calibration_views",
     "circle",
     "circle_causes",
@@ -28,6 +30,7 @@ __all__ = [
     "difference_curves",
     "difference_map",
     "error_curves",
+    "error_fall",
     "error_field",
     "lines_of_errors",
     "measurement_residuals",
@@ -38,6 +41,7 @@ __all__ = [
     "residual_directions",
     "residual_histogram",
     "residual_vectors",
+    "stages_of",
     "state_curves",
     "uncertainty_slices",
     "unknown_curve",

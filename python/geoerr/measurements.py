@@ -1,4 +1,4 @@
-"""OBS on the command line: files of measured points and of circular tests, told apart by their columns."""
+"""Files of measurements as a person gives them: points, circular tests, lengths, told apart by their columns."""
 
 from __future__ import annotations
 

@@ -1,0 +1,41 @@
+"""What a candidate of a diagnosis would explain of every residual."""
+
+from __future__ import annotations
+
+from geoerr.diagnose.diagnosis import Diagnosis, reference_of
+from geoerr.diagnose.findings import Finding, Unknown
+from geoerr.diagnose.search import Round, Settled, settle
+from geoerr.diagnose.where import displacement_um
+from geoerr.errors import GeoerrError
+from geoerr.fit.sightings import Numbers
+
+
+def explained_um(diagnosis: Diagnosis, what: Finding | Unknown) -> Numbers:
+    """Give the part of the residuals that something would explain: (n, 3), µm in base axes, rows as in the fit.
+
+    Of an effect it is what the model cannot do itself: `worth_um` is its root mean square.
+
+    Raises
+    ------
+    GeoerrError
+        for a finding of another diagnosis.
+    """
+    looked, settled = _settled(diagnosis, what)
+    return displacement_um(looked.space, settled.displacement)
+
+
+def _settled(diagnosis: Diagnosis, what: Finding | Unknown) -> tuple[Round, Settled]:
+    searched = diagnosis.searched
+    if isinstance(what, Unknown):
+        if searched.unknown is None:
+            raise GeoerrError("this diagnosis found nothing without a name")
+        return searched.last, searched.unknown[1]
+    for found in searched.found:
+        for judged, settled in ((found.judged, found.settled), *((one.judged, one.settled) for one in found.rivals)):
+            if reference_of(judged) == what.reference:
+                return found.looked, settled
+    first = searched.first
+    for judged in first.candidates:
+        if reference_of(judged) == what.reference:
+            return first, settle(first.space, first.scanner, judged)
+    raise GeoerrError(f"{what.reference} is no candidate of this diagnosis")
