@@ -6,6 +6,7 @@ from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unkno
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
 from geoerr.report.figures.fall import Stage, error_fall, stages_of
+from geoerr.report.figures.labels import variable_label
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.path import path_error
@@ -45,4 +46,5 @@ __all__ = [
     "state_curves",
     "uncertainty_slices",
     "unknown_curve",
+    "variable_label",
 ]

@@ -12,6 +12,7 @@ from geoerr.diagnose.trends import trend_of, variables_of
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.report.figures import style
+from geoerr.report.figures.labels import variable_label
 from geoerr.report.figures.style import Numbers, thinned
 from geoerr.report.figures.volume import MOST_POINTS, residual_volume, volume_of
 
@@ -119,14 +120,14 @@ def residual_against(
                 col=1,
             )
         figure.update_yaxes(title_text=f"{_in_words(component)}, µm", row=row, col=1)
-    figure.update_xaxes(title_text=variable, row=len(components), col=1)
+    figure.update_xaxes(title_text=variable_label(variable), row=len(components), col=1)
     if color_by is not None:
-        bar = {"title": {"text": color_by, "side": "top"}, "thickness": 14}
+        bar = {"title": {"text": variable_label(color_by), "side": "right"}, "thickness": 14}
         figure.update_layout(coloraxis={"colorscale": "Viridis", "colorbar": bar})
-    coloured = "" if color_by is None else f"; colour: {color_by}"
+    coloured = "" if color_by is None else f"; colour: {variable_label(color_by)}"
     return style.finish(
         figure,
-        f"Residual over {variable}",
+        f"Residual over {variable_label(variable).partition(',')[0]}",
         f"measured minus predicted, base axes{coloured}",
         max(_ROW_PX * len(components) + 110, 380),
         legend=True,

@@ -1,0 +1,58 @@
+"""`geoerr workbench`: compare, see where, learn what, add, watch the error fall, on a page with a mouse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from geoerr.cli.options import QuietFlag, Threads, note
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("workbench")(workbench)
+
+
+def workbench(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[FILE]...",
+            help="machine.toml or model.json, measured points, circular tests, own effects, in any order.",
+        ),
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option("--session", metavar="FILE", help="Keep the work in FILE, and go on with what is in it."),
+    ] = None,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="On this port of this computer; 0 = any free one.")
+    ] = 0,
+    opens: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    quiet: QuietFlag = False,
+    threads: Threads = 0,
+) -> None:
+    """See where a machine is off, learn why, and correct it: a page in the browser, without any network.
+
+    Prints the page's address; only who has it gets in, and only from this computer. Ctrl-C ends it.
+    `geoerr workbench machine.toml observations.csv` begins with a machine that was never fitted.
+    """
+    import webbrowser
+
+    from geoerr.errors import GeoerrError
+
+    try:
+        import dash  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise GeoerrError("the workbench needs Dash\nhint: pip install 'geoerr[workbench]'") from error
+    from geoerr.workbench.server import begin_session, serve
+
+    def ready(url: str) -> None:
+        typer.echo(url)
+        note("open this address in a browser on this computer; Ctrl-C ends it", quiet)
+        if opens:
+            webbrowser.open(url)
+
+    serve(begin_session(files or [], session, threads=threads), port, ready)

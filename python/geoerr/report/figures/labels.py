@@ -1,0 +1,35 @@
+"""Variables of the data as axes name them: in words, with their unit."""
+
+from __future__ import annotations
+
+from geoerr.model.conditions import is_temperature
+
+_UNITS = {
+    **dict.fromkeys(("x", "y", "z", "tx", "ty", "tz"), "mm"),
+    "t": "s",
+    "feed": "mm/min",
+    **dict.fromkeys(("u_left", "v_left", "u_right", "v_right"), "px"),
+}
+_WORDS = {
+    **{f"t{axis}": f"target offset {axis}" for axis in "xyz"},
+    "t": "time",
+    "row": "number of the row",
+    "repeat": "repetition",
+    "moving": "moving (1) or at rest (0)",
+}
+_BY_AXIS = {
+    "d": ("direction of approach in {}, −1 or +1", None),
+    "s": ("travel of {} since it turned round", "mm"),
+    "v": ("speed of {}", "mm/s"),
+}
+
+
+def variable_label(name: str) -> str:
+    """Name a variable: `temp_bed, °C`, `travel of x since it turned round, mm`."""
+    head, _, axis = name.partition("_")
+    if head in _BY_AXIS and axis in ("x", "y", "z"):
+        words, unit = _BY_AXIS[head]
+        text = words.format(axis)
+    else:
+        text, unit = _WORDS.get(name, name), "°C" if is_temperature(name) else _UNITS.get(name)
+    return text if unit is None else f"{text}, {unit}"

@@ -1,0 +1,324 @@
+"""What a person can do on the page: each action changes the session, at once or by work in the background."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from geoerr.diagnose import Change, Comparison, Diagnosis, compare, diagnose
+from geoerr.diagnose.change import add_effect, remove_terms
+from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
+from geoerr.effects import catalogue, load_effects
+from geoerr.errors import GeoerrError, InputFileError
+from geoerr.fit import FitOptions, fit_model
+from geoerr.measurements import Measurements, read_measurements
+from geoerr.model import Model, load_model
+from geoerr.observations import CircularTest, Observations
+from geoerr.workbench.history import Step, figures_of_step, lineage
+from geoerr.workbench.inputs import InputFile, dropped
+from geoerr.workbench.job import Advance
+from geoerr.workbench.own_effect import OwnFormula, own_effect
+from geoerr.workbench.program import Wish, correct
+from geoerr.workbench.session import Seen, Session, Trial
+
+# Panels in which a failure is shown.
+DATA: Final = "data"
+MISSING: Final = "missing"
+OWN: Final = "own"
+PROGRAM: Final = "program"
+_MOST_NOTES = 5
+
+
+def take_files(session: Session, files: Sequence[InputFile], *, is_restored: bool = False) -> None:
+    """Take more files: tables add to the measurements, effects to the catalogue, and a model begins a new story."""
+    together = {one.name: one for one in (*session.files, *files)}
+    if any(one.kind == "model" for one in files):
+        newest = next(one for one in reversed(files) if one.kind == "model")
+        together = {name: one for name, one in together.items() if one.kind != "model" or one is newest}
+    read_again(
+        session, tuple(together.values()), is_new_model=any(one.kind == "model" for one in files), keeps=is_restored
+    )
+
+
+def take_dropped(session: Session, names: Sequence[str], contents: Sequence[bytes]) -> None:
+    """Take files that were dropped on the page."""
+    take_files(session, [dropped(session.folder, *one) for one in zip(names, contents, strict=True)])
+
+
+def put_away(session: Session, name: str) -> None:
+    """Do without a file."""
+    rest = tuple(one for one in session.files if one.name != name)
+    read_again(session, rest, is_new_model=False, keeps=False)
+
+
+def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: bool, keeps: bool) -> None:
+    """Read the files of the session and hold the model against them."""
+
+    def work(advance: Advance) -> Callable[[], None]:
+        advance(0, 3)
+        tables = [one.path for one in files if one.kind == "measurements"]
+        measured = read_measurements(tables, with_lengths=True) if tables else None
+        effects = tuple(effect for one in files if one.kind == "effects" for effect in load_effects(one.path))
+        catalogue().extended(effects, "effects")
+        advance(1, 3)
+        steps = list(session.steps)
+        models = [one for one in files if one.kind == "model"]
+        if models and (is_new_model or not steps):
+            model = load_model(models[-1].path)
+            steps = [Step(_first_name(model, models[-1].name), model, None, {})]
+        elif not keeps:
+            # Figures belong to the data that they were computed with.
+            steps = [replace(step, figures={}) for step in steps]
+        current = min(session.current, len(steps) - 1) if keeps or not is_new_model else 0
+        comparison = None
+        if steps and measured is not None:
+            comparison = compare(steps[current].model, *measured.tables, *measured.lengths, threads=session.threads)
+            steps[current] = replace(steps[current], figures=figures_of_step(comparison))
+        advance(2, 3)
+        seen = None if comparison is None else Seen.of(comparison)
+        advance(3, 3)
+
+        def apply() -> None:
+            with session.lock:
+                session.files, session.measured, session.own_effects = list(files), measured, effects
+                session.steps, session.current = steps, max(current, 0)
+                session.reference = session.reference if keeps else 0
+                session.forget_step()
+                session.program = None
+                _look(session, seen)
+                session.notes = _notes(measured, comparison)
+
+        return apply
+
+    session.begin("reading the files", DATA, work)
+
+
+def fit_classic(session: Session, components: str) -> None:
+    """Fit the 21 errors, or the 12 without angles, to the measurements; effects that the model has stay in it."""
+    model, data = session.model, session.data
+    options = FitOptions(components="12" if components == "12" else "21", threads=session.threads)
+
+    def work(advance: Advance) -> Callable[[], None]:
+        fitted = fit_model(model.machine, *_fittable(data), options=options, on_progress=advance)
+        seen = Seen.of(Comparison(fitted.model, "own", fitted.fitted))
+        return lambda: _take_step(session, f"{components} errors fitted", fitted.model, seen)
+
+    session.begin(f"fitting the {components} errors", DATA, work)
+
+
+def find_missing(session: Session) -> None:
+    """Search for what the model lacks."""
+    model, data, effects = session.model, session.data, session.own_effects
+
+    def work(advance: Advance) -> Callable[[], None]:
+        found: Diagnosis | CircleDiagnosis
+        if data.points is None:
+            found = diagnose_circles(model, *data.circles, effects=effects, threads=session.threads)
+        else:
+            found = diagnose(model, *data.tables, effects=effects, progress=advance, threads=session.threads)
+
+        def apply() -> None:
+            with session.lock:
+                session.diagnosis = found
+
+        return apply
+
+    session.begin("looking for what is missing", MISSING, work)
+
+
+def add(session: Session, reference: str) -> None:
+    """Add an effect and fit again."""
+    model, data, effects = session.model, session.data, session.own_effects
+
+    def work(_: Advance) -> Callable[[], None]:
+        change = add_effect(model, *_fittable(data), reference=reference, effects=effects, threads=session.threads)
+        return _step_of_change(session, f"+ {reference}", change)
+
+    session.begin(f"adding {reference}", MISSING, work)
+
+
+def remove(session: Session, reference: str) -> None:
+    """Take an effect away and fit again."""
+    model, data = session.model, session.data
+
+    def work(_: Advance) -> Callable[[], None]:
+        change = remove_terms(model, _fittable(data), reference, threads=session.threads)
+        return _step_of_change(session, f"− {reference}", change)
+
+    session.begin(f"removing {reference}", DATA, work)
+
+
+def show(session: Session, number: int) -> None:
+    """Look at another model of the history."""
+    with session.lock:
+        if not 0 <= number < len(session.steps):
+            raise GeoerrError("that model is not in the history any more")
+        step = session.steps[number]
+        if session.measured is None:
+            session.current = number
+            session.changed(is_kept=True)
+            return
+    data = session.data
+
+    def work(advance: Advance) -> Callable[[], None]:
+        advance(0, 1)
+        comparison = compare(step.model, *data.tables, *data.lengths, threads=session.threads)
+        seen = Seen.of(comparison)
+        advance(1, 1)
+
+        def apply() -> None:
+            with session.lock:
+                session.steps[number] = replace(step, figures=figures_of_step(comparison))
+                session.current = number
+                session.forget_step()
+                _look(session, seen)
+
+        return apply
+
+    session.begin(f"comparing model {number + 1}", DATA, work)
+
+
+def undo(session: Session) -> None:
+    """Look again at the model that this one came from."""
+    step = session.step
+    if step is None or step.parent is None:
+        raise GeoerrError("there is nothing to undo: this is the first model")
+    show(session, step.parent)
+
+
+def refer_to(session: Session, number: int) -> None:
+    """Compare all models with this one from now on."""
+    with session.lock:
+        if 0 <= number < len(session.steps):
+            session.reference = number
+            session.changed(is_kept=True)
+
+
+def try_formula(session: Session, typed: OwnFormula) -> None:
+    """See whether an own effect helps, without adding it."""
+    model, data = session.model, session.data
+    columns = () if data.points is None else tuple(data.points.frame.columns)
+    effect = own_effect(typed, columns, session.folder)
+    others = tuple(one for one in session.own_effects if one.id != effect.id)
+
+    def work(_: Advance) -> Callable[[], None]:
+        change = add_effect(
+            model,
+            *_fittable(data),
+            reference=typed.reference,
+            effects=(*others, effect),
+            threads=session.threads,
+        )
+
+        def apply() -> None:
+            with session.lock:
+                session.trial = Trial(typed, effect, change)
+
+        return apply
+
+    session.begin("trying the formula", OWN, work)
+
+
+def add_trial(session: Session) -> None:
+    """Take the own effect that was tried."""
+    with session.lock:
+        trial = session.trial
+        if trial is None:
+            raise GeoerrError("there is nothing to add\nhint: try the formula first")
+        others = tuple(one for one in session.own_effects if one.id != trial.effect.id)
+        session.own_effects = (*others, trial.effect)
+        _step_of_change(session, f"+ {trial.typed.reference}", trial.change)()
+        session.changed(is_kept=True)
+
+
+def compensate(session: Session, name: str, content: bytes, wish: Wish) -> None:
+    """Correct a program that was dropped on the page."""
+    step, model = session.step, session.model
+    assert step is not None
+    known = Path(name).name or "program.gcode"
+
+    def work(_: Advance) -> Callable[[], None]:
+        corrected = correct(model, step.name, known, content, wish)
+
+        def apply() -> None:
+            with session.lock:
+                session.program = corrected
+
+        return apply
+
+    session.begin(f"correcting {known}", PROGRAM, work)
+
+
+def dismiss(session: Session, place: str) -> None:
+    """Take a message away."""
+    with session.lock:
+        session.problems.pop(place, None)
+        session.changed()
+
+
+def select(session: Session, rows: np.ndarray | None) -> None:
+    """Mark rows in all pictures; None marks none."""
+    with session.lock:
+        session.selected = None if rows is None or not rows.any() else np.asarray(rows, dtype=bool)
+
+
+def _fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
+    if not data.tables:
+        raise InputFileError(
+            "the measurements", "hold lengths only, which no model is fitted to", remedy="give measured points"
+        )
+    return data.tables
+
+
+def _first_name(model: Model, file_name: str) -> str:
+    return "machine without errors" if model.is_nominal else file_name
+
+
+def _step_of_change(session: Session, name: str, change: Change) -> Callable[[], None]:
+    model = change.result.model
+    seen = Seen.of(Comparison(model, "own", change.after))
+    return lambda: _take_step(session, name, model, seen)
+
+
+def _take_step(session: Session, name: str, model: Model, seen: Seen | None) -> None:
+    with session.lock:
+        assert seen is not None
+        step = Step(name, model, session.current, figures_of_step(seen.comparison))
+        session.steps = [*session.steps, step]
+        session.current = len(session.steps) - 1
+        if session.reference not in lineage(session.steps, session.current):
+            session.reference = 0
+        session.forget_step()
+        _look(session, seen)
+
+
+def _look(session: Session, seen: Seen | None) -> None:
+    """Look at a comparison: what was chosen stays where the new one has it."""
+    session.seen = seen
+    session.sight += 1
+    if seen is None:
+        session.selected = None
+        return
+    session.view.settle(tuple(seen.variables), seen.by_worth)
+    if session.selected is not None and len(session.selected) != len(seen.comparison.points.sightings):
+        session.selected = None
+
+
+def _notes(measured: Measurements | None, comparison: Comparison | None) -> tuple[str, ...]:
+    if measured is None:
+        return ()
+    told = [f"set aside: {problem}" for problem in measured.set_aside[:_MOST_NOTES]]
+    if len(measured.set_aside) > _MOST_NOTES:
+        told.append(f"set aside: {len(measured.set_aside) - _MOST_NOTES} more rows")
+    if comparison is not None and comparison.fitted is not None:
+        sightings = comparison.fitted.sightings
+        told += [f"left out: {count} rows ({why})" for why, count in sightings.left_out.items()]
+        told += sightings.notes
+        outliers = int((~comparison.fitted.solved.used).sum())
+        if outliers:
+            told.append(f"{outliers} gross outliers take no part")
+    return tuple(told)

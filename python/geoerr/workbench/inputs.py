@@ -1,0 +1,93 @@
+"""The files that a session has: given on the command line, or dropped on the page."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from geoerr.errors import InputFileError
+from geoerr.files import digest, refusing_unreadable
+
+Kind = Literal["model", "measurements", "effects"]
+_TABLES = (".csv", ".parquet")
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """One file.
+
+    Attributes
+    ----------
+    name
+        As people know it.
+    path
+        Where it can be read.
+    kind
+        What it holds.
+    is_dropped
+        Whether it came through the page: then its content belongs to the session.
+    """
+
+    name: str
+    path: Path
+    kind: Kind
+    is_dropped: bool = False
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it for a session's file: what was dropped with its content, the rest by path and digest."""
+        document: dict[str, Any] = {"name": self.name, "kind": self.kind}
+        if self.is_dropped:
+            packed = gzip.compress(self.path.read_bytes(), mtime=0)
+            return document | {"content": base64.b64encode(packed).decode("ascii")}
+        return document | {"path": str(self.path.resolve()), "sha256": digest(self.path)}
+
+
+def kind_of_file(path: Path) -> Kind:
+    """Tell by its content what a file is: a table is measurements, a `.toml` with effects effects, else a model.
+
+    Raises
+    ------
+    InputFileError
+        for a file that cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _TABLES:
+        return "measurements"
+    with refusing_unreadable(path):
+        content = path.read_bytes()
+    return "effects" if suffix == ".toml" and b"[[effect]]" in content else "model"
+
+
+def dropped(folder: Path, name: str, content: bytes) -> InputFile:
+    """Keep a file that was dropped on the page in the session's own folder."""
+    known = Path(name).name
+    if not known or known.startswith("."):
+        raise InputFileError(name or "the file", "has no name that can be used", remedy="rename it")
+    path = folder / known
+    path.write_bytes(content)
+    return InputFile(known, path, kind_of_file(path), is_dropped=True)
+
+
+def from_document(document: Mapping[str, Any], folder: Path, source: Path) -> InputFile:
+    """Give a file of a saved session again.
+
+    Raises
+    ------
+    InputFileError
+        where a file that the session names is gone, or is another one by now.
+    """
+    if "content" in document:
+        content = gzip.decompress(base64.b64decode(document["content"]))
+        return dropped(folder, str(document["name"]), content)
+    path = Path(document["path"])
+    if digest(path) != document["sha256"]:
+        raise InputFileError(
+            path,
+            f"has changed since the session {source} was saved",
+            remedy="name the files on the command line, and another --session, to begin anew",
+        )
+    return InputFile(str(document["name"]), path, document["kind"])

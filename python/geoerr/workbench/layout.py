@@ -1,0 +1,56 @@
+"""The page: three columns, and what is done with the result below them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dash import dcc, html
+
+from geoerr.workbench.panel_given import upload
+from geoerr.workbench.panel_missing import own_panel
+from geoerr.workbench.panel_use import use_panel
+from geoerr.workbench.panel_where import where_panel
+from geoerr.workbench.session import Session
+
+# How often the page asks for news while work is under way.
+_BEAT_MS = 300
+
+
+def page(session: Session) -> Any:
+    """Make the page as the session stands: after a reload it is as it was."""
+    return html.Div(
+        [
+            html.A("To the pictures", href="#where", className="skip"),
+            html.Header(
+                [
+                    html.H1([html.Span("geoerr"), " workbench"]),
+                    html.P("Why is this machine not where it should be?", className="why"),
+                    html.Div(id="status", role="status"),
+                ]
+            ),
+            html.Aside([upload(), html.Div(id="given")], className="left"),
+            html.Main([*where_panel(session), html.Div(id="fall")], id="where"),
+            html.Aside([html.Div(id="missing"), own_panel(session)], className="right"),
+            html.Div(use_panel(), className="below"),
+            dcc.Store(id="tick", data=session.version),
+            dcc.Store(id="sight", data=session.sight),
+            dcc.Store(id="hovered", data=""),
+            dcc.Store(id="pinned", data=""),
+            dcc.Interval(id="beat", interval=_BEAT_MS, disabled=True),
+        ],
+        className="page",
+    )
+
+
+def status(session: Session) -> list[Any]:
+    """Say what is under way, how far it is, and offer to stop it."""
+    job = session.job
+    if job is None:
+        return [html.Span("ready", className="why")]
+    done, total = job.progress
+    bar = html.Progress(value=str(done), max=str(total)) if total else html.Progress()
+    return [
+        html.Span(f"{job.title} … {job.elapsed_s:.0f} s"),
+        bar,
+        html.Button("Stop", id={"do": "stop", "what": ""}, n_clicks=0, type="button"),
+    ]

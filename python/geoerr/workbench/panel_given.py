@@ -1,0 +1,120 @@
+"""The left panel: data, the model and its effects, the history of models."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dash import dcc, html
+
+from geoerr.workbench.actions import DATA
+from geoerr.workbench.parts import button, difference_um, figure_row, problem, section, um
+from geoerr.workbench.session import Session
+
+_FIGURES = (
+    ("residual", "rmse_um", "How far measured and predicted are apart, root mean square"),
+    (
+        "held out",
+        "held_out_rmse_um",
+        "The same on passes that the fit did not see",
+    ),
+)
+
+
+def given_panel(session: Session) -> list[Any]:
+    """Make the panel."""
+    return [
+        problem(session, DATA),
+        section("Data", _files(session), name="data"),
+        section("Model", _model(session), name="model"),
+        section(
+            "Models so far",
+            _history(session),
+            name="history",
+            explanation="Error held out, µm; beside it the difference to the reference ★.",
+        ),
+    ]
+
+
+def upload() -> Any:
+    """Make the place to drop files on; it stays while the panel is drawn anew."""
+    return dcc.Upload(
+        html.Button("Add files …", type="button", title="Or drop them here"),
+        id="files",
+        multiple=True,
+        className="upload",
+        className_active="upload active",
+    )
+
+
+def _files(session: Session) -> list[Any]:
+    parts: list[Any] = []
+    for one in session.files:
+        kind = {"measurements": "measurements", "effects": "own effects", "model": "model"}[one.kind]
+        away = None if one.kind == "model" else button("×", "put-away", one.name, title=f"Do without {one.name}")
+        parts.append(html.Li([html.Span([html.B(one.name), f" {kind}"]), away]))
+    if session.measured is not None and session.seen is not None:
+        sightings = session.seen.comparison.points.sightings
+        told = f"{len(sightings):,} rows in {sightings.n_passes:,} passes"
+        parts.append(html.Li(told, className="why"))
+    notes = html.Details(
+        [html.Summary(f"{len(session.notes)} notes"), html.Ul([html.Li(one) for one in session.notes])]
+    )
+    return [html.Ul(parts, className="files"), notes if session.notes else None]
+
+
+def _model(session: Session) -> list[Any]:
+    step = session.step
+    if step is None:
+        return [html.P("None yet: add a machine.toml, model.json or errors.json.")]
+    busy = session.is_busy
+    machine = step.model.machine
+    rows = [figure_row(name, um(step.figures.get(key)), why) for name, key, why in _FIGURES]
+    floor = step.figures.get("noise_floor_um")
+    noise = floor if floor is not None else step.figures.get("noise_um")
+    rows.append(figure_row("noise", um(noise), "What repeats scatter, or what is stated: no model gets below it"))
+    effects = [
+        html.Li([html.Span([title, html.Br(), html.Code(name)]),
+                 button("Remove", "remove", name, off=busy, title=f"Take {name} out and fit again")])
+        for name, title in step.effects
+    ]  # fmt: skip
+    can_fit = session.measured is not None and bool(session.measured.tables)
+    return [
+        html.P([html.B(machine.name or "machine"), f" · {step.name}"]),
+        html.Table(html.Tbody(rows), className="figures"),
+        html.P(f"{step.n_classic} classic errors and {len(effects)} effects", className="why"),
+        html.Ul(effects, className="files") if effects else None,
+        html.Div(
+            [
+                button("Fit the 21 errors", "fit", "21", off=busy or not can_fit, is_main=step.model.is_nominal,
+                       title="Positioning, straightness and angles of three axes, and squareness"),
+                button("12, no angles", "fit", "12", off=busy or not can_fit,
+                       title="Positioning, straightness and squareness only"),
+                button("Undo", "undo", off=busy or step.parent is None, title="Back to the model before this one"),
+            ],
+            className="buttons",
+        ),
+    ]  # fmt: skip
+
+
+def _history(session: Session) -> list[Any]:
+    if not session.steps:
+        return [html.P("None yet.")]
+    reference = session.steps[session.reference].figures.get("held_out_rmse_um")
+    rows = []
+    for number, step in enumerate(session.steps):
+        held = step.figures.get("held_out_rmse_um")
+        is_reference, is_current = number == session.reference, number == session.current
+        rows.append(
+            html.Tr(
+                [
+                    html.Td(button("★" if is_reference else "☆", "refer", str(number),
+                                   title="The reference" if is_reference else "Make this the reference")),
+                    html.Td(button(f"{number + 1}. {step.name}", "show", str(number), off=session.is_busy,
+                                   title="Look at this model"), className="name"),
+                    html.Td("–" if held is None else f"{held:.1f}", className="number"),
+                    html.Td("" if is_reference else difference_um(held, reference), className="number"),
+                ],
+                className="current" if is_current else "",
+            )
+        )  # fmt: skip
+    return [html.Table(html.Tbody(rows), className="history")]

@@ -1,0 +1,162 @@
+"""The middle: where the model fails, in two pictures that know of each other, and how the error fell so far."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from dash import dcc, html
+
+from geoerr.diagnose.regions import region_name
+from geoerr.report.figures import error_fall, variable_label
+from geoerr.workbench.history import story
+from geoerr.workbench.parts import button, um
+from geoerr.workbench.pictures import in_panel
+from geoerr.workbench.session import Rows, Seen, Session
+from geoerr.workbench.view import LARGEST_POWER, LEAST_POWER, LOOKS
+
+_CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False}
+_VOLUME_CONFIG = {**_CONFIG, "scrollZoom": True, "modeBarButtonsToRemove": ["resetCameraLastSave3d", "tableRotation"]}
+_RESIDUAL_CONFIG = {**_CONFIG, "modeBarButtonsToRemove": ["lasso2d", "autoScale2d"]}
+_MARKS = {-3: "⅛", -2: "¼", -1: "½", 0: "1", 1: "2", 2: "4", 3: "8"}
+_STEPS_DRAWN = 7
+
+
+def where_panel(session: Session) -> list[Any]:
+    """Make the panel with its controls; pictures come when they are drawn."""
+    view = session.view
+    return [
+        html.H2("Where it fails"),
+        html.Div(
+            [
+                html.Fieldset(
+                    [
+                        html.Legend("Volume"),
+                        dcc.RadioItems(dict(LOOKS), view.look, id="look", inline=True, className="choice"),
+                        dcc.Checklist(
+                            {"shape": "machine's shape"},
+                            ["shape"] if view.shows_shape else [],
+                            id="shape",
+                            inline=True,
+                            className="choice",
+                        ),
+                    ]
+                ),
+                html.Fieldset(
+                    [
+                        html.Legend("Exaggeration"),
+                        dcc.Slider(
+                            LEAST_POWER, LARGEST_POWER, 0.5, value=view.power, id="power", marks=_MARKS,
+                            included=False,
+                            allow_direct_input=False,
+                        ),
+                    ],
+                    className="slider",
+                ),
+                html.Label(["Residual over", dcc.Dropdown(id="variable", clearable=False, searchable=False)]),
+                html.Label(["Colour", dcc.Dropdown(id="color", placeholder="none", searchable=False)]),
+            ],
+            className="controls",
+        ),
+        html.Div(
+            [
+                html.Figure(
+                    [
+                        dcc.Graph(id="volume", config=_VOLUME_CONFIG, className="picture", responsive=True),
+                        html.Div(id="regions", className="picture regions", hidden=True),
+                        html.Figcaption(id="volume-caption"),
+                    ]
+                ),
+                html.Figure(
+                    [
+                        dcc.Graph(id="residual", config=_RESIDUAL_CONFIG, className="picture", responsive=True),
+                        html.Figcaption(id="residual-caption"),
+                    ]
+                ),
+            ],
+            className="pictures",
+        ),
+        html.Div(id="marked", className="marked", role="status"),
+    ]  # fmt: skip
+
+
+def options_of(seen: Seen) -> list[dict[str, str]]:
+    """Give the variables to choose from, what the residual follows most first."""
+    names = [*seen.by_worth, *(name for name in seen.variables if name not in seen.by_worth)]
+    return [{"label": variable_label(name), "value": name} for name in names]
+
+
+def regions_table(seen: Seen) -> Any:
+    """List the regions of the volume, worst first: mean, spread and count; each can be marked."""
+    names = [component.name for component in seen.comparison.components]
+    known = [(number, region) for number, region in enumerate(seen.comparison.regions) if region.rmse_um is not None]
+    ranked = sorted(known, key=lambda item: -(item[1].rmse_um or 0.0))
+    head = ["region, mm", "rms, µm", *(f"{name}: mean ± spread" for name in names), "rows"]
+    rows = [
+        html.Tr(
+            [
+                html.Td(button(region_name(region), "mark-region", str(number), title="Mark these rows")),
+                html.Td(f"{region.rmse_um:.1f}", className="number"),
+                *(
+                    html.Td(_mean(region.mean_um.get(name), region.std_um.get(name)), className="number")
+                    for name in names
+                ),
+                html.Td(f"{region.n:,}", className="number"),
+            ]
+        )
+        for number, region in ranked
+    ]
+    return html.Table([html.Thead(html.Tr([html.Th(text, scope="col") for text in head])), html.Tbody(rows)])
+
+
+def rows_of_region(seen: Seen, number: int) -> Rows:
+    """Tell which rows (n,) lie in a region."""
+    region = seen.comparison.regions[number]
+    q_mm = seen.comparison.points.sightings.commanded_mm
+    inside = (q_mm >= np.array(region.low_mm) - 1e-9) & (q_mm <= np.array(region.high_mm) + 1e-9)
+    return np.asarray(inside.all(axis=1) & seen.comparison.points.solved.used)
+
+
+def marked_words(session: Session) -> list[Any]:
+    """Say what is marked: how many rows, and their mean and spread."""
+    seen, rows = session.seen, session.selected
+    if seen is None:
+        return []
+    if rows is None:
+        return [html.Span("Nothing is marked: drag a box at the right, click an arrow at the left, or a region.")]
+    texts = []
+    for component in seen.comparison.components:
+        own = component.residual_um[rows & component.is_known]
+        if own.size:
+            spread = float(own.std(ddof=1)) if own.size > 1 else float("nan")
+            texts.append(f"{component.name} {_mean(float(own.mean()), spread)} µm")
+    figures = seen.comparison.figures_on(rows)
+    told = f"{int(rows.sum()):,} rows marked: {um(figures.headline_um)} rms; mean ± spread {', '.join(texts)}"
+    return [html.Span(told), button("Unmark", "unmark")]
+
+
+def fall_graph(session: Session) -> Any:
+    """Draw the error from model to model."""
+    stages = story(session.steps, session.current) if session.steps else ()
+    if not stages:
+        return html.Div()
+    figure = error_fall(stages[-_STEPS_DRAWN:])
+    noise = figure.layout.title.subtitle.text
+    in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
+    # A bar's length is for the eye; its row must not be thinner than its text.
+    height_px = 74 + 36 * max(len(figure.data[0].y), 1)
+    return html.Div(
+        [
+            html.H2("How the error falls"),
+            dcc.Graph(figure=figure, config={"displayModeBar": False, "responsive": True},
+                      style={"height": f"{height_px}px"}),
+            html.P(noise[:1].upper() + noise[1:], className="why"),
+        ]
+    )  # fmt: skip
+
+
+def _mean(mean: float | None, spread: float | None) -> str:
+    if mean is None:
+        return "–"
+    told = "" if spread is None or not np.isfinite(spread) else f" ± {spread:.1f}"
+    return f"{mean:+.1f}{told}".replace("-", "−")

@@ -1,0 +1,76 @@
+"""Small pieces that every panel is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from dash import html
+
+from geoerr.workbench.session import Session
+
+
+def button(text: str, do: str, what: str = "", *, is_main: bool = False, title: str = "", off: bool = False) -> Any:
+    """Make a button that asks for an action: `do`, of `what`."""
+    return html.Button(
+        text,
+        id={"do": do, "what": what},
+        n_clicks=0,
+        className="main" if is_main else "",
+        title=title,
+        disabled=off,
+        type="button",
+    )
+
+
+def problem(session: Session, place: str) -> Any:
+    """Show what went wrong in a panel, in the words of the error; nothing where nothing did."""
+    text = session.problems.get(place)
+    if text is None:
+        return html.Div()
+    said, _, hint = text.partition("\nhint: ")
+    return html.Div(
+        [
+            html.P(sentence(said), className="said"),
+            html.P([html.B("What to do: "), hint]) if hint else None,
+            button("OK", "dismiss", place, title="Take this message away"),
+        ],
+        className="problem",
+        role="alert",
+    )
+
+
+def sentence(text: str) -> str:
+    """Begin with a capital and end with a full stop."""
+    text = text.strip()
+    return text if not text else text[0].upper() + text[1:] + ("" if text[-1] in ".!?:" else ".")
+
+
+def figure_row(name: str, value: str, title: str = "") -> Any:
+    """Make a row of a small table of figures."""
+    return html.Tr([html.Th(name, scope="row", title=title), html.Td(value)])
+
+
+def um(value: float | None) -> str:
+    """Write a length in µm; a dash where there is none."""
+    return "–" if value is None else f"{value:.{0 if abs(value) >= 1000.0 else 1}f} µm"
+
+
+def difference_um(value: float | None, other: float | None) -> str:
+    """Write how a length differs from another."""
+    if value is None or other is None:
+        return ""
+    return f"{value - other:+.1f}".replace("-", "−")
+
+
+def section(title: str, children: Sequence[Any], *, name: str, explanation: str = "") -> Any:
+    """Make a part of a panel with a heading; `explanation` stands under it in grey."""
+    return html.Section(
+        [
+            html.H2(title, id=f"{name}-heading"),
+            html.P(explanation, className="why") if explanation else None,
+            *children,
+        ],
+        className="part",
+        **{"aria-labelledby": f"{name}-heading"},
+    )

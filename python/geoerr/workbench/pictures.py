@@ -1,0 +1,213 @@
+"""The pictures of the middle: those of the reports, fitted into their panels, and what a mark changes in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+from dash import Patch
+
+from geoerr.diagnose import Comparison, Component
+from geoerr.report.figures import residual_against, style
+from geoerr.report.figures.error_field import grid_traces
+from geoerr.report.figures.residuals import of_component
+from geoerr.report.figures.style import Numbers
+from geoerr.report.figures.volume import Look, Volume, marked_strokes, places_mm, residual_volume, volume_of
+from geoerr.workbench.program import conditions_of
+from geoerr.workbench.session import Rows, Seen, Session
+
+# What a browser without a graphics card turns and marks without a pause.
+MOST_POINTS = 3_000
+MOST_MARKED = 800
+# Places of traces in the picture of the volume.
+_MARKED, _EXPLAINED = 2, 3
+# Traces of each component in the picture of the residual: points, means, what would be explained.
+_PER_COMPONENT = 3
+_MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
+_FEED_MM_MIN = 1000.0
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure, and the line under it."""
+
+    figure: go.Figure
+    caption: str
+
+
+def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
+    """Draw the volume: residuals as the view asks for, marked rows, what would be explained, the grid."""
+    view = session.view
+    look: Look = view.look if view.look in ("length", "magnitude", "direction") else "length"  # type: ignore[assignment]
+    volume = _volume(session, seen)
+    if not len(volume.rows):
+        return Picture(_empty("circular tests have no place in the volume: see the residual beside"), "")
+    figure = residual_volume(volume, look)
+    figure.add_traces(
+        [
+            _marked(seen.comparison, session.selected, volume),
+            _explained(seen.comparison, explained_um, volume),
+        ]
+    )
+    caption = (
+        f"Measured minus predicted at {len(volume.rows):,} of {len(seen.comparison.points.sightings):,} rows, "
+        f"drawn {volume.magnification:,.0f} times as long."
+        if look != "magnitude"
+        else f"Dot size and colour: how far measured and predicted are apart, {len(volume.rows):,} rows."
+    )
+    if view.shows_shape:
+        caption += _add_shape(figure, session)
+    figure.update_scenes(
+        aspectratio={"x": 1, "y": 1, "z": 1} if figure.layout.scene.aspectmode == "cube" else None, dragmode="orbit"
+    )
+    return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)
+
+
+def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
+    """Draw the residual over the chosen variable."""
+    view = session.view
+    if not view.variable:
+        return Picture(_empty("nothing varies in these data"), "")
+    figure = residual_against(
+        seen.comparison,
+        view.variable,
+        view.color_by or None,
+        explained_um=explained_um,
+        most_points=MOST_POINTS,
+        is_live=True,
+    )
+    for place, rows in enumerate(_selected_points(seen, session.selected, view.variable)):
+        figure.data[_PER_COMPONENT * place].selectedpoints = rows
+    for trace in figure.data:
+        trace.update(unselected={"marker": {"opacity": 0.12 if trace.customdata is not None else 1.0}})
+    figure.update_layout(dragmode="select", selectdirection="any", newselection={"line": {"color": style.VERMILLION}})
+    # The first part tells the axes apart from those of another choice: zoom is kept while they are the same.
+    panel = in_panel(figure, f"residual {view.variable}", margin={"l": 62, "r": 10, "t": 26, "b": 44})
+    return Picture(panel, "Drag a box over points to mark them in the volume. Black: mean of a bin with its 95 %.")
+
+
+def marks(session: Session, seen: Seen) -> tuple[Patch, Patch]:
+    """Give what a new mark changes in the two pictures, and nothing else of them."""
+    volume = _volume(session, seen)
+    in_volume, in_residual = Patch(), Patch()
+    trace = _marked(seen.comparison, session.selected, volume)
+    for axis in "xyz":
+        in_volume["data"][_MARKED][axis] = _plain(trace[axis])
+    for place, rows in enumerate(_selected_points(seen, session.selected, session.view.variable)):
+        in_residual["data"][_PER_COMPONENT * place]["selectedpoints"] = None if rows is None else rows.tolist()
+    return in_volume, in_residual
+
+
+def explanation(session: Session, seen: Seen, explained_um: Numbers | None) -> tuple[Patch, Patch]:
+    """Give what a candidate that is pointed at changes in the two pictures."""
+    in_volume, in_residual = Patch(), Patch()
+    trace = _explained(seen.comparison, explained_um, _volume(session, seen))
+    for axis in "xyz":
+        in_volume["data"][_EXPLAINED][axis] = _plain(trace[axis])
+    for place, (component, rows) in enumerate(_drawn_points(seen, session.view.variable)):
+        moved = np.full(len(rows), np.nan) if explained_um is None else of_component(explained_um, component)[rows]
+        in_residual["data"][_PER_COMPONENT * place + 2]["y"] = _plain(moved)
+        in_residual["data"][_PER_COMPONENT * place + 2]["showlegend"] = place == 0 and explained_um is not None
+    return in_volume, in_residual
+
+
+def rows_in_box(seen: Seen, variable: str, box: dict[str, list[float]]) -> Rows:
+    """Tell which rows (n,) lie in a box that was drawn over the residual: all of them, drawn or not."""
+    inside = np.ones(len(seen.comparison.points.sightings), dtype=bool)
+    for name, ends in box.items():
+        low, high = min(ends), max(ends)
+        if name.startswith("x"):
+            values = seen.variables[variable]
+        else:
+            values = seen.comparison.components[int(name[1:] or 1) - 1].residual_um
+        with np.errstate(invalid="ignore"):
+            inside &= (values >= low) & (values <= high)
+    return np.asarray(inside & seen.comparison.points.solved.used)
+
+
+def rows_of_pass(seen: Seen, row: int) -> Rows:
+    """Tell which rows (n,) belong to the same pass as one."""
+    sightings = seen.comparison.points.sightings
+    return np.asarray(sightings.pass_number == sightings.pass_number[row])
+
+
+def in_panel(figure: go.Figure, revision: str, *, margin: dict[str, int]) -> go.Figure:
+    """Take heading and size from a figure: the panel has its own. Zoom and turn stay while `revision` does."""
+    figure.update_layout(title=None, height=None, autosize=True, margin=margin, uirevision=revision)
+    figure.update_layout(legend={"y": 1.0, "yanchor": "bottom", "x": 0.0, "font": {"size": 11}})
+    figure.layout.title = None
+    return figure
+
+
+def _volume(session: Session, seen: Seen) -> Volume:
+    return volume_of(seen.comparison, exaggeration=session.view.exaggeration, most_points=MOST_POINTS)
+
+
+def _marked(comparison: Comparison, selected: Rows | None, volume: Volume) -> go.Scatter3d:
+    rows = np.zeros(0, dtype=np.int64) if selected is None else np.flatnonzero(selected)
+    error = np.where(comparison.points.sightings.is_measured, comparison.residual_mm, 0.0)
+    return marked_strokes(
+        places_mm(comparison)[rows], error[rows], volume.magnification, style.VERMILLION, "marked", most=MOST_MARKED
+    )
+
+
+def _explained(comparison: Comparison, explained_um: Numbers | None, volume: Volume) -> go.Scatter3d:
+    rows = volume.rows if explained_um is not None else np.zeros(0, dtype=np.int64)
+    moved = np.zeros((len(rows), 3)) if explained_um is None else explained_um[rows] / style.UM_PER_MM
+    return marked_strokes(
+        places_mm(comparison)[rows], moved, volume.magnification, style.ORANGE, "would be explained", most=MOST_MARKED
+    )
+
+
+def _add_shape(figure: go.Figure, session: Session) -> str:
+    """Draw the grid, and say how far it is magnified; a grid that cannot be drawn says why."""
+    model = session.model
+    if model.is_nominal:
+        return ""
+    stated = conditions_of(model, session.view.conditions)
+    motion = {name: value for name in model.conditions if (value := _motion(name)) is not None}
+    at: dict[str, npt.ArrayLike | str] = {**motion, **stated}
+    if not set(model.conditions) <= set(at):
+        return " The machine's shape needs conditions: state them under “Correct a program”."
+    traces, magnification = grid_traces(model, exaggeration=session.view.exaggeration, at=at)
+    nominal, bent = traces
+    bent.line = {"color": style.SKY, "width": 3}
+    figure.add_traces([nominal, bent])
+    told = ", ".join(f"{name} {value:g}" for name, value in stated.items())
+    where = f" at {told}" if told else ""
+    return f" Blue grid: the machine's shape as the model has it{where}, errors {magnification:,.0f} times as large."
+
+
+def _motion(name: str) -> float | None:
+    head, _, axis = name.rpartition("_")
+    if axis in ("x", "y", "z") and head in _MOTION:
+        return _MOTION[head]
+    return {"feed": _FEED_MM_MIN, "moving": 0.0}.get(name)
+
+
+def _drawn_points(seen: Seen, variable: str) -> list[tuple[Component, np.ndarray]]:
+    values = seen.variables[variable]
+    return [
+        (component, style.thinned(component.is_known & np.isfinite(values), MOST_POINTS))
+        for component in seen.comparison.components
+    ]
+
+
+def _selected_points(seen: Seen, selected: Rows | None, variable: str) -> list[np.ndarray | None]:
+    """Give the places of marked rows among the drawn points of each component; None where nothing is marked."""
+    return [None if selected is None else np.flatnonzero(selected[rows]) for _, rows in _drawn_points(seen, variable)]
+
+
+def _plain(values: object) -> list[float | None]:
+    numbers = np.asarray(values, dtype=np.float64)
+    rounded = np.round(numbers, 4)
+    return [None if np.isnan(value) else value for value in rounded.tolist()]
+
+
+def _empty(text: str) -> go.Figure:
+    figure = go.Figure()
+    figure.add_annotation(text=text, showarrow=False, font={"size": 14, "color": style.INK})
+    figure.update_layout(template=style.template(), xaxis={"visible": False}, yaxis={"visible": False})
+    return in_panel(figure, "empty", margin={"l": 10, "r": 10, "t": 10, "b": 10})

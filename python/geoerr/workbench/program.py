@@ -1,0 +1,164 @@
+"""A program that was dropped on the page: corrected by the model, and its path before and after."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program
+from geoerr.errors import GeoerrError, InputFileError
+from geoerr.model import Model
+from geoerr.model.program_conditions import needed_conditions
+from geoerr.model.worth import well_known
+from geoerr.verify.path import PathResult, PathSamples, compare_paths
+
+Numbers = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedProgram:
+    """A program before and after.
+
+    Attributes
+    ----------
+    name
+        Of the program that was dropped.
+    content
+        The corrected one.
+    result, path
+        What was done to it, and how far the tool is from the programmed path.
+    distance_mm, before_mm, after_mm : (n,)
+        Travelled, and distance from the programmed path there.
+    model_name
+        The step whose model corrected it.
+    """
+
+    name: str
+    content: bytes
+    result: CompensationResult
+    path: PathResult
+    distance_mm: Numbers
+    before_mm: Numbers
+    after_mm: Numbers
+    model_name: str
+
+    @property
+    def corrected_name(self) -> str:
+        """Name for the download."""
+        path = Path(self.name)
+        return f"{path.stem}-corrected{path.suffix}"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a person wants of a correction.
+
+    Attributes
+    ----------
+    conditions, work_offset
+        As typed: name to value, and the program's zero in machine coordinates.
+    holds_outside
+        Whether the last error holds beyond the measured range.
+    passes_unsupported
+        Whether lines that are not corrected are passed through.
+    """
+
+    conditions: Mapping[str, str]
+    work_offset: str = "0, 0, 0"
+    holds_outside: bool = False
+    passes_unsupported: bool = False
+
+
+def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish) -> CorrectedProgram:
+    """Correct a program, and follow both paths.
+
+    Raises
+    ------
+    GeoerrError
+        as `compensate_program`, and for numbers that cannot be read.
+    """
+    at: dict[str, npt.ArrayLike | str] = {**conditions_of(model, wish.conditions)}
+    offset = work_offset_mm(wish.work_offset)
+    options = CompensationOptions(
+        work_offset_mm=offset,
+        on_unsupported="pass" if wish.passes_unsupported else "refuse",
+        outside_measured="hold" if wish.holds_outside else "refuse",
+    )
+    samples: list[PathSamples] = []
+    with tempfile.TemporaryDirectory() as folder:
+        # Messages name the program as the person does.
+        before, after = Path(folder) / name, Path(folder) / f"corrected-{name}"
+        before.write_bytes(content)
+        try:
+            result = compensate_program(model, before, after, options, at=at)
+        except GeoerrError as error:
+            raise GeoerrError(str(error).replace(f"{folder}/", "")) from error
+        known, _, rest = well_known(model, at)
+        path = compare_paths(known, before, after, at=rest, work_offset_mm=offset, on_samples=samples.append)
+        corrected = after.read_bytes()
+    weight = _joined([one.weight_mm for one in samples])
+    return CorrectedProgram(
+        name,
+        corrected,
+        result,
+        path,
+        np.cumsum(weight),
+        _joined([one.before_mm for one in samples]),
+        _joined([one.after_mm for one in samples]),
+        model_name,
+    )
+
+
+def conditions_of(model: Model, typed: Mapping[str, str]) -> dict[str, float]:
+    """Read the conditions that a model needs from what was typed; an empty field is the middle of the data's span.
+
+    Raises
+    ------
+    InputFileError
+        for what is no number.
+    """
+    found = {}
+    for name in needed_conditions(model):
+        text = typed.get(name, "").strip().replace(",", ".")
+        if not text:
+            default = default_condition(model, name)
+            if default is not None:
+                found[name] = default
+            continue
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise InputFileError(name, f"{text!r} is no number", remedy="write a number, for example 60") from None
+    return found
+
+
+def default_condition(model: Model, name: str) -> float | None:
+    """Give the middle of what a condition was while the data were measured; None where that is not known."""
+    spans = {} if model.record is None else model.record.covariate_spans
+    return None if name not in spans else float(f"{0.5 * sum(spans[name]):.4g}")
+
+
+def work_offset_mm(text: str) -> tuple[float, float, float]:
+    """Read `x, y, z` in mm.
+
+    Raises
+    ------
+    InputFileError
+        for anything else.
+    """
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputFileError(
+            "the program's zero", f"{text!r} is not three numbers", remedy="write x, y, z in mm: 0, 0, 0"
+        ) from None
+    return x, y, z
+
+
+def _joined(parts: list[Numbers]) -> Numbers:
+    return np.concatenate(parts) if parts else np.zeros(0)

@@ -1,0 +1,194 @@
+"""What the page shows, kept on the server: data, models, what was chosen and found. Every change has a number."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.diagnose import Change, Comparison, Diagnosis
+from geoerr.diagnose.circles import CircleDiagnosis
+from geoerr.diagnose.trends import variables_of
+from geoerr.effects import Effect
+from geoerr.errors import GeoerrError
+from geoerr.fit.sightings import Numbers
+from geoerr.measurements import Measurements
+from geoerr.model import Model
+from geoerr.workbench.history import Step
+from geoerr.workbench.inputs import InputFile
+from geoerr.workbench.job import Job, Work
+from geoerr.workbench.own_effect import OwnFormula
+from geoerr.workbench.program import CorrectedProgram
+from geoerr.workbench.view import View
+
+Rows = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """An own effect that was tried: what was typed, the effect, and what adding it does."""
+
+    typed: OwnFormula
+    effect: Effect
+    change: Change
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A model held against the measurements, with what the pictures need again and again.
+
+    Attributes
+    ----------
+    variables
+        Name to values (n,) of everything that the residual can be drawn over.
+    by_worth
+        Their names, what the residual follows most first.
+    """
+
+    comparison: Comparison
+    variables: dict[str, Numbers]
+    by_worth: tuple[str, ...]
+
+    @classmethod
+    def of(cls, comparison: Comparison) -> Seen | None:
+        """Prepare it; None where there are lengths only, which have no place."""
+        if comparison.fitted is None:
+            return None
+        names = dict.fromkeys(trend.variable for trend in comparison.trends)
+        return cls(comparison, variables_of(comparison.fitted), tuple(names))
+
+
+@dataclass(eq=False)
+class Session:
+    """One person's work. Change it under `lock`, and say so with `changed`.
+
+    Attributes
+    ----------
+    folder
+        For dropped files.
+    saved_in
+        File that it is written to after every change of models or data; None where it lives in memory only.
+    version, sight
+        Grow with every change, and with every change of what the pictures show.
+    files, measured, own_effects
+        What was given.
+    steps, current, reference
+        The models, which of them is looked at, and which the others are compared with.
+    seen, diagnosis, trial, selected, program
+        What belongs to the current model: None until it was asked for. `selected` is (n,).
+    problems
+        Panel to the message that it shows.
+    notes
+        Sentences about the data.
+    """
+
+    folder: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="geoerr-workbench-")))
+    saved_in: Path | None = None
+    threads: int = 0
+    version: int = 0
+    sight: int = 0
+    files: list[InputFile] = field(default_factory=list)
+    measured: Measurements | None = None
+    own_effects: tuple[Effect, ...] = ()
+    steps: list[Step] = field(default_factory=list)
+    current: int = 0
+    reference: int = 0
+    seen: Seen | None = None
+    diagnosis: Diagnosis | CircleDiagnosis | None = None
+    trial: Trial | None = None
+    selected: Rows | None = None
+    program: CorrectedProgram | None = None
+    view: View = field(default_factory=View)
+    problems: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    job: Job | None = None
+    lock: threading.RLock = field(default_factory=threading.RLock)
+    on_saved_change: Callable[[Session], None] = lambda _: None
+
+    @property
+    def step(self) -> Step | None:
+        """The model that is looked at."""
+        return self.steps[self.current] if self.steps else None
+
+    @property
+    def model(self) -> Model:
+        """That model itself.
+
+        Raises
+        ------
+        GeoerrError
+            where there is none yet.
+        """
+        if self.step is None:
+            raise GeoerrError("there is no machine yet\nhint: drop a machine.toml or a model.json on the left")
+        return self.step.model
+
+    @property
+    def data(self) -> Measurements:
+        """The measurements.
+
+        Raises
+        ------
+        GeoerrError
+            where there are none yet.
+        """
+        if self.measured is None:
+            raise GeoerrError("there are no measurements yet\nhint: drop a table (.csv, .parquet) on the left")
+        return self.measured
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether work is under way."""
+        return self.job is not None
+
+    def changed(self, *, is_kept: bool = False) -> None:
+        """Count a change; `is_kept` ones are written to the session's file."""
+        with self.lock:
+            self.version += 1
+            if is_kept and self.saved_in is not None:
+                try:
+                    self.on_saved_change(self)
+                except (GeoerrError, OSError) as error:
+                    self.problems["data"] = f"the session could not be saved: {error}"
+
+    def forget_step(self) -> None:
+        """Forget what belongs to the model that was looked at."""
+        self.seen = self.diagnosis = self.trial = None
+
+    def begin(self, title: str, place: str, work: Work) -> None:
+        """Begin work in the background.
+
+        Raises
+        ------
+        GeoerrError
+            while other work is under way.
+        """
+        with self.lock:
+            if self.job is not None:
+                raise GeoerrError(f"{self.job.title} is still under way\nhint: wait for it, or stop it")
+            self.problems.pop(place, None)
+            self.job = Job(title, place, work, self._ended)
+            self.version += 1
+            self.job.start()
+
+    def stop(self) -> None:
+        """Stop the work: nothing of it is taken."""
+        with self.lock:
+            job, self.job = self.job, None
+            self.version += 1
+        if job is not None:
+            job.stop()
+
+    def _ended(self, job: Job, problem: str | None) -> None:
+        with self.lock:
+            if self.job is not job:
+                return
+            self.job = None
+            if problem is not None:
+                self.problems[job.place] = problem
+            self.changed(is_kept=problem is None)

@@ -1,0 +1,88 @@
+"""A session's file: everything that cannot be had again by a click. Diagnoses can, and are not in it."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geoerr.errors import InputFileError
+from geoerr.files import read_json, write_json
+from geoerr.model.document import document_of, model_from_document
+from geoerr.workbench.history import Step
+from geoerr.workbench.inputs import from_document
+from geoerr.workbench.session import Rows, Session
+from geoerr.workbench.view import View
+
+SCHEMA = "geoerr-workbench/1"
+
+
+def save(session: Session) -> None:
+    """Write the session to its file, whole or not at all."""
+    assert session.saved_in is not None
+    write_json(session.saved_in, session_document(session))
+
+
+def session_document(session: Session) -> dict[str, Any]:
+    """Give plain values."""
+    return {
+        "schema": SCHEMA,
+        "files": [one.to_document() for one in session.files],
+        "steps": [
+            {
+                "name": step.name,
+                "parent": step.parent,
+                "figures": dict(step.figures),
+                "model": document_of(step.model),
+            }
+            for step in session.steps
+        ],
+        "current": session.current,
+        "reference": session.reference,
+        "view": session.view.to_document(),
+        "selected": None if session.selected is None else _packed(session.selected),
+    }
+
+
+def restore(session: Session, path: Path) -> None:
+    """Take files, models and choices from a session's file; what follows from them is computed by whoever loads it.
+
+    Raises
+    ------
+    InputFileError
+        for a file that is none of a session, or that names data which have changed since.
+    """
+    document = read_json(path)
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise InputFileError(path, f"is no session of the workbench ({SCHEMA})", remedy="name another file")
+    try:
+        session.files = [from_document(one, session.folder, path) for one in document["files"]]
+        session.steps = [
+            Step(
+                str(one["name"]),
+                model_from_document(one["model"], path),
+                one["parent"],
+                {name: value for name, value in one["figures"].items()},
+            )
+            for one in document["steps"]
+        ]
+        session.current, session.reference = int(document["current"]), int(document["reference"])
+        session.view = View.from_document(document["view"])
+        session.selected = None if document["selected"] is None else _unpacked(document["selected"])
+        if session.steps:
+            _ = session.steps[session.current], session.steps[session.reference]
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        if isinstance(error, InputFileError):
+            raise
+        raise InputFileError(path, f"is damaged ({error})", remedy="name another file") from error
+
+
+def _packed(rows: Rows) -> dict[str, Any]:
+    return {"n": len(rows), "bits": base64.b64encode(np.packbits(rows).tobytes()).decode("ascii")}
+
+
+def _unpacked(document: dict[str, Any]) -> Rows:
+    bits = np.frombuffer(base64.b64decode(document["bits"]), dtype=np.uint8)
+    return np.unpackbits(bits, count=int(document["n"])).astype(bool)

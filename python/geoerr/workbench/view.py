@@ -1,0 +1,60 @@
+"""What a person has chosen to look at: kept on the server, so that it is there again after a reload."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+# Views of the volume, as mrcal's users know them, to what a person reads.
+LOOKS = {"length": "arrows", "magnitude": "size", "direction": "direction", "region": "by region"}
+# Powers of two around the exaggeration that draws the largest error as about a tenth of the volume.
+LEAST_POWER, LARGEST_POWER = -3, 3
+
+
+@dataclass
+class View:
+    """What is shown.
+
+    Attributes
+    ----------
+    look
+        One of `LOOKS`.
+    shows_shape
+        Whether the volume's grid is drawn as the model bends it.
+    power
+        Exaggeration, as a power of two.
+    variable, color_by
+        Of the residual's picture; "" where it is for the data to say, and for no colour.
+    conditions
+        Name to text, as typed: for the volume's shape, and for programs.
+    """
+
+    look: str = "length"
+    shows_shape: bool = True
+    power: float = 0.0
+    variable: str = ""
+    color_by: str = ""
+    conditions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def exaggeration(self) -> float:
+        """Times the automatic magnification."""
+        return float(2.0**self.power)
+
+    def settle(self, variables: Sequence[str], by_worth: Sequence[str]) -> None:
+        """Choose anew what the data do not have: at first what the residual follows most."""
+        if self.variable not in variables:
+            self.variable = next((name for name in by_worth if name in variables), variables[0] if variables else "")
+        if self.color_by not in variables:
+            self.color_by = ""
+
+    def to_document(self) -> dict[str, Any]:
+        """Give plain values."""
+        return asdict(self)
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> View:
+        """Read it; what it does not say is as at first."""
+        known = {one.name for one in fields(cls)}
+        return cls(**{name: value for name, value in document.items() if name in known})

@@ -1,0 +1,366 @@
+"""What follows what on the page: every callback of Dash, each a call of a function that knows nothing of Dash."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from dash import ALL, Dash, Input, Output, Patch, State, ctx, dcc, no_update
+
+from geoerr.errors import GeoerrError
+from geoerr.workbench import actions
+from geoerr.workbench.explained import what_is_shown
+from geoerr.workbench.layout import status
+from geoerr.workbench.own_effect import OwnFormula
+from geoerr.workbench.panel_given import given_panel
+from geoerr.workbench.panel_missing import missing_panel, own_result
+from geoerr.workbench.panel_use import conditions_form, program_result, reports_list
+from geoerr.workbench.panel_where import fall_graph, marked_words, options_of, regions_table, rows_of_region
+from geoerr.workbench.pictures import (
+    explanation,
+    marks,
+    residual_picture,
+    rows_in_box,
+    rows_of_pass,
+    volume_picture,
+)
+from geoerr.workbench.program import Wish
+from geoerr.workbench.session import Session
+
+# Actions of buttons to the panel in which a refusal is shown.
+PLACES = {
+    "fit": actions.DATA,
+    "remove": actions.DATA,
+    "undo": actions.DATA,
+    "show": actions.DATA,
+    "refer": actions.DATA,
+    "put-away": actions.DATA,
+    "diagnose": actions.MISSING,
+    "add": actions.MISSING,
+    "add-trial": actions.OWN,
+    "stop": actions.DATA,
+    "dismiss": actions.DATA,
+}
+
+
+# Button to what it does; `what` is the button's own text of what it means.
+_ACTIONS: dict[str, Callable[[Session, str], None]] = {
+    "fit": actions.fit_classic,
+    "diagnose": lambda session, _: actions.find_missing(session),
+    "add": actions.add,
+    "remove": actions.remove,
+    "undo": lambda session, _: actions.undo(session),
+    "show": lambda session, what: actions.show(session, int(what)),
+    "refer": lambda session, what: actions.refer_to(session, int(what)),
+    "put-away": actions.put_away,
+    "add-trial": lambda session, _: actions.add_trial(session),
+    "stop": lambda session, _: session.stop(),
+    "dismiss": actions.dismiss,
+}
+
+
+def do(session: Session, action: str, what: str) -> None:
+    """Do what a button asks for; a refusal is shown in its panel."""
+    try:
+        _ACTIONS[action](session, what)
+    except GeoerrError as error:
+        refuse(session, PLACES[action], error)
+
+
+def refuse(session: Session, place: str, error: GeoerrError) -> None:
+    """Show a refusal in a panel."""
+    session.problems[place] = str(error)
+    session.changed()
+
+
+def panels(session: Session) -> dict[str, Any]:
+    """Give everything that a change of the session may change, pictures aside."""
+    with session.lock:
+        seen = session.seen
+        options = [] if seen is None else options_of(seen)
+        return {
+            "given": given_panel(session),
+            "missing": missing_panel(session),
+            "fall": fall_graph(session),
+            "own": own_result(session),
+            "conditions": conditions_form(session),
+            "program": program_result(session),
+            "reports": reports_list(session),
+            "variables": options,
+            "variable": session.view.variable or None,
+            "color": session.view.color_by or None,
+            "status": status(session),
+            "resting": not session.is_busy,
+        }
+
+
+def pictures(session: Session, shown: str) -> dict[str, Any]:
+    """Give both pictures, or the table of regions in place of the first."""
+    with session.lock:
+        seen = session.seen
+        is_by_region = session.view.look == "region"
+        if seen is None:
+            said = "Add a machine and measurements to see where the model fails."
+            return {
+                "volume": no_update,
+                "residual": no_update,
+                "regions": None,
+                "is_by_region": is_by_region,
+                "captions": (said, ""),
+                "marked": [],
+            }
+        explained = what_is_shown(session, shown)
+        residual = residual_picture(session, seen, explained)
+        volume = None if is_by_region else volume_picture(session, seen, explained)
+        by_region = "Regions of the volume, worst first. A mean that is not 0 is an error that the model lacks."
+        return {
+            "volume": no_update if volume is None else volume.figure,
+            "residual": residual.figure,
+            "regions": regions_table(seen) if is_by_region else None,
+            "is_by_region": is_by_region,
+            "captions": (by_region if volume is None else volume.caption, residual.caption),
+            "marked": marked_words(session),
+        }
+
+
+def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[Any]] | None:
+    """Mark rows as a picture, a region or a button asks for; None where nothing is to be seen."""
+    with session.lock:
+        seen = session.seen
+        if seen is None:
+            return None
+        rows = None
+        if source == "residual" and what and "range" in what:
+            rows = rows_in_box(seen, session.view.variable, what["range"])
+        elif source == "volume" and what:
+            told = what["points"][0].get("customdata") or []
+            # The last number that a stroke tells is its row; the grid tells none.
+            rows = rows_of_pass(seen, int(told[6])) if len(told) > 6 else session.selected
+        elif source == "region":
+            rows = rows_of_region(seen, int(what))
+        actions.select(session, rows)
+        in_volume, in_residual = marks(session, seen)
+        if source != "residual":
+            in_residual["layout"]["selections"] = []
+        return in_volume, in_residual, marked_words(session)
+
+
+def wire(app: Dash, session: Session) -> None:
+    """Put all callbacks on the page."""
+    _wire_actions(app, session)
+    _wire_panels(app, session)
+    _wire_pictures(app, session)
+    _wire_forms(app, session)
+
+
+def _wire_actions(app: Dash, session: Session) -> None:
+    @app.callback(
+        Output("tick", "data", allow_duplicate=True),
+        *(Input({"do": action, "what": ALL}, "n_clicks") for action in PLACES),
+        prevent_initial_call=True,
+    )
+    def _act(*_: Any) -> Any:
+        # Buttons that were drawn anew call too, with no click.
+        if not ctx.triggered or not ctx.triggered[0]["value"]:
+            return no_update
+        do(session, ctx.triggered_id["do"], ctx.triggered_id["what"])
+        return session.version
+
+    @app.callback(
+        Output("tick", "data", allow_duplicate=True),
+        Input("files", "contents"),
+        State("files", "filename"),
+        prevent_initial_call=True,
+    )
+    def _take(contents: Sequence[str] | None, names: Sequence[str] | None) -> Any:
+        if not contents or not names:
+            return no_update
+        try:
+            actions.take_dropped(session, names, [_decoded(one) for one in contents])
+        except GeoerrError as error:
+            refuse(session, actions.DATA, error)
+        return session.version
+
+    @app.callback(
+        Output("status", "children", allow_duplicate=True),
+        Output("tick", "data", allow_duplicate=True),
+        Input("beat", "n_intervals"),
+        State("tick", "data"),
+        prevent_initial_call=True,
+    )
+    def _beat(_: Any, tick: int) -> Any:
+        return status(session), no_update if tick == session.version else session.version
+
+
+def _wire_panels(app: Dash, session: Session) -> None:
+    @app.callback(
+        output={
+            "given": Output("given", "children"),
+            "missing": Output("missing", "children"),
+            "fall": Output("fall", "children"),
+            "own": Output("own-result", "children"),
+            "conditions": Output("conditions", "children"),
+            "program": Output("program-result", "children"),
+            "reports": Output("reports", "children"),
+            "variables": Output("variable", "options"),
+            "variable": Output("variable", "value"),
+            "colors": Output("color", "options"),
+            "color": Output("color", "value"),
+            "status": Output("status", "children"),
+            "resting": Output("beat", "disabled"),
+            "sight": Output("sight", "data"),
+        },
+        inputs={"_": Input("tick", "data"), "sight": State("sight", "data")},
+    )
+    def _refresh(_: Any, sight: int) -> dict[str, Any]:
+        found = panels(session)
+        has_new = ctx.triggered_id is None or sight != session.sight
+        names = ("variables", "variable", "color")
+        if not has_new:
+            # What is drawn stays; a person may be choosing right now.
+            found |= dict.fromkeys(names, no_update)
+        return found | {"colors": found["variables"], "sight": session.sight if has_new else no_update}
+
+
+def _wire_pictures(app: Dash, session: Session) -> None:
+    @app.callback(
+        output={
+            "volume": Output("volume", "figure"),
+            "residual": Output("residual", "figure"),
+            "regions": Output("regions", "children"),
+            "hidden": (Output("volume", "style"), Output("regions", "hidden")),
+            "captions": (Output("volume-caption", "children"), Output("residual-caption", "children")),
+            "marked": Output("marked", "children"),
+        },
+        inputs={
+            "_": Input("sight", "data"),
+            "look": Input("look", "value"),
+            "shape": Input("shape", "value"),
+            "power": Input("power", "value"),
+            "variable": Input("variable", "value"),
+            "color": Input("color", "value"),
+            "shown": State("pinned", "data"),
+        },
+    )
+    def _draw(_: Any, look: str, shape: list[str], power: float, variable: str | None, color: str | None,
+              shown: str) -> dict[str, Any]:  # fmt: skip
+        view = session.view
+        view.look, view.shows_shape, view.power = look, bool(shape), float(power)
+        if session.seen is not None and variable in session.seen.variables:
+            view.variable = variable
+            view.color_by = color if color in session.seen.variables else ""
+        found = pictures(session, shown)
+        is_by_region = found.pop("is_by_region")
+        return found | {"hidden": ({"display": "none"} if is_by_region else {}, not is_by_region)}
+
+    @app.callback(
+        Output("volume", "figure", allow_duplicate=True),
+        Output("residual", "figure", allow_duplicate=True),
+        Output("marked", "children", allow_duplicate=True),
+        Input("residual", "selectedData"),
+        Input("volume", "clickData"),
+        Input({"do": "mark-region", "what": ALL}, "n_clicks"),
+        Input({"do": "unmark", "what": ALL}, "n_clicks"),
+        prevent_initial_call=True,
+    )
+    def _mark(selected: Any, clicked: Any, *_: Any) -> Any:
+        source = ctx.triggered_id
+        if isinstance(source, str):
+            found = mark(session, source, selected if source == "residual" else clicked)
+        elif ctx.triggered[0]["value"]:
+            found = mark(session, "region" if source["do"] == "mark-region" else "none", source["what"])
+        else:
+            found = None
+        return (no_update, no_update, no_update) if found is None else found
+
+    @app.callback(
+        Output("volume", "figure", allow_duplicate=True),
+        Output("residual", "figure", allow_duplicate=True),
+        Input("hovered", "data"),
+        Input("pinned", "data"),
+        prevent_initial_call=True,
+    )
+    def _explain(hovered: str, pinned: str) -> Any:
+        seen = session.seen
+        if seen is None:
+            return no_update, no_update
+        return explanation(session, seen, what_is_shown(session, hovered or pinned))
+
+    @app.callback(
+        Output("pinned", "data"),
+        Input({"do": "point", "what": ALL}, "n_clicks"),
+        State("pinned", "data"),
+        prevent_initial_call=True,
+    )
+    def _pin(_: Any, pinned: str) -> Any:
+        if not ctx.triggered or not ctx.triggered[0]["value"]:
+            return no_update
+        name = ctx.triggered_id["what"]
+        return "" if name == pinned else name
+
+
+def _wire_forms(app: Dash, session: Session) -> None:
+    @app.callback(
+        Output("tick", "data", allow_duplicate=True),
+        Input("own-try", "n_clicks"),
+        Input("own-formula", "n_submit"),
+        State("own-name", "value"),
+        State("own-channel", "value"),
+        State("own-axis", "value"),
+        State("own-formula", "value"),
+        State("own-searched", "value"),
+        prevent_initial_call=True,
+    )
+    def _try(_: Any, __: Any, name: str, channel: str, axis: str, formula: str, searched: str) -> Any:
+        try:
+            actions.try_formula(session, OwnFormula(name or "", channel, axis, formula or "", searched or ""))
+        except GeoerrError as error:
+            refuse(session, actions.OWN, error)
+        return session.version
+
+    @app.callback(
+        Output("sight", "data", allow_duplicate=True),
+        Input({"condition": ALL}, "value"),
+        State({"condition": ALL}, "id"),
+        prevent_initial_call=True,
+    )
+    def _state_conditions(values: Sequence[str | None], ids: Sequence[dict[str, str]]) -> Any:
+        typed = {one["condition"]: value or "" for one, value in zip(ids, values, strict=True)}
+        if typed == {name: session.view.conditions.get(name, "") for name in typed}:
+            return no_update
+        session.view.conditions |= typed
+        session.sight += 1
+        return session.sight
+
+    @app.callback(
+        Output("tick", "data", allow_duplicate=True),
+        Input("program", "contents"),
+        State("program", "filename"),
+        State("work-offset", "value"),
+        State("wishes", "value"),
+        prevent_initial_call=True,
+    )
+    def _correct(contents: str | None, name: str | None, work_offset: str, wishes: Sequence[str]) -> Any:
+        if not contents:
+            return no_update
+        wish = Wish(session.view.conditions, work_offset or "0, 0, 0", "hold" in wishes, "pass" in wishes)
+        try:
+            actions.compensate(session, name or "program.gcode", _decoded(contents), wish)
+        except GeoerrError as error:
+            refuse(session, actions.PROGRAM, error)
+        return session.version
+
+    @app.callback(
+        Output("download", "data"), Input({"do": "download", "what": ALL}, "n_clicks"), prevent_initial_call=True
+    )
+    def _download(_: Any) -> Any:
+        corrected = session.program
+        if corrected is None or not ctx.triggered[0]["value"]:
+            return no_update
+        return dcc.send_bytes(corrected.content, corrected.corrected_name)
+
+
+def _decoded(contents: str) -> bytes:
+    """Give the bytes of what Dash sends for a dropped file: `data:...;base64,...`."""
+    return base64.b64decode(contents.partition(",")[2])
