@@ -187,7 +187,7 @@ def _card(one: Finding, rank: str, session: Session) -> Any:
             _separation(one) if one.tied or rank.startswith("found, but") else None,
             html.Details([html.Summary("Where, why, what looks like it"), *details]),
         ],
-        _buttons(name, session, is_in=is_in, is_rig=one.is_rig),
+        _buttons(name, session, is_in=is_in, is_rig=one.is_rig, is_main=one.tied or rank.startswith("found")),
     )
 
 
@@ -229,12 +229,14 @@ def _framed(one: Named, rank: str, texts: list[Any], buttons: Any) -> Any:
     )
 
 
-def _buttons(name: str, session: Session, *, is_in: bool = False, is_rig: bool = False, add: str = "Add") -> Any:
+def _buttons(
+    name: str, session: Session, *, is_in: bool = False, is_rig: bool = False, is_main: bool = True, add: str = "Add"
+) -> Any:
     why = "It is the cameras', and never compensated" if is_rig else f"Add {name} to the model and fit again"
     return html.Div(
         [
-            button("In the model" if is_in else add, "add", name, is_main=not is_in, off=session.is_busy or is_in,
-                   title=why),
+            button("In the model" if is_in else add, "add", name, is_main=is_main and not is_in,
+                   off=session.is_busy or is_in, title=why),
             button("Show", "point", name, title="Show what it would explain in the pictures"),
         ],
         className="buttons",

@@ -103,7 +103,9 @@ def program_result(session: Session) -> list[Any]:
         html.Table([html.Tbody(rows)], className="figures pair"),
         html.Ul(told, className="files") if told else None,
         button(f"Download {corrected.corrected_name}", "download", is_main=True),
-        dcc.Graph(figure=_path(corrected), config={"displaylogo": False, "responsive": True}, className="path"),
+        html.Div(
+            dcc.Graph(figure=_path(corrected), config={"displaylogo": False, "responsive": True}), className="path"
+        ),
     ]
 
 

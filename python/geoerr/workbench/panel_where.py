@@ -7,19 +7,24 @@ from typing import Any
 import numpy as np
 from dash import dcc, html
 
-from geoerr.diagnose.regions import region_name
+from geoerr.diagnose.regions import Region, region_name
 from geoerr.report.figures import error_fall, variable_label
 from geoerr.workbench.history import story
 from geoerr.workbench.parts import button, um
 from geoerr.workbench.pictures import in_panel
 from geoerr.workbench.session import Rows, Seen, Session
-from geoerr.workbench.view import LARGEST_POWER, LEAST_POWER, LOOKS
+from geoerr.workbench.view import LARGEST_POWER, LEAST_POWER, LOOKS, View
 
 _CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False}
 _VOLUME_CONFIG = {**_CONFIG, "scrollZoom": True, "modeBarButtonsToRemove": ["resetCameraLastSave3d", "tableRotation"]}
-_RESIDUAL_CONFIG = {**_CONFIG, "modeBarButtonsToRemove": ["lasso2d", "autoScale2d"]}
+_RESIDUAL_CONFIG = {
+    **_CONFIG,
+    "modeBarButtonsToRemove": ["lasso2d", "autoScale2d", "toImage", "zoomIn2d", "zoomOut2d"],
+}
 _MARKS = {-3: "⅛", -2: "¼", -1: "½", 0: "1", 1: "2", 2: "4", 3: "8"}
 _STEPS_DRAWN = 7
+# Axis and legend, and the two bars of a model.
+_BARS_PX = (64, 34)
 
 
 def where_panel(session: Session) -> list[Any]:
@@ -27,57 +32,64 @@ def where_panel(session: Session) -> list[Any]:
     view = session.view
     return [
         html.H2("Where it fails"),
-        html.Div(
-            [
-                html.Fieldset(
-                    [
-                        html.Legend("Volume"),
-                        dcc.RadioItems(dict(LOOKS), view.look, id="look", inline=True, className="choice"),
-                        dcc.Checklist(
-                            {"shape": "machine's shape"},
-                            ["shape"] if view.shows_shape else [],
-                            id="shape",
-                            inline=True,
-                            className="choice",
-                        ),
-                    ]
-                ),
-                html.Fieldset(
-                    [
-                        html.Legend("Exaggeration"),
-                        dcc.Slider(
-                            LEAST_POWER, LARGEST_POWER, 0.5, value=view.power, id="power", marks=_MARKS,
-                            included=False,
-                            allow_direct_input=False,
-                        ),
-                    ],
-                    className="slider",
-                ),
-                html.Label(["Residual over", dcc.Dropdown(id="variable", clearable=False, searchable=False)]),
-                html.Label(["Colour", dcc.Dropdown(id="color", placeholder="none", searchable=False)]),
-            ],
-            className="controls",
-        ),
-        html.Div(
-            [
-                html.Figure(
-                    [
-                        dcc.Graph(id="volume", config=_VOLUME_CONFIG, className="picture", responsive=True),
-                        html.Div(id="regions", className="picture regions", hidden=True),
-                        html.Figcaption(id="volume-caption"),
-                    ]
-                ),
-                html.Figure(
-                    [
-                        dcc.Graph(id="residual", config=_RESIDUAL_CONFIG, className="picture", responsive=True),
-                        html.Figcaption(id="residual-caption"),
-                    ]
-                ),
-            ],
-            className="pictures",
-        ),
+        html.Div([_volume_figure(view), _residual_figure()], className="pictures"),
         html.Div(id="marked", className="marked", role="status"),
-    ]  # fmt: skip
+    ]
+
+
+def _volume_figure(view: View) -> Any:
+    looks = dcc.RadioItems(dict(LOOKS), view.look, id="look", inline=True, className="choice")
+    shape = dcc.Checklist(
+        {"shape": "machine's shape"},
+        ["shape"] if view.shows_shape else [],
+        id="shape",
+        inline=True,
+        className="choice",
+    )
+    power = dcc.Slider(
+        LEAST_POWER,
+        LARGEST_POWER,
+        0.5,
+        value=view.power,
+        id="power",
+        marks=_MARKS,
+        included=False,
+        allow_direct_input=False,
+    )
+    return html.Figure(
+        [
+            html.Div([looks], className="controls"),
+            html.Div(
+                [
+                    shape,
+                    html.Span("exaggerate", className="why"),
+                    html.Div(power, className="slider"),
+                ],
+                className="controls row",
+            ),
+            html.Div(
+                dcc.Graph(id="volume", config=_VOLUME_CONFIG, responsive=True), id="volume-frame", className="picture"
+            ),
+            html.Div(id="regions", className="picture regions", hidden=True),
+            html.Figcaption(id="volume-caption"),
+        ]
+    )
+
+
+def _residual_figure() -> Any:
+    return html.Figure(
+        [
+            html.Div(
+                [
+                    html.Label(["Residual over", dcc.Dropdown(id="variable", clearable=False, searchable=False)]),
+                    html.Label(["Colour", dcc.Dropdown(id="color", placeholder="none", searchable=False)]),
+                ],
+                className="controls",
+            ),
+            html.Div(dcc.Graph(id="residual", config=_RESIDUAL_CONFIG, responsive=True), className="picture"),
+            html.Figcaption(id="residual-caption"),
+        ]
+    )
 
 
 def options_of(seen: Seen) -> list[dict[str, str]]:
@@ -91,22 +103,31 @@ def regions_table(seen: Seen) -> Any:
     names = [component.name for component in seen.comparison.components]
     known = [(number, region) for number, region in enumerate(seen.comparison.regions) if region.rmse_um is not None]
     ranked = sorted(known, key=lambda item: -(item[1].rmse_um or 0.0))
-    head = ["region, mm", "rms, µm", *(f"{name}: mean ± spread" for name in names), "rows"]
+    head = ["x · y · z from–to, mm", "rms, µm", *(f"{name}, µm" for name in names), "rows"]
     rows = [
         html.Tr(
             [
-                html.Td(button(region_name(region), "mark-region", str(number), title="Mark these rows")),
-                html.Td(f"{region.rmse_um:.1f}", className="number"),
-                *(
-                    html.Td(_mean(region.mean_um.get(name), region.std_um.get(name)), className="number")
-                    for name in names
+                html.Td(
+                    button(_span(region), "mark-region", str(number), title=f"Mark the rows of {region_name(region)}")
                 ),
+                html.Td(f"{region.rmse_um:.1f}", className="number"),
+                *(html.Td(_mean_over_spread(region, name), className="number") for name in names),
                 html.Td(f"{region.n:,}", className="number"),
             ]
         )
         for number, region in ranked
     ]
     return html.Table([html.Thead(html.Tr([html.Th(text, scope="col") for text in head])), html.Tbody(rows)])
+
+
+def _span(region: Region) -> str:
+    spans = [f"{low:.0f}–{high:.0f}" for low, high in zip(region.low_mm, region.high_mm, strict=True)]
+    return " · ".join(spans)
+
+
+def _mean_over_spread(region: Region, name: str) -> list[Any]:
+    mean, _, spread = _mean(region.mean_um.get(name), region.std_um.get(name)).partition(" ")
+    return [html.B(mean), html.Br(), html.Span(spread, className="why")]
 
 
 def rows_of_region(seen: Seen, number: int) -> Rows:
@@ -144,7 +165,7 @@ def fall_graph(session: Session) -> Any:
     noise = figure.layout.title.subtitle.text
     in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
     # A bar's length is for the eye; its row must not be thinner than its text.
-    height_px = 74 + 36 * max(len(figure.data[0].y), 1)
+    height_px = _BARS_PX[0] + _BARS_PX[1] * max(len(figure.data[0].y), 1)
     return html.Div(
         [
             html.H2("How the error falls"),

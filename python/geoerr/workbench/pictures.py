@@ -25,6 +25,8 @@ MOST_MARKED = 800
 _MARKED, _EXPLAINED = 2, 3
 # Traces of each component in the picture of the residual: points, means, what would be explained.
 _PER_COMPONENT = 3
+# Far enough away that the axes' names are inside a narrow panel.
+_EYE = {"x": 1.75, "y": -2.05, "z": 1.2}
 _MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
 _FEED_MM_MIN = 1000.0
 
@@ -59,9 +61,8 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     )
     if view.shows_shape:
         caption += _add_shape(figure, session)
-    figure.update_scenes(
-        aspectratio={"x": 1, "y": 1, "z": 1} if figure.layout.scene.aspectmode == "cube" else None, dragmode="orbit"
-    )
+    ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}
+    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", camera_eye=_EYE)
     return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)
 
 
@@ -83,9 +84,13 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
     for trace in figure.data:
         trace.update(unselected={"marker": {"opacity": 0.12 if trace.customdata is not None else 1.0}})
     figure.update_layout(dragmode="select", selectdirection="any", newselection={"line": {"color": style.VERMILLION}})
+    for axis in figure.select_yaxes():
+        axis.title.text = axis.title.text.removeprefix("along ")
     # The first part tells the axes apart from those of another choice: zoom is kept while they are the same.
     panel = in_panel(figure, f"residual {view.variable}", margin={"l": 62, "r": 10, "t": 26, "b": 44})
-    return Picture(panel, "Drag a box over points to mark them in the volume. Black: mean of a bin with its 95 %.")
+    return Picture(
+        panel, "Measured minus predicted, along x, y and z. Drag a box over points to mark them in the volume too."
+    )
 
 
 def marks(session: Session, seen: Seen) -> tuple[Patch, Patch]:
@@ -135,9 +140,11 @@ def rows_of_pass(seen: Seen, row: int) -> Rows:
 
 def in_panel(figure: go.Figure, revision: str, *, margin: dict[str, int]) -> go.Figure:
     """Take heading and size from a figure: the panel has its own. Zoom and turn stay while `revision` does."""
-    figure.update_layout(title=None, height=None, autosize=True, margin=margin, uirevision=revision)
+    figure.update_layout(
+        title={"text": "", "subtitle": {"text": ""}}, height=None, autosize=True, margin=margin, uirevision=revision
+    )
     figure.update_layout(legend={"y": 1.0, "yanchor": "bottom", "x": 0.0, "font": {"size": 11}})
-    figure.layout.title = None
+    figure.update_yaxes(title={"font": {"size": 11}})
     return figure
 
 

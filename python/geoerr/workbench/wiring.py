@@ -113,7 +113,10 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
         explained = what_is_shown(session, shown)
         residual = residual_picture(session, seen, explained)
         volume = None if is_by_region else volume_picture(session, seen, explained)
-        by_region = "Regions of the volume, worst first. A mean that is not 0 is an error that the model lacks."
+        by_region = (
+            "Regions of the volume, worst first. Bold: mean, below it the spread. A mean that is not 0 is an "
+            "error that the model lacks; few rows: hardly looked there."
+        )
         return {
             "volume": no_update if volume is None else volume.figure,
             "residual": residual.figure,
@@ -229,7 +232,7 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             "volume": Output("volume", "figure"),
             "residual": Output("residual", "figure"),
             "regions": Output("regions", "children"),
-            "hidden": (Output("volume", "style"), Output("regions", "hidden")),
+            "hidden": (Output("volume-frame", "hidden"), Output("regions", "hidden")),
             "captions": (Output("volume-caption", "children"), Output("residual-caption", "children")),
             "marked": Output("marked", "children"),
         },
@@ -252,7 +255,7 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             view.color_by = color if color in session.seen.variables else ""
         found = pictures(session, shown)
         is_by_region = found.pop("is_by_region")
-        return found | {"hidden": ({"display": "none"} if is_by_region else {}, not is_by_region)}
+        return found | {"hidden": (is_by_region, not is_by_region)}
 
     @app.callback(
         Output("volume", "figure", allow_duplicate=True),

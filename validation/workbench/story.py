@@ -1,0 +1,170 @@
+"""The whole story on the workbench, in a browser without a screen: load, see, learn, add, watch, correct, print.
+
+    python validation/workbench/story.py machine.toml observations.csv part.gcode OUT [--browser /usr/bin/chromium]
+
+Writes a screenshot of every stage at 1366 × 768 and 1920 × 1080 to OUT and prints how long each step took, from the
+click to the page's own "ready". Fails where the page asks anything of another host or reports an error. Needs
+Playwright and a Chromium.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+SIZES = ((1366, 768), (1920, 1080))
+# Drawing without a graphics card.
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# Searching a large data set on two cores.
+PATIENCE_MS = 600_000
+NO_HARM = ("willReadFrequently", "GPU stall", "GL Driver Message")
+
+
+class Story:
+    """One walk through the page at one size."""
+
+    def __init__(self, page: Any, out: Path, width_px: int) -> None:
+        self.page, self.out, self.width_px = page, out, width_px
+        self.number = 0
+        self.outside: list[str] = []
+        self.errors: list[str] = []
+        page.on("request", self._asked)
+        page.on("console", self._said)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+
+    def _asked(self, request: Any) -> None:
+        if not request.url.startswith(("http://127.0.0.1", "data:", "blob:")):
+            self.outside.append(request.url)
+
+    def _said(self, message: Any) -> None:
+        if message.type == "error" and not any(text in message.text for text in NO_HARM):
+            self.errors.append(message.text)
+
+    def shoot(self, name: str, *, is_whole: bool = False) -> None:
+        """Take a screenshot when the pictures have settled."""
+        self.number += 1
+        self.page.wait_for_timeout(1200)
+        self.page.screenshot(path=self.out / f"{self.width_px}-{self.number:02d}-{name}.png", full_page=is_whole)
+
+    def ready(self) -> None:
+        """Wait until no work is under way."""
+        self.page.wait_for_selector("#status >> text=ready", timeout=PATIENCE_MS)
+
+    def do(self, name: str, act: Callable[[], None], until: str | None = None) -> float:
+        """Do something and wait until it is done; print the seconds."""
+        began = time.monotonic()
+        act()
+        if until is not None:
+            self.page.wait_for_selector(until, timeout=PATIENCE_MS)
+        self.ready()
+        took_s = time.monotonic() - began
+        print(f"{self.width_px:5d}  {name:<28} {took_s:7.2f} s")
+        return took_s
+
+
+def brush(story: Story) -> None:
+    """Drag a box over the upper half of the first component; tell the time until the page says what is marked."""
+    box = story.page.locator("#residual .draglayer .xy .nsewdrag").first.bounding_box()
+    mouse = story.page.mouse
+    mouse.move(box["x"] + 0.55 * box["width"], box["y"] + 4)
+    mouse.down()
+    mouse.move(box["x"] + 0.95 * box["width"], box["y"] + 0.9 * box["height"], steps=5)
+    began = time.monotonic()
+    mouse.up()
+    story.page.wait_for_selector("#marked >> text=rows marked", timeout=PATIENCE_MS)
+    print(f"{story.width_px:5d}  {'brush to answer':<28} {time.monotonic() - began:7.2f} s")
+
+
+def tell(story: Story, url: str, program: Path) -> None:
+    """Walk through the page."""
+    page = story.page
+    story.do("load", lambda: page.goto(url), until="#residual .scatterlayer, #residual .gl-canvas")
+    story.shoot("load")
+    story.do("fit the 21 errors", lambda: page.click("text=Fit the 21 errors"), until="text=2. 21 errors fitted")
+    story.shoot("fitted")
+    brush(story)
+    story.shoot("marked")
+    page.click("text=Unmark")
+    page.click("label:has-text('by region')")
+    page.wait_for_selector("#regions table")
+    story.shoot("regions")
+    page.click("label:has-text('direction')")
+    story.shoot("direction")
+    page.click("label:has-text('arrows')")
+    story.do("look for what is missing", lambda: page.click("text=Look for what is missing"), until=".verdict")
+    story.shoot("missing")
+    page.hover("#missing .card >> nth=0")
+    story.shoot("pointed")
+    page.mouse.move(5, 5)
+    number = 3
+    while page.locator("#missing .card button.main:enabled").count() and number < 6:
+        add = page.locator("#missing .card button.main:enabled").first
+        story.do("add", lambda add=add: add.click(), until=f".history button:has-text('{number}. +')")
+        story.shoot(f"added-{number - 2}")
+        story.do("look again", lambda: page.click("text=Look for what is missing"), until=".verdict")
+        number += 1
+    story.shoot("nothing-left")
+    page.fill("#own-formula", "c*(q - 200)^2")
+    story.do("try a formula", lambda: page.click("#own-try"), until="#own-result >> text=elp")
+    story.shoot("own-formula")
+    with page.expect_file_chooser() as chooser:
+        page.click("text=Choose a program")
+    story.do("correct a program", lambda: chooser.value.set_files(program), until="text=Download")
+    page.locator("#program-result").scroll_into_view_if_needed()
+    story.shoot("program")
+    with page.expect_download() as download:
+        page.click("text=Download")
+    download.value.save_as(story.out / f"{story.width_px}-{download.value.suggested_filename}")
+    with page.context.expect_page() as opened:
+        page.click("text=What is missing, and how sure")
+    opened.value.wait_for_load_state()
+    opened.value.wait_for_timeout(1500)
+    opened.value.screenshot(path=story.out / f"{story.width_px}-report.png")
+    opened.value.close()
+    before = page.locator(".history tr").count()
+    story.do("reload", lambda: page.reload(), until="#residual .scatterlayer, #residual .gl-canvas")
+    assert page.locator(".history tr").count() == before, "the history was lost by a reload"
+    story.shoot("reloaded", is_whole=True)
+
+
+def main() -> int:
+    """Run the story at each size, with a server of its own."""
+    from playwright.sync_api import sync_playwright
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("machine", type=Path)
+    parser.add_argument("observations", type=Path)
+    parser.add_argument("program", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    problems: list[str] = []
+    with sync_playwright() as playwright:
+        for width_px, height_px in SIZES:
+            command = [sys.executable, "-u", "-m", "geoerr", "workbench", str(given.machine), str(given.observations)]
+            server = subprocess.Popen([*command, "--no-open", "--quiet"], stdout=subprocess.PIPE, text=True)
+            try:
+                assert server.stdout is not None
+                url = server.stdout.readline().strip()
+                browser = playwright.chromium.launch(executable_path=given.browser, args=FLAGS)
+                page = browser.new_page(viewport={"width": width_px, "height": height_px})
+                story = Story(page, given.out, width_px)
+                tell(story, url, given.program)
+                problems += [f"asked another host: {one}" for one in story.outside] + story.errors
+                browser.close()
+            finally:
+                server.terminate()
+                server.wait()
+    for problem in problems:
+        print(f"problem: {problem}", file=sys.stderr)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
