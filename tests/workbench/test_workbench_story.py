@@ -1,0 +1,238 @@
+"""The story without a browser: load, see, learn, add, watch, undo, correct, report, and have it all again."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dash")
+
+from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle, texts
+
+from geoerr.errors import GeoerrError, InputFileError
+from geoerr.workbench import actions, wiring
+from geoerr.workbench.app import make_app
+from geoerr.workbench.explained import what_is_shown
+from geoerr.workbench.history import story
+from geoerr.workbench.layout import page, status
+from geoerr.workbench.own_effect import OwnFormula
+from geoerr.workbench.program import Wish
+from geoerr.workbench.security import Guard
+from geoerr.workbench.server import begin_session
+from geoerr.workbench.session import Session
+
+# Diagnosing needs a few seconds: once for all that only read it.
+PORT = 8124
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    session = loaded(tmp_path_factory.mktemp("learned"))
+    wiring.do(session, "fit", "21")
+    settle(session)
+    wiring.do(session, "diagnose", "")
+    settle(session)
+    return session
+
+
+def test_at_first_the_machine_is_compared_as_it_is(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    assert [step.name for step in session.steps] == ["machine without errors"]
+    found = wiring.panels(session)
+    assert f"{N_LINES * N_POINTS} rows in {N_LINES} passes" in texts(found["given"])
+    assert session.view.variable in {option["value"] for option in found["variables"]}
+    drawn = wiring.pictures(session, "")
+    assert len(drawn["volume"].data[0].x) == 3 * N_LINES * N_POINTS
+    assert drawn["residual"].layout.xaxis3.title.text
+
+
+def test_the_candidate_is_told_with_value_worth_and_certainty(learned: Session) -> None:
+    told = texts(wiring.panels(learned)["missing"])
+    assert "Backlash of the drive" in told
+    for words in ("worth", "held out", "Value:", "Certainty:", "Cause:", "To do:"):
+        assert words in told, words
+
+
+def test_pointing_shows_what_it_would_explain(learned: Session) -> None:
+    moved_um = what_is_shown(learned, "backlash:x")
+    assert moved_um is not None
+    sense = learned.seen.comparison.points.sightings.directions[:, 0]
+    gap_um = moved_um[sense > 0, 0].mean() - moved_um[sense < 0, 0].mean()
+    # The 21 errors take a part of it where lines were run one way only.
+    assert gap_um == pytest.approx(-PLAY_UM, rel=0.35)
+    assert what_is_shown(learned, "no-such-effect:x") is None
+    drawn = wiring.pictures(learned, "backlash:x")
+    assert np.isfinite(np.asarray(drawn["residual"].data[2].y, dtype=float)).any()
+
+
+def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
+    learned.view.variable = "x"
+    in_volume, in_residual, words = wiring.mark(
+        learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}}
+    )
+    fitted = learned.seen.comparison.points
+    x = fitted.sightings.commanded_mm[:, 0]
+    # A gross outlier takes no part in the fit, and is not drawn.
+    expected = (x >= 100.0) & (x <= 200.0) & fitted.solved.used
+    assert (~fitted.solved.used).sum() < 3
+    assert (learned.selected == expected).all()
+    assert f"{expected.sum()} rows marked" in texts(words)
+    operations = {tuple(one["location"]): one["params"]["value"] for one in in_volume.to_plotly_json()["operations"]}
+    assert len(operations["data", 2, "x"]) == 3 * expected.sum()
+    assert in_residual.to_plotly_json()["operations"]
+    wiring.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
+    assert learned.selected.sum() == N_POINTS
+    wiring.mark(learned, "region", "0")
+    assert learned.selected is None or learned.selected.sum() < N_LINES * N_POINTS
+    wiring.mark(learned, "none", "")
+    assert learned.selected is None
+
+
+def test_regions_come_worst_first(learned: Session) -> None:
+    learned.view.look = "region"
+    table = wiring.pictures(learned, "")["regions"]
+    learned.view.look = "length"
+    sizes = [float(texts(row.children[1])) for row in table.children[1].children]
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    wiring.do(session, "add", "backlash:x")
+    settle(session)
+    stages = story(session.steps, session.current)
+    inside, held = ([stage.figure(name) for stage in stages] for name in ("rmse_um", "held_out_rmse_um"))
+    assert inside[2] < 0.8 * inside[1] < inside[0]
+    assert held[2] < 0.8 * held[1]
+    assert dict(session.step.effects) == {"backlash:x": "Backlash of the drive"}
+    wiring.do(session, "refer", "1")
+    assert session.reference == 1
+    assert "−" in texts(wiring.panels(session)["given"])
+    wiring.do(session, "undo", "")
+    settle(session)
+    assert session.current == 1
+    wiring.do(session, "show", "2")
+    settle(session)
+    wiring.do(session, "remove", "backlash:x")
+    settle(session)
+    assert session.step.name == "− backlash:x"
+    assert session.step.figures["held_out_rmse_um"] == pytest.approx(held[1], rel=0.02)
+
+
+def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    actions.try_formula(session, OwnFormula("Gap of x", "along", "x", "g*d/2"))
+    settle(session)
+    assert "It helps." in texts(wiring.panels(session)["own"])
+    value = session.trial.change.result.model.parameter("gap-of-x:x.g").value
+    assert 1e3 * value == pytest.approx(-PLAY_UM, abs=2.0)
+    wiring.do(session, "add-trial", "")
+    assert session.step.name == "+ gap-of-x:x"
+    with pytest.raises(GeoerrError, match="your formula"):
+        actions.try_formula(session, OwnFormula("bad", "along", "x", "c*(q"))
+    with pytest.raises(InputFileError, match="no number to be found"):
+        actions.try_formula(session, OwnFormula("bad", "along", "x", "q"))
+
+
+def test_a_refusal_is_shown_in_its_panel_with_its_hint(tmp_path: Path) -> None:
+    session = Session(threads=1)
+    wiring.do(session, "diagnose", "")
+    told = texts(wiring.panels(session)["missing"])
+    assert "There is no machine yet." in told
+    assert "What to do:" in told
+    wiring.do(session, "dismiss", actions.MISSING)
+    assert session.problems == {}
+    actions.take_dropped(session, ["bad.csv"], [b"a,b\n1,2\n"])
+    session.job.wait(60.0)
+    assert "bad.csv" in texts(wiring.panels(session)["given"])
+
+
+def test_a_program_is_corrected_and_its_path_is_better(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    actions.compensate(session, "part.gcode", PROGRAM, Wish({}))
+    settle(session)
+    corrected = session.program
+    assert corrected.corrected_name == "part-corrected.gcode"
+    assert corrected.content != PROGRAM
+    assert corrected.path.rms_um_after < 0.2 * corrected.path.rms_um_before
+    assert len(corrected.distance_mm) == len(corrected.before_mm) == len(corrected.after_mm)
+    assert "Download part-corrected.gcode" in texts(wiring.panels(session)["program"])
+    actions.compensate(session, "bad.gcode", b"G2 X10 Y10 I5 J5\n", Wish({}))
+    session.job.wait(60.0)
+    assert "bad.gcode:1" in session.problems[actions.PROGRAM]
+
+
+def test_reports_and_the_model_can_be_had(learned: Session) -> None:
+    guard = Guard(PORT)
+    client = make_app(learned, guard).server.test_client()
+    headers = {"Host": f"127.0.0.1:{PORT}"}
+    client.get(f"/?token={guard.token}", headers=headers)
+    for path, words in (("comparison", "model against measurements"), ("diagnosis", "what is missing")):
+        answer = client.get(f"/report/{path}", headers=headers)
+        assert answer.status_code == 200
+        assert words in answer.get_data(as_text=True)
+    assert client.get("/model.json", headers=headers).get_json()["schema"].startswith("geoerr-model")
+
+
+def test_a_saved_session_is_the_same_again(tmp_path: Path) -> None:
+    saved = tmp_path / "session.json"
+    session = loaded(tmp_path, saved)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    session.view.variable, session.view.power = "d_x", 1.0
+    wiring.mark(session, "residual", {"range": {"x": [0.5, 1.5]}})
+    wiring.do(session, "refer", "1")
+    again = begin_session([], saved, threads=1)
+    settle(again)
+    assert [step.name for step in again.steps] == [step.name for step in session.steps]
+    assert (again.current, again.reference) == (1, 1)
+    assert (again.selected == session.selected).all()
+    assert again.view == session.view
+    assert again.step.figures == pytest.approx(dict(session.step.figures))
+    table = tmp_path / "observations.csv"
+    table.write_bytes(table.read_bytes() + b"\n")
+    with pytest.raises(InputFileError, match="has changed"):
+        begin_session([], saved)
+
+
+def test_the_page_is_there_again_after_a_reload(learned: Session) -> None:
+    guard = Guard(PORT)
+    client = make_app(learned, guard).server.test_client()
+    headers = {"Host": f"127.0.0.1:{PORT}"}
+    client.get(f"/?token={guard.token}", headers=headers)
+    parts = client.get("/_dash-layout", headers=headers).get_json()["props"]["children"]
+    stores = {one["props"].get("id"): one["props"].get("data") for one in parts}
+    assert stores["tick"] == learned.version
+    assert "Backlash of the drive" in texts(wiring.panels(learned)["missing"])
+    assert texts(page(learned))
+
+
+def test_work_can_be_stopped_and_then_changes_nothing(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    goes_on, steps = threading.Event(), list(session.steps)
+
+    def work(advance):
+        advance(1, 2)
+        goes_on.wait(30.0)
+        advance(2, 2)
+        return lambda: pytest.fail("a stopped job was applied")
+
+    session.begin("long work", actions.MISSING, work)
+    job = session.job
+    assert "long work" in texts(status(session))
+    wiring.do(session, "diagnose", "")
+    assert "long work is still under way" in session.problems[actions.MISSING]
+    wiring.do(session, "stop", "")
+    goes_on.set()
+    job.wait(30.0)
+    assert session.job is None
+    assert session.steps == steps
