@@ -36,11 +36,12 @@ def missing_panel(session: Session) -> list[Any]:
 
 
 def own_panel(session: Session) -> Any:
-    """Make the form for an own effect; what was tried stands under it, in `own-result`."""
+    """Make the form for an own effect; what was tried stands above it, in `own-result`."""
     typed = None if session.trial is None else session.trial.typed
     return section(
         "An effect of your own",
         [
+            html.Div(id="own-result"),
             html.Label(["Name", dcc.Input("my effect" if typed is None else typed.name, id="own-name", type="text")]),
             html.Label(
                 ["Moves", dcc.Dropdown(CHANNELS, "along" if typed is None else typed.channel, id="own-channel",
@@ -71,7 +72,6 @@ def own_panel(session: Session) -> Any:
                 ]
             ),
             html.Button("Try it", id="own-try", n_clicks=0, type="button"),
-            html.Div(id="own-result"),
         ],
         name="own",
         explanation="Written as a formula; you see at once whether it helps.",

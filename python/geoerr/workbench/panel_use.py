@@ -38,8 +38,8 @@ def use_panel() -> list[Any]:
                 dcc.Upload(
                     html.Button("Choose a program …", type="button", title="Or drop it here", className="main"),
                     id="program",
-                    className="upload",
-                    className_active="upload active",
+                    className="upload one",
+                    className_active="upload one active",
                 ),
                 html.Div(id="program-result"),
                 dcc.Download(id="download"),

@@ -103,7 +103,7 @@ def regions_table(seen: Seen) -> Any:
     names = [component.name for component in seen.comparison.components]
     known = [(number, region) for number, region in enumerate(seen.comparison.regions) if region.rmse_um is not None]
     ranked = sorted(known, key=lambda item: -(item[1].rmse_um or 0.0))
-    head = ["x · y · z from–to, mm", "rms, µm", *(f"{name}, µm" for name in names), "rows"]
+    head = ["x · y · z, mm", "rms", *names, "rows"]
     rows = [
         html.Tr(
             [

@@ -19,8 +19,8 @@ from geoerr.workbench.program import conditions_of
 from geoerr.workbench.session import Rows, Seen, Session
 
 # What a browser without a graphics card turns and marks without a pause.
-MOST_POINTS = 3_000
-MOST_MARKED = 800
+MOST_POINTS = 1_500
+MOST_MARKED = 500
 # Places of traces in the picture of the volume.
 _MARKED, _EXPLAINED = 2, 3
 # Traces of each component in the picture of the residual: points, means, what would be explained.
@@ -59,6 +59,8 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
         if look != "magnitude"
         else f"Dot size and colour: how far measured and predicted are apart, {len(volume.rows):,} rows."
     )
+    if look == "direction":
+        caption += " Colour: where it points (hue in the XY plane; light +Z, dark −Z); clusters are no chance."
     if view.shows_shape:
         caption += _add_shape(figure, session)
     ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}

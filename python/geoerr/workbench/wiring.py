@@ -114,7 +114,7 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
         residual = residual_picture(session, seen, explained)
         volume = None if is_by_region else volume_picture(session, seen, explained)
         by_region = (
-            "Regions of the volume, worst first. Bold: mean, below it the spread. A mean that is not 0 is an "
+            "Regions of the volume, worst first, in µm. Bold: mean, below it the spread. A mean that is not 0 is an "
             "error that the model lacks; few rows: hardly looked there."
         )
         return {
