@@ -19,6 +19,7 @@ from geoerr.cli.main import app
 from geoerr.diagnose import add_effect
 from geoerr.diagnose.advice import Advice, adviser_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms
+from geoerr.diagnose.explained import explained_um
 from geoerr.diagnose.search import search
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
@@ -304,3 +305,15 @@ def test_circular_tests_alone_are_ranked(tmp_path: Path) -> None:
     assert "The circle is off by" in text
     assert "unexplained" in text
     assert max(len(line) for line in text.splitlines() if "geoerr add" not in line) <= WIDTH
+
+
+def test_what_is_explained_row_by_row_is_worth_what_is_said(named: Diagnosis, unknown: Diagnosis) -> None:
+    # What has no name is read with the noise of the last round, which is not that in which it was found.
+    for diagnosis, what, share in ((named, named.found[0], 0.02), (unknown, unknown.unknown, 0.2)):
+        moved_um = explained_um(diagnosis, what)
+        used = diagnosis.fitted.solved.used
+        assert np.sqrt((moved_um[used] ** 2).sum(axis=1).mean()) == pytest.approx(what.worth_um, rel=share)
+    growth_um = explained_um(named, named.found[0])
+    assert np.abs(growth_um[:, 1]).max() > 5.0 * np.abs(growth_um[:, [0, 2]]).max()
+    with pytest.raises(GeoerrError, match="no candidate"):
+        explained_um(unknown, named.found[0])
