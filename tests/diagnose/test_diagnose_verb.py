@@ -29,6 +29,7 @@ from geoerr.machine import write_machine
 from geoerr.model import write_model
 from geoerr.observations import Observations
 from geoerr.report import figures
+from geoerr.terms import EffectReference
 
 PLAN = Plan(n_sessions=2, n_lines=20, n_points=14)
 NOISE = Noise(white=(5.0, 5.0, 7.0), offset=1.5)
@@ -316,4 +317,4 @@ def test_what_is_explained_row_by_row_is_worth_what_is_said(named: Diagnosis, un
     growth_um = explained_um(named, named.found[0])
     assert np.abs(growth_um[:, 1]).max() > 5.0 * np.abs(growth_um[:, [0, 2]]).max()
     with pytest.raises(GeoerrError, match="no candidate"):
-        explained_um(unknown, named.found[0])
+        explained_um(named, replace(named.found[0], reference=EffectReference("play", "x", None)))

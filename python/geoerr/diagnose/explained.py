@@ -13,8 +13,8 @@ from geoerr.fit.sightings import Numbers
 def explained_um(diagnosis: Diagnosis, what: Finding | Unknown) -> Numbers:
     """Give the part of the residuals that something would explain: (n, 3), µm in base axes, rows as in the fit.
 
-    Of an effect it is what the model cannot do itself: `worth_um` is its root mean square. Structure without a name is
-    read with the noise as it was judged last, which may differ a little from that in which it was found.
+    Of an effect it is what the model cannot do itself: `worth_um` is its root mean square. Structure without a name
+    is read with the noise as it was judged last, which may differ a little from that in which it was found.
 
     Raises
     ------
