@@ -3,6 +3,7 @@
 //! Lengths are millimetres and angles radians throughout; names carry the unit.
 //! Errors are actual minus nominal, of the tool as seen from the work.
 
+mod arithmetic;
 pub mod bases;
 pub mod candidates;
 pub mod expression;

@@ -27,7 +27,11 @@
 //! `tests/triangulate.rs`: 50-digit references in quantiles beside nalgebra's QR and SVD, identities by property tests,
 //! bitwise equality over thread counts. `tests/geometry/test_triangulate.py`: Monte-Carlo covariance, OpenCV.
 
+mod batch;
+mod double_double;
+mod fast;
 mod lanes;
+mod pair;
 mod point;
 mod rig;
 
@@ -35,6 +39,7 @@ use rayon::prelude::*;
 
 pub use self::rig::Rig;
 
+use self::batch::{CHUNK, ChunkFound, ChunkView, solve_chunk, solve_points};
 use self::lanes::{Lanes, WIDTH};
 use self::point::{Sight, Solution, solve};
 
@@ -48,6 +53,12 @@ const BLOCK: usize = 2048;
 /// Up to this many points the calling thread works alone: they take it a millisecond at most, and a second thread was
 /// not seen to start its share within 0.4 ms on a machine with other work.
 const PARALLEL_ABOVE: usize = 4 * BLOCK;
+
+/// The same for points alone, which take a tenth of the time.
+const POINTS_BLOCK: usize = 16_384;
+
+/// As [`PARALLEL_ABOVE`]: 10⁵ points take less than a millisecond.
+const POINTS_PARALLEL_ABOVE: usize = 8 * POINTS_BLOCK;
 
 /// One of the two cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -193,9 +204,9 @@ pub fn triangulate(
     check_noise("the left covariances", &left.noise, n_points)?;
     check_noise("the right covariances", &right.noise, n_points)?;
     let mut result = Triangulated {
-        points_mm: vec![[f64::NAN; 3]; n_points],
-        covariance_mm2: vec![[[f64::NAN; 3]; 3]; n_points],
-        reprojection_px: vec![f64::NAN; n_points],
+        points_mm: vec![[0.0; 3]; n_points],
+        covariance_mm2: vec![[[0.0; 3]; 3]; n_points],
+        reprojection_px: vec![0.0; n_points],
         status: vec![Status::Ok; n_points],
     };
     let blocks = result
@@ -215,6 +226,107 @@ pub fn triangulate(
         if n_points <= PARALLEL_ABOVE { blocks.with_min_len(PARALLEL_ABOVE) } else { blocks.with_min_len(1) };
     blocks.for_each(|(index, mut block)| block.fill(rig, left, right, index * BLOCK, reweightings));
     Ok(result)
+}
+
+/// Points alone, with equal noise in all pixels: Li's rows as they stand, as [`triangulate`] solves them with no
+/// reweighting, without covariance and reprojection error and many times as fast.
+///
+/// Fills `points_mm` and `status`, one row for each pair of pixels.
+///
+/// # Errors
+/// [`TriangulateError::LengthsDiffer`]; a bad row is NaN and has a [`Status`].
+///
+/// # Examples
+/// ```
+/// use geoerr_core::triangulate::{Rig, Status, triangulate_points};
+/// let left = [[2000.0, 0.0, 1000.0, 0.0], [0.0, 2000.0, 1000.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+/// let mut right = left;
+/// right[0][3] = -2000.0 * 200.0; // 200 mm to the right
+/// let rig = Rig::new(&left, &right)?;
+/// let (mut points_mm, mut status) = ([[0.0; 3]; 1], [Status::Ok; 1]);
+/// triangulate_points(&rig, &[[1100.0, 1000.0]], &[[600.0, 1000.0]], &mut points_mm, &mut status)?;
+/// assert!((points_mm[0][0] - 40.0).abs() < 1e-10 && (points_mm[0][2] - 800.0).abs() < 1e-10);
+/// # Ok::<(), geoerr_core::triangulate::TriangulateError>(())
+/// ```
+pub fn triangulate_points(
+    rig: &Rig,
+    left_px: &[[f64; 2]],
+    right_px: &[[f64; 2]],
+    points_mm: &mut [[f64; 3]],
+    status: &mut [Status],
+) -> Result<(), TriangulateError> {
+    let n_points = left_px.len();
+    check_length("the right pixels", right_px.len(), n_points)?;
+    check_length("the array of points", points_mm.len(), n_points)?;
+    check_length("the array of statuses", status.len(), n_points)?;
+    let fill = |(((left_px, right_px), points_mm), status): (((&[_], &[_]), &mut [_]), &mut [_])| {
+        fill_points(rig, left_px, right_px, points_mm, status);
+    };
+    if n_points <= POINTS_PARALLEL_ABOVE {
+        fill((((left_px, right_px), points_mm), status));
+    } else {
+        left_px
+            .par_chunks(POINTS_BLOCK)
+            .zip(right_px.par_chunks(POINTS_BLOCK))
+            .zip(points_mm.par_chunks_mut(POINTS_BLOCK))
+            .zip(status.par_chunks_mut(POINTS_BLOCK))
+            .for_each(fill);
+    }
+    Ok(())
+}
+
+fn fill_points(
+    rig: &Rig,
+    left_px: &[[f64; 2]],
+    right_px: &[[f64; 2]],
+    points_mm: &mut [[f64; 3]],
+    status: &mut [Status],
+) {
+    status.fill(Status::Ok);
+    let (chunks, rest) = points_mm.as_chunks_mut::<CHUNK>();
+    let (lefts, rest_left) = left_px.as_chunks::<CHUNK>();
+    let (rights, rest_right) = right_px.as_chunks::<CHUNK>();
+    let statuses = status.chunks_mut(CHUNK);
+    let whole = chunks.iter_mut().zip(lefts).zip(rights).zip(statuses);
+    for (((points_mm, left_px), right_px), status) in whole {
+        let is_good = solve_points(&rig.pair, left_px, right_px, points_mm);
+        if is_good.contains(&0) {
+            fill_points_carefully(rig, left_px, right_px, &is_good, points_mm, status);
+        }
+    }
+    if let ([.., last_left], [.., last_right]) = (rest_left, rest_right) {
+        let (mut padded_left, mut padded_right) = ([*last_left; CHUNK], [*last_right; CHUNK]);
+        let n_rest = rest.len();
+        padded_left[..n_rest].copy_from_slice(rest_left);
+        padded_right[..n_rest].copy_from_slice(rest_right);
+        let mut padded = [[0.0; 3]; CHUNK];
+        let is_good = solve_points(&rig.pair, &padded_left, &padded_right, &mut padded);
+        rest.copy_from_slice(&padded[..n_rest]);
+        if is_good.contains(&0) {
+            let status = &mut status[left_px.len() - n_rest..];
+            fill_points_carefully(rig, rest_left, rest_right, &is_good[..n_rest], rest, status);
+        }
+    }
+}
+
+/// Fills the rows of a chunk for which the fast kernel does not answer.
+fn fill_points_carefully(
+    rig: &Rig,
+    left_px: &[[f64; 2]],
+    right_px: &[[f64; 2]],
+    is_good: &[u64],
+    points_mm: &mut [[f64; 3]],
+    status: &mut [Status],
+) {
+    let [left, right] = [left_px, right_px].map(|uv_px| Pixels { uv_px, noise: PixelNoise::Sigma(1.0) });
+    let open: Vec<usize> = (0..is_good.len()).filter(|&row| is_good[row] == 0).collect();
+    for rows in open.chunks(WIDTH) {
+        solve_carefully(rig, &left, &right, 0, rows, 0, |row, found, solution, lane| {
+            status[row] = found;
+            points_mm[row] =
+                solution.point_mm.map(|value| if found == Status::Ok { value.0[lane] } else { f64::NAN });
+        });
+    }
 }
 
 fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), TriangulateError> {
@@ -238,27 +350,72 @@ struct Block<'a> {
 }
 
 impl Block<'_> {
-    /// Fills the block whose first row is row `first` of the batch, [`WIDTH`] rows at a time.
+    /// Fills the block whose first row is row `first` of the batch.
     fn fill(&mut self, rig: &Rig, left: &Pixels<'_>, right: &Pixels<'_>, first: usize, reweightings: u32) {
+        let (mut seen_left, mut seen_right) = (ChunkView::new(), ChunkView::new());
+        let mut found = ChunkFound::new();
         let n_rows = self.points_mm.len();
-        for offset in (0..n_rows).step_by(WIDTH) {
-            let n_used = WIDTH.min(n_rows - offset);
-            // Lanes beyond the end repeat the last row and are not stored.
-            let rows: [usize; WIDTH] = std::array::from_fn(|lane| first + offset + lane.min(n_used - 1));
-            let seen_left = left.sight(&rows);
-            let seen_right = right.sight(&rows);
-            let solution = solve(rig, &seen_left, &seen_right, reweightings);
-            for lane in 0..n_used {
-                let status = solution.status(&seen_left, &seen_right, lane);
-                self.status[offset + lane] = status;
-                if status == Status::Ok {
-                    self.points_mm[offset + lane] = solution.point_mm.map(|value| value.0[lane]);
-                    let [xx, xy, xz, yy, yz, zz] = solution.covariance_mm2.map(|value| value.0[lane]);
-                    self.covariance_mm2[offset + lane] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-                    self.reprojection_px[offset + lane] = solution.reprojection_px.0[lane];
-                }
+        for offset in (0..n_rows).step_by(CHUNK) {
+            let n_used = CHUNK.min(n_rows - offset);
+            seen_left.take(left, &rig.pair.left_origin_px, first + offset, n_used);
+            seen_right.take(right, &rig.pair.right_origin_px, first + offset, n_used);
+            solve_chunk(&rig.pair, &seen_left, &seen_right, reweightings, &mut found);
+            for row in 0..n_used {
+                self.points_mm[offset + row] = std::array::from_fn(|i| found.point_mm[i][row]);
+                let [xx, xy, xz, yy, yz, zz] = std::array::from_fn(|i| found.covariance_mm2[i][row]);
+                self.covariance_mm2[offset + row] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+            }
+            self.reprojection_px[offset..offset + n_used].copy_from_slice(&found.reprojection_px[..n_used]);
+            if found.is_good[..n_used].contains(&0) {
+                self.fill_carefully(rig, left, right, first, offset, &found.is_good[..n_used], reweightings);
             }
         }
+    }
+
+    /// Fills the rows of a chunk for which the fast kernels do not answer.
+    #[expect(clippy::too_many_arguments, reason = "where the chunk is, and what it is made of")]
+    fn fill_carefully(
+        &mut self,
+        rig: &Rig,
+        left: &Pixels<'_>,
+        right: &Pixels<'_>,
+        first: usize,
+        offset: usize,
+        is_good: &[u64],
+        reweightings: u32,
+    ) {
+        let open: Vec<usize> =
+            (0..is_good.len()).filter(|&row| is_good[row] == 0).map(|row| offset + row).collect();
+        for rows in open.chunks(WIDTH) {
+            solve_carefully(rig, left, right, first, rows, reweightings, |row, status, solution, lane| {
+                let is_ok = status == Status::Ok;
+                let or_nan = |value: Lanes| if is_ok { value.0[lane] } else { f64::NAN };
+                self.status[row] = status;
+                self.points_mm[row] = solution.point_mm.map(or_nan);
+                let [xx, xy, xz, yy, yz, zz] = solution.covariance_mm2.map(or_nan);
+                self.covariance_mm2[row] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+                self.reprojection_px[row] = or_nan(solution.reprojection_px);
+            });
+        }
+    }
+}
+
+/// The careful path for up to [`WIDTH`] rows, counted from row `first` of the batch; each is given to `store`.
+fn solve_carefully(
+    rig: &Rig,
+    left: &Pixels<'_>,
+    right: &Pixels<'_>,
+    first: usize,
+    rows: &[usize],
+    reweightings: u32,
+    mut store: impl FnMut(usize, Status, &Solution, usize),
+) {
+    // Lanes beyond the end repeat the last row and are not stored.
+    let lanes: [usize; WIDTH] = std::array::from_fn(|lane| first + rows[lane.min(rows.len() - 1)]);
+    let (seen_left, seen_right) = (left.sight(&lanes), right.sight(&lanes));
+    let solution = solve(rig, &seen_left, &seen_right, reweightings);
+    for (lane, &row) in rows.iter().enumerate() {
+        store(row, solution.status(&seen_left, &seen_right, lane), &solution, lane);
     }
 }
 

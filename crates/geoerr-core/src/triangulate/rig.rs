@@ -1,5 +1,6 @@
 //! Two projection matrices, checked once and brought to one scale.
 
+use super::pair::Pair;
 use super::{Side, TriangulateError};
 
 /// Smallest `|det M| / (‖m₁‖‖m₂‖‖m₃‖)` of a camera at a finite place: an affine camera has 0, a lens of
@@ -28,6 +29,7 @@ pub(super) struct Camera {
 pub struct Rig {
     pub(super) left: Camera,
     pub(super) right: Camera,
+    pub(super) pair: Pair,
 }
 
 impl Rig {
@@ -42,7 +44,7 @@ impl Rig {
     ) -> Result<Self, TriangulateError> {
         let left = Camera::new(projection_left, Side::Left)?;
         let right = Camera::new(projection_right, Side::Right)?;
-        let rig = Self { left, right };
+        let rig = Self { left, right, pair: Pair::new(&left, &right) };
         let baseline_mm = rig.baseline_mm();
         if baseline_mm <= MIN_RELATIVE_BASELINE * (norm(&left.centre_mm) + norm(&right.centre_mm)) {
             return Err(TriangulateError::CentresCoincide { baseline_mm });
