@@ -87,6 +87,10 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     assert learned.selected.sum() == N_POINTS
     wiring.mark(learned, "region", "0")
     assert learned.selected is None or learned.selected.sum() < N_LINES * N_POINTS
+    wiring.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
+    # The browser tells that the box is gone; the mark of the other picture stays.
+    assert wiring.mark(learned, "residual", None) is None
+    assert learned.selected.sum() == N_POINTS
     wiring.mark(learned, "none", "")
     assert learned.selected is None
 
@@ -151,7 +155,9 @@ def test_a_refusal_is_shown_in_its_panel_with_its_hint(tmp_path: Path) -> None:
     assert session.problems == {}
     actions.take_dropped(session, ["bad.csv"], [b"a,b\n1,2\n"])
     session.job.wait(60.0)
-    assert "bad.csv" in texts(wiring.panels(session)["given"])
+    told = texts(wiring.panels(session)["given"])
+    assert "bad.csv" in told
+    assert str(session.folder) not in told
 
 
 def test_a_program_is_corrected_and_its_path_is_better(tmp_path: Path) -> None:

@@ -41,9 +41,12 @@ def problem(session: Session, place: str) -> Any:
 
 
 def sentence(text: str) -> str:
-    """Begin with a capital and end with a full stop."""
+    """Begin with a capital, unless the first word is a name (`part.gcode:118:`), and end with a full stop."""
     text = text.strip()
-    return text if not text else text[0].upper() + text[1:] + ("" if text[-1] in ".!?:" else ".")
+    if not text:
+        return text
+    begins = text[0].upper() if text.split()[0].isalpha() else text[0]
+    return begins + text[1:] + ("" if text[-1] in ".!?:" else ".")
 
 
 def figure_row(name: str, value: str, title: str = "") -> Any:

@@ -80,7 +80,8 @@ class Session:
     steps, current, reference
         The models, which of them is looked at, and which the others are compared with.
     seen, diagnosis, trial, selected, program
-        What belongs to the current model: None until it was asked for. `selected` is (n,).
+        What belongs to the current model: None until it was asked for. `selected` is (n,),
+        and `is_marked_by_box` tells whether the box over the residual chose it.
     problems
         Panel to the message that it shows.
     notes
@@ -102,6 +103,7 @@ class Session:
     diagnosis: Diagnosis | CircleDiagnosis | None = None
     trial: Trial | None = None
     selected: Rows | None = None
+    is_marked_by_box: bool = False
     program: CorrectedProgram | None = None
     view: View = field(default_factory=View)
     problems: dict[str, str] = field(default_factory=dict)
@@ -156,6 +158,10 @@ class Session:
                 except (GeoerrError, OSError) as error:
                     self.problems["data"] = f"the session could not be saved: {error}"
 
+    def show_problem(self, place: str, text: str) -> None:
+        """Show a message in a panel; a dropped file is named as the person knows it, not where it was put."""
+        self.problems[place] = text.replace(f"{self.folder}/", "")
+
     def forget_step(self) -> None:
         """Forget what belongs to the model that was looked at."""
         self.seen = self.diagnosis = self.trial = None
@@ -190,5 +196,5 @@ class Session:
                 return
             self.job = None
             if problem is not None:
-                self.problems[job.place] = problem
+                self.show_problem(job.place, problem)
             self.changed(is_kept=problem is None)

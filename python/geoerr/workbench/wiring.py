@@ -70,7 +70,7 @@ def do(session: Session, action: str, what: str) -> None:
 
 def refuse(session: Session, place: str, error: GeoerrError) -> None:
     """Show a refusal in a panel."""
-    session.problems[place] = str(error)
+    session.show_problem(place, str(error))
     session.changed()
 
 
@@ -134,6 +134,9 @@ def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[A
         if seen is None:
             return None
         rows = None
+        if source == "residual" and not what and not session.is_marked_by_box:
+            # The box goes away where rows are marked elsewhere: that takes no mark away.
+            return None
         if source == "residual" and what and "range" in what:
             rows = rows_in_box(seen, session.view.variable, what["range"])
         elif source == "volume" and what:
@@ -143,6 +146,7 @@ def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[A
         elif source == "region":
             rows = rows_of_region(seen, int(what))
         actions.select(session, rows)
+        session.is_marked_by_box = source == "residual"
         in_volume, in_residual = marks(session, seen)
         if source != "residual":
             in_residual["layout"]["selections"] = []
