@@ -90,6 +90,7 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     wiring.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
     # The browser tells that the box is gone; the mark of the other picture stays.
     assert wiring.mark(learned, "residual", None) is None
+    assert wiring.mark(learned, "residual", {"points": []}) is None
     assert learned.selected.sum() == N_POINTS
     wiring.mark(learned, "none", "")
     assert learned.selected is None

@@ -134,10 +134,11 @@ def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[A
         if seen is None:
             return None
         rows = None
-        if source == "residual" and not what and not session.is_marked_by_box:
+        has_box = source == "residual" and bool(what) and "range" in what
+        if source == "residual" and not has_box and not session.is_marked_by_box:
             # The box goes away where rows are marked elsewhere: that takes no mark away.
             return None
-        if source == "residual" and what and "range" in what:
+        if has_box:
             rows = rows_in_box(seen, session.view.variable, what["range"])
         elif source == "volume" and what:
             told = what["points"][0].get("customdata") or []
