@@ -98,7 +98,7 @@ def test_what_no_effect_explains_is_unknown_with_its_variables() -> None:
     searched = search(_fitted(3, _strange), KNOWN, threads=1)
     assert not searched.found
     assert searched.unknown is not None
-    probe = searched.unknown[0].what
+    probe = searched.unknown.judged.what
     assert (probe.component, probe.depends_on) == ("z", ("x", "y"))  # type: ignore[union-attr]
 
 

@@ -198,7 +198,7 @@ class _Summary:
                 self._finding(judged, settle(first.space, first.scanner, judged), first)
                 for judged in first.candidates[:_LISTED]
             )
-        unknown = None if searched.unknown is None else self._unknown(*searched.unknown)
+        unknown = None if searched.unknown is None else self._unknown(searched.unknown)
         verdict: Verdict = "nothing-missing"
         if found:
             verdict = "ambiguous" if any(one.tied for one in candidates[1:]) else "missing"
@@ -307,7 +307,8 @@ class _Summary:
         moved_um = displacement_um(looked.space, settled.displacement)
         return where_of(self.fitted.sightings, moved_um, self.fitted.solved.used, variables)
 
-    def _unknown(self, judged: Judged, settled: Settled) -> Unknown:
+    def _unknown(self, found: Found) -> Unknown:
+        judged, settled = found.judged, found.settled
         assert isinstance(judged.what, Probe)
         probe = judged.what
         reference = f"{EMPIRICAL}:{self._axis(probe.component)}@{'*'.join(probe.depends_on)}"
@@ -326,7 +327,7 @@ class _Summary:
             settled.visible_um,
             min(_HALVES * judged.p_value, 1.0),
             self._where(
-                settled, self.searched.last, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]
+                settled, found.looked, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]
             ),
             reference,
             curve,

@@ -13,8 +13,7 @@ from geoerr.fit.sightings import Numbers
 def explained_um(diagnosis: Diagnosis, what: Finding | Unknown) -> Numbers:
     """Give the part of the residuals that something would explain: (n, 3), µm in base axes, rows as in the fit.
 
-    Of an effect it is what the model cannot do itself: `worth_um` is its root mean square. Structure without a name
-    is read with the noise as it was judged last, which may differ a little from that in which it was found.
+    Of an effect it is what the model cannot do itself: `worth_um` is its root mean square.
 
     Raises
     ------
@@ -30,7 +29,7 @@ def _settled(diagnosis: Diagnosis, what: Finding | Unknown) -> tuple[Round, Sett
     if isinstance(what, Unknown):
         if searched.unknown is None:
             raise GeoerrError("this diagnosis found nothing without a name")
-        return searched.last, searched.unknown[1]
+        return searched.unknown.looked, searched.unknown.settled
     for found in searched.found:
         for judged, settled in ((found.judged, found.settled), *((one.judged, one.settled) for one in found.rivals)):
             if reference_of(judged) == what.reference:

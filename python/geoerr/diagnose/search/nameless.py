@@ -133,19 +133,19 @@ def _is_probe_of(judged: Judged, names: set[str]) -> bool:
     return variables_of(judged) <= names
 
 
-def not_taken_back(bench: Bench, found: list[Found], unknown: tuple[Judged, Settled]) -> list[Found]:
+def not_taken_back(bench: Bench, found: list[Found], unknown: Found) -> list[Found]:
     """Give the names that stand beside something without a name.
 
     Names on its component were parts of it where it does clearly more without them than they did; an effect whose
     formula is a little off keeps its name, and what it leaves is the unknown.
     """
-    part = [one for one in found if not acts_elsewhere(one.looked.space, one.settled, unknown[0])]
+    part = [one for one in found if not acts_elsewhere(one.looked.space, one.settled, unknown.judged)]
     if not part:
         return found
     others = [one for one in found if one not in part]
     space = bench.space([one.settled.raw for one in others])
     _, _, of_names = estimate(space, np.concatenate([one.settled.raw for one in part], axis=2))
-    _, _, of_unknown = estimate(space, unknown[1].raw)
+    _, _, of_unknown = estimate(space, unknown.settled.raw)
     return others if float(of_names) < _MOST_OF_IT * float(of_unknown) else found
 
 

@@ -91,14 +91,14 @@ def _unrefined(looked: Round, judged: Judged) -> Settled:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An effect that the search added.
+    """What the search added: an effect, or structure without a name.
 
     Attributes
     ----------
     judged, settled
         The effect.
     rivals
-        What came next.
+        What came next; of what has no name there are none.
     looked
         The look that found it.
     """

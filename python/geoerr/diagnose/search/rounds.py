@@ -48,7 +48,7 @@ class Searched:
     found
         Effects in the order in which they were added.
     unknown
-        The probe that no candidate matches, with what it is worth; None where there is none.
+        The probe that no candidate matches, as it was found; None where there is none.
     not_offered
         Effects that the data cannot carry, and why.
     """
@@ -57,7 +57,7 @@ class Searched:
     first: Round
     last: Round
     found: tuple[Found, ...]
-    unknown: tuple[Judged, Settled] | None
+    unknown: Found | None
     not_offered: tuple[tuple[str, str], ...]
 
 
@@ -78,10 +78,10 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     names = all_channels([shapes for what in everything for shapes in what.shapes])
     bench = Bench(fitted, functions, names=names, threads=threads)
     found: list[Found] = []
-    unknown: tuple[Judged, Settled] | None = None
+    unknown: Found | None = None
     first: Round | None = None
     while True:
-        aside = [] if unknown is None else [unknown[1].raw]
+        aside = [] if unknown is None else [unknown.settled.raw]
         added = [*aside, *(one.settled.raw for one in found)]
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
@@ -94,7 +94,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
                 found = [one for one in found if one is not wrong]
                 looked = look(bench, bench.space([one.settled.raw for one in found]), [], probes)
                 probe = simplest_to_pass(looked.probes, level) or probe
-            unknown = (probe, settle(looked.space, looked.scanner, probe))
+            unknown = _nameless(looked, probe)
             found = not_taken_back(bench, found, unknown)
             continue
         if best is None or len(found) >= MOST_EFFECTS:
@@ -105,9 +105,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             continue
         bent = bent_by_its_covariate(looked, best, settled) if unknown is None else None
         if bent is not None:
-            unknown = (bent, settle(looked.space, looked.scanner, bent))
+            unknown = _nameless(looked, bent)
             continue
-        if unknown is not None and not acts_elsewhere(looked.space, settled, unknown[0]):
+        if unknown is not None and not acts_elsewhere(looked.space, settled, unknown.judged):
             break
         others = [one for one in looked.candidates if one is not best]
         found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
@@ -115,6 +115,10 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
     return Searched(bench, first, looked, tuple(found), unknown, tuple(not_offered))
+
+
+def _nameless(looked: Round, probe: Judged) -> Found:
+    return Found(probe, settle(looked.space, looked.scanner, probe), (), looked)
 
 
 def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers]) -> bool:
