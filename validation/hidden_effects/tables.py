@@ -29,6 +29,7 @@ from validation.hidden_effects.judge import (
     told_as_tied,
     unknown_outcome,
 )
+from validation.hidden_effects.sets import sets_of
 from validation.hidden_effects.study import RESULTS
 
 # A plan or chain is said to stand out where chance would do it once in a hundred tables.
@@ -301,6 +302,10 @@ def tables(lines: Sequence[Line]) -> str:
     """Give all tables."""
     by_part = _by(lines, "part")
     text = "# Hidden effects: what was found of them\n"
+    whole = {part: sum(1 for _ in sets_of(part)) for part in SECTIONS}
+    rows = sorted({line["n_rows"] for line in lines})
+    done = ", ".join(f"{part} {len(by_part.get(part, []))} of {n}" for part, n in whole.items())
+    text += f"\nSets of the whole study that are in this table: {done}; of {', '.join(map(str, rows))} rows each, or so.\n"
     for part, (title, section) in SECTIONS.items():
         own = by_part.get(part, [])
         failed = [line for line in own if line["failed"]]
