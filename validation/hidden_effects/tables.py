@@ -305,7 +305,7 @@ def tables(lines: Sequence[Line]) -> str:
     whole = {part: sum(1 for _ in sets_of(part)) for part in SECTIONS}
     rows = sorted({line["n_rows"] for line in lines})
     done = ", ".join(f"{part} {len(by_part.get(part, []))} of {n}" for part, n in whole.items())
-    text += f"\nSets of the whole study that are in this table: {done}; of {', '.join(map(str, rows))} rows each, or so.\n"
+    text += f"\nSets of the study that are in these tables: {done}; of {', '.join(map(str, rows))} rows or so.\n"
     for part, (title, section) in SECTIONS.items():
         own = by_part.get(part, [])
         failed = [line for line in own if line["failed"]]
