@@ -50,6 +50,7 @@ def line(truth: list[str | None], found: list[dict[str, Any]], **more: Any) -> d
     return {
         "key": "single/k/4/0",
         "part": "single",
+        "n_rows": 10_000,
         "cell": "k",
         "strength_um": 4.0,
         "plan": "mixed",
@@ -215,6 +216,7 @@ def test_tables_hold_every_part() -> None:
         line([None], [], part="unlisted", key="u", unknown={"depends_on": ["z", "d_x"]}),
     ]
     text = tables(lines)
+    assert "nulls 1 of 1800, single 1 of 3280, pairs 1 of 200" in text
     for title in ("Nothing hidden", "One effect", "Two at once", "30 %", "Not in the catalogue", "Held-out", "Time"):
         assert title in text
     assert "| 4 | 1 | 1/1 = 100.0 %" in text
