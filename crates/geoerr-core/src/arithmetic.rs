@@ -33,9 +33,3 @@ impl Arithmetic for Separate {
 pub(crate) fn two<A: Arithmetic>(a: f64, b: f64, c: f64, d: f64) -> f64 {
     A::mul_add(a, b, c * d)
 }
-
-/// `a · b`.
-#[inline(always)]
-pub(crate) fn dot<A: Arithmetic>(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    A::mul_add(a[0], b[0], two::<A>(a[1], b[1], a[2], b[2]))
-}
