@@ -5,7 +5,7 @@
 use std::sync::LazyLock;
 
 use geoerr_core::triangulate::{
-    PixelNoise, Pixels, Rig, Side, Status, TriangulateError, Triangulated, triangulate,
+    PixelNoise, Pixels, Rig, Side, Status, TriangulateError, Triangulated, triangulate, triangulate_points,
 };
 use nalgebra::{Matrix3, Matrix4x3, Rotation3, SMatrix, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
@@ -191,6 +191,56 @@ fn error_is_that_of_qr() {
                 }
             }
         }
+    }
+}
+
+fn points_alone(rig: &Rig, left: &[[f64; 2]], right: &[[f64; 2]]) -> (Vec<[f64; 3]>, Vec<Status>) {
+    let (mut points_mm, mut status) = (vec![[0.0; 3]; left.len()], vec![Status::Ok; left.len()]);
+    triangulate_points(rig, left, right, &mut points_mm, &mut status).unwrap();
+    (points_mm, status)
+}
+
+/// The same contract for points without covariance, which have a kernel of their own.
+#[test]
+fn points_alone_are_as_near_as_qr() {
+    for (name, _, _) in RIGS.iter() {
+        for noise_px in [0.0, 0.1] {
+            let cases = cases_of(name, noise_px);
+            let uv = [0, 1].map(|side| cases.iter().map(|case| case.uv[side]).collect::<Vec<_>>());
+            let (points_mm, status) = points_alone(&rig(name), &uv[0], &uv[1]);
+            assert!(status.iter().all(|&status| status == Status::Ok));
+            let ours: Vec<f64> =
+                cases.iter().zip(&points_mm).map(|(case, p)| distance(p, &case.plain)).collect();
+            let qr: Vec<f64> =
+                (cases.iter()).map(|case| distance(&second_opinion(case, 0, by_qr), &case.plain)).collect();
+            for q in [0.5, 0.9, 1.0] {
+                let (ours, qr) = (quantile(&ours, q), quantile(&qr, q));
+                println!("{name} noise {noise_px} q{q}: points alone {ours:.1e} mm, QR {qr:.1e}");
+                assert!(ours <= 10.0 * qr, "{name} q{q}: {ours} mm, QR {qr} mm");
+            }
+        }
+    }
+}
+
+#[test]
+fn points_alone_do_not_depend_on_their_neighbours_or_on_threads() {
+    let rig = rig("converging_200");
+    let [left, mut right] = noisy_batch("converging_200", 50_001);
+    right[17][0] = f64::NAN;
+    let bits = |points: &[[f64; 3]]| points.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let with_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| points_alone(&rig, &left, &right))
+    };
+    let one = with_threads(1);
+    for threads in [2, 8] {
+        let other = with_threads(threads);
+        assert_eq!((bits(&one.0), &one.1), (bits(&other.0), &other.1));
+    }
+    assert_eq!(one.1[17], Status::NotFinite);
+    for row in [0, 16, 17, 4095, 50_000] {
+        let alone = points_alone(&rig, &left[row..=row], &right[row..=row]);
+        assert_eq!((bits(&alone.0), alone.1[0]), (bits(&one.0[row..=row]), one.1[row]));
     }
 }
 
@@ -447,6 +497,11 @@ fn bad_rows_are_named_and_leave_the_others_alone() {
         }
     }
     assert_eq!(found.points_mm[0], found.points_mm[7]);
+    let (points_mm, status) = points_alone(&rig, &left, &right);
+    assert_eq!(status, expected);
+    for (point, status) in points_mm.iter().zip(status) {
+        assert!(point.iter().all(|x| x.is_finite() == (status == Status::Ok)));
+    }
 }
 
 #[test]
