@@ -200,17 +200,22 @@ fn points_alone(rig: &Rig, left: &[[f64; 2]], right: &[[f64; 2]]) -> (Vec<[f64; 
     (points_mm, status)
 }
 
-/// The same contract for points without covariance, which have a kernel of their own.
+/// Points without covariance, which have a kernel of their own, are those with it to ten times what QR loses.
 #[test]
-fn points_alone_are_as_near_as_qr() {
+fn points_alone_are_the_points_with_covariances() {
     for (name, _, _) in RIGS.iter() {
         for noise_px in [0.0, 0.1] {
             let cases = cases_of(name, noise_px);
             let uv = [0, 1].map(|side| cases.iter().map(|case| case.uv[side]).collect::<Vec<_>>());
             let (points_mm, status) = points_alone(&rig(name), &uv[0], &uv[1]);
             assert!(status.iter().all(|&status| status == Status::Ok));
-            let ours: Vec<f64> =
-                cases.iter().zip(&points_mm).map(|(case, p)| distance(p, &case.plain)).collect();
+            // With the same noise in all pixels; the references weigh each by its own.
+            let noise = PixelNoise::Sigma(1.0);
+            let seen = [0, 1].map(|side| Pixels { uv_px: &uv[side], noise });
+            let whole = triangulate(&rig(name), &seen[0], &seen[1], 0).unwrap();
+            let ours: Vec<f64> = (points_mm.iter().zip(&whole.points_mm))
+                .map(|(p, q)| distance(p, &q.map(|x| [x, 0.0])))
+                .collect();
             let qr: Vec<f64> =
                 (cases.iter()).map(|case| distance(&second_opinion(case, 0, by_qr), &case.plain)).collect();
             for q in [0.5, 0.9, 1.0] {
