@@ -179,10 +179,11 @@ impl PointsOnly<'_> {
     fn run<A: Arithmetic>(self) -> [u64; CHUNK] {
         let pair = *self.pair;
         let mut is_good = [0; CHUNK];
-        for row in 0..CHUNK {
-            let (point_mm, good) = fast::point::<A>(&pair, &self.left_px[row], &self.right_px[row]);
-            self.points_mm[row] = point_mm;
-            is_good[row] = u64::from(good);
+        let rows = self.left_px.iter().zip(self.right_px).zip(self.points_mm);
+        for (((left_px, right_px), point_mm), is_good) in rows.zip(&mut is_good) {
+            let (found_mm, good) = fast::point::<A>(&pair, left_px, right_px);
+            *point_mm = found_mm;
+            *is_good = u64::from(good);
         }
         is_good
     }
