@@ -40,13 +40,12 @@ def workbench(
     `geoerr workbench machine.toml observations.csv` begins with a machine that was never fitted.
     """
     import webbrowser
+    from importlib.util import find_spec
 
     from geoerr.errors import GeoerrError
 
-    try:
-        import dash  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise GeoerrError("the workbench needs Dash\nhint: pip install 'geoerr[workbench]'") from error
+    if find_spec("dash") is None:
+        raise GeoerrError("the workbench needs Dash\nhint: pip install 'geoerr[workbench]'")
     from geoerr.workbench.server import begin_session, serve
 
     def ready(url: str) -> None:

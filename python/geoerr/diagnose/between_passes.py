@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr.diagnose.space import Space
-from geoerr.diagnose.where import unwhitened_um
+from geoerr.diagnose.where import rms_um, unwhitened_um
 from geoerr.diagnose.words import sure_words, um_words
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
@@ -88,17 +88,11 @@ def between_passes(space: Space) -> BetweenPasses:
     6 (1991)). Verified in tests/diagnose on offsets that were put in.
     """
     own = space.noise.whiten_transposed(space.residual) * space.noise.sigma**2 * space.rows
-    shared_um = unwhitened_um(space, space.noise.unwhiten(space.residual) * space.rows - own)
+    shared = space.noise.unwhiten(space.residual) * space.rows - own
+    shared_um = unwhitened_um(space, shared)
     component = int(np.argmax((shared_um**2).sum(axis=0)))
     trend_p, trend_um = _trend(space, shared_um[:, component])
-    return BetweenPasses(
-        _size_um(space, shared_um), _size_um(space, unwhitened_um(space, own)), AXES[component], trend_p, trend_um
-    )
-
-
-def _size_um(space: Space, values_um: Numbers) -> float:
-    counts = np.maximum(space.rows.sum(axis=0), 1.0)
-    return float(np.sqrt(((values_um**2).sum(axis=0) / counts).sum()))
+    return BetweenPasses(rms_um(space, shared), rms_um(space, own), AXES[component], trend_p, trend_um)
 
 
 def _trend(space: Space, shared_um: Numbers) -> tuple[float | None, float | None]:

@@ -88,9 +88,19 @@ def displacement_um(space: Space, displacement: Numbers) -> Numbers:
 
 def unwhitened_um(space: Space, stated: Numbers) -> Numbers:
     """Bring a displacement (n, 3) in units of the stated uncertainties to µm in base axes; 0 where unmeasured."""
-    fitted = space.fitted
-    mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, stated) * space.rows
-    return np.asarray(UM_PER_MM * fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm)))
+    fitted, um = space.fitted, _in_the_frame_um(space, stated)
+    return np.asarray(fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(um)))
+
+
+def rms_um(space: Space, stated: Numbers) -> float:
+    """Give the root mean square of such a displacement in µm, components summed as for errors."""
+    counts = np.maximum(space.rows.sum(axis=0), 1.0)
+    return float(np.sqrt(((_in_the_frame_um(space, stated) ** 2).sum(axis=0) / counts).sum()))
+
+
+def _in_the_frame_um(space: Space, stated: Numbers) -> Numbers:
+    mm = np.einsum("nij,nj->ni", space.fitted.sightings.unwhitening, stated)
+    return np.asarray(UM_PER_MM * mm * space.rows)
 
 
 def where_of(sightings: Sightings, moved_um: Numbers, is_used: np.ndarray, variables: Sequence[str]) -> Where:

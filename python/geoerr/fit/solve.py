@@ -192,10 +192,11 @@ def solve(
             scale_of_rows = np.sqrt(np.minimum(1.0, knee / np.maximum(distance, 1e-300)))
             continue
         now = ~_single(sightings, distance > limit)
-        if number > _HUBER_ROUNDS and (now == used).all():
-            if of_all is None:
-                break
-            # The rows are found: from here on the triangle is theirs.
+        are_found = number > _HUBER_ROUNDS and bool((now == used).all())
+        if are_found and of_all is None:
+            break
+        if are_found or number == rounds - 2:
+            # The rows are found, or one round is left: from here on the triangle is theirs.
             of_all = None
         used = now
         scale_of_rows = used.astype(np.float64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +31,9 @@ _EYE = {"x": 1.75, "y": -2.05, "z": 1.2}
 _MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
 _FEED_MM_MIN = 1000.0
 
+# Looks that are drawn in the volume; the table by region has the arrows beside it.
+_DRAWN: dict[str, Look] = {look: look for look in get_args(Look)}
+
 
 @dataclass(frozen=True, eq=False)
 class Picture:
@@ -42,7 +46,7 @@ class Picture:
 def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
     """Draw the volume: residuals as the view asks for, marked rows, what would be explained, the grid."""
     view = session.view
-    look: Look = view.look if view.look in ("length", "magnitude", "direction") else "length"  # type: ignore[assignment]
+    look = _DRAWN.get(view.look, "length")
     volume = _volume(session, seen)
     if not len(volume.rows):
         return Picture(_empty("circular tests have no place in the volume: see the residual beside"), "")

@@ -11,6 +11,7 @@ from geoerr.diagnose.candidates import Formulas, Shapes, is_free
 from geoerr.diagnose.scan import Scanner, estimate, off_model
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.space import Space
+from geoerr.diagnose.where import rms_um
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Parameter, Term
 
@@ -53,7 +54,9 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
         raw = scanner.raw_columns(shapes, judged.trial)
         coefficients, _, gain = estimate(space, raw)
         displacement = off_model(space, raw) @ coefficients
-        return Settled(None, shapes, float(gain), raw, displacement, visible_um(space, displacement))
+        return Settled(
+            None, shapes, float(gain), raw, displacement, rms_um(space, space.noise.unwhiten(displacement))
+        )
     term = shapes.term
     formulas = Formulas(scanner.functions, term)
     inner = list(shapes.trials[judged.trial])
@@ -97,7 +100,9 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
         coefficients.tolist(), inner, coefficients_std=std[:k].tolist(), inner_std=inner_std.tolist()
     )
     displacement = (beyond[:, :k] @ coefficients).reshape(space.residual.shape)
-    return Settled(valued, single, float(gain), joined, displacement, visible_um(space, displacement))
+    return Settled(
+        valued, single, float(gain), joined, displacement, rms_um(space, space.noise.unwhiten(displacement))
+    )
 
 
 def _range(parameter: Parameter) -> tuple[float, float]:
@@ -119,11 +124,3 @@ def _neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
 def _between(parameter: Parameter, low: float, high: float) -> list[float]:
     spaced = np.geomspace if parameter.spacing == "log" else np.linspace
     return [float(value) for value in spaced(low, high, _REFINED)]
-
-
-def visible_um(space: Space, displacement: Numbers) -> float:
-    """Give the root mean square of a whitened displacement (n, 3) in µm, components summed as for errors."""
-    stated = space.noise.unwhiten(displacement)
-    mm = np.einsum("nij,nj->ni", space.fitted.sightings.unwhitening, stated)
-    count = np.maximum(space.rows.sum(axis=0), 1.0)
-    return 1e3 * float(np.sqrt(((mm**2 * space.rows).sum(axis=0) / count).sum()))
