@@ -4,7 +4,7 @@ use geoerr_core::bases::{Basis, Curve, CurveSet, Order};
 use geoerr_core::kinematics::Table;
 use proptest::prelude::*;
 
-use crate::common::{any_basis, any_nodes, finest_mm, length, size};
+use super::common::{any_basis, any_nodes, finest_mm, length, size};
 
 fn any_curve() -> impl Strategy<Value = (Basis, Vec<f64>)> {
     any_basis().prop_flat_map(|basis| {

@@ -3,7 +3,7 @@
 use geoerr_core::bases::Basis;
 use proptest::prelude::*;
 
-use crate::common::{any_basis, differ, length, quadrature, size};
+use super::common::{any_basis, differ, length, quadrature, size};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]

@@ -3,7 +3,7 @@
 use geoerr_core::bases::{Basis, BasisKind, Order};
 use proptest::prelude::*;
 
-use crate::common::{
+use super::common::{
     any_basis, any_bspline, any_elements, any_nodes, any_plain, differ, finest_mm, largest, length,
     quadrature, size,
 };

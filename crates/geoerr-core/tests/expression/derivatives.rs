@@ -3,7 +3,7 @@
 use geoerr_core::expression::{Definitions, Expression, Rows};
 use proptest::prelude::*;
 
-use crate::common::{assert_near, by_inner, evaluate, noise, parse, symbols};
+use super::common::{assert_near, by_inner, evaluate, noise, parse, symbols};
 
 /// Step of the five-point difference. Its error is h⁴ f⁽⁵⁾/30, about 1e-14 for functions of order 1, and rounding is
 /// 1.5 ε f/h, about 3e-13: derivatives of functions of order 1 agree to 1e-10 with room for f⁽⁵⁾ of order 1000; the

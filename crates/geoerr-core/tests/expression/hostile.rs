@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use geoerr_core::expression::{Definitions, Expression, Problem, Rows};
 use proptest::prelude::*;
 
-use crate::common::{definitions, refused, symbols};
+use super::common::{definitions, refused, symbols};
 
 #[test]
 fn doubling_definitions_stay_small() {

@@ -2,7 +2,7 @@
 
 use geoerr_core::expression::{Definitions, Expression, MAX_TEXT_BYTES, Problem, Symbols};
 
-use crate::common::{refused, symbols};
+use super::common::{refused, symbols};
 
 fn known() -> Symbols {
     symbols("x y temp_bed d s v_x", "alpha b", "q_fixed tau")

@@ -2,7 +2,7 @@
 
 use geoerr_core::expression::{Rows, RowsError};
 
-use crate::common::{noise, parse, symbols};
+use super::common::{noise, parse, symbols};
 
 #[test]
 fn every_row_is_computed_alike_wherever_it_stands() {

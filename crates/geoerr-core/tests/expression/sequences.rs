@@ -2,7 +2,7 @@
 
 use geoerr_core::expression::Expression;
 
-use crate::common::{assert_near, definitions, evaluate, noise, parse, symbols};
+use super::common::{assert_near, definitions, evaluate, noise, parse, symbols};
 
 fn lagged(u: &[f64], t: Option<&[f64]>, tau: f64) -> Vec<f64> {
     evaluate(&parse("lag(u, tau)", &symbols("u", "", "tau")), &[u], &[], t, &[], &[tau])

@@ -3,7 +3,7 @@
 use geoerr_core::expression::{Definitions, Expression};
 use proptest::prelude::*;
 
-use crate::common::{assert_near, definitions, evaluate, parse, symbols, value_at};
+use super::common::{assert_near, definitions, evaluate, parse, symbols, value_at};
 
 #[test]
 fn operators_bind_as_written() {

@@ -2,7 +2,7 @@
 
 use geoerr_core::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Table};
 
-use crate::machines::{
+use super::machines::{
     Draws, add, all_chains, assert_second_order, cross, delta_and_epsilon, drawn_errors, sub,
 };
 

@@ -6,8 +6,8 @@ use geoerr_core::kinematics::{
 };
 use geoerr_core::newton::{Commands, Status, command_for, commands_for};
 
-use crate::displacements::{drawn_channels, drawn_pose};
-use crate::machines::{Draws, drawn_machine};
+use super::displacements::{drawn_channels, drawn_pose};
+use super::machines::{Draws, drawn_machine};
 
 fn rows(n: usize) -> Vec<[f64; 3]> {
     let mut draws = Draws(31);

@@ -2,8 +2,8 @@
 
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Component, Displacements, Pose};
 
-use crate::displacements::drawn_pose;
-use crate::machines::{Draws, add, all_chains, cross, norm, sub};
+use super::displacements::drawn_pose;
+use super::machines::{Draws, add, all_chains, cross, norm, sub};
 
 const TOOL_OFFSET: [f64; 3] = [3.0, -20.0, 55.0];
 

@@ -5,7 +5,7 @@ use geoerr_core::kinematics::{
 };
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use crate::machines::{Draws, add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
+use super::machines::{Draws, add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
 
 const TOOL_OFFSET: [f64; 3] = [3.0, -20.0, 55.0];
 

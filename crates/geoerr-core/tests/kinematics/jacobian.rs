@@ -2,7 +2,7 @@
 
 use geoerr_core::kinematics::{Axis, MachineModel};
 
-use crate::machines::{Draws, all_chains, drawn_machine};
+use super::machines::{Draws, all_chains, drawn_machine};
 
 fn moved(q: [f64; 3], axis: Axis, by: f64) -> [f64; 3] {
     let mut q = q;

@@ -3,7 +3,7 @@
 use geoerr_core::kinematics::{Axis, MachineModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use crate::machines::{Draws, add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
+use super::machines::{Draws, add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
 
 /// Unit directions at 90° + S by Gram–Schmidt on the cosines, X the datum, Y in the XY plane.
 fn directions(machine: &MachineModel) -> [Vector3<f64>; 3] {

@@ -4,7 +4,7 @@ use geoerr_core::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel,
 use geoerr_core::newton::{NewtonError, Solution, command_for};
 use proptest::prelude::*;
 
-use crate::machines::{add, all_chains, drawn_machine, norm, sub};
+use super::machines::{add, all_chains, drawn_machine, norm, sub};
 
 const NANOMETRE_MM: f64 = 1e-6;
 
@@ -24,7 +24,7 @@ fn assert_round_trip(machine: &MachineModel, q: [f64; 3]) -> u32 {
 
 #[test]
 fn drawn_machines_of_all_chains() {
-    let mut draws = crate::machines::Draws(41);
+    let mut draws = super::machines::Draws(41);
     for (seed, code) in all_chains().iter().enumerate() {
         let machine = drawn_machine(code, seed as u64, 1.0);
         for _ in 0..100 {
@@ -59,7 +59,7 @@ fn periodic_error_of_two_millimetres() {
     errors.set(Axis::Z, Component::Z, screw(2.0));
     for code in all_chains() {
         let machine = MachineModel::new(Chain::parse(&code).unwrap(), errors.clone(), [0.0; 3]);
-        let mut draws = crate::machines::Draws(42);
+        let mut draws = super::machines::Draws(42);
         let mut most_steps = 0;
         for _ in 0..300 {
             let q = draws.point(200.0).map(|c| c + 200.0);

@@ -4,7 +4,7 @@ use geoerr_core::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel,
 use geoerr_core::newton::{Solution, command_for};
 use proptest::prelude::*;
 
-use crate::machines::all_chains;
+use super::machines::all_chains;
 
 fn finite() -> impl Strategy<Value = f64> {
     prop_oneof![

@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use geoerr_core::kinematics::{Chain, ErrorTables, MachineModel, Squareness};
 
-use crate::machines::{add, all_chains, norm, sub};
+use super::machines::{add, all_chains, norm, sub};
 
 fn included_angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     let dot: f64 = (0..3).map(|c| a[c] * b[c]).sum();

@@ -3,7 +3,7 @@
 use geoerr_core::least_squares::{Matrix, Options, StoredDesign, Triangle, solve};
 use proptest::prelude::*;
 
-use crate::common::{Draw, difference, largest, product, to_nalgebra, triangle_of};
+use super::common::{Draw, difference, largest, product, to_nalgebra, triangle_of};
 
 /// Any small system: some columns zero, some repeated, some rows zero.
 fn systems() -> impl Strategy<Value = (Matrix, Matrix)> {

@@ -6,7 +6,7 @@ use geoerr_core::least_squares::{
 };
 use rayon::ThreadPoolBuilder;
 
-use crate::common::{Draw, solved, triangle_of};
+use super::common::{Draw, solved, triangle_of};
 
 fn without(matrix: &Matrix, rows: std::ops::Range<usize>) -> Matrix {
     let kept = |i: usize| if i < rows.start { i } else { i + rows.len() };

@@ -6,7 +6,7 @@
 
 use geoerr_core::least_squares::{Matrix, Method, Options, Solution, StoredDesign, fit};
 
-use crate::common::solved;
+use super::common::solved;
 
 const LONGLEY: [[f64; 7]; 16] = [
     [60323., 83.0, 234289., 2356., 1590., 107608., 1947.],

@@ -7,7 +7,7 @@ use geoerr_core::least_squares::{
 use nalgebra::DMatrix;
 use rayon::ThreadPoolBuilder;
 
-use crate::common::{Draw, difference, largest, product, to_nalgebra};
+use super::common::{Draw, difference, largest, product, to_nalgebra};
 
 fn fitted(a: &Matrix, b: &Matrix, options: &Options, method: Method) -> Fit {
     fit(&StoredDesign::new(a, b).unwrap(), options, method).unwrap()

@@ -4,7 +4,7 @@ use geoerr_core::least_squares::orthonormal;
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
-use crate::common::Draw;
+use super::common::Draw;
 
 fn largest(matrix: &DMatrix<f64>) -> f64 {
     matrix.iter().fold(0.0, |most, value| value.abs().max(most))

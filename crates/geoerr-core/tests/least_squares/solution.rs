@@ -2,7 +2,7 @@
 
 use geoerr_core::least_squares::{LeastSquaresError, Matrix, Options, Restriction, solve};
 
-use crate::common::{Draw, by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
+use super::common::{Draw, by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
 
 fn with_singular_values() -> Options {
     Options { wants_singular_values: true, ..Options::default() }

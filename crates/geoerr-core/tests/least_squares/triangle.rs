@@ -4,7 +4,7 @@ use geoerr_core::least_squares::{Blocks, Design, LeastSquaresError, Matrix, Opti
 use rayon::ThreadPoolBuilder;
 use std::ops::Range;
 
-use crate::common::{Draw, by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
+use super::common::{Draw, by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
 
 /// A stored system with cuts of its own.
 struct Cut<'a>(&'a Matrix, &'a Matrix, Blocks);

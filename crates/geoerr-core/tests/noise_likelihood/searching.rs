@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use crate::scene::{Scene, scenes};
+use super::scene::{Scene, scenes};
 
 const SHORTEST: f64 = 0.1;
 

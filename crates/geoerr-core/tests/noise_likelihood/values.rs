@@ -3,7 +3,7 @@
 use geoerr_core::noise_likelihood::{Blocks, Likelihood, NoiseError};
 use proptest::prelude::*;
 
-use crate::scene::{Draw, Scene, parameters, scenes};
+use super::scene::{Draw, Scene, parameters, scenes};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]

@@ -4,7 +4,7 @@ use geoerr_core::noise_likelihood::{Direction, Whitening};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
-use crate::scene::{Scene, parameters, scenes};
+use super::scene::{Scene, parameters, scenes};
 
 /// Entries of U, by component.
 fn units(scene: &Scene) -> [Vec<f64>; 3] {
