@@ -1,6 +1,11 @@
 //! Tests of the core's public side, one binary: what they share is compiled and linked once.
 
-#![allow(clippy::unwrap_used, clippy::panic, clippy::expect_used, reason = "what a test did not expect must end it")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::expect_used,
+    reason = "what a test did not expect must end it"
+)]
 
 mod bases;
 mod candidates;
