@@ -3,6 +3,26 @@
 //! A kernel is written once, for numbers, in loops that the compiler turns into vector registers; `pulp` picks the widest
 //! ones when the program runs, and with them whether products are fused.
 
+use pulp::{Arch, Simd, WithSimd};
+
+/// Runs what is compiled for the widest vector registers that the machine has.
+///
+/// The closure has to be `#[inline(always)]`. It is called by reference: a closure that needs nothing of its own and is
+/// called by value gets a function of its own around it, which is compiled for the narrow registers of any machine.
+#[inline(always)]
+pub(crate) fn in_wide_registers<R>(run: impl FnMut() -> R) -> R {
+    struct Run<F>(F);
+    impl<R, F: FnMut() -> R> WithSimd for Run<F> {
+        type Output = R;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(mut self, _: S) -> R {
+            (self.0)()
+        }
+    }
+    Arch::new().dispatch(Run(run))
+}
+
 /// How `a · b + c` is made: rounded once where the processor can, twice where it would have to pretend.
 pub(crate) trait Arithmetic {
     fn mul_add(a: f64, b: f64, c: f64) -> f64;

@@ -127,13 +127,22 @@ class Scanner:
         ]
         return [Scanned(*found) for found in self.functions.scan(scene, groups, self.threads)]
 
+    def gains(self, shapes: Shapes) -> Numbers:
+        """Give the gain of one group at each of a few trials, (n_trials,), in double precision."""
+        trials = [self.raw_columns(shapes, trial) for trial in range(len(shapes.trials))]
+        k = shapes.n_coefficients
+        whitened = self.space.noise.whiten(np.concatenate(trials, axis=2)).reshape(-1, k * len(trials))
+        inside, along = _inside(self.space, whitened), whitened.T @ self.space.residual.reshape(-1)
+        gains = []
+        for first in range(0, k * len(trials), k):
+            own = slice(first, first + k)
+            root = _root(whitened[:, own].T @ whitened[:, own], inside[:, own])
+            gains.append(float(((root.T @ along[own]) ** 2).sum()))
+        return np.array(gains)
+
     def raw_columns(self, shapes: Shapes, trial: int) -> Numbers:
         """Give a group's columns at one trial in units of the stated uncertainties, (n, 3, k)."""
         return raw_columns(self.channels, shapes, self.functions.values(shapes.codes[trial]))
-
-    def columns(self, shapes: Shapes, trial: int) -> Numbers:
-        """Give a group's columns at one trial, whitened, off the model: (n, 3, k)."""
-        return off_model(self.space, self.raw_columns(shapes, trial))
 
 
 def off_model(space: Space, raw: Numbers) -> Numbers:
@@ -144,26 +153,40 @@ def off_model(space: Space, raw: Numbers) -> Numbers:
     return np.asarray((flat - basis @ (basis.T @ flat)).reshape(raw.shape))
 
 
+def determined(space: Space, raw: Numbers) -> tuple[Numbers, Numbers]:
+    """Give columns (n, 3, k) whitened and flat, (3 n, k), and F (k, m) with their covariance F Fᵀ beside the model.
+
+    Directions that the model owns are left out.
+    """
+    whitened = space.noise.whiten(raw).reshape(-1, raw.shape[2])
+    return whitened, _root(whitened.T @ whitened, _inside(space, whitened))
+
+
 def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Give the coefficients (k,) of columns (n, 3, k), F (k, m) with their covariance F Fᵀ, and the gain.
 
     Directions that the model owns are left at 0.
     """
-    k = raw.shape[2]
-    whitened = space.noise.whiten(raw).reshape(-1, k)
-    basis = space.basis.reshape(len(whitened), -1)
-    beyond = whitened - basis @ (basis.T @ whitened)
-    size = np.sqrt(np.maximum((whitened**2).sum(axis=0), 0.0))
-    size = np.where(size > 0.0, size, 1.0)
-    value, vector = np.linalg.eigh(whitened.T @ whitened / np.outer(size, size))
-    kept = value > _DEPENDENT * k
-    unit = vector[:, kept] / size[:, None] / np.sqrt(value[kept])
-    inside = beyond @ unit
-    share, turn = np.linalg.eigh(inside.T @ inside)
-    seen = share > OWNED
-    root = unit @ turn[:, seen] / np.sqrt(share[seen])
-    along = root.T @ (beyond.T @ space.residual.reshape(-1))
+    whitened, root = determined(space, raw)
+    along = root.T @ (whitened.T @ space.residual.reshape(-1))
     return root @ along, root, np.asarray((along**2).sum())
+
+
+def _inside(space: Space, whitened: Numbers) -> Numbers:
+    return np.asarray(space.basis.reshape(len(whitened), -1).T @ whitened)
+
+
+def _root(gram: Numbers, inside: Numbers) -> Numbers:
+    """Give F (k, m) from products of whitened columns with each other (k, k) and with the model's basis (r, k)."""
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    size = np.where(size > 0.0, size, 1.0)
+    value, vector = np.linalg.eigh(gram / np.outer(size, size))
+    kept = value > _DEPENDENT * len(gram)
+    unit = vector[:, kept] / size[:, None] / np.sqrt(value[kept])
+    owned = inside @ unit
+    share, turn = np.linalg.eigh(np.eye(unit.shape[1]) - owned.T @ owned)
+    seen = share > OWNED
+    return np.asarray(unit @ turn[:, seen] / np.sqrt(share[seen]))
 
 
 def raw_columns(channels: Channels, shapes: Shapes, values: Numbers) -> Numbers:

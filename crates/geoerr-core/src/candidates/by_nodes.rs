@@ -8,7 +8,7 @@ use super::lanes;
 use super::nodes::{Lattice, TAPS};
 use super::scene::Scene;
 use super::sources::{Numbering, Source, Sources};
-use super::tile::{Pair, Piece, Tile};
+use super::tile::{Pair, Piece, Tile, used_channels};
 use crate::least_squares::{Real, add_product_of_rows};
 
 /// What functions at the nodes of a lattice are multiplied with.
@@ -30,21 +30,7 @@ struct OfChannel<T> {
 impl<'a, T: Real> NodeOperands<'a, T> {
     /// Sums rows into nodes, for all channels that the pieces use.
     pub(super) fn new(scene: &Scene<T>, lattice: &'a Lattice, groups: &[Group], pieces: &[&Piece]) -> Self {
-        let mut channels: Vec<usize> = Vec::new();
-        let mut together: Vec<[usize; 2]> = Vec::new();
-        for piece in pieces {
-            let columns = &groups[piece.group].columns;
-            channels.extend(columns.iter().map(|column| column.channel));
-            for one in columns {
-                together.extend(
-                    (columns.iter()).map(|two| [one.channel.min(two.channel), one.channel.max(two.channel)]),
-                );
-            }
-        }
-        channels.sort_unstable();
-        channels.dedup();
-        together.sort_unstable();
-        together.dedup();
+        let (channels, together) = used_channels(groups, pieces);
         let channels =
             channels.into_par_iter().map(|channel| (channel, of_channel(scene, lattice, channel))).collect();
         let together = (together.into_par_iter())

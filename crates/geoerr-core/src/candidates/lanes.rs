@@ -2,9 +2,8 @@
 //!
 //! Lanes are fixed and products are not fused with sums: the bytes are the same on every machine.
 
-use pulp::Arch;
-
 use super::scene::Run;
+use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
 
 /// Lanes of a sum: one widest register in single precision.
@@ -12,7 +11,7 @@ const LANES: usize = 16;
 
 /// `Σ a b`.
 pub(super) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
         || sum_of_products(a, b),
     )
@@ -20,19 +19,23 @@ pub(super) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
 
 /// `target += scale · from`.
 pub(super) fn add_scaled<T: Real>(target: &mut [T], scale: T, from: &[T]) {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
-        || {
-            for (value, &add) in target.iter_mut().zip(from) {
-                *value += scale * add;
-            }
-        },
+        || add_scaled_here(target, scale, from),
     );
+}
+
+/// The same inside a loop that is compiled for wide registers.
+#[inline(always)]
+pub(super) fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
+    for (value, &add) in target.iter_mut().zip(from) {
+        *value += scale * add;
+    }
 }
 
 /// Sets every row of `target` to the sum of those of three arrays or fewer, each times the row's own scale.
 pub(super) fn set_scaled_rows<T: Real>(target: &mut [T], scaled: &[(&[T], &[T])], width: usize) {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
         || {
             for (row, target) in target.chunks_exact_mut(width).enumerate() {
@@ -63,7 +66,7 @@ pub(super) fn set_scaled_rows<T: Real>(target: &mut [T], scaled: &[(&[T], &[T])]
 
 /// Adds to the sums of blocks what a column and weights give in each run of rows.
 pub(super) fn add_by_run<T: Real>(sums: &mut [T], column: &[T], weights: &[T], runs: &[Run]) {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
         || {
             for run in runs {
@@ -81,7 +84,7 @@ pub(super) fn add_weighted<T: Real>(
     weights: &[T],
     n: usize,
 ) {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
         || {
             for (sum, &[f, g, w]) in sums.iter_mut().zip(pairs) {
@@ -94,7 +97,7 @@ pub(super) fn add_weighted<T: Real>(
 
 /// `fᵀ M g` with a symmetric M of so many diagonals, the main one first, each as long as f and g.
 pub(super) fn banded<T: Real>(f: &[T], g: &[T], diagonals: &[Vec<T>]) -> f64 {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
         || {
             let mut total = 0.0;

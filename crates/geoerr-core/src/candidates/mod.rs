@@ -20,6 +20,7 @@
 
 mod by_nodes;
 mod by_rows;
+mod by_waves;
 mod error;
 mod group;
 mod judge;
@@ -29,7 +30,9 @@ mod noise;
 mod scan;
 mod scene;
 mod sources;
+mod spectrum;
 mod tile;
+mod waves;
 
 pub use error::CandidateError;
 pub use group::{Column, Group};

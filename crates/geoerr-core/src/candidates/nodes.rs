@@ -88,13 +88,19 @@ impl Lattice {
 }
 
 /// Makes nodes for the variables that many formulas are functions of alone; the lattice of each formula that has one.
-pub(super) fn lattices(sources: &Sources<'_>) -> Result<(Vec<Lattice>, Vec<Option<usize>>), CandidateError> {
+///
+/// Only formulas that are wanted here take part.
+pub(super) fn lattices(
+    sources: &Sources<'_>,
+    is_wanted: impl Fn(usize) -> bool,
+) -> Result<(Vec<Lattice>, Vec<Option<usize>>), CandidateError> {
     let n_variables = sources.rows.variables.len();
     let mut by_variable: Vec<Vec<usize>> = vec![Vec::new(); n_variables];
     for (number, formula) in sources.formulas.iter().enumerate() {
         if let &[variable] = formula.expression.variable_indices()
             && formula.series.is_none()
             && !formula.expression.needs_order()
+            && is_wanted(number)
         {
             by_variable[variable].push(number);
         }
@@ -275,7 +281,7 @@ fn is_met_at(formula: &Formula, nodes: &[f64], tried: &[f64]) -> Result<bool, Ca
 }
 
 /// All columns of a formula of one variable at some of its values.
-fn evaluated(formula: &Formula, values: &[f64]) -> Result<Vec<f64>, CandidateError> {
+pub(super) fn evaluated(formula: &Formula, values: &[f64]) -> Result<Vec<f64>, CandidateError> {
     let Formula { expression, inner, .. } = formula;
     let variables = vec![values; expression.symbols().variables.len()];
     let rows = Rows { variables: &variables, n_rows: values.len(), starts: &[], t: None };

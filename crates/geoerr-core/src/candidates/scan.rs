@@ -3,9 +3,11 @@
 use std::collections::HashSet;
 
 use rayon::prelude::*;
+use rustfft::FftNum;
 
 use super::by_nodes::NodeOperands;
 use super::by_rows;
+use super::by_waves::WaveOperands;
 use super::error::CandidateError;
 use super::group::Group;
 use super::judge::Judged;
@@ -13,6 +15,7 @@ use super::nodes::lattices;
 use super::scene::Scene;
 use super::sources::{Numbering, Source, Sources};
 use super::tile::{Piece, Tile};
+use super::waves::{Wave, families};
 use crate::least_squares::Real;
 
 /// Functions on channels of one tile: enough for a product to be worth its operands, few enough to stay in the cache.
@@ -35,12 +38,13 @@ pub struct Scanned {
 
 /// Judges all groups at all their trials.
 ///
-/// In single precision, what is to be ranked, functions of one variable are taken at few nodes (see `nodes`). The bytes
-/// do not depend on the number of threads: tiles are cut by the groups alone.
+/// In single precision, what is to be ranked, waves of one variable are summed at all frequencies together (see `waves`),
+/// and other functions of one variable are taken at few nodes (see `nodes`). The bytes do not depend on the number of
+/// threads: tiles are cut by the groups alone.
 ///
 /// # Errors
 /// [`CandidateError`] for groups that name what is not there, and for rows that do not fit.
-pub fn scan<T: Real>(
+pub fn scan<T: Real + FftNum>(
     scene: &Scene<T>,
     sources: &Sources<'_>,
     groups: &[Group],
@@ -51,24 +55,40 @@ pub fn scan<T: Real>(
     }
     let groups = &alike_once(groups, &numbering)[..];
     let is_ranking = T::EPSILON > RANKING;
-    let (lattices, lattice_of) =
-        if is_ranking { lattices(sources)? } else { (Vec::new(), vec![None; sources.formulas.len()]) };
-    let tiles =
-        tiles_of(
-            groups,
-            |functions| {
-                if is_ranking { place_of(functions, &numbering, &lattice_of) } else { Place::Rows }
-            },
-        );
-    let operands: Vec<NodeOperands<'_, T>> = (lattices.iter().enumerate())
-        .map(|(number, lattice)| NodeOperands::new(scene, lattice, groups, &pieces_on(&tiles, number)))
+    let n_formulas = sources.formulas.len();
+    let (families, wave_of) =
+        if is_ranking { families(sources)? } else { (Vec::new(), vec![None; n_formulas]) };
+    let (lattices, lattice_of) = if is_ranking {
+        lattices(sources, |formula| wave_of[formula].is_none())?
+    } else {
+        (Vec::new(), vec![None; n_formulas])
+    };
+    let tiles = tiles_of(groups, |functions| {
+        let place = |formula: usize| match (&wave_of[formula], lattice_of[formula]) {
+            (Some(wave), _) => Place::Waves(wave.family),
+            (None, Some(lattice)) => Place::Nodes(lattice),
+            (None, None) => Place::Rows,
+        };
+        place_of(functions, &numbering, place)
+    });
+    let at_nodes: Vec<NodeOperands<'_, T>> = (lattices.iter().enumerate())
+        .map(|(number, lattice)| {
+            NodeOperands::new(scene, lattice, groups, &pieces_on(&tiles, Place::Nodes(number)))
+        })
+        .collect();
+    let of_waves: Vec<WaveOperands<'_, T>> = (families.iter().enumerate())
+        .map(|(number, family)| {
+            let pieces = pieces_on(&tiles, Place::Waves(number));
+            WaveOperands::new(scene, family, harmonics_of(number, &wave_of), groups, &pieces)
+        })
         .collect();
     let found: Vec<Vec<Judged>> = tiles
         .par_iter()
         .map(|(place, pieces)| {
             let mut tile = Tile::laid_out(scene, groups, pieces);
             match place {
-                Place::Nodes(lattice) => operands[*lattice].sum(&mut tile, sources, &numbering)?,
+                Place::Waves(family) => of_waves[*family].sum(&mut tile, &numbering, &wave_of),
+                Place::Nodes(lattice) => at_nodes[*lattice].sum(&mut tile, sources, &numbering)?,
                 Place::Rows => by_rows::sum(&mut tile, sources, &numbering)?,
             }
             Ok(tile.judged(groups, pieces))
@@ -105,17 +125,25 @@ pub fn scan<T: Real>(
 /// Where a trial is summed.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
+    /// In the spectra of a family of waves.
+    Waves(usize),
     /// At the nodes of a lattice.
     Nodes(usize),
     /// Over all rows.
     Rows,
 }
 
-fn pieces_on(tiles: &[(Place, Vec<Piece>)], lattice: usize) -> Vec<&Piece> {
-    (tiles.iter())
-        .filter(|(place, _)| *place == Place::Nodes(lattice))
-        .flat_map(|(_, pieces)| pieces)
-        .collect()
+fn pieces_on(tiles: &[(Place, Vec<Piece>)], here: Place) -> Vec<&Piece> {
+    tiles.iter().filter(|(place, _)| *place == here).flat_map(|(_, pieces)| pieces).collect()
+}
+
+/// Harmonics of a family's waves, rising.
+fn harmonics_of(family: usize, wave_of: &[Option<Wave>]) -> Vec<usize> {
+    let own = wave_of.iter().flatten().filter(|wave| wave.family == family);
+    let mut harmonics: Vec<usize> = own.map(|wave| wave.harmonic).collect();
+    harmonics.sort_unstable();
+    harmonics.dedup();
+    harmonics
 }
 
 /// The groups with one number for each function.
@@ -169,14 +197,14 @@ fn tiles_of(groups: &[Group], place_of: impl Fn(&[usize]) -> Place) -> Vec<(Plac
     tiles
 }
 
-/// The lattice on which all functions of a trial are, if there is one.
-fn place_of(functions: &[usize], numbering: &Numbering, lattice_of: &[Option<usize>]) -> Place {
-    let mut lattices = functions.iter().map(|&function| match numbering.source(function) {
-        Source::Formula(formula, _) => lattice_of[formula],
-        _ => None,
+/// Where all functions of a trial can be summed together.
+fn place_of(functions: &[usize], numbering: &Numbering, place_of_formula: impl Fn(usize) -> Place) -> Place {
+    let mut places = functions.iter().map(|&function| match numbering.source(function) {
+        Source::Formula(formula, _) => place_of_formula(formula),
+        _ => Place::Rows,
     });
-    match lattices.next().flatten() {
-        Some(first) if lattices.all(|lattice| lattice == Some(first)) => Place::Nodes(first),
+    match places.next() {
+        Some(first) if places.all(|place| place == first) => first,
         _ => Place::Rows,
     }
 }

@@ -20,6 +20,26 @@ pub(super) struct Piece {
     pub trials: Vec<usize>,
 }
 
+/// Channels that some pieces use, rising, and those that they use together.
+pub(super) fn used_channels(groups: &[Group], pieces: &[&Piece]) -> (Vec<usize>, Vec<[usize; 2]>) {
+    let mut channels: Vec<usize> = Vec::new();
+    let mut together: Vec<[usize; 2]> = Vec::new();
+    for piece in pieces {
+        let columns = &groups[piece.group].columns;
+        channels.extend(columns.iter().map(|column| column.channel));
+        for one in columns {
+            together.extend(
+                columns.iter().map(|two| [one.channel.min(two.channel), one.channel.max(two.channel)]),
+            );
+        }
+    }
+    channels.sort_unstable();
+    channels.dedup();
+    together.sort_unstable();
+    together.dedup();
+    (channels, together)
+}
+
 /// All that is summed over rows for one tile.
 pub(super) struct Tile<'a, T> {
     pub scene: &'a Scene<T>,

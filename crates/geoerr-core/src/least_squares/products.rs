@@ -39,10 +39,12 @@ mod sealed {
 impl Real for f32 {
     const EPSILON: f64 = f32::EPSILON as f64;
 
+    #[inline(always)]
     fn nearest(value: f64) -> Self {
         value as Self
     }
 
+    #[inline(always)]
     fn double(self) -> f64 {
         f64::from(self)
     }
@@ -51,10 +53,12 @@ impl Real for f32 {
 impl Real for f64 {
     const EPSILON: f64 = f64::EPSILON;
 
+    #[inline(always)]
     fn nearest(value: f64) -> Self {
         value
     }
 
+    #[inline(always)]
     fn double(self) -> f64 {
         self
     }

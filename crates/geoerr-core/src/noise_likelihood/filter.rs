@@ -16,11 +16,10 @@
 //! Anderson & Moore, *Optimal Filtering* (1979), ch. 3 and 7; de Jong, *A cross-validation filter for time series models*,
 //! Biometrika 75 (1988), for the inverse.
 
-use pulp::Arch;
-
 use super::dual::Dual;
 use super::lanes::{add_scaled, dot};
 use super::sums::Logs;
+use crate::arithmetic::in_wide_registers;
 
 /// The factorized matrix.
 pub(super) struct Filter {
@@ -165,7 +164,7 @@ impl Filter {
 
     /// `(I + K)⁻¹ B` in place: `rows` has `width` numbers of B for each block.
     pub fn solve(&self, rows: &mut [f64], width: usize) {
-        Arch::new().dispatch(
+        in_wide_registers(
             #[inline(always)]
             || {
                 self.beyond(rows, width);
@@ -176,7 +175,7 @@ impl Filter {
 
     /// `T B` in place, T the inverse Cholesky factor in the order of time: `T (I + K) Tᵀ = I`.
     pub fn whiten(&self, rows: &mut [f64], width: usize) {
-        Arch::new().dispatch(
+        in_wide_registers(
             #[inline(always)]
             || {
                 self.beyond(rows, width);

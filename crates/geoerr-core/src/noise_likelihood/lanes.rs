@@ -2,14 +2,14 @@
 //!
 //! Lanes are fixed and products are not fused with sums: the bytes are the same on every machine.
 
-use pulp::Arch;
+use crate::arithmetic::in_wide_registers;
 
 /// Lanes of a sum: two of the widest registers.
 const LANES: usize = 16;
 
 /// `Σ a b`.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
         || {
             let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
@@ -27,7 +27,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// `sum += factor · values`.
 pub(super) fn add_scaled(sum: &mut [f64], factor: f64, values: &[f64]) {
-    Arch::new().dispatch(
+    in_wide_registers(
         #[inline(always)]
         || sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += factor * value),
     );

@@ -78,14 +78,24 @@ proptest! {
 
 /// Waves along x at as many periods, jumps in time, and both in single and double precision.
 fn waves_and_jumps(x: &[f64], drawn: &Drawn, n_trials: usize) -> [Vec<Scanned>; 2] {
-    let n_rows = drawn.n_rows;
-    let clock: Vec<f64> = (0..n_rows).map(|row| row as f64).collect();
     let wave = formula("a*sin(x/p) + b*cos(x/p)", &["a", "b"]);
+    coarse_and_exact(x, drawn, &wave, (0..n_trials).map(|trial| 0.02 * 1.15_f64.powf(trial as f64)).collect())
+}
+
+/// Waves of multiples of one frequency, which are summed all at once, and jumps.
+fn harmonics_and_jumps(x: &[f64], drawn: &Drawn, step: f64, harmonics: impl Iterator<Item = u32>) {
+    let wave = formula("b*cos(2*pi*x/p) + a*sin(2*pi*x/p)", &["a", "b"]);
+    let periods = harmonics.map(|harmonic| 1.0 / (f64::from(harmonic) * step)).collect();
+    assert_alike(coarse_and_exact(x, drawn, &wave, periods));
+}
+
+fn coarse_and_exact(x: &[f64], drawn: &Drawn, wave: &Expression, periods: Vec<f64>) -> [Vec<Scanned>; 2] {
+    let (n_rows, n_trials) = (drawn.n_rows, periods.len());
+    let clock: Vec<f64> = (0..n_rows).map(|row| row as f64).collect();
     let jump = formula("a*step(clock - p)", &["a"]);
     let mut formulas = Vec::new();
-    for trial in 0..n_trials {
-        let p = 0.02 * 1.15_f64.powf(trial as f64);
-        formulas.push(Formula { expression: wave.clone(), inner: vec![p], series: None });
+    for period in periods {
+        formulas.push(Formula { expression: wave.clone(), inner: vec![period], series: None });
     }
     for trial in 0..n_trials {
         let moment = (trial + 1) as f64 / (n_trials + 1) as f64 * n_rows as f64;
@@ -139,6 +149,25 @@ fn a_row_without_a_place_has_no_wave() {
     let mut x = Draws::new(10).column(600);
     x.iter_mut().step_by(7).for_each(|x| *x = f64::NAN);
     assert_alike(waves_and_jumps(&x, &drawn, 24));
+}
+
+#[test]
+fn harmonics_are_summed_at_all_frequencies_at_once() {
+    let drawn = Drawn::new(11, 600, 5, 4, 3);
+    let x: Vec<f64> = Draws::new(12).column(600).iter().map(|x| 30.0 * x - 7.0).collect();
+    harmonics_and_jumps(&x, &drawn, 0.013, 1..150);
+    // Not all of them, and shortest periods first, as a grid over periods has them.
+    harmonics_and_jumps(&x, &drawn, 0.013, (20..400).rev().step_by(3));
+    // One so far from the others that the frequencies between them would be most of the work.
+    harmonics_and_jumps(&x, &drawn, 0.013, (1..70).chain([1_000_003]));
+}
+
+#[test]
+fn a_row_without_a_place_has_no_harmonic() {
+    let drawn = Drawn::new(13, 600, 5, 4, 3);
+    let mut x = Draws::new(14).column(600);
+    x.iter_mut().step_by(7).for_each(|x| *x = f64::NAN);
+    harmonics_and_jumps(&x, &drawn, 0.4, 1..90);
 }
 
 #[test]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.diagnose.scan import Scanner
+from geoerr.diagnose.scan import Scanner, determined
 from geoerr.diagnose.search.judged import Judged, freedom_of, price_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, settle
-from geoerr.diagnose.space import Space, orthonormal
+from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 
 # Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
@@ -27,11 +27,10 @@ _CLOSELY = 12
 
 def correlation(first: Settled, other: Judged, scanner: Scanner) -> float:
     """Give the share, as a cosine, of what one candidate explains that another could have explained."""
-    columns = scanner.columns(other.shapes, other.trial)
-    own = orthonormal(columns.reshape(-1, columns.shape[2]))
+    whitened, root = determined(scanner.space, scanner.raw_columns(other.shapes, other.trial))
     flat = first.displacement.reshape(-1)
     size = float(np.linalg.norm(flat))
-    return float(np.linalg.norm(own.T @ flat)) / size if size > 0.0 else 0.0
+    return float(np.linalg.norm(root.T @ (whitened.T @ flat))) / size if size > 0.0 else 0.0
 
 
 def vuong(space: Space, first: Numbers, second: Numbers) -> float:

@@ -75,7 +75,7 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
                 continue
             points = _between(term.inner[place], low, high)
             trials = [[*inner[:place], value, *inner[place + 1 :]] for value in points]
-            best = int(np.argmax(scanner.exact(at(trials)).gain))
+            best = int(np.argmax(scanner.gains(at(trials))))
             inner[place] = points[best]
             bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
     single = at([inner])

@@ -1,0 +1,149 @@
+//! Sums of a tile of waves along one variable: products from a spectrum, the rest row by row.
+
+use rayon::prelude::*;
+use rustfft::FftNum;
+
+use super::group::Group;
+use super::lanes;
+use super::scene::Scene;
+use super::sources::{Numbering, Source};
+use super::spectrum::Spectrum;
+use super::tile::{Piece, Tile, used_channels};
+use super::waves::{Family, Kind, LANES, Wave, set_waves};
+use crate::arithmetic::in_wide_registers;
+use crate::least_squares::Real;
+
+/// What waves of one family are multiplied with, summed at all their harmonics.
+pub(super) struct WaveOperands<'a, T> {
+    family: &'a Family,
+    /// Harmonics that are used, rising.
+    harmonics: Vec<usize>,
+    /// Channels that are used, rising; by harmonic: cosine's and sine's products with basis, residual and draws.
+    channels: Vec<(usize, Vec<T>)>,
+    /// Two channels that are used together, rising; by harmonic: cosine's and sine's sums of the weights at twice the
+    /// frequency, and at the end those of the weights themselves.
+    together: Vec<([usize; 2], Vec<f64>)>,
+}
+
+impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
+    /// Transforms what the pieces' channels are multiplied with.
+    pub(super) fn new(
+        scene: &Scene<T>,
+        family: &'a Family,
+        harmonics: Vec<usize>,
+        groups: &[Group],
+        pieces: &[&Piece],
+    ) -> Self {
+        let (channels, together) = used_channels(groups, pieces);
+        let spectrum = Spectrum::new(&family.turns, family.highest);
+        let doubled = Spectrum::new(&family.turns, 2 * family.highest);
+        let twice: Vec<usize> = harmonics.iter().map(|harmonic| 2 * harmonic).collect();
+        let channels = (channels.into_par_iter())
+            .map(|channel| {
+                let products = spectrum.sums(scene.width(), &harmonics, |own, row| {
+                    scene.set_operand(own, channel, row..row + 1)
+                });
+                (channel, products)
+            })
+            .collect();
+        let together = (together.into_par_iter())
+            .filter_map(|[one, two]| {
+                let weights = scene.weights(one, two, 0..scene.n_rows)?;
+                let mut sums: Vec<f64> = (doubled.sums(1, &twice, |own, row| own.push(weights[row])).iter())
+                    .map(|sum: &T| sum.double())
+                    .collect();
+                let known = weights.iter().zip(&family.turns).filter(|(_, turn)| turn.is_finite());
+                sums.push(known.map(|(weight, _)| weight.double()).sum());
+                Some(([one, two], sums))
+            })
+            .collect();
+        Self { family, harmonics, channels, together }
+    }
+
+    /// Sums everything that a tile needs.
+    pub(super) fn sum(&self, tile: &mut Tile<'_, T>, numbering: &Numbering, wave_of: &[Option<Wave>]) {
+        let width = tile.scene.width();
+        // By function: place among the harmonics, and 0 for a cosine, 1 for a sine.
+        let places: Vec<(usize, usize)> = (tile.functions.iter())
+            .filter_map(|&function| match numbering.source(function) {
+                Source::Formula(formula, slot) => wave_of[formula].as_ref().map(|wave| {
+                    let place = self.harmonics.partition_point(|&one| one < wave.harmonic);
+                    (place, usize::from(wave.kinds[slot] == Kind::Sine))
+                }),
+                _ => None,
+            })
+            .collect();
+        for (pair, products) in tile.pairs.iter().zip(tile.products.chunks_exact_mut(width)) {
+            let (harmonic, kind) = places[pair.function];
+            let channel = self.channels.partition_point(|one| one.0 < pair.channel);
+            products.copy_from_slice(&self.channels[channel].1[(2 * harmonic + kind) * width..][..width]);
+        }
+        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.white) {
+            let [f, g] = wanted.map(|pair| tile.pairs[pair]);
+            let together = self.together.partition_point(|one| one.0 < [f.channel, g.channel]);
+            if let Some((own, sums)) = self.together.get(together)
+                && *own == [f.channel, g.channel]
+            {
+                let [(harmonic, one), (_, two)] = [f, g].map(|pair| places[pair.function]);
+                let (cosine, sine) = (sums[2 * harmonic], sums[2 * harmonic + 1]);
+                let all = sums[sums.len() - 1];
+                *sum = match one + two {
+                    0 => 0.5 * (all + cosine),
+                    1 => 0.5 * sine,
+                    _ => 0.5 * (all - cosine),
+                };
+            }
+        }
+        self.sum_blocks(tile, &places);
+    }
+
+    /// Sums by block of the noise, a row at a time for all functions.
+    fn sum_blocks(&self, tile: &mut Tile<'_, T>, places: &[(usize, usize)]) {
+        let scene = tile.scene;
+        let n_blocks = scene.noise.n_blocks;
+        let mut own: Vec<usize> = places.iter().map(|place| place.0).collect();
+        own.sort_unstable();
+        own.dedup();
+        let mut harmonics: Vec<f64> = own.iter().map(|&place| self.harmonics[place] as f64).collect();
+        harmonics.resize(harmonics.len().next_multiple_of(LANES), 0.0);
+        let n = 2 * harmonics.len();
+        // Place of each function among the values of a row.
+        let at: Vec<usize> = (places.iter())
+            .map(|&(place, kind)| kind * harmonics.len() + own.partition_point(|&one| one < place))
+            .collect();
+        let channels = tile.channels();
+        let units: Vec<(usize, usize, Vec<T>)> = (channels.iter().enumerate())
+            .flat_map(|(number, &(channel, _, _))| {
+                scene.components(channel).map(move |c| (number, c, scene.unit(channel, c, 0..scene.n_rows)))
+            })
+            .collect();
+        let mut sums = vec![T::default(); units.len() * n_blocks * n];
+        let mut values = vec![T::default(); n];
+        in_wide_registers(
+            #[inline(always)]
+            || {
+                for (row, &turn) in self.family.turns.iter().enumerate() {
+                    if !turn.is_finite() {
+                        continue;
+                    }
+                    set_waves(&mut values, turn, &harmonics);
+                    for (number, (_, _, unit)) in units.iter().enumerate() {
+                        let sum = &mut sums[(number * n_blocks + scene.noise.block[row]) * n..][..n];
+                        lanes::add_scaled_here(sum, unit[row], &values);
+                    }
+                }
+            },
+        );
+        let mut across = Vec::new();
+        for ((number, c, _), sums) in units.iter().zip(sums.chunks_exact(n_blocks * n)) {
+            let (_, first, m) = channels[*number];
+            lanes::transpose(&mut across, sums, n);
+            for (pair, level) in tile.pairs[first..first + m]
+                .iter()
+                .zip(tile.level[*c][first * n_blocks..].chunks_exact_mut(n_blocks))
+            {
+                level.copy_from_slice(&across[at[pair.function] * n_blocks..][..n_blocks]);
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Sums over rows times waves, at all multiples of one frequency: `Σ_i y_i e^(2πi k u_i)`, u in turns.
+//!
+//! Rows are spread on an even grid by a kernel of few nodes, the grid is transformed, and the kernel's own transform is
+//! divided out: a transform for rows at any places, at the cost of one for even ones.
+//!
+//! Source: Greengard & Lee, Accelerating the nonuniform fast Fourier transform, SIAM Review 46 (2004); kernel of Kaiser &
+//! Bessel as in Fessler & Sutton, IEEE Trans. Signal Processing 51 (2003). Verified in `tests/candidates` against sums
+//! written out.
+
+use std::f64::consts::PI;
+
+use rustfft::num_complex::Complex;
+use rustfft::{FftNum, FftPlanner};
+
+use super::lanes;
+use crate::least_squares::Real;
+
+/// Nodes of one row: an error of 10⁻⁵ of the largest sum.
+const TAPS: usize = 6;
+/// The grid has so many nodes for each highest frequency: twice as many as Nyquist asks for.
+const NODES_PER_WAVE: usize = 4;
+const FEWEST_NODES: usize = 64;
+/// Columns that are transformed beside each other.
+const BESIDE: usize = 8;
+
+/// Places of rows on an even grid around one turn.
+pub(super) struct Spectrum {
+    n_nodes: usize,
+    /// Row, first node, weights: in the order of the places.
+    spread: Vec<(usize, usize, [f64; TAPS])>,
+}
+
+impl Spectrum {
+    /// Lays out rows at places in turns; those that are no numbers are left out.
+    pub(super) fn new(turns: &[f64], highest: usize) -> Self {
+        let n_nodes = (NODES_PER_WAVE * highest).next_power_of_two().max(FEWEST_NODES);
+        let mut spread: Vec<(usize, usize, [f64; TAPS])> = (turns.iter().enumerate())
+            .filter(|(_, turn)| turn.is_finite())
+            .map(|(row, turn)| {
+                let place = (turn - turn.floor()) * n_nodes as f64;
+                let first = (place - 0.5 * TAPS as f64).ceil();
+                let weights = std::array::from_fn(|tap| kernel(first + tap as f64 - place));
+                (row, (first + n_nodes as f64) as usize % n_nodes, weights)
+            })
+            .collect();
+        spread.sort_by_key(|&(row, first, _)| (first, row));
+        Self { n_nodes, spread }
+    }
+
+    /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
+    ///
+    /// `set_row` appends the numbers of a row.
+    pub(super) fn sums<T: Real + FftNum>(
+        &self,
+        width: usize,
+        harmonics: &[usize],
+        mut set_row: impl FnMut(&mut Vec<T>, usize),
+    ) -> Vec<T> {
+        // Two real columns are one complex one.
+        let half = width.div_ceil(2);
+        let mut grid = vec![T::default(); self.n_nodes * 2 * half];
+        let mut own = Vec::with_capacity(width);
+        for &(row, first, weights) in &self.spread {
+            own.clear();
+            set_row(&mut own, row);
+            for (tap, weight) in weights.into_iter().enumerate() {
+                let node = (first + tap) % self.n_nodes;
+                lanes::add_scaled(&mut grid[node * 2 * half..][..width], T::nearest(weight), &own);
+            }
+        }
+        let transform = FftPlanner::new().plan_fft_forward(self.n_nodes);
+        let nothing = Complex::new(T::default(), T::default());
+        let mut columns = vec![nothing; BESIDE * self.n_nodes];
+        let mut scratch = vec![nothing; transform.get_inplace_scratch_len()];
+        let scales: Vec<f64> = harmonics.iter().map(|&k| 1.0 / self.kernel_at(k)).collect();
+        let mut sums = vec![T::default(); harmonics.len() * 2 * width];
+        for first in (0..half).step_by(BESIDE) {
+            let n_beside = BESIDE.min(half - first);
+            for (node, row) in grid.chunks_exact(2 * half).enumerate() {
+                for (beside, pair) in row[2 * first..].as_chunks::<2>().0.iter().take(n_beside).enumerate() {
+                    columns[beside * self.n_nodes + node] = Complex::new(pair[0], pair[1]);
+                }
+            }
+            transform.process_with_scratch(&mut columns[..n_beside * self.n_nodes], &mut scratch);
+            for ((&k, &scale), sums) in harmonics.iter().zip(&scales).zip(sums.chunks_exact_mut(2 * width)) {
+                for beside in 0..n_beside {
+                    let own = &columns[beside * self.n_nodes..(beside + 1) * self.n_nodes];
+                    let (z, mirrored) = (own[k], own[self.n_nodes - k]);
+                    let [a, b, c, d] =
+                        [z.re, z.im, mirrored.re, mirrored.im].map(|one| 0.5 * scale * one.double());
+                    // Sums of the first column a + c and b − d, of the second b + d and c − a, times cosine and −sine.
+                    let column = 2 * (first + beside);
+                    sums[column] = T::nearest(a + c);
+                    sums[width + column] = T::nearest(d - b);
+                    if column + 1 < width {
+                        sums[column + 1] = T::nearest(b + d);
+                        sums[width + column + 1] = T::nearest(a - c);
+                    }
+                }
+            }
+        }
+        sums
+    }
+
+    /// The kernel's transform at a harmonic.
+    fn kernel_at(&self, harmonic: usize) -> f64 {
+        let phase = PI * TAPS as f64 * harmonic as f64 / self.n_nodes as f64;
+        let root = (steepness().powi(2) - phase.powi(2)).sqrt();
+        TAPS as f64 * root.sinh() / root
+    }
+}
+
+/// Kaiser & Bessel's kernel at a distance in nodes.
+fn kernel(distance: f64) -> f64 {
+    let inside = 1.0 - (2.0 * distance / TAPS as f64).powi(2);
+    if inside < 0.0 { 0.0 } else { bessel_i0(steepness() * inside.sqrt()) }
+}
+
+/// For a grid of twice as many nodes as are needed (Beatty, Nishimura & Pauly 2005).
+fn steepness() -> f64 {
+    PI * ((0.75 * TAPS as f64).powi(2) - 0.8).sqrt()
+}
+
+/// The modified Bessel function of order 0, by its series.
+fn bessel_i0(x: f64) -> f64 {
+    let quarter = 0.25 * x * x;
+    let (mut sum, mut term, mut n) = (1.0, 1.0, 1.0);
+    while term > 1e-17 * sum {
+        term *= quarter / (n * n);
+        sum += term;
+        n += 1.0;
+    }
+    sum
+}

@@ -1,0 +1,170 @@
+//! Waves along one variable whose frequencies are multiples of one: sines and cosines, recognised by their values.
+//!
+//! Of the periods of a screw there are thousands, half of all ways that are tried. Their sums over rows need no values
+//! at nodes: those at all frequencies come from one transform (see `spectrum`).
+
+use super::error::CandidateError;
+use super::nodes::evaluated;
+use super::sources::{Formula, Sources};
+use crate::least_squares::Real;
+
+/// Fewest waves of a variable for which a transform is worth its making.
+const WORTHWHILE: usize = 64;
+/// A transform has the frequencies between those that are asked for, too: at most so many for each of them.
+const MOST_BETWEEN: f64 = 16.0;
+/// Places, in periods, where a wave is recognised, and how closely.
+const TRIED: [f64; 4] = [0.087_1, 0.213_7, 0.631_3, 3.271_9];
+const ACCURACY: f64 = 1e-9;
+/// How closely a frequency has to be a multiple of the first one, in cycles over the range of the variable.
+const OFF_GRID: f64 = 1e-4;
+
+/// Sine or cosine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Sine,
+    Cosine,
+}
+
+/// A formula that is a wave.
+#[derive(Clone, Debug)]
+pub(super) struct Wave {
+    /// Its family.
+    pub family: usize,
+    /// Its frequency, as a multiple of the family's.
+    pub harmonic: usize,
+    /// What each of its coefficients is on.
+    pub kinds: Vec<Kind>,
+}
+
+/// Waves along one variable.
+#[derive(Clone, Debug)]
+pub(super) struct Family {
+    /// Place of each row in turns of the lowest frequency; not finite where the variable has no value.
+    pub turns: Vec<f64>,
+    /// The highest multiple.
+    pub highest: usize,
+}
+
+/// Finds the families of waves among all formulas, and of each formula its wave.
+pub(super) fn families(sources: &Sources<'_>) -> Result<(Vec<Family>, Vec<Option<Wave>>), CandidateError> {
+    let mut by_variable: Vec<Vec<(usize, f64, Vec<Kind>)>> = vec![Vec::new(); sources.rows.variables.len()];
+    for (number, formula) in sources.formulas.iter().enumerate() {
+        if let Some((variable, kinds)) = recognised(formula)? {
+            by_variable[variable].push((number, 1.0 / formula.inner[0], kinds));
+        }
+    }
+    let mut families = Vec::new();
+    let mut wave_of = vec![None; sources.formulas.len()];
+    for (column, waves) in sources.rows.variables.iter().zip(by_variable) {
+        if waves.len() < WORTHWHILE {
+            continue;
+        }
+        let frequencies: Vec<f64> = waves.iter().map(|wave| wave.1).collect();
+        let Some((step, harmonics)) = multiples(&frequencies, range(column)) else { continue };
+        for ((number, _, kinds), &harmonic) in waves.into_iter().zip(&harmonics) {
+            wave_of[number] = Some(Wave { family: families.len(), harmonic, kinds });
+        }
+        families.push(Family {
+            turns: column.iter().map(|value| value * step).collect(),
+            highest: harmonics.iter().copied().max().unwrap_or(0),
+        });
+    }
+    Ok((families, wave_of))
+}
+
+/// The variable and the kinds of a formula `A sin(2πv/P) + B cos(2πv/P)`, in whatever words, with P its inner parameter.
+fn recognised(formula: &Formula) -> Result<Option<(usize, Vec<Kind>)>, CandidateError> {
+    let Formula { expression, inner, series } = formula;
+    let (&[variable], &[period]) = (expression.variable_indices(), &inner[..]) else { return Ok(None) };
+    if series.is_some() || expression.needs_order() || !expression.is_smooth() || !(period > 0.0) {
+        return Ok(None);
+    }
+    let values = evaluated(formula, &TRIED.map(|place| place * period))?;
+    let kinds = values.chunks_exact(TRIED.len()).map(|own| {
+        let is = |of: fn(f64) -> f64| {
+            own.iter().zip(TRIED).all(|(value, place)| {
+                (value - of(std::f64::consts::TAU * place)).abs() < ACCURACY * (1.0 + place)
+            })
+        };
+        if is(f64::sin) {
+            Some(Kind::Sine)
+        } else if is(f64::cos) {
+            Some(Kind::Cosine)
+        } else {
+            None
+        }
+    });
+    Ok(kinds.collect::<Option<Vec<Kind>>>().map(|kinds| (variable, kinds)))
+}
+
+/// The frequency that all are multiples of, and the multiples.
+fn multiples(frequencies: &[f64], range: f64) -> Option<(f64, Vec<usize>)> {
+    let mut sorted = frequencies.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let least = OFF_GRID / range.max(f64::MIN_POSITIVE);
+    let step = (sorted.windows(2).map(|two| two[1] - two[0]))
+        .chain([sorted[0]])
+        .filter(|&apart| apart > least)
+        .fold(f64::INFINITY, f64::min);
+    // The widest gap in numbers gives the step with the most digits.
+    let step = sorted[sorted.len() - 1] / (sorted[sorted.len() - 1] / step).round();
+    let harmonics: Vec<f64> = frequencies.iter().map(|frequency| (frequency / step).round()).collect();
+    let most = MOST_BETWEEN * frequencies.len() as f64;
+    let is_on_grid = frequencies
+        .iter()
+        .zip(&harmonics)
+        .all(|(f, k)| (f - k * step).abs() < least && (1.0..=most).contains(k));
+    is_on_grid.then(|| (step, harmonics.into_iter().map(|harmonic| harmonic as usize).collect()))
+}
+
+fn range(column: &[f64]) -> f64 {
+    let finite = || column.iter().copied().filter(|value| value.is_finite());
+    finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min)
+}
+
+/// Waves that are evaluated beside each other.
+pub(super) const LANES: usize = 16;
+
+/// Sets the first half of `target` to cosines and the second to sines of a place in turns, at some harmonics.
+///
+/// Everything is as many [`LANES`].
+#[inline(always)]
+pub(super) fn set_waves<T: Real>(target: &mut [T], turns: f64, harmonics: &[f64]) {
+    let (cosines, sines) = target.split_at_mut(harmonics.len());
+    let target = cosines.as_chunks_mut::<LANES>().0.iter_mut().zip(sines.as_chunks_mut::<LANES>().0);
+    for ((cosines, sines), harmonics) in target.zip(harmonics.as_chunks::<LANES>().0) {
+        let mut angles = [T::default(); LANES];
+        for (angle, &harmonic) in angles.iter_mut().zip(harmonics) {
+            let turn = turns * harmonic;
+            *angle = T::nearest(std::f64::consts::PI * (turn - turn.round_ties_even()));
+        }
+        let squares: [T; LANES] = std::array::from_fn(|lane| angles[lane] * angles[lane]);
+        let half_sines = series(
+            &squares,
+            [-1.0 / 39_916_800.0, 1.0 / 362_880.0, -1.0 / 5_040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0],
+        );
+        let half_cosines = series(
+            &squares,
+            [1.0 / 479_001_600.0, -1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0],
+        );
+        for lane in 0..LANES {
+            let (cosine, sine) = (half_cosines[lane], angles[lane] * half_sines[lane]);
+            cosines[lane] = cosine * cosine + T::nearest(-1.0) * (sine * sine);
+            sines[lane] = (sine + sine) * cosine;
+        }
+    }
+}
+
+/// Taylor's series of the cosine and the sine within a quarter of a turn, by the square of the angle: what is left out
+/// is below (π/2)¹³/13! = 6 × 10⁻⁸. Twice the angle is what is asked for.
+#[inline(always)]
+fn series<T: Real, const N: usize>(squares: &[T; LANES], terms: [f64; N]) -> [T; LANES] {
+    let mut sums = [T::default(); LANES];
+    for term in terms {
+        let term = T::nearest(term);
+        for lane in 0..LANES {
+            sums[lane] = sums[lane] * squares[lane] + term;
+        }
+    }
+    sums
+}
