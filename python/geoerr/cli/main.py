@@ -36,6 +36,7 @@ VERBS = {
     "verify": "Prove a correction: circle, workpiece, path.",
     "simulate": "Photograph a virtual machine into a session folder.",
     "target": "Plates and boards to print, true to scale.",
+    "doctor": "Check the installation, and whether files can be read.",
 }
 
 
