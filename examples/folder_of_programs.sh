@@ -19,7 +19,7 @@ echo "program              before, µm   after, µm"
 for program in programs/*; do
     name="$(basename "$program")"
     if ! geoerr compensate model.json "$program" -o "corrected/$name" --quiet > said.txt 2> why.txt; then
-        printf '%-18s   refused: %s\n' "$name" "$(head -1 why.txt | sed 's/^error: //')"
+        printf '%-18s   refused: %s\n' "$name" "$(sed -n 1p why.txt | sed 's/^error: //')"
         continue
     fi
     geoerr verify path model.json "$program" "corrected/$name" --quiet \

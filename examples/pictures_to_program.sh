@@ -14,9 +14,9 @@ geoerr simulate "$here/nine_lines.toml" -o session --quiet
 echo "== calibrate both cameras"
 geoerr calibrate session -o rig.json --quiet | tail -8
 echo "== measure: pictures to points, each with its covariance"
-geoerr measure session --rig rig.json -o observations.csv --quiet | head -1
+geoerr measure session --rig rig.json -o observations.csv --quiet | sed -n 1,1p
 echo "== find the 21 errors"
-geoerr identify observations.csv --machine session/machine.toml --rig rig.json -o errors.json --quiet | head -24
+geoerr identify observations.csv --machine session/machine.toml --rig rig.json -o errors.json --quiet | sed -n 1,24p
 
 cat > part.gcode <<'GCODE'
 ; a square of 200 mm with a diagonal
