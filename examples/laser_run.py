@@ -20,7 +20,7 @@ virtual_machines.main("laser", folder)
 machine = geoerr.read_machine(folder / "machine.toml")
 observations = geoerr.read_observations(folder / "laser.csv")
 
-for effects in ([], ["backlash:x"], ["backlash:x", "periodic:x"]):
+for effects in ([], ["backlash:x", "periodic:x"]):
     result = geoerr.fit_model(machine, observations, components="12", effects=effects)
     comparison = geoerr.compare(result.model, observations).to_document()
     what = " + ".join(["smooth error", *effects])

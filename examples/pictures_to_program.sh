@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # From a machine of which nothing is known to a program that is corrected for it: photograph, calibrate, measure,
-# find the 21 errors, correct, prove. A virtual printer stands in for yours; with a real one, leave `simulate` out.
+# find the 21 errors, correct, prove. A virtual machine stands in for yours; with a real one, leave `simulate` out.
 #
 #     examples/pictures_to_program.sh [FOLDER]
 set -euo pipefail

@@ -8,7 +8,7 @@ here="$(cd "$(dirname "$0")" && pwd)"
 folder="${1:-$(mktemp -d)}"
 python "$here/virtual_machines.py" warm-mill "$folder"
 cd "$folder"
-geoerr fit observations.csv --machine machine.toml --components 12 --add backlash:x \
+geoerr fit observations.csv --machine machine.toml --components 12 \
     --add thermal-expansion:y@temp_bed -o model.json --quiet > fit.txt
 
 cat > frame.ngc <<'GCODE'
