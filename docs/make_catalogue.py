@@ -32,7 +32,8 @@ as `q_low` always does), `t` the time in a session, `clock` the time with all se
 `T` a temperature minus the reference or a difference of two temperatures. Lengths are in mm, angles in rad, times
 in s. A coefficient *across* an axis or of its *angles* exists once for each direction, with `_x`, `_y` or `_z`
 behind its name.
-How to write effects of your own: `python/geoerr/effects/README.md`.
+What each of them looks like: [the gallery](gallery.md). How to write effects of your own:
+[My effect is not in the catalogue](guides/own_effect.md) and `python/geoerr/effects/README.md`.
 """
 
 

@@ -1,8 +1,16 @@
-"""Runs the tutorials and writes what they print into them: `python docs/make_tutorials.py`.
+"""Runs the tutorials and guides and writes what they print into them: `python docs/make_tutorials.py [PAGE...]`.
 
-A tutorial is a page of Markdown. Its blocks of Python run one after the other in one namespace; what a block prints
-stands in a block of text after it. Blocks below `<!-- needs GEOERR_TEST_DATA -->` run where that variable names the
-folder of real data, and else keep what they printed there. Tests run the pages too, and hold them to what they claim.
+A page is Markdown. Its blocks run one after the other in a folder of their own, in which `examples` and `validation`
+are the project's:
+
+- Python, in one namespace for the whole page;
+- `console`: lines that begin with `$ ` are commands, joined where a backslash ends them;
+- any block below `<!-- file: NAME -->` is written to that file.
+
+What a block prints stands in a block of text after it. A command that is refused stands below
+`<!-- exit status 1 -->`; what only a person can do (cameras, a machine) below `<!-- not run -->`. Blocks below
+`<!-- needs GEOERR_TEST_DATA -->` run where that variable names the folder of real data, and else keep what they
+printed there. Tests run the pages too, and hold them to what they claim.
 """
 
 from __future__ import annotations
@@ -11,33 +19,89 @@ import contextlib
 import io
 import os
 import re
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
-TUTORIALS = Path(__file__).with_name("tutorials")
-_BLOCK = re.compile(r"```python\n(?P<code>.*?)```\n(?:\n```text\n.*?```\n)?", re.DOTALL)
+DOCS = Path(__file__).parent
+FOLDERS = ("tutorials", "guides")
+_BLOCK = re.compile(
+    r"(?:<!-- (?P<mark>[^\n]*?) -->\n)?```(?P<language>\w+)\n(?P<code>.*?)```\n(?P<printed>\n```text\n.*?```\n)?",
+    re.DOTALL,
+)
 _REAL_DATA = "<!-- needs GEOERR_TEST_DATA -->"
+_COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*)$", re.MULTILINE)
+
+
+def pages() -> list[Path]:
+    """Give all pages that run."""
+    return [path for folder in FOLDERS for path in sorted((DOCS / folder).glob("*.md"))]
 
 
 def run_page(page: str, *, with_real_data: bool) -> tuple[str, dict[str, Any]]:
     """Run a page's blocks; give the page with what they printed, and all that they named."""
     own, _, real = page.partition(_REAL_DATA)
     names: dict[str, Any] = {"__name__": "tutorial"}
-    own = _BLOCK.sub(lambda match: _run(match["code"], names), own)
-    if real and with_real_data:
-        real = _BLOCK.sub(lambda match: _run(match["code"], names), real)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for shared in ("examples", "validation"):
+            (folder / shared).symlink_to(DOCS.parent / shared, target_is_directory=True)
+        with contextlib.chdir(folder):
+            own = _BLOCK.sub(lambda block: _done(block, names), own)
+            if real and with_real_data:
+                real = _BLOCK.sub(lambda block: _done(block, names), real)
     return own + (_REAL_DATA + real if real else ""), names
 
 
-def _run(code: str, names: dict[str, Any]) -> str:
+def _done(block: re.Match[str], names: dict[str, Any]) -> str:
+    mark, language, code = block["mark"] or "", block["language"], block["code"]
+    if mark == "not run" or language == "text":
+        return block[0]
+    if mark.startswith("file: "):
+        Path(mark.removeprefix("file: ")).write_text(code, encoding="utf-8")
+        return block[0]
+    if language == "python":
+        printed = _printed_by_python(code, names)
+    elif language == "console":
+        printed = _printed_by_commands(code, status=1 if mark == "exit status 1" else 0)
+    else:
+        return block[0]
+    text = "\n".join(line.rstrip() for line in printed.strip("\n").splitlines())
+    head = f"<!-- {mark} -->\n" if mark else ""
+    return f"{head}```{language}\n{code}```\n" + (f"\n```text\n{text}\n```\n" if text else "")
+
+
+def _printed_by_python(code: str, names: dict[str, Any]) -> str:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         exec(compile(code, "tutorial", "exec"), names)  # the page is ours
-    text = "\n".join(line.rstrip() for line in printed.getvalue().splitlines())
-    return f"```python\n{code}```\n" + (f"\n```text\n{text}\n```\n" if text else "")
+    return printed.getvalue()
+
+
+def _printed_by_commands(code: str, *, status: int) -> str:
+    """Run commands as a shell does, on this interpreter's geoerr; what they say and what they refuse in one text."""
+    shell = f'python() {{ "{sys.executable}" "$@"; }}; geoerr() {{ python -m geoerr "$@"; }}; set -o pipefail\n'
+    commands = [shell + command for command in _COMMAND.findall(code)]
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
+    printed = []
+    for number, command in enumerate(commands, start=1):
+        done = subprocess.run(
+            ["bash", "-c", command],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        printed.append(done.stdout)
+        if done.returncode != (status if number == len(commands) else 0):
+            raise RuntimeError(f"{command.partition(chr(10))[2]}\nended with {done.returncode}:\n{done.stdout}")
+    return "".join(printed)
 
 
 if __name__ == "__main__":
-    for path in sorted(TUTORIALS.glob("*.md")):
+    for path in [Path(name) for name in sys.argv[1:]] or pages():
         made, _ = run_page(path.read_text(encoding="utf-8"), with_real_data="GEOERR_TEST_DATA" in os.environ)
         path.write_text(made, encoding="utf-8")

@@ -115,5 +115,4 @@ def test_dash_lives_in_the_workbench_only() -> None:
         for path in sources()
         if any(name.split(".")[0] in ("dash", "flask", "werkzeug") for name in imported_modules(path))
     }
-    # The verb asks whether it is there.
-    assert users == {"workbench", "cli"}
+    assert users == {"workbench"}

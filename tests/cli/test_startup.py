@@ -44,6 +44,18 @@ def test_help_loads_no_numerical_library() -> None:
     assert own == LIGHT
 
 
+def test_a_reader_that_goes_away_is_no_failure() -> None:
+    """`geoerr doctor | head -1`, as a script with `set -o pipefail` sees it."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "geoerr", "doctor"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 0
+
+
 def test_the_list_of_verbs_loads_none_of_them() -> None:
     (text,), loaded = after(["--help"])
     for verb, words in VERBS.items():

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from geoerr.cli.effect_options import Form, Lag, Lagging, way_of
+from geoerr.cli.effect_options import Form, Lag, Lagging, complete_effect, way_of
 from geoerr.cli.options import (
     EffectFiles,
     JsonFlag,
@@ -19,21 +19,32 @@ from geoerr.cli.options import (
     calibration,
     check_output,
     effects_of,
+    examples,
     files_given,
 )
 from geoerr.cli.progress import progress_bar
 
+_EXAMPLES = (
+    "geoerr add model.json observations.csv backlash:x -o model2.json",
+    "geoerr add model.json observations.csv thermal-expansion:y@temp_bed --lag no",
+    "geoerr add model.json observations.csv 'empirical:z@x*y' -o model2.json",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("add")(add)
+    app.command("add", epilog=examples(*_EXAMPLES))(add)
 
 
 def add(
     model: ModelFile,
     arguments: Annotated[
         list[str],
-        typer.Argument(metavar="OBS... ID[:AXIS][@COVARIATE]", help="Measurements, and last the effect to add."),
+        typer.Argument(
+            metavar="OBS... ID[:AXIS][@COVARIATE]",
+            help="Measurements, and last the effect to add.",
+            autocompletion=complete_effect,
+        ),
     ],
     output: ModelOutput = None,
     effects: EffectFiles = None,

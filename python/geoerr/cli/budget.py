@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, note, null_for_nan, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, null_for_nan, print_json
 from geoerr.cli.program_options import At, conditions, triple
 
 if TYPE_CHECKING:
@@ -16,10 +16,15 @@ if TYPE_CHECKING:
 # Reached from below after a long stroke, and at rest.
 _APPROACH = {"d": 1.0, "s": 100.0, "v": 0.0, "feed": 0.0}
 
+_EXAMPLES = (
+    "geoerr budget model.json --at temp_bed=90 --at-std temp_bed=2",
+    "geoerr budget model.json --place 200,150,80 --offset 0,0,-60 --report budget.html",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("budget")(budget)
+    app.command("budget", epilog=examples(*_EXAMPLES))(budget)
 
 
 def budget(

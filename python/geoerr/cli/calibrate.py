@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, note, print_json, session_files
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, print_json, session_files
 from geoerr.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -20,10 +20,15 @@ SessionFolder = Annotated[
 RigFile = Annotated[Path, typer.Option("--output", "-o", help="Where to write the rig (rig.json).")]
 _NAME_WIDTH = 24
 
+_EXAMPLES = (
+    "geoerr calibrate SESSION -o rig.json",
+    "geoerr calibrate SESSION -o rig.json --json > calibration.json",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("calibrate")(calibrate_session)
+    app.command("calibrate", epilog=examples(*_EXAMPLES))(calibrate_session)
 
 
 def calibrate_session(

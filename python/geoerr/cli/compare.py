@@ -17,16 +17,22 @@ from geoerr.cli.options import (
     Threads,
     calibration,
     check_output,
+    examples,
     files_given,
     note,
     print_result,
 )
 from geoerr.cli.progress import progress_bar
 
+_EXAMPLES = (
+    "geoerr compare model.json observations.csv",
+    "geoerr compare errors.json new-session.csv --report comparison.html",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("compare")(compare_verb)
+    app.command("compare", epilog=examples(*_EXAMPLES))(compare_verb)
 
 
 def compare_verb(

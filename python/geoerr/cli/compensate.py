@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 from geoerr.cli.program_options import (
     At,
     Firmware,
@@ -44,10 +44,16 @@ class OutsideMeasured(StrEnum):
 # Twelve digits tell any two models of a workshop apart.
 _MODEL_NAME_DIGITS = 12
 
+_EXAMPLES = (
+    "geoerr compensate errors.json part.gcode -o part-corrected.gcode",
+    "geoerr compensate model.json part.gcode -o part-90.gcode --at temp_bed=90 --work-offset 50,50,0",
+    "geoerr compensate model.json - -o - < part.gcode > part-corrected.gcode",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("compensate")(compensate)
+    app.command("compensate", epilog=examples(*_EXAMPLES))(compensate)
 
 
 def compensate(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Seed, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Seed, Threads, examples, note, print_json
 from geoerr.cli.progress import Advance, progress_bar
 
 if TYPE_CHECKING:
@@ -18,10 +18,15 @@ if TYPE_CHECKING:
 
 Folder = Annotated[Path, typer.Argument(help="Folder for every file and the report; made if absent.")]
 
+_EXAMPLES = (
+    "geoerr demo",
+    "geoerr demo my-folder --seed 7 --threads 2",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("demo")(demo)
+    app.command("demo", epilog=examples(*_EXAMPLES))(demo)
 
 
 def demo(

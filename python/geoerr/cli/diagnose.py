@@ -20,6 +20,7 @@ from geoerr.cli.options import (
     calibration,
     check_output,
     effects_of,
+    examples,
     files_given,
     note,
     note_left_out,
@@ -33,10 +34,16 @@ if TYPE_CHECKING:
     from geoerr.diagnose.diagnosis import Diagnosis
     from geoerr.report.provenance import Provenance
 
+_EXAMPLES = (
+    "geoerr diagnose model.json observations.csv",
+    "geoerr diagnose machine.toml circle.csv",
+    "geoerr diagnose model.json observations.csv --effects own.toml --plan next.csv --report diagnosis.html",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("diagnose")(diagnose_verb)
+    app.command("diagnose", epilog=examples(*_EXAMPLES))(diagnose_verb)
 
 
 def diagnose_verb(

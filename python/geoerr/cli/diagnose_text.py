@@ -109,8 +109,11 @@ def _finding(finding: Finding, number: str) -> Iterator[str]:
 def remedy_lines(named: Named, device: str) -> Iterator[str]:
     """Say how sure an effect is, what causes it and what to do; `device` is what an effect of the rig is of."""
     yield from narrow(sure_words(named.p_value), "    ")
-    yield from narrow(f"cause: {named.effect.cause}", "    ")
-    yield from narrow(f"to do: {named.effect.remedy}", "    ")
+    # A user's own effect need not say either.
+    if named.effect.cause:
+        yield from narrow(f"cause: {named.effect.cause}", "    ")
+    if named.effect.remedy:
+        yield from narrow(f"to do: {named.effect.remedy}", "    ")
     if named.is_rig:
         yield from narrow(f"an error of {device} is explained, and never compensated in a program", "    ")
 

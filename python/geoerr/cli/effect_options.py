@@ -36,6 +36,24 @@ Form = Annotated[
 ]
 
 
+def complete_effect(incomplete: str) -> list[str]:
+    """Give the ids of the catalogue that begin so, and behind the colon the axes; a shell asks for it.
+
+    Where nothing is typed yet it is as likely to be a file.
+    """
+    if not incomplete:
+        return []
+    from geoerr.effects import catalogue
+
+    name, colon, _ = incomplete.partition(":")
+    effects = catalogue()
+    if colon:
+        known = [f"{name}:{axis}" for axis in effects[name].axes] if name in effects else []
+    else:
+        known = [effect.id for effect in effects]
+    return [text for text in known if text.startswith(incomplete)]
+
+
 def way_of(lag: Lagging, form: str | None) -> Way:
     """Give how effects are to be written."""
     from geoerr.fit import Way

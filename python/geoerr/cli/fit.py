@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from geoerr.cli.effect_options import Form, Lag, Lagging, way_of
+from geoerr.cli.effect_options import Form, Lag, Lagging, complete_effect, way_of
 from geoerr.cli.options import (
     EffectFiles,
     JsonFlag,
@@ -19,6 +19,7 @@ from geoerr.cli.options import (
     Threads,
     calibration,
     check_output,
+    examples,
     files_given,
     note,
     null_for_nan,
@@ -35,9 +36,16 @@ class ComponentsChoice(StrEnum):
     NONE = "none"
 
 
+_EXAMPLES = (
+    "geoerr fit observations.csv --machine machine.toml -o model.json",
+    "geoerr fit points.csv circle.csv --machine machine.toml --add backlash:x --add warm-up:z -o model.json",
+    "geoerr fit observations.csv --machine machine.toml --components 12 --effects own.toml --add my-effect:x",
+)
+
+
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("fit")(fit)
+    app.command("fit", epilog=examples(*_EXAMPLES))(fit)
 
 
 def fit(
@@ -51,7 +59,12 @@ def fit(
     effects: EffectFiles = None,
     add: Annotated[
         list[str] | None,
-        typer.Option("--add", metavar="ID[:AXIS][@COVARIATE]", help="An effect to fit along; may be repeated."),
+        typer.Option(
+            "--add",
+            metavar="ID[:AXIS][@COVARIATE]",
+            help="An effect to fit along; may be repeated.",
+            autocompletion=complete_effect,
+        ),
     ] = None,
     lag: Lag = Lagging.AUTO,
     form: Form = None,

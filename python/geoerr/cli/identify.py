@@ -16,6 +16,7 @@ from geoerr.cli.options import (
     Threads,
     calibration,
     check_output,
+    examples,
     files_given,
     note,
     null_for_nan,
@@ -45,9 +46,15 @@ class Roll(StrEnum):
     LI = "li"
 
 
+_EXAMPLES = (
+    "geoerr identify observations.csv --machine machine.toml --rig rig.json -o errors.json",
+    "geoerr identify observations.csv --machine machine.toml --method nine-line",
+)
+
+
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("identify")(identify)
+    app.command("identify", epilog=examples(*_EXAMPLES))(identify)
 
 
 def identify(

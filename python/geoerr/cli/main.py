@@ -36,6 +36,7 @@ VERBS = {
     "verify": "Prove a correction: circle, workpiece, path.",
     "simulate": "Photograph a virtual machine into a session folder.",
     "target": "Plates and boards to print, true to scale.",
+    "doctor": "Check the installation, and whether files can be read.",
 }
 
 
@@ -52,6 +53,20 @@ class _Verbs(typer.core.TyperGroup):
             if getattr(param, "is_flag", False) and param.default is None:
                 param.default = False
         return params
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a verb; that nobody reads its output to the end (`geoerr ... | head`) is no failure.
+
+        Typer would take it for one before `run` hears of it.
+        """
+        try:
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # What is left in the buffer has no reader: without this the interpreter tries once more as it ends.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit from None
+        return result
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Give the names of all verbs."""
@@ -106,7 +121,3 @@ def run() -> None:
     except GeoerrError as error:
         typer.echo(f"error: {error}", err=True)
         sys.exit(1)
-    except BrokenPipeError:
-        # The reader of a pipe has gone (`geoerr ... | head`): nothing is wrong.
-        sys.stderr.close()
-        sys.exit(0)

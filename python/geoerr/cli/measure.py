@@ -13,6 +13,7 @@ from geoerr.cli.options import (
     QuietFlag,
     Threads,
     check_output,
+    examples,
     files_given,
     note,
     print_json,
@@ -36,10 +37,15 @@ Table = Annotated[Path, typer.Option("--output", "-o", help="Observations to wri
 
 _MISSED_SHOWN = 10
 
+_EXAMPLES = (
+    "geoerr measure SESSION --rig rig.json -o observations.csv",
+    "geoerr measure SESSION --rig rig.json -o - | head",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("measure")(measure_session)
+    app.command("measure", epilog=examples(*_EXAMPLES))(measure_session)
 
 
 def measure_session(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from geoerr.vision.session import Session
 
 _MOST_ROWS_NAMED = 5
+# With their indent and a backslash they fit a terminal of 80 columns.
+_EXAMPLE_WIDTH = 72
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no notes on standard error.")]
@@ -46,6 +49,15 @@ Refit = Annotated[
 ]
 ModelOutput = Annotated[Path | None, typer.Option("--output", "-o", help="model.json to write.")]
 PageFile = Annotated[Path | None, typer.Option("--report", help="Write tables and pictures as an HTML page.")]
+
+
+def examples(*commands: str) -> str:
+    """Give what stands below the options of a verb: lines to copy; long ones go on behind a backslash."""
+    split = (
+        textwrap.wrap(command, _EXAMPLE_WIDTH, break_long_words=False, break_on_hyphens=False) for command in commands
+    )
+    # Click keeps the lines of a paragraph that begins with this sign.
+    return "\n".join(["\b", "Examples:", *("  " + " \\\n    ".join(lines) for lines in split)])
 
 
 def print_json(document: Any) -> None:

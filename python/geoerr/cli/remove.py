@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from geoerr.cli.add import observations_and_reference
+from geoerr.cli.effect_options import complete_effect
 from geoerr.cli.options import (
     JsonFlag,
     ModelFile,
@@ -16,20 +17,27 @@ from geoerr.cli.options import (
     Threads,
     calibration,
     check_output,
+    examples,
     files_given,
 )
+
+_EXAMPLES = ("geoerr remove model2.json observations.csv backlash:x -o model.json",)
 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("remove")(remove)
+    app.command("remove", epilog=examples(*_EXAMPLES))(remove)
 
 
 def remove(
     model: ModelFile,
     arguments: Annotated[
         list[str],
-        typer.Argument(metavar="OBS... ID[:AXIS][@COVARIATE]", help="Measurements, and last the effect."),
+        typer.Argument(
+            metavar="OBS... ID[:AXIS][@COVARIATE]",
+            help="Measurements, and last the effect.",
+            autocompletion=complete_effect,
+        ),
     ],
     output: ModelOutput = None,
     rig: RigFile = None,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 from geoerr.cli.progress import progress_bar
 
 PlanFile = Annotated[Path, typer.Argument(help="The plan (.toml): machine, cameras, targets, errors, passes.")]
@@ -19,10 +19,15 @@ OwnSeed = Annotated[
     int | None, typer.Option("--seed", min=0, help="Seed of everything random, in place of the plan's own.")
 ]
 
+_EXAMPLES = (
+    "geoerr simulate plan.toml -o SESSION",
+    "geoerr simulate plan.toml -o SESSION --seed 7 --json",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("simulate")(simulate)
+    app.command("simulate", epilog=examples(*_EXAMPLES))(simulate)
 
 
 def simulate(

@@ -16,6 +16,7 @@ from geoerr.cli.options import (
     QuietFlag,
     Threads,
     check_output,
+    examples,
     note,
     note_set_aside,
     null_for_nan,
@@ -26,10 +27,15 @@ from geoerr.cli.progress import progress_bar
 if TYPE_CHECKING:
     from geoerr.observations import Observations
 
+_EXAMPLES = (
+    "geoerr states 20=cold.csv 60=warm.csv 90=hot.csv --machine machine.toml -o model.json",
+    "geoerr states 20=cold.csv 90=hot.csv --machine machine.toml --report states.html",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("states")(states_verb)
+    app.command("states", epilog=examples(*_EXAMPLES))(states_verb)
 
 
 def states_verb(

@@ -8,17 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 from geoerr.errors import GeoerrError
 
 if TYPE_CHECKING:
     from geoerr.vision.printing.artwork import Artwork
     from geoerr.vision.printing.paper import Layout, Paper
 
+_EXAMPLES = (
+    "geoerr target charuco:11x8:20:15:DICT_5X5_100 -o board.pdf",
+    "geoerr target SESSION/session.toml#targets -o plates.pdf --page A3",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("target")(target)
+    app.command("target", epilog=examples(*_EXAMPLES))(target)
 
 
 def target(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 from geoerr.cli.program_options import At, conditions
 from geoerr.errors import InputFileError
 
@@ -16,10 +16,15 @@ if TYPE_CHECKING:
     from geoerr.observations import CircularTest
     from geoerr.verify.ballbar import CircularTestResult, Trace
 
+_EXAMPLES = (
+    "geoerr verify ballbar errors.json --center 200,200 --radius 100",
+    "geoerr verify ballbar model.json --trace circle.csv --at temp_bed=90 --report circle.html",
+)
+
 
 def register(sub: typer.Typer) -> None:
     """Add the verb to the group `geoerr verify`."""
-    sub.command("ballbar")(ballbar)
+    sub.command("ballbar", epilog=examples(*_EXAMPLES))(ballbar)
 
 
 def ballbar(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 from geoerr.cli.program_options import (
     At,
     Firmware,
@@ -26,10 +26,15 @@ if TYPE_CHECKING:
     from geoerr.model.conditions import Conditions
     from geoerr.verify.path import PathResult
 
+_EXAMPLES = (
+    "geoerr verify path model.json part.gcode part-corrected.gcode --at temp_bed=90",
+    "geoerr verify path errors.json part.gcode part-corrected.gcode --tolerance 0.02 --json",
+)
+
 
 def register(sub: typer.Typer) -> None:
     """Add the verb to the group `geoerr verify`."""
-    sub.command("path")(path)
+    sub.command("path", epilog=examples(*_EXAMPLES))(path)
 
 
 def path(

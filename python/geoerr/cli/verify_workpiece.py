@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 
 if TYPE_CHECKING:
     from geoerr.verify.workpiece import GroupComparison, GroupFigures, WorkpieceResult
 
+_EXAMPLES = ("geoerr verify workpiece before.csv after.csv",)
+
 
 def register(sub: typer.Typer) -> None:
     """Add the verb to the group `geoerr verify`."""
-    sub.command("workpiece")(workpiece)
+    sub.command("workpiece", epilog=examples(*_EXAMPLES))(workpiece)
 
 
 def workpiece(

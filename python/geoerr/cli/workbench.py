@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from geoerr.cli.options import QuietFlag, Threads, note
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
+
+_EXAMPLES = (
+    "geoerr workbench machine.toml observations.csv",
+    "geoerr workbench model.json observations.csv own.toml --session work.json --no-open",
+)
 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("workbench")(workbench)
+    app.command("workbench", epilog=examples(*_EXAMPLES))(workbench)
 
 
 def workbench(
@@ -31,6 +37,7 @@ def workbench(
         int, typer.Option("--port", min=0, max=65535, help="On this port of this computer; 0 = any free one.")
     ] = 0,
     opens: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
 ) -> None:
@@ -49,7 +56,12 @@ def workbench(
     from geoerr.workbench.server import begin_session, serve
 
     def ready(url: str) -> None:
-        typer.echo(url)
+        if as_json:
+            print_json({"url": url})
+            # Who reads it through a pipe needs it now: the page is served until it is ended.
+            sys.stdout.flush()
+        else:
+            typer.echo(url)
         note("open this address in a browser on this computer; Ctrl-C ends it", quiet)
         if opens:
             webbrowser.open(url)

@@ -8,6 +8,7 @@ from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.diagnose.words import sure_words
+from geoerr.effects import Effect
 from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
@@ -42,7 +43,7 @@ def write_circle_diagnosis_page(path: str | Path, diagnosis: CircleDiagnosis, pr
     caption = "Each cause's part of what is more than noise."
     sections = [Section("What the circles are off by", (Figure(figures.circle_causes(diagnosis), caption),))]
     for cause in diagnosis.ranked:
-        texts = [f"{cause.words()}.", f"Cause: {cause.effect.cause}.", f"What to do: {cause.effect.remedy}."]
+        texts = [f"{cause.words()}.", *_advice(cause.effect)]
         separation = cause.separate_by
         if separation is not None:
             texts.append(f"These runs cannot tell it apart; what would: {separation.plan or separation.text}.")
@@ -116,12 +117,13 @@ def _ranking(diagnosis: Diagnosis) -> Table:
 
 
 def _blocks(finding: Finding) -> tuple[Block, ...]:
-    texts = [
-        f"{finding.words()}.",
-        f"Cause: {finding.effect.cause}.",
-        f"What to do: {finding.effect.remedy}.",
-    ]
-    return tuple(Paragraph(text) for text in texts)
+    return tuple(Paragraph(text) for text in (f"{finding.words()}.", *_advice(finding.effect)))
+
+
+def _advice(effect: Effect) -> list[str]:
+    """Give cause and remedy; a user's own effect need not say either."""
+    said = {"Cause": effect.cause, "What to do": effect.remedy}
+    return [f"{what}: {text}." for what, text in said.items() if text]
 
 
 def _rival(finding: Finding) -> Paragraph:
