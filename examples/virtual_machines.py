@@ -64,10 +64,10 @@ def circles(folder: Path) -> None:
         error_y = -later_s * speed_y
         r = radius_mm + (error_x * x + error_y * y) / radius_mm + rng.normal(0.0, 0.5e-3, len(angle))
         for k in range(len(angle)):
-            rows.append((f"run {run + 1}", 200 + x[k], 200 + y[k], 50.0, r[k], sense, feed, 1, t + seconds[k]))
+            rows.append((f"run {run + 1}", 200 + x[k], 200 + y[k], 50.0, r[k], sense, feed, t + seconds[k]))
         t += seconds[-1] + 20.0
     _write_machine(folder, "mill", "wbXYZt")
-    _write_table(folder / "circle.csv", ("line", "x", "y", "z", "r", "dir", "feed", "moving", "t"), rows)
+    _write_table(folder / "circle.csv", ("line", "x", "y", "z", "r", "dir", "feed", "t"), rows)
 
 
 def warm_mill(folder: Path) -> None:

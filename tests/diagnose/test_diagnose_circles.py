@@ -21,6 +21,7 @@ from geoerr.diagnose.comparison import compare
 from geoerr.effects import catalogue, load_effects
 from geoerr.errors import GeoerrError, GeometryError
 from geoerr.fit import sightings_of
+from geoerr.fit.additions import additions
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import Machine
 from geoerr.model import Model
@@ -110,6 +111,15 @@ def test_causes_are_told_apart_and_have_their_values(name: str, parameter: str, 
     found, std = value(many(), name, parameter)
     # Formulas are to first order; what second order adds is below a hundredth.
     assert abs(found - expected) < 4.0 * std + 0.01 * abs(expected)
+
+
+def test_what_follows_speeds_is_added_to_circles_that_do_not_say_that_they_move() -> None:
+    """Neither `moving` nor `t`: the circle's own motion and its feed are enough."""
+    fitted = compare(MODEL, circular(several)).points
+    added = additions(
+        ["servo-mismatch:xy"], catalogue(), MODEL.machine, fitted.sightings, "none", lambda _: fitted, None
+    )
+    assert [one.reference for one in added] == ["servo-mismatch:xy"]
 
 
 def test_nothing_else_is_found_and_the_parts_add_up() -> None:

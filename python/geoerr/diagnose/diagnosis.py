@@ -17,7 +17,7 @@ from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.probes import Probe
-from geoerr.diagnose.search import Found, Judged, Rival, Round, Searched, Settled, search, settle
+from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, search, settle
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.words import listed, sure_words
 from geoerr.effects import Effect, catalogue
@@ -195,7 +195,7 @@ class _Summary:
         else:
             first = searched.first
             candidates = tuple(
-                self._finding(judged, settle(first.space, first.scanner, judged), first)
+                self._finding(judged, settle(first.space, first.scanner, judged))
                 for judged in first.candidates[:_LISTED]
             )
         unknown = None if searched.unknown is None else self._unknown(searched.unknown)
@@ -237,7 +237,7 @@ class _Summary:
         tied = next((rival for rival in one.rivals if self._is_tied(first, rival)), None)
         against = None if tied is None else reference_of(tied.judged)
         held_out = self._held_out(one.settled, [other.settled for other in self.searched.found[:place]])
-        return self._finding(one.judged, one.settled, one.looked, aliases=aliases, against=against, held_out=held_out)
+        return self._finding(one.judged, one.settled, aliases=aliases, against=against, held_out=held_out)
 
     def _rivals(self, first: Found) -> list[Finding]:
         name = reference_of(first.judged)
@@ -245,7 +245,6 @@ class _Summary:
             self._finding(
                 rival.judged,
                 rival.settled,
-                first.looked,
                 tied=self._is_tied(name, rival),
                 aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
                 against=name,
@@ -270,7 +269,6 @@ class _Summary:
         self,
         judged: Judged,
         settled: Settled,
-        looked: Round,
         *,
         tied: bool = False,
         aliases: tuple[Alias, ...] = (),
@@ -291,7 +289,7 @@ class _Summary:
             tied=tied,
             aliases=tuple(sorted(aliases, key=lambda alias: -alias.correlation)),
             separate_by=None if rival is None else Separation(rival.separate_by, rival.plan, rival.minutes),
-            where=self._where(settled, looked, variables),
+            where=self._where(settled, variables),
             held_out=held_out,
             moments=moments_of(settled.term, self.fitted.sightings),
             in_model=str(reference) in self.held,
@@ -303,8 +301,8 @@ class _Summary:
         after = self.searched.bench.held_out
         return HeldOut(after.um(columns), after.um([*columns, settled.raw]))
 
-    def _where(self, settled: Settled, looked: Round, variables: Sequence[str]) -> Where:
-        moved_um = displacement_um(looked.space, settled.displacement)
+    def _where(self, settled: Settled, variables: Sequence[str]) -> Where:
+        moved_um = displacement_um(settled.space, settled.displacement)
         return where_of(self.fitted.sightings, moved_um, self.fitted.solved.used, variables)
 
     def _unknown(self, found: Found) -> Unknown:
@@ -326,9 +324,7 @@ class _Summary:
             probe.component,
             settled.visible_um,
             min(_HALVES * judged.p_value, 1.0),
-            self._where(
-                settled, found.looked, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]
-            ),
+            self._where(settled, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]),
             reference,
             curve,
             held_out,

@@ -272,15 +272,15 @@ def fit_noise(
     return NoiseSums(blocks, weights, residual, basis, threads=threads).fit(restricted=restricted, start=start)
 
 
-def without_drift(noise: NoiseModel, weights: Numbers) -> NoiseModel:
-    """Give a noise model with no drift: to see what drift would hide.
+def without_drift(noise: NoiseModel, weights: Numbers, *, without_offsets: bool = False) -> NoiseModel:
+    """Give a noise model with no drift, or with neither drift nor offsets: to see what they would hide.
 
     Parameters
     ----------
     weights : (n, 3)
         As for `NoiseSums`.
     """
-    calm = replace(noise, drift=np.zeros(3))
+    calm = replace(noise, drift=np.zeros(3), offset=np.zeros(3) if without_offsets else noise.offset)
     return replace(calm, transforms=_transforms(calm, np.ascontiguousarray(weights)))
 
 

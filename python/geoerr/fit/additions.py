@@ -166,7 +166,7 @@ def refuse_wanting(effect: Effect, reference: EffectReference, sightings: Sighti
     InputFileError
         naming the column or the measurement that is wanting.
     """
-    columns = sightings.covariate_columns
+    columns = sightings.effect_columns
     wanting = effect.wanting(
         columns,
         n_sessions=len(sightings.sessions),
@@ -223,7 +223,7 @@ def ways_of(
     InputFileError
         for a lag in data that have no time.
     """
-    way, columns = way or Way(), sightings.covariate_columns
+    way, columns = way or Way(), sightings.effect_columns
     if effect.is_smooth:
         return []
     can_lag = reference.covariate is not None and effect.follows_temperature

@@ -148,7 +148,7 @@ def _suspect(runs: Runs, effect: Effect, axis: str | None, why_not: dict[str, st
 
 def _own(runs: Runs, effect: Effect, why_not: dict[str, str]) -> list[Suspect]:
     """Give the suspects of a user's own effect."""
-    machine, columns = runs.fitted.machine, [*runs.fitted.sightings.covariate_columns, "moving"]
+    machine, columns = runs.fitted.machine, runs.fitted.sightings.effect_columns
     wanting = effect.wanting(columns, is_circular=True)
     if wanting is not None:
         why_not[effect.id] = wanting

@@ -1,4 +1,4 @@
-"""Functions of time, which a drift can swallow: judged with the drift estimated anew under each of them."""
+"""What a drift or offsets of passes can swallow: judged with the noise estimated anew under each of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from geoerr.diagnose.noise import without_drift
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.judged import best_of_each, evidence_of
+from geoerr.diagnose.search.judged import Judged, best_of_each, evidence_of, freedom_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import settle
 from geoerr.diagnose.space import Space, whitened_space
@@ -25,25 +25,33 @@ _MOST_LIKE_DRIFT, _LEAST_SURPRISE = 4, 8.0
 # Logarithm of the evidence that a function of time needs beside a drift that is estimated anew: of drifts alone the
 # largest was 10.
 _LEAST_BESIDE_DRIFT = 12.5
+# Two fits of the noise are so far apart in it that say the same.
+_AS_MUCH = 0.5
 # That was of so many functions of time; with more of them chance has more to choose from.
 _FEW_LIKE_DRIFT = 10.0
-# A drift that moves the mean of a block by less than this share of its scatter (variances) hides nothing.
-_STRONG_DRIFT = 1.0
+# A drift that moves the mean of a block, or offsets that move that of a pass, by less than this share of its scatter
+# (variances) hide nothing.
+_STRONG = 1.0
 
 
 def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
-    """Judge functions of time by the likelihood with the drift estimated anew under each of them.
+    """Judge functions of time by the likelihood with the noise estimated anew under each of them.
 
     A drift that was estimated without a jump has learnt the jump, and leaves nothing of it. So has one that is strong
-    what follows a temperature.
+    what follows a temperature, and so have offsets of few passes what changes with the direction alone.
     """
-    is_strong = _drift_to_scatter(looked.space) > _STRONG_DRIFT
-    like = [one for one in looked.candidates if _is_of_time(one.what) or (is_strong and _is_slow(one.what))]
+    drifts, is_offset = _drift_to_scatter(looked.space) > _STRONG, _offset_to_scatter(looked.space) > _STRONG
+    like = [
+        one
+        for one in looked.candidates
+        if _is_of_time(one.what) or (drifts and _is_slow(one.what)) or (is_offset and _is_of_direction(one.what))
+    ]
     if not like:
         return looked
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     sums = bench.sums(added)
-    calm = whitened_space(bench.fitted, without_drift(looked.space.noise, sums.weights), bench.rows, sums)
+    calm_noise = without_drift(looked.space.noise, sums.weights, without_offsets=is_offset)
+    calm = whitened_space(bench.fitted, calm_noise, bench.rows, sums)
     scanner = bench.scanner(calm, n_draws=0)
     scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
     tops = best_of_each(calm, [(one.what, [next(scanned) for _ in one.what.shapes]) for one in like])
@@ -71,7 +79,14 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
                 evidence=evidence,
                 p_value=looked.null.p_value(found),
             )
-    return replace(looked, candidates=tuple(sorted(judged.values(), key=lambda one: -one.evidence)))
+    return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
+
+
+def _simplest_first(candidates: list[Judged]) -> tuple[Judged, ...]:
+    """Put the one with the least freedom first, of those that have as much evidence as the first."""
+    near = [one for one in candidates if one.evidence > candidates[0].evidence - _AS_MUCH]
+    first = min(near, key=freedom_of)
+    return first, *(one for one in candidates if one is not first)
 
 
 def _drift_to_scatter(space: Space) -> float:
@@ -79,8 +94,18 @@ def _drift_to_scatter(space: Space) -> float:
     return float((space.noise.drift**2 * space.rows.sum(axis=0)).max()) / len(space.noise.blocks)
 
 
+def _offset_to_scatter(space: Space) -> float:
+    """Give the variance of an offset over that of the mean of white noise over a pass, of the worst component."""
+    return float((space.noise.offset**2 * space.rows.sum(axis=0)).max()) / max(space.n_passes, 1)
+
+
 def _is_slow(what: Candidate | Probe) -> bool:
     return isinstance(what, Candidate) and what.reference.covariate is not None
+
+
+def _is_of_direction(what: Candidate | Probe) -> bool:
+    terms = [shapes.term for shapes in what.shapes if shapes.term is not None]
+    return any(name.startswith("d_") for term in terms for name in term.variables)
 
 
 def _is_of_time(what: Candidate | Probe) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from geoerr.diagnose.candidates import Candidate, candidates_of
 from geoerr.diagnose.probes import Probe, probes_of
@@ -21,7 +21,7 @@ from geoerr.diagnose.search.nameless import (
     not_taken_back,
 )
 from geoerr.diagnose.search.rivals import Found, rivals_of
-from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.diagnose.search.settle import Settled, resettle, settle
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
@@ -114,7 +114,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         found = _without_superfluous(bench, found, aside)
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
-    return Searched(bench, first, looked, tuple(found), unknown, tuple(not_offered))
+    return Searched(bench, first, looked, tuple(_together(bench, found, aside, looked)), unknown, tuple(not_offered))
 
 
 def _nameless(looked: Round, probe: Judged) -> Found:
@@ -127,6 +127,16 @@ def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers
         return True
     before, after = bench.held_out.um(added), bench.held_out.um([*added, settled.raw])
     return before is None or after is None or after < before
+
+
+def _together(bench: Bench, found: list[Found], aside: list[Numbers], last: Round) -> list[Found]:
+    """Estimate each effect beside all the others, in the noise that all of them leave."""
+    columns = [one.settled.raw for one in found]
+    result = []
+    for place, one in enumerate(found):
+        space = bench.space_in(last.space.noise, [*aside, *columns[:place], *columns[place + 1 :]])
+        result.append(replace(one, settled=resettle(space, bench.scanner(space, n_draws=0), one.settled)))
+    return result
 
 
 def _without_superfluous(bench: Bench, found: list[Found], aside: list[Numbers]) -> list[Found]:

@@ -17,6 +17,8 @@ from geoerr.terms import Parameter, Term
 
 # Refinement of an inner parameter: points between two trials, so many times.
 _REFINED, _REFINEMENTS = 17, 3
+# Standard errors around a value within which it is looked for again.
+_REACH = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,8 @@ class Settled:
         What it explains, whitened, off the model.
     visible_um
         Root mean square of what it explains beyond the model.
+    space
+        In which it was estimated.
     """
 
     term: Term | None
@@ -45,6 +49,7 @@ class Settled:
     raw: Numbers
     displacement: Numbers
     visible_um: float
+    space: Space
 
 
 def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int = _REFINEMENTS) -> Settled:
@@ -54,23 +59,48 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
         raw = scanner.raw_columns(shapes, judged.trial)
         coefficients, _, gain = estimate(space, raw)
         displacement = off_model(space, raw) @ coefficients
-        return Settled(
-            None, shapes, float(gain), raw, displacement, rms_um(space, space.noise.unwhiten(displacement))
-        )
-    term = shapes.term
+        return Settled(None, shapes, float(gain), raw, displacement, _visible_um(space, displacement), space)
+    bounds = {
+        place: _neighbours(shapes, judged.trial, place) for place, one in enumerate(shapes.term.inner) if is_free(one)
+    }
+    formulas = Formulas(scanner.functions, shapes.term)
+    single = replace(shapes, columns=formulas.columns, n_coefficients=len(shapes.term.coefficients), corners=({},))
+    return _settled(space, scanner, single, list(shapes.trials[judged.trial]), bounds, refinements)
+
+
+def resettle(space: Space, scanner: Scanner, settled: Settled) -> Settled:
+    """Estimate an effect again in another space: its inner parameters from where they are."""
+    term = settled.term
+    assert term is not None
+    bounds = {}
+    for place, one in enumerate(term.inner):
+        if not one.std > 0.0:
+            continue
+        low, high = _range(one)
+        reach = _REACH * one.std
+        bounds[place] = (max(low, one.value - reach), min(high, one.value + reach))
+    inner = list(settled.shapes.trials[0])
+    return _settled(space, scanner, settled.shapes, inner, bounds, _REFINEMENTS)
+
+
+def _settled(
+    space: Space,
+    scanner: Scanner,
+    single: Shapes,
+    inner: list[float],
+    bounds: dict[int, tuple[float, float]],
+    refinements: int,
+) -> Settled:
+    term = single.term
+    assert term is not None
     formulas = Formulas(scanner.functions, term)
-    inner = list(shapes.trials[judged.trial])
-    single = replace(shapes, columns=formulas.columns, n_coefficients=len(term.coefficients), corners=({},))
-    free = [place for place, one in enumerate(term.inner) if is_free(one)]
 
     def at(trials: Sequence[Sequence[float]]) -> Shapes:
         codes = np.array([formulas.codes(trial) for trial in trials], dtype=np.int64)
         return replace(single, trials=tuple(tuple(trial) for trial in trials), codes=codes)
 
-    bounds = {place: _neighbours(shapes, judged.trial, place) for place in free}
     for _ in range(refinements):
-        for place in free:
-            low, high = bounds[place]
+        for place, (low, high) in bounds.items():
             if not low < high:
                 continue
             points = _between(term.inner[place], low, high)
@@ -78,9 +108,10 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
             best = int(np.argmax(scanner.gains(at(trials))))
             inner[place] = points[best]
             bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
-    single = at([inner])
-    raw = scanner.raw_columns(single, 0)
+    shapes = at([inner])
+    raw = scanner.raw_columns(shapes, 0)
     coefficients, _, gain = estimate(space, raw)
+    free = [place for place, one in enumerate(term.inner) if is_free(one)]
     parts = [raw]
     for place in free:
         low, high = _range(term.inner[place])
@@ -100,9 +131,11 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
         coefficients.tolist(), inner, coefficients_std=std[:k].tolist(), inner_std=inner_std.tolist()
     )
     displacement = (beyond[:, :k] @ coefficients).reshape(space.residual.shape)
-    return Settled(
-        valued, single, float(gain), joined, displacement, rms_um(space, space.noise.unwhiten(displacement))
-    )
+    return Settled(valued, shapes, float(gain), joined, displacement, _visible_um(space, displacement), space)
+
+
+def _visible_um(space: Space, displacement: Numbers) -> float:
+    return rms_um(space, space.noise.unwhiten(displacement))
 
 
 def _range(parameter: Parameter) -> tuple[float, float]:
