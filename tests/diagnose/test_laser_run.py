@@ -9,7 +9,6 @@ import pytest
 
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
 from geoerr.fit import FitOptions, fit_terms
-from geoerr.fit.sightings import sightings_of
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.observations import Observations, observations_from_columns
 
@@ -44,11 +43,6 @@ def _run() -> Observations:
 @cache
 def _diagnosis() -> Diagnosis:
     return diagnose(fit_terms(MACHINE, [_run()], options=FitOptions(components="12", threads=1)), threads=1)
-
-
-def test_a_place_that_is_met_twice_where_the_axis_turns_belongs_to_either_pass() -> None:
-    """It stands at 400 mm: the last of one pass and, by the direction that the file gives, the first of the next."""
-    assert np.bincount(sightings_of(_run()).pass_number).tolist() == [N_PLACES] * (2 * N_REPEATS)
 
 
 @pytest.mark.parametrize(

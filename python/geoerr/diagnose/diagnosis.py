@@ -237,7 +237,7 @@ class _Summary:
         tied = next((rival for rival in one.rivals if self._is_tied(first, rival)), None)
         against = None if tied is None else reference_of(tied.judged)
         held_out = self._held_out(one.settled, [other.settled for other in self.searched.found[:place]])
-        return self._finding(one.judged, one.settled, aliases=aliases, against=against, held_out=held_out)
+        return self._finding(one.judged, one.with_last_values, aliases=aliases, against=against, held_out=held_out)
 
     def _rivals(self, first: Found) -> list[Finding]:
         name = reference_of(first.judged)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from geoerr.diagnose.diagnosis import Diagnosis, reference_of
 from geoerr.diagnose.findings import Finding, Unknown
-from geoerr.diagnose.search import Round, Settled, settle
+from geoerr.diagnose.search import Settled, settle
 from geoerr.diagnose.where import displacement_um
 from geoerr.errors import GeoerrError
 from geoerr.fit.sightings import Numbers
@@ -20,22 +20,22 @@ def explained_um(diagnosis: Diagnosis, what: Finding | Unknown) -> Numbers:
     GeoerrError
         for a finding of another diagnosis.
     """
-    looked, settled = _settled(diagnosis, what)
-    return displacement_um(looked.space, settled.displacement)
+    settled = _settled(diagnosis, what)
+    return displacement_um(settled.space, settled.displacement)
 
 
-def _settled(diagnosis: Diagnosis, what: Finding | Unknown) -> tuple[Round, Settled]:
+def _settled(diagnosis: Diagnosis, what: Finding | Unknown) -> Settled:
     searched = diagnosis.searched
     if isinstance(what, Unknown):
         if searched.unknown is None:
             raise GeoerrError("this diagnosis found nothing without a name")
-        return searched.unknown.looked, searched.unknown.settled
+        return searched.unknown.settled
     for found in searched.found:
         for judged, settled in ((found.judged, found.settled), *((one.judged, one.settled) for one in found.rivals)):
             if reference_of(judged) == what.reference:
-                return found.looked, settled
+                return settled
     first = searched.first
     for judged in first.candidates:
         if reference_of(judged) == what.reference:
-            return first, settle(first.space, first.scanner, judged)
+            return settle(first.space, first.scanner, judged)
     raise GeoerrError(f"{what.reference} is no candidate of this diagnosis")

@@ -47,7 +47,7 @@ class Space:
     basis : (n, 3, r)
         Q, whitened.
     residual : (n, 3)
-        r, whitened, off Q, winsorised.
+        r, whitened, off Q, winsorised but for last estimates.
     """
 
     fitted: Fitted
@@ -134,8 +134,14 @@ def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: in
     return NoiseSums(blocks_of(fitted.sightings), offset_weights(fitted), residual, raw_basis, threads=threads)
 
 
-def whitened_space(fitted: Fitted, noise: NoiseModel, rows: Numbers, sums: NoiseSums) -> Space:
-    """Bring a fit's residual and basis into the metric of a noise model."""
+def whitened_space(
+    fitted: Fitted, noise: NoiseModel, rows: Numbers, sums: NoiseSums, *, is_winsorised: bool = True
+) -> Space:
+    """Bring a fit's residual and basis into the metric of a noise model.
+
+    What an effect does to a few rows may lie outside of what is left to chance: where its values are estimated
+    nothing is winsorised.
+    """
     whitened = sums.whitened_basis(noise)
     if whitened is None:
         whitened = noise.whiten(sums.basis)
@@ -144,6 +150,8 @@ def whitened_space(fitted: Fitted, noise: NoiseModel, rows: Numbers, sums: Noise
         basis = whitened.reshape(-1, whitened.shape[2])
     flat = noise.whiten(fitted.solved.whitened * rows).reshape(-1)
     flat = flat - basis @ (basis.T @ flat)
+    if not is_winsorised:
+        return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), flat.reshape(rows.shape))
     # The middle of absolute values knows no tails; 0.6745 makes it a standard deviation.
     counts = rows.reshape(-1) > 0.0
     spread = float(np.median(np.abs(flat[counts]))) / 0.6745 if counts.any() else 1.0

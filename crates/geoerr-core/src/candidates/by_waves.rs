@@ -13,6 +13,10 @@ use super::waves::{Family, Kind, LANES, Wave, set_waves};
 use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
 
+/// A wave of which the rows see a smaller share than this, squared, is not measured: its sums are differences of larger
+/// ones, which are rounded.
+const LEAST_SEEN: f64 = 1e-3;
+
 /// What waves of one family are multiplied with, summed at all their harmonics.
 pub(super) struct WaveOperands<'a, T> {
     family: &'a Family,
@@ -73,12 +77,24 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
                 _ => None,
             })
             .collect();
-        for (pair, products) in tile.pairs.iter().zip(tile.products.chunks_exact_mut(width)) {
+        let is_seen: Vec<bool> = (tile.pairs.iter())
+            .map(|pair| self.share_seen(pair.channel, places[pair.function]) > LEAST_SEEN)
+            .collect();
+        for ((pair, products), _) in tile
+            .pairs
+            .iter()
+            .zip(tile.products.chunks_exact_mut(width))
+            .zip(&is_seen)
+            .filter(|(_, seen)| **seen)
+        {
             let (harmonic, kind) = places[pair.function];
             let channel = self.channels.partition_point(|one| one.0 < pair.channel);
             products.copy_from_slice(&self.channels[channel].1[(2 * harmonic + kind) * width..][..width]);
         }
         for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.white) {
+            if !wanted.iter().all(|&pair| is_seen[pair]) {
+                continue;
+            }
             let [f, g] = wanted.map(|pair| tile.pairs[pair]);
             let together = self.together.partition_point(|one| one.0 < [f.channel, g.channel]);
             if let Some((own, sums)) = self.together.get(together)
@@ -94,11 +110,21 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
                 };
             }
         }
-        self.sum_blocks(tile, &places);
+        self.sum_blocks(tile, &places, &is_seen);
+    }
+
+    /// The mean square of a wave over the rows, by their weights on a channel.
+    fn share_seen(&self, channel: usize, (harmonic, kind): (usize, usize)) -> f64 {
+        let place = self.together.partition_point(|one| one.0 < [channel; 2]);
+        let Some((_, sums)) = self.together.get(place).filter(|one| one.0 == [channel; 2]) else {
+            return 0.0;
+        };
+        let relative = sums[2 * harmonic] / sums[sums.len() - 1].max(f64::MIN_POSITIVE);
+        if kind == 0 { 0.5 * (1.0 + relative) } else { 0.5 * (1.0 - relative) }
     }
 
     /// Sums by block of the noise, a row at a time for all functions.
-    fn sum_blocks(&self, tile: &mut Tile<'_, T>, places: &[(usize, usize)]) {
+    fn sum_blocks(&self, tile: &mut Tile<'_, T>, places: &[(usize, usize)], is_seen: &[bool]) {
         let scene = tile.scene;
         let n_blocks = scene.noise.n_blocks;
         let mut own: Vec<usize> = places.iter().map(|place| place.0).collect();
@@ -138,9 +164,10 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
         for ((number, c, _), sums) in units.iter().zip(sums.chunks_exact(n_blocks * n)) {
             let (_, first, m) = channels[*number];
             lanes::transpose(&mut across, sums, n);
-            for (pair, level) in tile.pairs[first..first + m]
-                .iter()
-                .zip(tile.level[*c][first * n_blocks..].chunks_exact_mut(n_blocks))
+            let levels = tile.level[*c][first * n_blocks..].chunks_exact_mut(n_blocks);
+            for ((pair, level), _) in (tile.pairs[first..first + m].iter().zip(levels))
+                .zip(&is_seen[first..])
+                .filter(|(_, seen)| **seen)
             {
                 level.copy_from_slice(&across[at[pair.function] * n_blocks..][..n_blocks]);
             }

@@ -171,6 +171,24 @@ fn a_row_without_a_place_has_no_harmonic() {
 }
 
 #[test]
+fn a_harmonic_that_is_0_at_all_places_is_not_measured() {
+    // Even steps of 0.5: the sine of period 0.5 is nothing but rounding there, and nothing is said of it.
+    let drawn = Drawn::new(15, 600, 5, 4, 3);
+    let x: Vec<f64> = (0..600).map(|row| 0.5 * f64::from(row % 40) + 1e-7 * f64::from(row % 7)).collect();
+    let wave = formula("a*sin(2*pi*x/p)", &["a"]);
+    let clock: Vec<f64> = (0..600).map(f64::from).collect();
+    let formulas: Vec<Formula> = (1..=100)
+        .map(|k| Formula { expression: wave.clone(), inner: vec![20.0 / f64::from(k)], series: None })
+        .collect();
+    let empty = vec![0.0; 600];
+    let rows = Rows { variables: &[&x, &clock, &empty], n_rows: 600, starts: &[], t: None };
+    let sources = Sources { rows, formulas: &formulas, series: &[], given: &[], products: &[] };
+    let found = scan(&drawn.scene::<f32>(), &sources, &[group(&[(1, 1.0, 0)], (0..100).collect())]).unwrap();
+    assert!([39, 79].iter().all(|&trial| found[0].rank[trial] == 0 && found[0].gain[trial] == 0.0));
+    assert_eq!(found[0].rank[38], 1);
+}
+
+#[test]
 fn what_is_not_there_is_refused() {
     let drawn = Drawn::new(1, 20, 2, 1, 2);
     let empty = vec![0.0; 20];

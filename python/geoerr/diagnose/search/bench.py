@@ -66,12 +66,13 @@ class Bench:
 
     def space(self, added: Sequence[Numbers]) -> Space:
         """Give the space that the model and what was added leave, the noise estimated anew."""
-        self.noise = self.sums(added).fit(start=self.noise)
-        return self.space_in(self.noise, added)
+        sums = self.sums(added)
+        self.noise = sums.fit(start=self.noise)
+        return whitened_space(self.fitted, self.noise, self.rows, sums)
 
-    def space_in(self, noise: NoiseModel, added: Sequence[Numbers]) -> Space:
-        """Give the space that the model and what was added leave, in this noise."""
-        return whitened_space(self.fitted, noise, self.rows, self.sums(added))
+    def space_to_estimate_in(self, noise: NoiseModel, added: Sequence[Numbers]) -> Space:
+        """Give the space that the model and what was added leave, in this noise, as it was measured."""
+        return whitened_space(self.fitted, noise, self.rows, self.sums(added), is_winsorised=False)
 
 
 def _are_the_same(first: Sequence[Numbers], second: Sequence[Numbers]) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
 from geoerr.diagnose.candidates import Candidate
 from geoerr.diagnose.noise import without_drift
@@ -66,10 +67,13 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         columns = scanner.raw_columns(single, 0)
         with_it = bench.sums([*added, columns]).fit(restricted=False, start=bench.noise).log_likelihood
         gain = max(2.0 * (with_it - without), 0.0)
+        of_passes = is_offset and _is_of_direction(one.what)
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
+        if of_passes:
+            found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
-        if evidence > max(judged[id(one.what)].evidence, least):
+        if evidence > max(judged[id(one.what)].evidence, 0.0 if of_passes else least):
             judged[id(one.what)] = replace(
                 one,
                 shapes=single,
@@ -87,6 +91,19 @@ def _simplest_first(candidates: list[Judged]) -> tuple[Judged, ...]:
     near = [one for one in candidates if one.evidence > candidates[0].evidence - _AS_MUCH]
     first = min(near, key=freedom_of)
     return first, *(one for one in candidates if one is not first)
+
+
+def _surprise_of_passes(gain: float, rank: int, n_passes: int, n_trials: int) -> float:
+    """Give −ln of the chance of so large a ratio of likelihoods where each pass is one number, less ln of the trials.
+
+    The ratio is that of two sums of squares over passes, whose chance is Fisher's: few passes say little, however far
+    the ratio goes.
+    """
+    left = n_passes - 1 - rank
+    if left < 1:
+        return 0.0
+    ratio = math.expm1(gain / n_passes) * left / rank
+    return float(-stats.f.logsf(ratio, rank, left)) - math.log(n_trials)
 
 
 def _drift_to_scatter(space: Space) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
+from geoerr.terms import Term
 
 # Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
 # contains it.
@@ -95,14 +96,23 @@ class Found:
     Attributes
     ----------
     judged, settled
-        The effect.
+        The effect, as it was found.
     rivals
         What came next; of what has no name there are none.
     looked
         The look that found it.
+    beside_others
+        An effect's term as it is beside all that was found, in the noise that all of it leaves; None while the search
+        goes on.
     """
 
     judged: Judged
     settled: Settled
     rivals: tuple[Rival, ...]
     looked: Round
+    beside_others: Term | None = None
+
+    @property
+    def with_last_values(self) -> Settled:
+        """What it explained when it was found, with the values that it has beside the others."""
+        return replace(self.settled, term=self.beside_others) if self.beside_others else self.settled

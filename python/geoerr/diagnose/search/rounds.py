@@ -134,8 +134,9 @@ def _together(bench: Bench, found: list[Found], aside: list[Numbers], last: Roun
     columns = [one.settled.raw for one in found]
     result = []
     for place, one in enumerate(found):
-        space = bench.space_in(last.space.noise, [*aside, *columns[:place], *columns[place + 1 :]])
-        result.append(replace(one, settled=resettle(space, bench.scanner(space, n_draws=0), one.settled)))
+        space = bench.space_to_estimate_in(last.space.noise, [*aside, *columns[:place], *columns[place + 1 :]])
+        again = resettle(space, bench.scanner(space, n_draws=0), one.settled)
+        result.append(replace(one, beside_others=again.term))
     return result
 
 
