@@ -76,7 +76,12 @@ pub(super) fn families(sources: &Sources<'_>) -> Result<(Vec<Family>, Vec<Option
 fn recognised(formula: &Formula) -> Result<Option<(usize, Vec<Kind>)>, CandidateError> {
     let Formula { expression, inner, series } = formula;
     let (&[variable], &[period]) = (expression.variable_indices(), &inner[..]) else { return Ok(None) };
-    if series.is_some() || expression.needs_order() || !expression.is_smooth() || !(period > 0.0) {
+    if series.is_some()
+        || expression.needs_order()
+        || !expression.is_smooth()
+        || period.is_nan()
+        || period <= 0.0
+    {
         return Ok(None);
     }
     let values = evaluated(formula, &TRIED.map(|place| place * period))?;
