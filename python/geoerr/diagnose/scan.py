@@ -127,19 +127,6 @@ class Scanner:
         ]
         return [Scanned(*found) for found in self.functions.scan(scene, groups, self.threads)]
 
-    def gains(self, shapes: Shapes) -> Numbers:
-        """Give the gain of one group at each of a few trials, (n_trials,), in double precision."""
-        trials = [self.raw_columns(shapes, trial) for trial in range(len(shapes.trials))]
-        k = shapes.n_coefficients
-        whitened = self.space.noise.whiten(np.concatenate(trials, axis=2)).reshape(-1, k * len(trials))
-        inside, along = _inside(self.space, whitened), whitened.T @ self.space.residual.reshape(-1)
-        gains = []
-        for first in range(0, k * len(trials), k):
-            own = slice(first, first + k)
-            root = _root(whitened[:, own].T @ whitened[:, own], inside[:, own])
-            gains.append(float(((root.T @ along[own]) ** 2).sum()))
-        return np.array(gains)
-
     def raw_columns(self, shapes: Shapes, trial: int) -> Numbers:
         """Give a group's columns at one trial in units of the stated uncertainties, (n, 3, k)."""
         return raw_columns(self.channels, shapes, self.functions.values(shapes.codes[trial]))

@@ -105,7 +105,7 @@ def _settled(
                 continue
             points = _between(term.inner[place], low, high)
             trials = [[*inner[:place], value, *inner[place + 1 :]] for value in points]
-            best = int(np.argmax(scanner.gains(at(trials))))
+            best = int(np.argmax(scanner.exact(at(trials)).gain))
             inner[place] = points[best]
             bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
     shapes = at([inner])
