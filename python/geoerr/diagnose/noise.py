@@ -34,8 +34,8 @@ from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s
 
 # Rows of a block: over so few a slow drift is constant, and a pass of 40 points still has two. In a short session a
-# drift is faster, by rows: it has so many blocks, of so many rows at least. With 24 rows in each, a random walk of
-# 5 µm over a session of 110 rows with 1 µm of scatter was named in 11 of 25 searches; with 4, in one.
+# drift is faster, by rows: it has so many blocks, of so many rows at least. With fewer, a random walk was named in
+# half of all runs (validation/short_runs.py).
 _BLOCK_ROWS, _LEAST_ROWS = 24, 4
 _ENOUGH_BLOCKS = 80
 # Blocks of one session: what their matrices cost grows with the cube.

@@ -401,7 +401,10 @@ def _passes(
 
 
 def _with_first_direction(directions: npt.NDArray[np.int8], commanded_mm: Numbers) -> npt.NDArray[np.int8]:
-    """Give each row the direction of travel within its line: of the step towards it, at first of the next one."""
+    """Give each row the direction of travel within its line: of the step towards it, at first of the next one.
+
+    A row at rest belongs to the step before it; to the one after it where the file says that it turned.
+    """
     steps = np.sign(np.round(np.diff(commanded_mm, axis=0) / SAME_POSITION_MM)).astype(np.int8)
     result = np.zeros_like(directions)
     for axis in range(3):
@@ -409,7 +412,11 @@ def _with_first_direction(directions: npt.NDArray[np.int8], commanded_mm: Number
         if not moving.size:
             result[:, axis] = directions[:, axis]
             continue
-        # Rows up to the first step belong to it; rows at rest keep the last.
-        place = np.maximum(np.searchsorted(moving, np.arange(len(steps) + 1) - 1, side="right") - 1, 0)
-        result[:, axis] = steps[moving[place], axis]
+        row = np.arange(len(steps) + 1)
+        # Rows up to the first step belong to it.
+        before = steps[moving[np.maximum(np.searchsorted(moving, row - 1, side="right") - 1, 0)], axis]
+        after = steps[moving[np.minimum(np.searchsorted(moving, row), len(moving) - 1)], axis]
+        is_at_rest = np.append(False, steps[:, axis] == 0)
+        has_turned = is_at_rest & (directions[:, axis] == after)
+        result[:, axis] = np.where(has_turned, after, before)
     return result
