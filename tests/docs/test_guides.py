@@ -37,6 +37,9 @@ def text_of(name: str) -> str:
     return (DOCS / "guides" / name).read_text(encoding="utf-8")
 
 
+_FINGERPRINT = re.compile(r"model [0-9a-f]{12}")
+
+
 @pytest.mark.parametrize("name", GUIDES)
 def test_commands_are_understood(name: str) -> None:
     top: Any = typer.main.get_command(app)
@@ -56,6 +59,8 @@ def test_what_it_prints_is_what_stands_there(name: str) -> None:
     """Words to the letter; numbers to 5 % or two of the last digit, for other processors round otherwise."""
     page = text_of(name)
     made, _ = maker().run_page(page, with_real_data=False)
+    # A model's fingerprint has all its digits in it.
+    page, made = (_FINGERPRINT.sub("model #", text) for text in (page, made))
     for there, now in zip(page.splitlines(), made.splitlines(), strict=True):
         assert _NUMBER.sub("#", there).split() == _NUMBER.sub("#", now).split()
         for old, new in zip(_NUMBER.findall(there), _NUMBER.findall(now), strict=True):
