@@ -33,6 +33,8 @@ _FEW_LIKE_DRIFT = 10.0
 # A drift that moves the mean of a block, or offsets that move that of a pass, by less than this share of its scatter
 # (variances) hide nothing.
 _STRONG = 1.0
+# What a plan that goes both ways is made to show (ISO 230-2), and so is asked for by itself.
+_ASKED_FOR = "backlash"
 
 
 def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
@@ -40,6 +42,8 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
 
     A drift that was estimated without a jump has learnt the jump, and leaves nothing of it. So has one that is strong
     what follows a temperature, and so have offsets of few passes what changes with the direction alone.
+    There what the plan was made to show is no find of a search: it is asked for by itself, at half the level, and the
+    search has the other half.
     """
     drifts, is_offset = _drift_to_scatter(looked.space) > _STRONG, _offset_to_scatter(looked.space) > _STRONG
     like = [
@@ -49,6 +53,9 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     ]
     if not like:
         return looked
+    n_asked = sum(_is_asked_for(one.what) for one in like) if is_offset else 0
+    if n_asked:
+        looked = replace(looked, candidates=_at_half(looked.candidates), probes=_at_half(looked.probes))
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     sums = bench.sums(added)
     calm_noise = without_drift(looked.space.noise, sums.weights, without_offsets=is_offset)
@@ -71,6 +78,9 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
         if of_passes:
             found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
+        p_value = (2.0 if n_asked else 1.0) * looked.null.p_value(found)
+        if n_asked and _is_asked_for(one.what):
+            p_value = min(p_value, n_asked * math.exp(-found))
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
         if evidence > max(judged[id(one.what)].evidence, 0.0 if of_passes else least):
@@ -81,9 +91,13 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
                 gain=gain,
                 surprise=found,
                 evidence=evidence,
-                p_value=looked.null.p_value(found),
+                p_value=min(p_value, 1.0),
             )
     return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
+
+
+def _at_half(judged: Sequence[Judged]) -> tuple[Judged, ...]:
+    return tuple(replace(one, p_value=min(2.0 * one.p_value, 1.0)) for one in judged)
 
 
 def _simplest_first(candidates: list[Judged]) -> tuple[Judged, ...]:
@@ -123,6 +137,10 @@ def _is_slow(what: Candidate | Probe) -> bool:
 def _is_of_direction(what: Candidate | Probe) -> bool:
     terms = [shapes.term for shapes in what.shapes if shapes.term is not None]
     return any(name.startswith("d_") for term in terms for name in term.variables)
+
+
+def _is_asked_for(what: Candidate | Probe) -> bool:
+    return isinstance(what, Candidate) and what.effect.id == _ASKED_FOR
 
 
 def _is_of_time(what: Candidate | Probe) -> bool:
