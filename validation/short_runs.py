@@ -1,6 +1,6 @@
 """Short runs with nothing hidden: how often does a diagnosis name something? Ten passes of eleven places along X.
 
-    python validation/short_runs.py --seeds 50 > validation/short_runs.md
+    python validation/short_runs.py > validation/short_runs.md
 
 Noise of 1 µm from row to row, and besides it offsets of passes, a random walk over the run, or both. With blocks of
 24 rows instead (`--rows-of-a-block 24`) the walk is faster than the noise model can follow.
@@ -47,7 +47,7 @@ def diagnosed(seed: int, offset_um: float, walk_um: float) -> Diagnosis:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--rows-of-a-block", type=int)
     arguments = parser.parse_args()
     if arguments.rows_of_a_block:

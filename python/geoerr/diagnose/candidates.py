@@ -8,7 +8,6 @@ are alike.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,6 +16,7 @@ import numpy as np
 
 from geoerr.diagnose.classic import lacking_classics
 from geoerr.diagnose.functions import CompiledPart, Functions
+from geoerr.diagnose.periods import is_wave, periods_to_try
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.description import FormSpec
@@ -46,13 +46,8 @@ _MOMENTS, _MOST_MOMENTS = 32, 128
 # Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.8 of its gain.
 _ALIKE = 0.6
 _DEEPEST = 14
-# So many do for waves of half a millimetre over a metre; together they cost little.
 _MOST_TRIALS = 4000
-# Waves are apart by this share of a cycle over the range of their variable: what lies midway has 0.81 of its gain.
-_CYCLES_APART = 0.5
 _ROWS_TO_COMPARE = 300
-# How closely a formula is a sine or a cosine.
-_SAME_WAVE = 1e-6
 # A formula is affine in a parameter where the middle is the mean of the ends to this share.
 _AFFINE = 1e-9
 # Columns whose part off the others is below this share of them are inside already.
@@ -310,7 +305,8 @@ def shapes_of(functions: Functions, term: Term, before: LaidOut | None = None) -
         # A wave across an axis in two directions needs no other trials than one along it.
         key = (tuple(dict.fromkeys(formulas.key)), place, parameter.low, parameter.high, len(free))
         if key not in before.grids:
-            periods = _periods(formulas, term, middle, place, rows) if free == [place] else None
+            wave = wave_along(formulas, term, middle, rows) if free == [place] else None
+            periods = None if wave is None else periods_to_try(wave[1], *_ends(parameter))
             before.grids[key] = periods or _grid(formulas, inner, middle, place, len(free), rows)
         choices.append(before.grids[key])
     trials = tuple(tuple(values) for values in itertools.product(*choices))
@@ -422,30 +418,20 @@ def _grid(
     return sorted(found)
 
 
-def _periods(
-    formulas: Formulas, term: Term, middle: Sequence[float], place: int, rows: np.ndarray
-) -> list[float] | None:
-    """Give periods whose frequencies are multiples of one, if the term is a sine and a cosine of one variable."""
-    functions, parameter = formulas.functions, term.inner[place]
-    if len(term.variables) != 1 or parameter.spacing != "log":
+def wave_along(
+    formulas: Formulas, term: Term, inner: Sequence[float], rows: np.ndarray
+) -> tuple[int, Numbers] | None:
+    """Give the place of a term's period and its variable (n,); None if it is no wave along one variable."""
+    free = [place for place, one in enumerate(term.inner) if not one.is_fixed]
+    if len(free) != 1 or len(term.variables) != 1 or term.inner[free[0]].spacing != "log":
         return None
+    functions, place = formulas.functions, free[0]
     values = functions.variables[functions.names.index(term.variables[0])]
-    least, most = _ends(parameter)
-    for period in (least, most):
-        columns = formulas.at([*middle[:place], period, *middle[place + 1 :]], rows)
-        phase = 2.0 * np.pi * values[rows] / period
-        is_wave = [
-            any(np.allclose(column, wave, rtol=0.0, atol=_SAME_WAVE) for wave in (np.sin(phase), np.cos(phase)))
-            for column in columns
-        ]
-        if not all(is_wave):
-            return None
-    step = 1.0 / most
-    span = float(np.ptp(values[np.isfinite(values)]))
-    if span > 0.0:
-        step = min(step, _CYCLES_APART / span)
-    harmonics = np.arange(math.ceil(1.0 / (most * step) - _SAME_WAVE), math.floor(1.0 / (least * step)) + 1)
-    return [float(1.0 / (harmonic * step)) for harmonic in harmonics[:_MOST_TRIALS][::-1]]
+
+    def columns_at(period: float) -> Numbers:
+        return formulas.at([*inner[:place], period, *inner[place + 1 :]], rows)
+
+    return (place, values) if is_wave(columns_at, values[rows], term.inner[place]) else None
 
 
 def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:

@@ -17,7 +17,7 @@ from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.probes import Probe
-from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, search, settle
+from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, search, settle
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.words import listed, sure_words
 from geoerr.effects import Effect, catalogue
@@ -237,7 +237,13 @@ class _Summary:
         tied = next((rival for rival in one.rivals if self._is_tied(first, rival)), None)
         against = None if tied is None else reference_of(tied.judged)
         held_out = self._held_out(one.settled, [other.settled for other in self.searched.found[:place]])
-        return self._finding(one.judged, one.with_last_values, aliases=aliases, against=against, held_out=held_out)
+        finding = self._finding(one.judged, one.with_last_values, aliases=aliases, against=against, held_out=held_out)
+        return replace(finding, alike=self._alike(finding.term))
+
+    def _alike(self, term: Term) -> dict[str, tuple[float, ...]]:
+        """Give other values of an inner parameter that say the same at the places that were measured."""
+        found = other_periods(self.searched.bench.functions, term, self.fitted.solved.used)
+        return {} if found is None else {term.inner[found[0]].name: tuple(found[1])}
 
     def _rivals(self, first: Found) -> list[Finding]:
         name = reference_of(first.judged)

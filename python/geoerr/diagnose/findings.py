@@ -11,6 +11,7 @@ from geoerr.diagnose.moments import Moment
 from geoerr.diagnose.shape import shape_words
 from geoerr.diagnose.where import Where
 from geoerr.diagnose.words import (
+    alike_words,
     is_at_an_end,
     listed,
     plausibility_words,
@@ -145,6 +146,8 @@ class Finding(Named):
         Error without it and with it in the model; None where it was not computed.
     moments
         Of inner parameters that are a time on the clock of all sessions: name to when that was.
+    alike
+        Of inner parameters whose other values are the same at the places that were measured: name to those values.
     in_model
         Whether the model has it already, with a value that was not fitted to these data.
     """
@@ -152,6 +155,7 @@ class Finding(Named):
     where: Where
     held_out: HeldOut | None
     moments: dict[str, Moment] = field(default_factory=dict)
+    alike: dict[str, tuple[float, ...]] = field(default_factory=dict)
     in_model: bool = False
 
     @property
@@ -173,6 +177,8 @@ class Finding(Named):
                 text += ", the end of its range"
             words = plausibility_words(parameter, signs.get(parameter.name, 0)) if moment is None else moment.words()
             texts.append(text if words is None else f"{text} ({words})")
+            if parameter.name in self.alike:
+                texts[-1] += f", or {alike_words(self.alike[parameter.name], parameter.unit)}"
         return tuple(texts)
 
     @property
@@ -198,6 +204,8 @@ class Finding(Named):
         document = self.named_document(self.held_out_rmse_after_um)
         for name, moment in self.moments.items():
             document["parameters"][name] |= moment.to_document()
+        for name, values in self.alike.items():
+            document["parameters"][name]["alike"] = list(values)
         return {
             **document,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,

@@ -26,6 +26,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SMALLEST, _LARGEST = 1e-2, 1e5
 # Probabilities below this say no more by being smaller.
 _LEAST_P = 1e-9
+_FEW_ALIKE = 3
 _SURE = ((1e-6, "certain as can be"), (1e-3, "very sure"), (0.025, "sure"), (0.05, "nearly sure"))
 
 
@@ -142,3 +143,12 @@ def number_words(value: float) -> str:
     """Write a number with four figures, and no power of ten where people write none."""
     text = f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
     return text.replace("-", "−")
+
+
+def alike_words(values: Sequence[float], unit: str) -> str:
+    """Say other values that are the same at places in even steps, the first few, and what would tell them apart."""
+    texts = [f"{value:.4g}" for value in values[:_FEW_ALIKE]]
+    more = [f"{len(values) - _FEW_ALIKE} more"] if len(values) > _FEW_ALIKE else []
+    return (
+        f"{listed([*texts, *more], 'or')} {unit}, which are the same at these places: measure in uneven steps".strip()
+    )

@@ -1,5 +1,6 @@
 """What may be missing, looked for: one look at everything, the best added, another look, until chance explains it."""
 
+from geoerr.diagnose.search.alike import other_periods
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.search.look import Round, look
@@ -7,4 +8,16 @@ from geoerr.diagnose.search.rivals import Found, Rival
 from geoerr.diagnose.search.rounds import Searched, search
 from geoerr.diagnose.search.settle import Settled, settle
 
-__all__ = ["Bench", "Found", "Judged", "Rival", "Round", "Searched", "Settled", "look", "search", "settle"]
+__all__ = [
+    "Bench",
+    "Found",
+    "Judged",
+    "Rival",
+    "Round",
+    "Searched",
+    "Settled",
+    "look",
+    "other_periods",
+    "search",
+    "settle",
+]

@@ -14,6 +14,7 @@ from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, f
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found
 from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.diagnose.search.uneven import Uneven, columns_along, explained_by, most_uneven
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import displacement_um
 from geoerr.fit.sightings import Numbers
@@ -21,8 +22,8 @@ from geoerr.machine import AXES
 
 # A name that explains this share of what the best probe does is the name of it, if not all of it.
 _MOST_OF_IT = 0.8
-# How many names at most are tried in place of a probe that beats each of them alone.
-_MOST_INSTEAD = 2
+# What a name and its unevenness along an axis do, of what a probe does, if that is all there is.
+_NEARLY_ALL, _NEARLY_ALL_LEFT = 0.9, 0.7
 # A name that does less than this share of what it does on components without an unknown is part of that.
 _ELSEWHERE = 0.7
 # Evidence, and share of the gain, of a curve in a candidate's own covariate: the formula is another one.
@@ -63,27 +64,54 @@ def is_impostor(
 ) -> bool:
     """Tell whether the best name only stands in for something that has none.
 
-    A probe of two variables may beat each of two effects that are both missing: so many names together are tried.
+    It does not where it is only a little uneven. A probe of two variables may beat each of two effects that are both
+    missing: two names together are tried.
     """
     if best is None:
         return True
     if probe.evidence <= best.evidence + CLEARLY_BETTER or best.gain >= _MOST_OF_IT * probe.gain:
         return False
-    evidence, named, one = best.evidence, [], best
-    for _ in range(_MOST_INSTEAD - 1):
-        named.append(settle(looked.space, looked.scanner, one).raw)
-        looked = look(bench, bench.space([*added, *named]), [c for c in candidates if c is not one.what], [])
-        following = first_to_pass(looked.candidates, level)
-        if following is None:
-            break
-        evidence, one = evidence + following.evidence, following
+    settled = settle(looked.space, looked.scanner, best)
+    if _is_only_uneven(settled, _NEARLY_ALL * probe.gain):
+        return False
+    space = bench.space([*added, settled.raw])
+    second = first_to_pass(look(bench, space, [c for c in candidates if c is not best.what], []).candidates, level)
+    evidence = best.evidence + (0.0 if second is None else second.evidence)
     return evidence < probe.evidence
 
 
-def bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Judged | None:
+def _is_only_uneven(settled: Settled, gain: float) -> bool:
+    """Tell whether an effect that may be a little uneven along an axis gains so much."""
+    uneven = most_uneven(settled.space, settled)
+    return uneven is not None and uneven.gain >= gain
+
+
+def unevenness(
+    looked: Round, found: Sequence[Found], best: Judged | None, probe: Judged
+) -> tuple[Judged, Uneven] | None:
+    """Give what is left of a name that is only a little off its formula: the probe that shows it, and its columns.
+
+    No other name says more of it, and it is what the probe has found.
+    """
+    n_ways = len(found) * len(AXES)
+    for one in found:
+        uneven = most_uneven(looked.space, one.settled, is_added=True)
+        if uneven is None or uneven.gain < _NEARLY_ALL_LEFT * probe.gain:
+            continue
+        evidence = float(evidence_of(looked.space, np.array(uneven.gain), np.array(uneven.rank), n_ways))
+        if evidence < _BENT or (best is not None and evidence < best.evidence):
+            continue
+        own = _own(one) | {uneven.axis}
+        of_it = (a for a in looked.probes if uneven.axis in variables_of(a) and _is_probe_of(a, own))
+        return next((a for a in of_it if a.p_value <= probe.p_value), probe), uneven
+    return None
+
+
+def bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> tuple[Judged, Numbers] | None:
     """Give the probe of a candidate's covariate where the error follows it, but not as the candidate's formula says.
 
-    What the candidate explains times its covariate is what a formula of the second order has beyond one of the first.
+    With it come columns (n, 3, k) of what follows the covariate where the candidate does, in whatever way. What the
+    candidate explains times its covariate is what a formula of the second order has beyond one of the first.
     """
     if not isinstance(best.what, Candidate) or best.what.reference.covariate is None or settled.term is None:
         return None
@@ -96,14 +124,18 @@ def bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> Judg
     if not values.any():
         return None
     space = looked.space.with_columns(looked.space.noise.whiten(settled.raw))
-    explained = settled.raw[:, :, : len(settled.term.coefficients)] @ [one.value for one in settled.term.coefficients]
+    explained = explained_by(settled)
     bent = (explained * (values / np.abs(values).max())[:, None])[:, :, None]
     _, root, gain = estimate(space, bent)
     evidence = float(evidence_of(space, gain, np.asarray(root.shape[1]), 1))
     if evidence < _BENT or float(gain) < _BENT_SHARE * settled.gain:
         return None
     own = {*names, *(name for name in settled.term.variables if name in AXES)}
-    return next((one for one in looked.probes if _is_probe_of(one, own) and set(names) <= variables_of(one)), None)
+    of_it = (one for one in looked.probes if _is_probe_of(one, own) and set(names) <= variables_of(one))
+    probe = next(of_it, None)
+    return (
+        None if probe is None else (probe, np.concatenate([settled.raw, columns_along(explained, values)[0]], axis=2))
+    )
 
 
 def misnamed(found: Sequence[Found], probe: Judged) -> Found | None:
@@ -146,7 +178,10 @@ def not_taken_back(bench: Bench, found: list[Found], unknown: Found) -> list[Fou
     space = bench.space([one.settled.raw for one in others])
     _, _, of_names = estimate(space, np.concatenate([one.settled.raw for one in part], axis=2))
     _, _, of_unknown = estimate(space, unknown.settled.raw)
-    return others if float(of_names) < _MOST_OF_IT * float(of_unknown) else found
+    if float(of_names) >= _MOST_OF_IT * float(of_unknown):
+        return found
+    is_only_uneven = len(part) == 1 and _is_only_uneven(part[0].settled, _NEARLY_ALL * float(of_unknown))
+    return found if is_only_uneven else others
 
 
 def acts_elsewhere(space: Space, settled: Settled, unknown: Judged) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from geoerr.diagnose.candidates import Candidate, candidates_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
+from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
 from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, simplest_to_pass
@@ -19,6 +20,7 @@ from geoerr.diagnose.search.nameless import (
     is_impostor,
     misnamed,
     not_taken_back,
+    unevenness,
 )
 from geoerr.diagnose.search.rivals import Found, rivals_of
 from geoerr.diagnose.search.settle import Settled, resettle, settle
@@ -79,15 +81,21 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     bench = Bench(fitted, functions, names=names, threads=threads)
     found: list[Found] = []
     unknown: Found | None = None
+    # Columns of what has no name.
+    aside: list[Numbers] = []
     first: Round | None = None
     while True:
-        aside = [] if unknown is None else [unknown.settled.raw]
         added = [*aside, *(one.settled.raw for one in found)]
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
         best = first_to_pass(looked.candidates, level)
         probe = simplest_to_pass(looked.probes, level) if unknown is None else None
+        uneven = None if probe is None else unevenness(looked, found, best, probe)
+        if uneven is not None:
+            unknown = _nameless(looked, uneven[0])
+            aside = [unknown.settled.raw, uneven[1].raw]
+            continue
         if probe is not None and is_impostor(bench, looked, best, probe, added, candidates, level):
             wrong = misnamed(found, probe)
             if wrong is not None:
@@ -95,6 +103,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
                 looked = look(bench, bench.space([one.settled.raw for one in found]), [], probes)
                 probe = simplest_to_pass(looked.probes, level) or probe
             unknown = _nameless(looked, probe)
+            aside = [unknown.settled.raw]
             found = not_taken_back(bench, found, unknown)
             continue
         if best is None or len(found) >= MOST_EFFECTS:
@@ -105,10 +114,12 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             continue
         bent = bent_by_its_covariate(looked, best, settled) if unknown is None else None
         if bent is not None:
-            unknown = _nameless(looked, bent)
+            unknown = _nameless(looked, bent[0])
+            aside = [unknown.settled.raw, bent[1]]
             continue
         if unknown is not None and not acts_elsewhere(looked.space, settled, unknown.judged):
             break
+        settled = at_likeliest_period(looked.space, looked.scanner, settled)
         others = [one for one in looked.candidates if one is not best]
         found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
         found = _without_superfluous(bench, found, aside)

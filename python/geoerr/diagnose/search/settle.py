@@ -83,6 +83,18 @@ def resettle(space: Space, scanner: Scanner, settled: Settled) -> Settled:
     return _settled(space, scanner, settled.shapes, inner, bounds, _REFINEMENTS)
 
 
+def settle_at(space: Space, scanner: Scanner, settled: Settled, place: int, value: float) -> Settled:
+    """Estimate an effect again with an inner parameter near another value of the same certainty, in frequency."""
+    assert settled.term is not None
+    parameter = settled.term.inner[place]
+    low, high = _range(parameter)
+    reach = _REACH * parameter.std * (value / parameter.value) ** 2
+    inner = list(settled.shapes.trials[0])
+    inner[place] = value
+    bounds = {place: (max(low, value - reach), min(high, value + reach))}
+    return _settled(space, scanner, settled.shapes, inner, bounds, _REFINEMENTS)
+
+
 def _settled(
     space: Space,
     scanner: Scanner,

@@ -1,0 +1,82 @@
+"""Periods that places in even steps cannot tell apart are told together, and uneven steps tell them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.periods import alike_periods, periods_to_try
+from geoerr.fit import FitOptions, fit_terms
+from geoerr.machine import AXES, Axis, Machine
+from geoerr.observations import observations_from_columns
+
+MACHINE = Machine("bench", "wbXYZt", {axis: Axis((0.0, 400.0)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0))
+PULLEY_MM, STEP_MM, N_REPEATS = 40.0, 10.0, 5
+
+
+def _diagnosed(places_mm: np.ndarray) -> Diagnosis:
+    rng = np.random.default_rng(7)
+    x = np.tile(np.concatenate([places_mm, places_mm[::-1]]), N_REPEATS)
+    n, n_places = len(x), len(places_mm)
+    error_um = 3.0 * np.sin(2.0 * np.pi * x / PULLEY_MM) + 0.3 * rng.normal(size=n)
+    columns = {
+        "line": ["x"] * n,
+        "repeat": np.repeat(np.arange(N_REPEATS, dtype=np.float64), 2 * n_places),
+        "carrier": ["relative"] * n,
+        "x": x,
+        "y": np.full(n, 200.0),
+        "z": np.full(n, 100.0),
+        **{f"t{axis}": np.zeros(n) for axis in AXES},
+        "dir_x": np.tile(np.repeat([1.0, -1.0], n_places), N_REPEATS),
+        "mx": x + 1e-3 * error_um,
+    }
+    options = FitOptions(components="12", threads=1)
+    return diagnose(fit_terms(MACHINE, [observations_from_columns(columns)], options=options), threads=1)
+
+
+def test_a_pulley_seen_in_even_steps_is_told_with_what_it_may_be() -> None:
+    found = _diagnosed(np.arange(0.0, 400.1, STEP_MM)).found
+    assert [str(one.reference) for one in found] == ["periodic:x"]
+    period = next(one for one in found[0].parameters if one.name == "P")
+    assert period.value == pytest.approx(PULLEY_MM, abs=4.0 * period.std)
+    # A cycle a step more or less is the same: 1/40 ± 1/10, and so on.
+    others = found[0].alike["P"]
+    for cycles in (1, 2, 3):
+        for sign in (1.0, -1.0):
+            same = 1.0 / abs(cycles / STEP_MM + sign / period.value)
+            assert min(abs(one - same) for one in others) < 0.01 * same
+    assert "uneven steps" in found[0].words()
+    assert found[0].to_document()["parameters"]["P"]["alike"] == list(others)
+
+
+def test_uneven_steps_tell_it() -> None:
+    rng = np.random.default_rng(11)
+    inner = np.arange(STEP_MM, 399.9, STEP_MM)
+    found = _diagnosed(np.concatenate([[0.0], inner + rng.uniform(-4.0, 4.0, len(inner)), [400.0]])).found
+    assert [str(one.reference) for one in found] == ["periodic:x"]
+    period = next(one for one in found[0].parameters if one.name == "P")
+    assert period.value == pytest.approx(PULLEY_MM, abs=4.0 * period.std)
+    assert not found[0].alike
+    assert "alike" not in found[0].to_document()["parameters"]["P"]
+
+
+@settings(deadline=None)
+@given(step=st.floats(2.0, 30.0), period=st.floats(1.0, 150.0), start=st.floats(-200.0, 200.0))
+def test_what_is_alike_is_the_same_wave_at_the_places(step: float, period: float, start: float) -> None:
+    places = start + step * np.arange(31)
+    wave = np.exp(2j * np.pi * places / period)
+    for other in alike_periods(places, period, 0.5, 200.0):
+        same = np.exp(2j * np.pi * places / other)
+        # The same but for a phase, or turning the other way.
+        assert max(abs(np.vdot(wave, same)), abs(np.vdot(wave.conj(), same))) > 0.95 * len(places)
+
+
+@given(low=st.floats(0.5, 5.0), ratio=st.floats(2.0, 100.0), span=st.floats(10.0, 999.0))
+def test_no_period_is_far_from_one_that_is_tried(low: float, ratio: float, span: float) -> None:
+    high = low * ratio
+    tried = 1.0 / np.array(periods_to_try(np.array([0.0, span]), low, high))
+    # Within a quarter of a cycle over the range, wherever it lies.
+    wanted = 1.0 / np.geomspace(low, high, 200)
+    near = np.abs(tried[None, :] - wanted[:, None]).min(axis=1) * span
+    assert near.max() <= 0.5 + 1e-6
