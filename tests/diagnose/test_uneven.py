@@ -1,0 +1,42 @@
+"""What is no unevenness of an effect along an axis, and no effect of the catalogue, has no name."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hidden_machine import LENGTH_MM, Motion, Noise, Numbers, Plan, machine, measure, motion
+
+from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.fit import FitOptions, fit_terms
+
+REFERENCE_DEGC = 20.0
+
+
+def diagnosed(hidden: Callable[[Motion], Numbers], seed: int) -> Diagnosis:
+    rng = np.random.default_rng(seed)
+    moved = motion(rng, Plan())
+    observations = measure(rng, moved, Noise(offset=3.0), hidden(moved))
+    return diagnose(fit_terms(machine(), [observations], options=FitOptions(threads=1)), threads=1)
+
+
+def along_x(size_um: Numbers) -> Numbers:
+    return np.outer(size_um, [1.0, 0.0, 0.0])
+
+
+def wave_across(moved: Motion) -> Numbers:
+    """Play that changes its sign along Y and back: no play of X, and no racking."""
+    return along_x(-0.5 * 30.0 * moved.d[:, 0] * np.sin(2.0 * np.pi * moved.q[:, 1] / LENGTH_MM))
+
+
+def squared(moved: Motion) -> Numbers:
+    """A column that leans with the square of a temperature; the height is its lever."""
+    warm = (moved.bed - REFERENCE_DEGC) / 30.0
+    return along_x(200.0 * warm**2 * moved.q[:, 2] / LENGTH_MM)
+
+
+@pytest.mark.parametrize(("hidden", "depends_on"), [(wave_across, {"d_x", "y"}), (squared, {"temp_bed"})])
+def test_what_is_no_unevenness_has_no_name(hidden: Callable[[Motion], Numbers], depends_on: set[str]) -> None:
+    found = diagnosed(hidden, 3)
+    assert not found.found
+    assert found.unknown is not None
+    assert set(found.unknown.depends_on) == depends_on
