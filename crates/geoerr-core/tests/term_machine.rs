@@ -1,7 +1,5 @@
 //! The machine of terms against the model it is made of, against tables, and against differences; its inverse.
 
-#![allow(clippy::unwrap_used, reason = "what a test did not expect must end it")]
-
 use std::collections::BTreeMap;
 
 use geoerr_core::bases::Basis;

@@ -1,7 +1,5 @@
 //! The design against differences of the exact residuals, for every channel and several machines.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use geoerr_core::bases::Basis;
 use geoerr_core::expression::{Definitions, Expression, Symbols};
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Pose};

@@ -1,7 +1,5 @@
 //! Candidates judged at once, against least squares written out for one after the other.
 
-#![allow(clippy::unwrap_used, reason = "that is how a test fails")]
-
 mod scene;
 
 use geoerr_core::candidates::{CandidateError, Column, Formula, Group, Scanned, Sources, scan};
