@@ -11,38 +11,24 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from laser_run import MACHINE, draw_laser_run
 
 import geoerr.diagnose.noise as noise_of_diagnosis
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
 from geoerr.fit import FitOptions, fit_terms
-from geoerr.machine import AXES, Axis, Machine
-from geoerr.observations import observations_from_columns
 
-MACHINE = Machine("bench", "wbXYZt", {axis: Axis((0.0, 400.0)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0))
 KINDS_UM = {"offsets of passes, 5 µm": (5.0, 0.0), "random walk, 5 µm": (0.0, 5.0), "both": (5.0, 5.0)}
 N_REPEATS, N_PLACES = 5, 11
 
 
 def diagnosed(seed: int, offset_um: float, walk_um: float) -> Diagnosis:
     rng = np.random.default_rng(seed)
-    there = np.linspace(0.0, 400.0, N_PLACES) + np.append(rng.uniform(0.0, 20.0, N_PLACES - 1), 0.0)
-    x = np.tile(np.concatenate([there, there[::-1]]), N_REPEATS)
-    n = len(x)
-    error_um = 0.08 * x + offset_um * np.repeat(rng.normal(size=2 * N_REPEATS), N_PLACES)
+    run = draw_laser_run(rng, n_repeats=N_REPEATS, n_places=N_PLACES, uneven_mm=20.0)
+    n = len(run.x_mm)
+    error_um = 0.08 * run.x_mm + offset_um * np.repeat(rng.normal(size=2 * N_REPEATS), N_PLACES)
     error_um += walk_um * np.cumsum(rng.normal(size=n)) / np.sqrt(n) + rng.normal(size=n)
-    columns = {
-        "line": ["x"] * n,
-        "repeat": np.repeat(np.arange(N_REPEATS, dtype=np.float64), 2 * N_PLACES),
-        "carrier": ["relative"] * n,
-        "x": x,
-        "y": np.full(n, 200.0),
-        "z": np.full(n, 100.0),
-        **{f"t{axis}": np.zeros(n) for axis in AXES},
-        "dir_x": np.tile(np.repeat([1.0, -1.0], N_PLACES), N_REPEATS),
-        "mx": x + 1e-3 * error_um,
-    }
     options = FitOptions(components="12", threads=1)
-    return diagnose(fit_terms(MACHINE, [observations_from_columns(columns)], options=options), threads=1)
+    return diagnose(fit_terms(MACHINE, [run.observed(error_um)], options=options), threads=1)
 
 
 def main() -> None:

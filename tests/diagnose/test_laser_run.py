@@ -1,4 +1,4 @@
-"""One component along one axis, there and back a few times, as a laser interferometer sees it."""
+"""Play and a wave in a run along one axis, there and back a few times, as a laser interferometer sees it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from validation.laser_run import MACHINE, draw_laser_run
 
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
 from geoerr.fit import FitOptions, fit_terms
-from geoerr.machine import AXES, Axis, Machine
-from geoerr.observations import Observations, observations_from_columns
+from geoerr.observations import Observations
 
-MACHINE = Machine("bench", "wbXYZt", {axis: Axis((0.0, 400.0)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0))
 PLAY_UM, WAVE_UM, PERIOD_MM, NOISE_UM = 9.0, 3.0, 5.0, 0.3
 N_REPEATS, N_PLACES = 5, 55
 
@@ -20,24 +19,10 @@ N_REPEATS, N_PLACES = 5, 55
 @cache
 def _run() -> Observations:
     rng = np.random.default_rng(3)
-    there = np.linspace(0.0, 400.0, N_PLACES) + np.append(rng.uniform(0.0, 5.0, N_PLACES - 1), 0.0)
-    x = np.tile(np.concatenate([there, there[::-1]]), N_REPEATS)
-    d = np.tile(np.repeat([1.0, -1.0], N_PLACES), N_REPEATS)
-    error_um = 0.08 * x + WAVE_UM * np.sin(2.0 * np.pi * x / PERIOD_MM) - 0.5 * PLAY_UM * d
-    n = len(x)
-    return observations_from_columns(
-        {
-            "line": ["x"] * n,
-            "repeat": np.repeat(np.arange(N_REPEATS, dtype=np.float64), 2 * N_PLACES),
-            "carrier": ["relative"] * n,
-            "x": x,
-            "y": np.full(n, 200.0),
-            "z": np.full(n, 100.0),
-            **{f"t{axis}": np.zeros(n) for axis in AXES},
-            "dir_x": d,
-            "mx": x + 1e-3 * (error_um + NOISE_UM * rng.normal(size=n)),
-        }
-    )
+    run = draw_laser_run(rng, n_repeats=N_REPEATS, n_places=N_PLACES, uneven_mm=5.0)
+    x = run.x_mm
+    error_um = 0.08 * x + WAVE_UM * np.sin(2.0 * np.pi * x / PERIOD_MM) - 0.5 * PLAY_UM * run.direction
+    return run.observed(error_um + NOISE_UM * rng.normal(size=len(x)))
 
 
 @cache

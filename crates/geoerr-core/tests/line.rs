@@ -1,7 +1,5 @@
 //! Total-least-squares lines against 50-digit references, against SVD, and by their invariances.
 
-#![allow(clippy::unwrap_used, reason = "what a test did not expect must end it")]
-
 use geoerr_core::line::{FittedLines, LineError, PointNoise, Status, fit_lines};
 use nalgebra::{Matrix3, MatrixXx3, Rotation3, Vector3};
 use proptest::prelude::*;

@@ -9,6 +9,7 @@
 
 mod bases;
 mod candidates;
+mod draws;
 mod expression;
 mod gcode;
 mod history;

@@ -1,7 +1,5 @@
 //! Integration and the removed line: polynomials to each rule's order, the gauge, linearity.
 
-#![allow(clippy::unwrap_used, reason = "what a test did not expect must end it")]
-
 use geoerr_core::straightness::{Rule, StraightnessError, integrate_straightness, remove_line};
 use proptest::prelude::*;
 

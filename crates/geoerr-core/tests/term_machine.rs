@@ -1,7 +1,5 @@
 //! The machine of terms against the model it is made of, against tables, and against differences; its inverse.
 
-#![allow(clippy::unwrap_used, reason = "what a test did not expect must end it")]
-
 use std::collections::BTreeMap;
 
 use geoerr_core::bases::Basis;
@@ -14,26 +12,14 @@ use geoerr_core::volumetric::{
     Approach, MachineError, Part, Rows, Shape, Term, TermMachine, VolumetricModel, displacements,
 };
 
+use crate::draws::Draws;
+
 const VARIABLES: [&str; 12] =
     ["x", "y", "z", "tx", "bed_x", "d_x", "d_z", "s_x", "v_y", "temp_bed", "feed", "a_x"];
 const RANGE_MM: [(f64, f64); 3] = [(0.0, 400.0), (0.0, 300.0), (-20.0, 380.0)];
 
-/// Numbers that look drawn: a linear congruential generator, so that failures repeat.
-struct Draw(u64);
-
-impl Draw {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
-    }
-
-    fn three(&mut self, size: f64) -> [f64; 3] {
-        std::array::from_fn(|_| size * self.next())
-    }
-
-    fn inside(&mut self) -> [f64; 3] {
-        RANGE_MM.map(|(low, high)| low + 0.5 * (self.next() + 1.0) * (high - low))
-    }
+fn inside(draws: &mut Draws) -> [f64; 3] {
+    RANGE_MM.map(|(low, high)| low + draws.fraction() * (high - low))
 }
 
 fn chains() -> Vec<String> {
@@ -77,7 +63,7 @@ fn spline(channel: &str, axis: Axis, knots_mm: &[f64]) -> Term {
 }
 
 /// Terms of every kind with drawn coefficients: splines on all joints, effects on joints, bodies, squareness, rig.
-fn drawn(chain: &str, draw: &mut Draw) -> (VolumetricModel, Vec<f64>, Vec<f64>) {
+fn drawn(chain: &str, draws: &mut Draws) -> (VolumetricModel, Vec<f64>, Vec<f64>) {
     let mut terms = Vec::new();
     let mut coefficients = Vec::new();
     for axis in Axis::ALL {
@@ -86,13 +72,13 @@ fn drawn(chain: &str, draw: &mut Draw) -> (VolumetricModel, Vec<f64>, Vec<f64>) 
             let channel = Channel::Joint(axis, component).name();
             let term = spline(channel, axis, &[low, 0.5 * (low + high), high]);
             let size = if component.index() < 3 { 0.3 } else { 2e-3 };
-            coefficients.extend((0..term.n_coefficients).map(|_| size * draw.next()));
+            coefficients.extend((0..term.n_coefficients).map(|_| size * draws.symmetric()));
             terms.push(term);
         }
     }
     // On a channel that is no joint error of its axis.
     let odd = spline("work-z", Axis::Y, &[0.0, 100.0, 300.0]);
-    coefficients.extend((0..odd.n_coefficients).map(|_| 0.1 * draw.next()));
+    coefficients.extend((0..odd.n_coefficients).map(|_| 0.1 * draws.symmetric()));
     terms.push(odd);
     let mut inner = Vec::new();
     let mut add = |term: Term, values: &[f64], of_inner: &[f64]| {
@@ -102,7 +88,7 @@ fn drawn(chain: &str, draw: &mut Draw) -> (VolumetricModel, Vec<f64>, Vec<f64>) 
         inner.extend(of_inner);
     };
     for (channel, size) in [("S_xy", 5e-3), ("S_xz", -3e-3), ("S_yz", 4e-3), ("tool-x", 0.2), ("EAY", 1e-3)] {
-        add(effect(&[(channel, 1.0)], "c", &["c"], &[]), &[size * draw.next()], &[]);
+        add(effect(&[(channel, 1.0)], "c", &["c"], &[]), &[size * draws.symmetric()], &[]);
     }
     add(effect(&[("EXX", 1.0)], "alpha*T*(x - q_fixed)", &["alpha"], &["q_fixed"]), &[1.2e-5], &[150.0]);
     add(effect(&[("EXX", 1.0)], "-(b/2)*d_x", &["b"], &[]), &[0.04], &[]);
@@ -129,11 +115,11 @@ fn machine(model: &VolumetricModel, coefficients: &[f64], inner: &[f64]) -> Term
     TermMachine::new(model, coefficients, inner, &names(&VARIABLES), &conditions()).unwrap()
 }
 
-fn approach(draw: &mut Draw) -> Approach {
+fn approach(draws: &mut Draws) -> Approach {
     Approach {
-        direction: draw.three(1.0).map(f64::signum),
-        travel_mm: draw.three(20.0).map(f64::abs),
-        velocity_mm_s: draw.three(100.0),
+        direction: draws.three(1.0).map(f64::signum),
+        travel_mm: draws.three(20.0).map(f64::abs),
+        velocity_mm_s: draws.three(100.0),
         feed_mm_min: 3000.0,
     }
 }
@@ -160,13 +146,13 @@ fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 
 #[test]
 fn on_all_chains_it_is_the_model() {
-    let mut draw = Draw(3);
+    let mut draws = Draws::new(3);
     for chain in chains() {
-        let (model, coefficients, inner) = drawn(&chain, &mut draw);
+        let (model, coefficients, inner) = drawn(&chain, &mut draws);
         let machine = machine(&model, &coefficients, &inner);
         assert_eq!(machine.rig_terms(), [model.terms().len() - 1]);
         for _ in 0..20 {
-            let (q_mm, offset_mm, approach) = (draw.inside(), draw.three(100.0), approach(&mut draw));
+            let (q_mm, offset_mm, approach) = (inside(&mut draws), draws.three(100.0), approach(&mut draws));
             for carrier in [Carrier::Tool, Carrier::Work, Carrier::Relative] {
                 let question = row(carrier, q_mm, offset_mm, &approach);
                 let error = displacements(&model, &question, &coefficients, &inner).unwrap()[0];
@@ -191,12 +177,12 @@ fn on_all_chains_it_is_the_model() {
 
 #[test]
 fn the_jacobian_is_the_derivative_with_cross_terms() {
-    let mut draw = Draw(5);
+    let mut draws = Draws::new(5);
     for chain in chains() {
-        let (model, coefficients, inner) = drawn(&chain, &mut draw);
+        let (model, coefficients, inner) = drawn(&chain, &mut draws);
         let machine = machine(&model, &coefficients, &inner);
         for _ in 0..10 {
-            let (q_mm, offset_mm, approach) = (draw.inside(), draw.three(100.0), approach(&mut draw));
+            let (q_mm, offset_mm, approach) = (inside(&mut draws), draws.three(100.0), approach(&mut draws));
             let (error, jacobian) = machine.error_and_jacobian(&q_mm, &offset_mm, &approach);
             assert!(distance(&error, &machine.error(&q_mm, &offset_mm, &approach)) < 1e-14);
             for by in 0..3 {
@@ -247,7 +233,7 @@ fn tables_and_terms(chain: &str) -> (MachineModel, TermMachine) {
 
 #[test]
 fn of_tables_it_is_the_machine_of_tables() {
-    let mut draw = Draw(7);
+    let mut draws = Draws::new(7);
     for chain in chains() {
         let (tables, terms) = tables_and_terms(&chain);
         for axis in Axis::ALL {
@@ -256,7 +242,7 @@ fn of_tables_it_is_the_machine_of_tables() {
         assert!(!terms.needs().any());
         let rest = Approach::default();
         for _ in 0..20 {
-            let (q, l) = (draw.inside(), draw.three(50.0));
+            let (q, l) = (inside(&mut draws), draws.three(50.0));
             assert!(distance(&terms.error(&q, &l, &rest), &tables.error(&q, &l)) < 1e-15);
             let work = terms.work_from_base(&q, &l, &rest);
             assert!(distance(&work, &tables.work_from_base(&q, &l)) < 2e-13);
@@ -268,12 +254,12 @@ fn of_tables_it_is_the_machine_of_tables() {
 
 #[test]
 fn compensate_then_map_is_the_identity() {
-    let mut draw = Draw(11);
+    let mut draws = Draws::new(11);
     for chain in chains() {
-        let (model, coefficients, inner) = drawn(&chain, &mut draw);
+        let (model, coefficients, inner) = drawn(&chain, &mut draws);
         let machine = machine(&model, &coefficients, &inner);
         for _ in 0..20 {
-            let (target, approach) = (draw.inside(), approach(&mut draw));
+            let (target, approach) = (inside(&mut draws), approach(&mut draws));
             let solution = command_for(&machine.at(approach), &target, 1e-9).unwrap();
             let error = machine.error(&solution.command_mm, &[0.0; 3], &approach);
             let actual = std::array::from_fn(|c| solution.command_mm[c] + error[c]);
@@ -291,9 +277,9 @@ fn a_belt_tooth_is_inverted_by_iteration() {
     ];
     let model = VolumetricModel::new(Chain::parse("wbXYZt").unwrap(), [0.0; 3], terms).unwrap();
     let machine = machine(&model, &[0.02, 5e-3], &[]);
-    let mut draw = Draw(13);
+    let mut draws = Draws::new(13);
     for _ in 0..200 {
-        let target = draw.inside();
+        let target = inside(&mut draws);
         let solution = command_for(&machine.at(Approach::default()), &target, 1e-9).unwrap();
         let actual = machine.tool_from_work(&solution.command_mm, &[0.0; 3], &Approach::default());
         assert!(distance(&actual, &target) < 2e-9);
@@ -302,11 +288,11 @@ fn a_belt_tooth_is_inverted_by_iteration() {
 
 #[test]
 fn batches_are_their_rows_for_any_number_of_threads() {
-    let mut draw = Draw(17);
-    let (model, coefficients, inner) = drawn("wXYbZt", &mut draw);
+    let mut draws = Draws::new(17);
+    let (model, coefficients, inner) = drawn("wXYbZt", &mut draws);
     let machine = machine(&model, &coefficients, &inner);
-    let q_mm: Vec<[f64; 3]> = (0..5000).map(|_| draw.inside()).collect();
-    let approaches: Vec<Approach> = q_mm.iter().map(|_| approach(&mut draw)).collect();
+    let q_mm: Vec<[f64; 3]> = (0..5000).map(|_| inside(&mut draws)).collect();
+    let approaches: Vec<Approach> = q_mm.iter().map(|_| approach(&mut draws)).collect();
     let all = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {

@@ -1,7 +1,5 @@
 //! Triangulation against 50-digit references, against QR and SVD, and by its identities.
 
-#![allow(clippy::unwrap_used, reason = "what a test did not expect must end it")]
-
 use std::sync::LazyLock;
 
 use geoerr_core::triangulate::{

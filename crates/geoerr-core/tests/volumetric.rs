@@ -1,7 +1,5 @@
 //! The design against differences of the exact residuals, for every channel and several machines.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use geoerr_core::bases::Basis;
 use geoerr_core::expression::{Definitions, Expression, Symbols};
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Pose};
@@ -9,19 +7,7 @@ use geoerr_core::volumetric::{
     Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, channel_values, displacements,
 };
 
-/// Numbers that look drawn: a linear congruential generator, so that failures repeat.
-struct Draw(u64);
-
-impl Draw {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
-    }
-
-    fn three(&mut self, size: f64) -> [f64; 3] {
-        std::array::from_fn(|_| size * self.next())
-    }
-}
+use crate::draws::Draws;
 
 fn formula(text: &str, coefficients: &[&str], inner: &[&str]) -> Expression {
     let names = |names: &[&str]| names.iter().map(ToString::to_string).collect();
@@ -85,19 +71,19 @@ fn model(chain: &str) -> VolumetricModel {
 }
 
 fn problem(chain: &str) -> (Problem, State) {
-    let mut draw = Draw(7);
+    let mut draws = Draws::new(7);
     let model = model(chain);
     let n_rows = 40;
     let mut rows = Rows { starts: vec![0], ..Rows::default() };
     let (mut x, mut y, mut temp) = (Vec::new(), Vec::new(), Vec::new());
     for row in 0..n_rows {
         rows.carriers.push(Carrier::ALL[row % 4]);
-        let q_mm = draw.three(200.0).map(|v| v + 200.0);
+        let q_mm = draws.three(200.0).map(|v| v + 200.0);
         rows.q_mm.push(q_mm);
-        rows.offset_mm.push(draw.three(150.0));
+        rows.offset_mm.push(draws.three(150.0));
         x.push(q_mm[0]);
         y.push(q_mm[1]);
-        temp.push(20.0 + 30.0 * draw.next());
+        temp.push(20.0 + 30.0 * draws.symmetric());
     }
     rows.variables = vec![x, y, temp];
     let pose = Pose::default().moved(&[-200.0, 100.0, 900.0], &[0.4, -0.3, 0.2]);
@@ -119,10 +105,10 @@ fn problem(chain: &str) -> (Problem, State) {
         })
         .collect();
     let sightings = Sightings {
-        measured_mm: (0..n_rows).map(|_| draw.three(300.0)).collect(),
+        measured_mm: (0..n_rows).map(|_| draws.three(300.0)).collect(),
         whitening,
         session,
-        shared: (0..n_rows * 6).map(|_| draw.next()).collect(),
+        shared: (0..n_rows * 6).map(|_| draws.symmetric()).collect(),
         n_shared: 2,
         rows,
     };

@@ -139,8 +139,9 @@ def whitened_space(
 ) -> Space:
     """Bring a fit's residual and basis into the metric of a noise model.
 
-    What an effect does to a few rows may lie outside of what is left to chance: where its values are estimated
-    nothing is winsorised.
+    Winsorised: a number of the residual beyond `WINSOR` standard deviations counts as one of so many, so that a few
+    rows alone do not decide what is searched for. But what an effect does to a few rows may lie that far out, and is
+    then no chance: where its values are estimated nothing is winsorised.
     """
     whitened = sums.whitened_basis(noise)
     if whitened is None:

@@ -8,7 +8,7 @@ use super::lanes;
 use super::scene::Scene;
 use super::sources::{Numbering, Source};
 use super::spectrum::Spectrum;
-use super::tile::{Piece, Tile, used_channels};
+use super::tile::{Pair, Piece, Tile, used_channels};
 use super::waves::{Family, Kind, LANES, Wave, set_waves};
 use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
@@ -80,16 +80,12 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
         let is_seen: Vec<bool> = (tile.pairs.iter())
             .map(|pair| self.share_seen(pair.channel, places[pair.function]) > LEAST_SEEN)
             .collect();
-        for ((pair, products), _) in tile
-            .pairs
-            .iter()
-            .zip(tile.products.chunks_exact_mut(width))
-            .zip(&is_seen)
-            .filter(|(_, seen)| **seen)
-        {
-            let (harmonic, kind) = places[pair.function];
-            let channel = self.channels.partition_point(|one| one.0 < pair.channel);
-            products.copy_from_slice(&self.channels[channel].1[(2 * harmonic + kind) * width..][..width]);
+        for pair in (0..tile.pairs.len()).filter(|&pair| is_seen[pair]) {
+            let Pair { channel, function } = tile.pairs[pair];
+            let (harmonic, kind) = places[function];
+            let channel = self.channels.partition_point(|one| one.0 < channel);
+            let products = &self.channels[channel].1[(2 * harmonic + kind) * width..][..width];
+            tile.products[pair * width..][..width].copy_from_slice(products);
         }
         for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.white) {
             if !wanted.iter().all(|&pair| is_seen[pair]) {
@@ -164,12 +160,9 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
         for ((number, c, _), sums) in units.iter().zip(sums.chunks_exact(n_blocks * n)) {
             let (_, first, m) = channels[*number];
             lanes::transpose(&mut across, sums, n);
-            let levels = tile.level[*c][first * n_blocks..].chunks_exact_mut(n_blocks);
-            for ((pair, level), _) in (tile.pairs[first..first + m].iter().zip(levels))
-                .zip(&is_seen[first..])
-                .filter(|(_, seen)| **seen)
-            {
-                level.copy_from_slice(&across[at[pair.function] * n_blocks..][..n_blocks]);
+            for pair in (first..first + m).filter(|&pair| is_seen[pair]) {
+                let own = &across[at[tile.pairs[pair].function] * n_blocks..][..n_blocks];
+                tile.level[*c][pair * n_blocks..][..n_blocks].copy_from_slice(own);
             }
         }
     }

@@ -76,12 +76,8 @@ pub(super) fn families(sources: &Sources<'_>) -> Result<(Vec<Family>, Vec<Option
 fn recognised(formula: &Formula) -> Result<Option<(usize, Vec<Kind>)>, CandidateError> {
     let Formula { expression, inner, series } = formula;
     let (&[variable], &[period]) = (expression.variable_indices(), &inner[..]) else { return Ok(None) };
-    if series.is_some()
-        || expression.needs_order()
-        || !expression.is_smooth()
-        || period.is_nan()
-        || period <= 0.0
-    {
+    let may_be_wave = series.is_none() && !expression.needs_order() && expression.is_smooth() && period > 0.0;
+    if !may_be_wave {
         return Ok(None);
     }
     let values = evaluated(formula, &TRIED.map(|place| place * period))?;
@@ -111,7 +107,8 @@ fn multiples(frequencies: &[f64], range: f64) -> Option<(f64, Vec<usize>)> {
         .chain([sorted[0]])
         .filter(|&apart| apart > least)
         .fold(f64::INFINITY, f64::min);
-    // The widest gap in numbers gives the step with the most digits.
+    // A difference of two frequencies has fewer digits than they have: the highest frequency, as a whole number of
+    // steps, says more exactly what the step is.
     let step = sorted[sorted.len() - 1] / (sorted[sorted.len() - 1] / step).round();
     let harmonics: Vec<f64> = frequencies.iter().map(|frequency| (frequency / step).round()).collect();
     let most = MOST_BETWEEN * frequencies.len() as f64;

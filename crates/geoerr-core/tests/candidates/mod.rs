@@ -1,13 +1,13 @@
 //! Candidates judged at once, against least squares written out for one after the other.
 
-#![allow(clippy::unwrap_used, reason = "that is how a test fails")]
-
 mod scene;
 
 use geoerr_core::candidates::{CandidateError, Column, Formula, Group, Scanned, Sources, scan};
 use geoerr_core::expression::{Definitions, Expression, Rows, Symbols};
 use proptest::prelude::*;
-use scene::{Drawn, Draws};
+use scene::Drawn;
+
+use crate::draws::Draws;
 
 fn formula(text: &str, coefficients: &[&str]) -> Expression {
     let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();

@@ -4,27 +4,7 @@ use geoerr_core::candidates::{Directions, Noise, Scene};
 use geoerr_core::least_squares::Real;
 use nalgebra::{DMatrix, DVector};
 
-/// SplitMix64: a few lines instead of a dependency; the draws are the same everywhere.
-pub struct Draws(u64);
-
-impl Draws {
-    pub fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    /// Evenly between −1 and 1.
-    pub fn even(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    pub fn column(&mut self, n: usize) -> Vec<f64> {
-        (0..n).map(|_| self.even()).collect()
-    }
-}
+use crate::draws::Draws;
 
 pub struct Drawn {
     pub n_rows: usize,
@@ -58,7 +38,9 @@ impl Drawn {
                 .map(|session: &std::ops::Range<usize>| {
                     // Column after column of a lower triangle.
                     let n = session.len();
-                    (0..n * n).map(|at| if at % n >= at / n { 0.4 * draws.even() } else { 0.0 }).collect()
+                    (0..n * n)
+                        .map(|at| if at % n >= at / n { 0.4 * draws.symmetric() } else { 0.0 })
+                        .collect()
                 })
                 .collect::<Vec<Vec<f64>>>()
         });
@@ -74,7 +56,7 @@ impl Drawn {
                 })
             })
             .collect();
-        let mut matrix = |columns: usize| DMatrix::from_fn(3 * n_rows, columns, |_, _| draws.even());
+        let mut matrix = |columns: usize| DMatrix::from_fn(3 * n_rows, columns, |_, _| draws.symmetric());
         let basis = matrix(n_basis).qr().q();
         let mut others = matrix(1 + n_draws);
         others -= &basis * (basis.transpose() * &others);

@@ -2,6 +2,8 @@
 
 use geoerr_core::expression::{Definitions, Expression, ExpressionError, Rows, Symbols};
 
+use crate::draws::Draws;
+
 pub fn names(names: &str) -> Vec<String> {
     names.split_whitespace().map(str::to_owned).collect()
 }
@@ -75,13 +77,6 @@ pub fn assert_near(found: f64, expected: f64, tolerance: f64, what: &str) {
 
 /// Numbers between −1/2 and 1/2 without a pattern.
 pub fn noise(n: usize, seed: u64) -> Vec<f64> {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(1);
-    (0..n)
-        .map(|_| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-        })
-        .collect()
+    let mut draws = Draws::new(seed);
+    (0..n).map(|_| 0.5 * draws.symmetric()).collect()
 }

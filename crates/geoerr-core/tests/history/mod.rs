@@ -1,7 +1,5 @@
 //! What follows from the order of rows.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "that is how a test fails")]
-
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use geoerr_core::history::{History, HistoryError, HistoryRows, Moment, Past, history};

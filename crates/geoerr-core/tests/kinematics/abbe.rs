@@ -2,9 +2,8 @@
 
 use geoerr_core::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Table};
 
-use super::machines::{
-    Draws, add, all_chains, assert_second_order, cross, delta_and_epsilon, drawn_errors, sub,
-};
+use super::machines::{add, all_chains, assert_second_order, cross, delta_and_epsilon, drawn_errors, sub};
+use crate::draws::Draws;
 
 const OFFSET: [f64; 3] = [35.0, -80.0, 150.0];
 
@@ -50,9 +49,9 @@ fn errors_at_two_points_of_one_body() {
 fn two_points_exactly() {
     let errors = drawn_errors(22, 1.0);
     let machine = MachineModel::new(Chain::parse("wYZbXt").unwrap(), errors.clone(), [0.0; 3]);
-    let mut draws = Draws(23);
+    let mut draws = Draws::new(23);
     for _ in 0..50 {
-        let q = draws.point(300.0);
+        let q = draws.three(300.0);
         let (_, epsilon) = delta_and_epsilon(&errors, Axis::X, q);
         let rotation = nalgebra::Rotation3::from_scaled_axis(epsilon.into());
         let lever: [f64; 3] = (rotation * nalgebra::Vector3::from(OFFSET)).into();
@@ -85,10 +84,10 @@ fn transfer_of_all_tables_on_all_chains() {
             let chain = Chain::parse(code).unwrap();
             let at_origin = MachineModel::new(chain, errors, [0.0; 3]);
             let at_offset = MachineModel::new(chain, transferred, [0.0; 3]);
-            let mut draws = Draws(24);
+            let mut draws = Draws::new(24);
             (0..10)
                 .map(|_| {
-                    let (q, l) = (draws.point(300.0), draws.point(100.0));
+                    let (q, l) = (draws.three(300.0), draws.three(100.0));
                     sub(at_origin.error(&q, &l), at_offset.error(&q, &sub(l, OFFSET)))
                 })
                 .collect()

@@ -7,11 +7,12 @@ use geoerr_core::kinematics::{
 use geoerr_core::newton::{Commands, Status, command_for, commands_for};
 
 use super::displacements::{drawn_channels, drawn_pose};
-use super::machines::{Draws, drawn_machine};
+use super::machines::drawn_machine;
+use crate::draws::Draws;
 
 fn rows(n: usize) -> Vec<[f64; 3]> {
-    let mut draws = Draws(31);
-    (0..n).map(|_| draws.point(350.0)).collect()
+    let mut draws = Draws::new(31);
+    (0..n).map(|_| draws.three(350.0)).collect()
 }
 
 fn on_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -98,7 +99,7 @@ fn offsets_must_pair() {
 fn points_of_a_chain_each_as_alone_on_any_number_of_threads() {
     let chain = Chain::parse("wXbYZt").unwrap();
     let n = 2 * BLOCK_ROWS + 17;
-    let mut draws = Draws(32);
+    let mut draws = Draws::new(32);
     let (q, offsets) = (rows(n), rows(2 * n).split_off(n));
     let carriers: Vec<Carrier> = (0..n).map(|row| Carrier::ALL[row % 4]).collect();
     let channels: Vec<_> = (0..n).map(|_| drawn_channels(&mut draws, 0.1)).collect();

@@ -3,7 +3,8 @@
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Component, Displacements, Pose};
 
 use super::displacements::drawn_pose;
-use super::machines::{Draws, add, all_chains, cross, norm, sub};
+use super::machines::{add, all_chains, cross, norm, sub};
+use crate::draws::Draws;
 
 const TOOL_OFFSET: [f64; 3] = [3.0, -20.0, 55.0];
 
@@ -18,13 +19,13 @@ fn one(channel: usize, number: f64) -> Displacements {
 
 #[test]
 fn every_channel_of_every_chain_and_carrier() {
-    let mut draws = Draws(51);
+    let mut draws = Draws::new(51);
     let mut n_felt = [0; Channel::MACHINE_COUNT];
     for code in all_chains() {
         let chain = Chain::parse(&code).unwrap();
         for carrier in Carrier::ALL {
             for _ in 0..5 {
-                let (q, offset) = (draws.point(350.0), draws.point(200.0));
+                let (q, offset) = (draws.three(350.0), draws.three(200.0));
                 let columns = chain.channel_columns(carrier, &q, &offset, &TOOL_OFFSET);
                 for channel in Channel::ALL.into_iter().take(Channel::MACHINE_COUNT) {
                     let k = channel.index();
@@ -43,10 +44,10 @@ fn every_channel_of_every_chain_and_carrier() {
 
 #[test]
 fn motion_is_the_derivative_of_the_nominal_position() {
-    let mut draws = Draws(52);
+    let mut draws = Draws::new(52);
     for code in all_chains() {
         let chain = Chain::parse(&code).unwrap();
-        let (q, offset) = (draws.point(350.0), draws.point(200.0));
+        let (q, offset) = (draws.three(350.0), draws.three(200.0));
         for carrier in Carrier::ALL {
             let columns = chain.channel_columns(carrier, &q, &offset, &TOOL_OFFSET);
             for axis in Axis::ALL {
@@ -63,9 +64,9 @@ fn motion_is_the_derivative_of_the_nominal_position() {
 
 #[test]
 fn the_rig_by_differences() {
-    let mut draws = Draws(53);
+    let mut draws = Draws::new(53);
     for _ in 0..50 {
-        let (pose, base) = (drawn_pose(&mut draws), draws.point(400.0));
+        let (pose, base) = (drawn_pose(&mut draws), draws.three(400.0));
         let columns = pose.rig_columns(&base);
         for channel in Channel::ALL {
             let Some(place) = channel.rig_column() else { continue };
@@ -88,11 +89,11 @@ fn the_rig_by_differences() {
 /// Li Eqs. 9 to 16: errors referred to a place `t` of the carriages, δ + ε × t, act on the lever less t.
 #[test]
 fn abbe_transfer_of_the_columns() {
-    let mut draws = Draws(54);
+    let mut draws = Draws::new(54);
     for code in all_chains() {
         let chain = Chain::parse(&code).unwrap();
         for carrier in [Carrier::Tool, Carrier::Work, Carrier::Relative] {
-            let (q, offset, t) = (draws.point(350.0), draws.point(200.0), draws.point(100.0));
+            let (q, offset, t) = (draws.three(350.0), draws.three(200.0), draws.three(100.0));
             let at = |offset| chain.channel_columns(carrier, &q, &offset, &TOOL_OFFSET);
             let (here, there) = (at(offset), at(sub(offset, t)));
             for axis in Axis::ALL {
@@ -117,12 +118,12 @@ const UNIT: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// The same without small angles, for the axis that carries the point directly: R(ε) l + δ exactly.
 #[test]
 fn abbe_transfer_exactly() {
-    let mut draws = Draws(55);
+    let mut draws = Draws::new(55);
     for code in all_chains() {
         let chain = Chain::parse(&code).unwrap();
         let Some(&outermost) = chain.tool_axes().last() else { continue };
-        let (q, offset) = (draws.point(350.0), draws.point(200.0));
-        let epsilon = draws.point(0.02);
+        let (q, offset) = (draws.three(350.0), draws.three(200.0));
+        let epsilon = draws.three(0.02);
         let mut d = Displacements::default();
         d.joints[outermost.index()][3..].copy_from_slice(&epsilon);
         let at = |offset| chain.position(Carrier::Tool, &q, &offset, &TOOL_OFFSET, &d);
@@ -136,9 +137,9 @@ fn abbe_transfer_exactly() {
 #[test]
 fn li_equation_8() {
     let chain = Chain::parse("wZbXYt").unwrap();
-    let mut draws = Draws(56);
+    let mut draws = Draws::new(56);
     for _ in 0..20 {
-        let ([x, y, z], [l_x, l_y, l_z]) = (draws.point(320.0), draws.point(200.0));
+        let ([x, y, z], [l_x, l_y, l_z]) = (draws.three(320.0), draws.three(200.0));
         let numbers: [f64; Channel::MACHINE_COUNT] =
             std::array::from_fn(|k| if k < 21 { draws.symmetric() } else { 0.0 });
         let [

@@ -5,7 +5,8 @@ use geoerr_core::kinematics::{
 };
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::machines::{Draws, add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
+use super::machines::{add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
+use crate::draws::Draws;
 
 const TOOL_OFFSET: [f64; 3] = [3.0, -20.0, 55.0];
 
@@ -58,12 +59,12 @@ fn by_isometries(
 
 #[test]
 fn all_chains_and_carriers_against_isometries() {
-    let mut draws = Draws(41);
+    let mut draws = Draws::new(41);
     for code in all_chains() {
         let chain = Chain::parse(&code).unwrap();
         for carrier in Carrier::ALL {
             for _ in 0..20 {
-                let (q, offset) = (draws.point(350.0), draws.point(200.0));
+                let (q, offset) = (draws.three(350.0), draws.three(200.0));
                 let d = Displacements::from_channels(&drawn_channels(&mut draws, 1.0));
                 let found = chain.position(carrier, &q, &offset, &TOOL_OFFSET, &d);
                 let expected = by_isometries(&chain, carrier, q, offset, &d);
@@ -79,9 +80,9 @@ fn tables_walk_the_same_chain() {
     for (seed, code) in all_chains().iter().enumerate() {
         let machine = drawn_machine(code, seed as u64, 1.0);
         let chain = machine.chain();
-        let mut draws = Draws(42);
+        let mut draws = Draws::new(42);
         for _ in 0..20 {
-            let (q, offset) = (draws.point(350.0), draws.point(200.0));
+            let (q, offset) = (draws.three(350.0), draws.three(200.0));
             let s = machine.errors().squareness();
             let d = Displacements {
                 joints: Axis::ALL.map(|axis| {
@@ -107,10 +108,10 @@ fn tables_walk_the_same_chain() {
 
 #[test]
 fn nothing_displaces_exactly_nothing() {
-    let mut draws = Draws(43);
+    let mut draws = Draws::new(43);
     for code in all_chains() {
         let chain = Chain::parse(&code).unwrap();
-        let (q, offset) = (draws.point(350.0), draws.point(200.0));
+        let (q, offset) = (draws.three(350.0), draws.three(200.0));
         for carrier in Carrier::ALL {
             let none = Displacements::default();
             assert_eq!(chain.displacement(carrier, &q, &offset, &TOOL_OFFSET, &none), [0.0; 3]);
@@ -149,10 +150,10 @@ fn impossible_squareness_is_that_rows_trouble() {
 /// What stands on the base is nothing of the machine: no channel moves it, the target's own least of all.
 #[test]
 fn static_markers_stay() {
-    let mut draws = Draws(45);
+    let mut draws = Draws::new(45);
     for code in all_chains() {
         let chain = Chain::parse(&code).unwrap();
-        let (q, offset) = (draws.point(350.0), draws.point(200.0));
+        let (q, offset) = (draws.three(350.0), draws.three(200.0));
         let d = Displacements::from_channels(&drawn_channels(&mut draws, 1.0));
         assert_eq!(chain.displacement(Carrier::Base, &q, &offset, &TOOL_OFFSET, &d), [0.0; 3]);
         assert_eq!(chain.position(Carrier::Base, &q, &offset, &TOOL_OFFSET, &d), offset);
@@ -162,17 +163,17 @@ fn static_markers_stay() {
 }
 
 pub fn drawn_pose(draws: &mut Draws) -> Pose {
-    let rotation = Rotation3::from_scaled_axis(draws.point(3.0).into());
+    let rotation = Rotation3::from_scaled_axis(draws.three(3.0).into());
     let by_rows = |m: &Matrix3<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]));
-    Pose { camera_from_base: by_rows(rotation.matrix()), t_mm: draws.point(900.0) }
+    Pose { camera_from_base: by_rows(rotation.matrix()), t_mm: draws.three(900.0) }
 }
 
 #[test]
 fn the_rig_by_nalgebra() {
-    let mut draws = Draws(44);
+    let mut draws = Draws::new(44);
     for _ in 0..200 {
         let pose = drawn_pose(&mut draws);
-        let base = draws.point(400.0);
+        let base = draws.three(400.0);
         let sizes = [2.0, 2.0, 2.0, 0.01, 0.01, 0.01, 1e-3, 1e-3, 1e-6, 1e-3, 1e-3];
         let rig: RigNumbers = sizes.map(|size| size * draws.symmetric());
         let [tx, ty, tz, rx, ry, rz, k, k1, k2, ray_x, ray_y] = rig;

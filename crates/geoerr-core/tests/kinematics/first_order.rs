@@ -3,8 +3,9 @@
 use geoerr_core::kinematics::{Axis, Chain, ErrorTables, MachineModel};
 
 use super::machines::{
-    Draws, add, all_chains, assert_second_order, cross, delta_and_epsilon, drawn_errors, drawn_machine, sub,
+    add, all_chains, assert_second_order, cross, delta_and_epsilon, drawn_errors, drawn_machine, sub,
 };
+use crate::draws::Draws;
 
 /// Σ q_b b̂ over some axes.
 fn travel(axes: &[Axis], q: [f64; 3]) -> [f64; 3] {
@@ -63,8 +64,8 @@ fn work_from_base(chain: &Chain, errors: &ErrorTables, q: [f64; 3], w: [f64; 3])
 
 /// Commanded positions and target offsets, a few hundred millimetres each.
 fn places() -> Vec<([f64; 3], [f64; 3])> {
-    let mut draws = Draws(7);
-    (0..20).map(|_| (draws.point(320.0), draws.point(200.0))).collect()
+    let mut draws = Draws::new(7);
+    (0..20).map(|_| (draws.three(320.0), draws.three(200.0))).collect()
 }
 
 type FirstOrder = fn(&Chain, &ErrorTables, [f64; 3], [f64; 3]) -> [f64; 3];

@@ -2,7 +2,8 @@
 
 use geoerr_core::kinematics::{Axis, MachineModel};
 
-use super::machines::{Draws, all_chains, drawn_machine};
+use super::machines::{all_chains, drawn_machine};
+use crate::draws::Draws;
 
 fn moved(q: [f64; 3], axis: Axis, by: f64) -> [f64; 3] {
     let mut q = q;
@@ -44,12 +45,12 @@ fn assert_matches(
 
 #[test]
 fn inside_cells_all_chains() {
-    let mut draws = Draws(11);
+    let mut draws = Draws::new(11);
     let mut compared = 0;
     for (seed, code) in all_chains().iter().enumerate() {
         let machine = drawn_machine(code, seed as u64, 1.0);
         for _ in 0..30 {
-            let (q, l) = (draws.point(350.0), draws.point(200.0));
+            let (q, l) = (draws.three(350.0), draws.three(200.0));
             let h = 0.25;
             for axis in Axis::ALL {
                 let at = q[axis.index()];
@@ -91,10 +92,10 @@ fn right_hand_derivative_at_knots() {
 
 #[test]
 fn error_and_jacobian_are_error_and_jacobian() {
-    let mut draws = Draws(12);
+    let mut draws = Draws::new(12);
     for code in all_chains() {
         let machine = drawn_machine(&code, 5, 1.0);
-        let (q, l) = (draws.point(350.0), draws.point(200.0));
+        let (q, l) = (draws.three(350.0), draws.three(200.0));
         assert_eq!(machine.error_and_jacobian(&q, &l), (machine.error(&q, &l), machine.jacobian(&q, &l)));
     }
 }

@@ -2,6 +2,8 @@
 
 use geoerr_core::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Squareness, Table};
 
+use crate::draws::Draws;
+
 /// The 24 structural codes: 6 orders of the axes, 4 places of the base.
 pub fn all_chains() -> Vec<String> {
     let mut codes = Vec::new();
@@ -13,28 +15,9 @@ pub fn all_chains() -> Vec<String> {
     codes
 }
 
-/// SplitMix64: a few lines instead of a dependency; the draws are the same everywhere.
-pub struct Draws(pub u64);
-
-impl Draws {
-    /// Uniform in [-1, 1).
-    pub fn symmetric(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    /// Uniform in a cube of half edge `half` about the origin.
-    pub fn point(&mut self, half: f64) -> [f64; 3] {
-        [self.symmetric() * half, self.symmetric() * half, self.symmetric() * half]
-    }
-}
-
 /// Errors of size `scale` × (0.3 mm, 1 mrad, 5 mrad squareness), each table with knots of its own.
 pub fn drawn_errors(seed: u64, scale: f64) -> ErrorTables {
-    let mut draws = Draws(seed);
+    let mut draws = Draws::new(seed);
     let mut errors = ErrorTables::default();
     for axis in Axis::ALL {
         for component in Component::ALL {

@@ -3,7 +3,8 @@
 use geoerr_core::kinematics::{Axis, MachineModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::machines::{Draws, add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
+use super::machines::{add, all_chains, delta_and_epsilon, drawn_machine, norm, sub};
+use crate::draws::Draws;
 
 /// Unit directions at 90° + S by Gram–Schmidt on the cosines, X the datum, Y in the XY plane.
 fn directions(machine: &MachineModel) -> [Vector3<f64>; 3] {
@@ -28,12 +29,12 @@ fn side(machine: &MachineModel, axes: &[Axis], sign: f64, q: [f64; 3]) -> Isomet
 
 #[test]
 fn all_three_views_of_all_chains() {
-    let mut draws = Draws(3);
+    let mut draws = Draws::new(3);
     for (seed, code) in all_chains().iter().enumerate() {
         // Twenty times the errors of a poor machine: 20 mrad, 6 mm, 0.1 rad squareness.
         let machine = drawn_machine(code, seed as u64, 20.0);
         for _ in 0..50 {
-            let (q, offset) = (draws.point(350.0), draws.point(200.0));
+            let (q, offset) = (draws.three(350.0), draws.three(200.0));
             let tool = side(&machine, machine.chain().tool_axes(), 1.0, q);
             let work = side(&machine, machine.chain().work_axes(), -1.0, q);
             let l = Point3::from(add(*machine.tool_offset_mm(), offset));
@@ -54,11 +55,11 @@ fn all_three_views_of_all_chains() {
 /// A point of the work that coincides with the tool point is at the tool's place in the base frame.
 #[test]
 fn views_agree_with_each_other() {
-    let mut draws = Draws(4);
+    let mut draws = Draws::new(4);
     for (seed, code) in all_chains().iter().enumerate() {
         let machine = drawn_machine(code, seed as u64, 1.0);
         for _ in 0..20 {
-            let (q, offset) = (draws.point(350.0), draws.point(200.0));
+            let (q, offset) = (draws.three(350.0), draws.three(200.0));
             let on_work = machine.tool_from_work(&q, &offset);
             let difference =
                 norm(sub(machine.work_from_base(&q, &on_work), machine.tool_from_base(&q, &offset)));

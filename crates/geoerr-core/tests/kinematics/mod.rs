@@ -1,7 +1,5 @@
 //! Kinematics and its inverse against THEORY's first-order sums, a matrix implementation and differences.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "that is how a test fails")]
-
 mod abbe;
 mod batch;
 mod columns;

@@ -5,6 +5,7 @@ use geoerr_core::newton::{NewtonError, Solution, command_for};
 use proptest::prelude::*;
 
 use super::machines::{add, all_chains, drawn_machine, norm, sub};
+use crate::draws::Draws;
 
 const NANOMETRE_MM: f64 = 1e-6;
 
@@ -24,16 +25,16 @@ fn assert_round_trip(machine: &MachineModel, q: [f64; 3]) -> u32 {
 
 #[test]
 fn drawn_machines_of_all_chains() {
-    let mut draws = super::machines::Draws(41);
+    let mut draws = Draws::new(41);
     for (seed, code) in all_chains().iter().enumerate() {
         let machine = drawn_machine(code, seed as u64, 1.0);
         for _ in 0..100 {
             // Quadratic within a cell, one more step for each kink that is crossed.
-            assert!(assert_round_trip(&machine, draws.point(350.0)) <= 4);
+            assert!(assert_round_trip(&machine, draws.three(350.0)) <= 4);
         }
         for axis in Axis::ALL {
             for &knot in machine.knots(axis) {
-                let mut q = draws.point(250.0);
+                let mut q = draws.three(250.0);
                 q[axis.index()] = knot;
                 assert_round_trip(&machine, q);
             }
@@ -59,10 +60,10 @@ fn periodic_error_of_two_millimetres() {
     errors.set(Axis::Z, Component::Z, screw(2.0));
     for code in all_chains() {
         let machine = MachineModel::new(Chain::parse(&code).unwrap(), errors.clone(), [0.0; 3]);
-        let mut draws = super::machines::Draws(42);
+        let mut draws = Draws::new(42);
         let mut most_steps = 0;
         for _ in 0..300 {
-            let q = draws.point(200.0).map(|c| c + 200.0);
+            let q = draws.three(200.0).map(|c| c + 200.0);
             most_steps = most_steps.max(assert_round_trip(&machine, q));
         }
         assert!(most_steps > 1, "one step of the paper would do: the case is too easy");

@@ -3,33 +3,6 @@
 use geoerr_core::least_squares::{Matrix, Options, Solution, StoredDesign, Triangle, solve};
 use nalgebra::DMatrix;
 
-/// Numbers in [−1, 1) without a pattern, the same for the same seed (xorshift64*).
-pub struct Draw(u64);
-
-impl Draw {
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
-    }
-
-    pub fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        let bits = self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11;
-        bits as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    /// Standard normal, by Box and Muller.
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (0.5 - 0.5 * self.uniform()).ln()).sqrt();
-        radius * (std::f64::consts::PI * self.uniform()).cos()
-    }
-
-    pub fn matrix(&mut self, n_rows: usize, n_columns: usize) -> Matrix {
-        Matrix::from_fn(n_rows, n_columns, |_, _| self.uniform())
-    }
-}
-
 pub fn to_nalgebra(matrix: &Matrix) -> DMatrix<f64> {
     DMatrix::from_column_slice(matrix.n_rows(), matrix.n_columns(), matrix.as_slice())
 }

@@ -3,15 +3,16 @@
 use geoerr_core::least_squares::{Matrix, Options, StoredDesign, Triangle, solve};
 use proptest::prelude::*;
 
-use super::common::{Draw, difference, largest, product, to_nalgebra, triangle_of};
+use super::common::{difference, largest, product, to_nalgebra, triangle_of};
+use crate::draws::Draws;
 
 /// Any small system: some columns zero, some repeated, some rows zero.
 fn systems() -> impl Strategy<Value = (Matrix, Matrix)> {
     (1_usize..40, 1_usize..12, any::<u64>()).prop_map(|(m, n, seed)| {
-        let mut draw = Draw::new(seed);
-        let mut a = draw.matrix(m, n);
+        let mut draws = Draws::new(seed);
+        let mut a = draws.matrix(m, n);
         for column in 0..n {
-            let kind = draw.uniform();
+            let kind = draws.symmetric();
             let other = (column * 7 + 3) % n;
             if kind > 0.8 {
                 a.column_mut(column).fill(0.0);
@@ -20,11 +21,11 @@ fn systems() -> impl Strategy<Value = (Matrix, Matrix)> {
                 a.column_mut(column).copy_from_slice(&copy);
             } else {
                 // Powers of two: columns of any size without changing a digit.
-                let size = (2.0_f64).powi((40.0 * draw.uniform()) as i32);
+                let size = (2.0_f64).powi((40.0 * draws.symmetric()) as i32);
                 a.column_mut(column).iter_mut().for_each(|value| *value *= size);
             }
         }
-        (a, draw.matrix(m, 1))
+        (a, draws.matrix(m, 1))
     })
 }
 

@@ -6,7 +6,8 @@ use geoerr_core::least_squares::{
 };
 use rayon::ThreadPoolBuilder;
 
-use super::common::{Draw, solved, triangle_of};
+use super::common::{solved, triangle_of};
+use crate::draws::Draws;
 
 fn without(matrix: &Matrix, rows: std::ops::Range<usize>) -> Matrix {
     let kept = |i: usize| if i < rows.start { i } else { i + rows.len() };
@@ -19,9 +20,9 @@ fn residual(a: &Matrix, b: &Matrix, x: &Matrix, row: usize) -> f64 {
 
 #[test]
 fn as_a_refit_without_the_block() {
-    let mut draw = Draw::new(1);
+    let mut draws = Draws::new(1);
     // Blocks lower and higher than the rank, an empty one, and more rows than are made at once.
-    let (a, b) = (draw.matrix(1_300, 12), draw.matrix(1_300, 1));
+    let (a, b) = (draws.matrix(1_300, 12), draws.matrix(1_300, 1));
     let starts = [0, 1, 4, 7, 7, 40, 60, 700];
     let blocks = Blocks::starting_at(&starts, 1_300).unwrap();
     let design = StoredDesign::new(&a, &b).unwrap();
@@ -40,14 +41,14 @@ fn as_a_refit_without_the_block() {
 
 #[test]
 fn a_block_that_alone_sees_an_unknown_is_said_to() {
-    let mut draw = Draw::new(2);
-    let mut a = draw.matrix(90, 6);
+    let mut draws = Draws::new(2);
+    let mut a = draws.matrix(90, 6);
     for i in 0..90 {
         // Only rows 30..33 see unknown 4; unknown 5 repeats unknown 0.
         a[(i, 4)] = if (30..33).contains(&i) { a[(i, 4)] } else { 0.0 };
         a[(i, 5)] = -2.0 * a[(i, 0)];
     }
-    let b = draw.matrix(90, 1);
+    let b = draws.matrix(90, 1);
     let starts: Vec<usize> = (0..30).map(|block| 3 * block).collect();
     let blocks = Blocks::starting_at(&starts, 90).unwrap();
     let design = StoredDesign::new(&a, &b).unwrap();
@@ -63,8 +64,8 @@ fn a_block_that_alone_sees_an_unknown_is_said_to() {
 
 #[test]
 fn a_prediction_is_as_uncertain_as_the_rest_leaves_it() {
-    let mut draw = Draw::new(6);
-    let (a, b) = (draw.matrix(80, 7), draw.matrix(80, 1));
+    let mut draws = Draws::new(6);
+    let (a, b) = (draws.matrix(80, 7), draws.matrix(80, 1));
     let blocks = Blocks::starting_at(&[0, 3, 30], 80).unwrap();
     let left = leave_blocks_out(&StoredDesign::new(&a, &b).unwrap(), &solved(&a, &b), &blocks, 0).unwrap();
     for block in 0..3 {
@@ -80,12 +81,12 @@ fn a_prediction_is_as_uncertain_as_the_rest_leaves_it() {
 #[test]
 fn a_blocks_own_unknown_stays_at_its_best() {
     // Rows 30..42 have an unknown of their own: left out, they are predicted across the direction in which it moves them.
-    let mut draw = Draw::new(7);
-    let mut a = draw.matrix(90, 6);
+    let mut draws = Draws::new(7);
+    let mut a = draws.matrix(90, 6);
     for i in (0..90).filter(|i| !(30..42).contains(i)) {
         a[(i, 4)] = 0.0;
     }
-    let b = draw.matrix(90, 1);
+    let b = draws.matrix(90, 1);
     let solution = solved(&a, &b);
     let residuals = Matrix::from_fn(90, 1, |i, _| residual(&a, &b, &solution.x, i));
     let design = StoredDesign::new(&a, &residuals).unwrap();
@@ -108,9 +109,9 @@ fn a_blocks_own_unknown_stays_at_its_best() {
 
 #[test]
 fn restrictions_are_kept() {
-    let mut draw = Draw::new(3);
-    let (a, b) = (draw.matrix(60, 5), draw.matrix(60, 1));
-    let restriction = Restriction::Constraints(draw.matrix(2, 5));
+    let mut draws = Draws::new(3);
+    let (a, b) = (draws.matrix(60, 5), draws.matrix(60, 1));
+    let restriction = Restriction::Constraints(draws.matrix(2, 5));
     let options = Options { restriction, ..Options::default() };
     let solution = solve(&triangle_of(&a, &b), &options).unwrap();
     let blocks = Blocks::starting_at(&[0, 20], 60).unwrap();
@@ -123,8 +124,8 @@ fn restrictions_are_kept() {
 
 #[test]
 fn threads_do_not_change_a_byte() {
-    let mut draw = Draw::new(4);
-    let (a, b) = (draw.matrix(3_000, 20), draw.matrix(3_000, 1));
+    let mut draws = Draws::new(4);
+    let (a, b) = (draws.matrix(3_000, 20), draws.matrix(3_000, 1));
     let solution = solved(&a, &b);
     let starts: Vec<usize> = (0..1_000).map(|block| 3 * block).collect();
     let blocks = Blocks::starting_at(&starts, 3_000).unwrap();
@@ -138,8 +139,8 @@ fn threads_do_not_change_a_byte() {
 
 #[test]
 fn refusals() {
-    let mut draw = Draw::new(5);
-    let (a, b) = (draw.matrix(30, 4), draw.matrix(30, 1));
+    let mut draws = Draws::new(5);
+    let (a, b) = (draws.matrix(30, 4), draws.matrix(30, 1));
     let (design, solution) = (StoredDesign::new(&a, &b).unwrap(), solved(&a, &b));
     let blocks = Blocks::starting_at(&[0], 29).unwrap();
     let refused = leave_blocks_out(&design, &solution, &blocks, 0);

@@ -7,16 +7,17 @@ use geoerr_core::least_squares::{
 use nalgebra::DMatrix;
 use rayon::ThreadPoolBuilder;
 
-use super::common::{Draw, difference, largest, product, to_nalgebra};
+use super::common::{difference, largest, product, to_nalgebra};
+use crate::draws::Draws;
 
 fn fitted(a: &Matrix, b: &Matrix, options: &Options, method: Method) -> Fit {
     fit(&StoredDesign::new(a, b).unwrap(), options, method).unwrap()
 }
 
 /// Columns whose condition is `condition`: singular values falling evenly in their logarithms.
-fn of_condition(draw: &mut Draw, m: usize, n: usize, condition: f64) -> Matrix {
+fn of_condition(draws: &mut Draws, m: usize, n: usize, condition: f64) -> Matrix {
     let orthonormal = |matrix: &Matrix| to_nalgebra(matrix).qr().q();
-    let (u, v) = (orthonormal(&draw.matrix(m, n)), orthonormal(&draw.matrix(n, n)));
+    let (u, v) = (orthonormal(&draws.matrix(m, n)), orthonormal(&draws.matrix(n, n)));
     let values =
         DMatrix::from_fn(
             n,
@@ -31,14 +32,14 @@ fn of_condition(draw: &mut Draw, m: usize, n: usize, condition: f64) -> Matrix {
 
 #[test]
 fn as_good_as_qr_wherever_it_is_taken() {
-    let mut draw = Draw::new(1);
+    let mut draws = Draws::new(1);
     let mut conditions_taken: f64 = 0.0;
     for decade in 0..13 {
         for noise in [0.0, 1.0] {
-            let a = of_condition(&mut draw, 800, 12, 10.0_f64.powi(decade));
-            let truth = draw.matrix(12, 1);
+            let a = of_condition(&mut draws, 800, 12, 10.0_f64.powi(decade));
+            let truth = draws.matrix(12, 1);
             let clean = product(&a, &truth);
-            let b = Matrix::from_fn(800, 1, |i, _| clean[(i, 0)] + noise * draw.uniform());
+            let b = Matrix::from_fn(800, 1, |i, _| clean[(i, 0)] + noise * draws.symmetric());
             let fast = fitted(&a, &b, &Options::default(), Method::Fastest);
             let qr = fitted(&a, &b, &Options::default(), Method::Qr).solution;
             assert!(qr.condition < CONDITION_LIMIT || !fast.is_from_normal_equations);
@@ -76,10 +77,10 @@ fn as_good_as_qr_wherever_it_is_taken() {
 
 #[test]
 fn what_is_singular_goes_to_qr() {
-    let mut draw = Draw::new(2);
-    let base = draw.matrix(300, 5);
+    let mut draws = Draws::new(2);
+    let base = draws.matrix(300, 5);
     let a = Matrix::from_fn(300, 6, |i, j| base[(i, j % 5)]);
-    let b = draw.matrix(300, 1);
+    let b = draws.matrix(300, 1);
     let result = fitted(&a, &b, &Options::default(), Method::Fastest);
     assert!(!result.is_from_normal_equations);
     assert_eq!(result.solution.rank.rank, 5);
@@ -104,17 +105,17 @@ fn what_is_singular_goes_to_qr() {
 
 #[test]
 fn huge_and_tiny_columns_are_not_hard() {
-    let mut draw = Draw::new(3);
-    let a = Matrix::from_fn(600, 8, |_, j| draw.uniform() * 10.0_f64.powi(12 * (j as i32 - 4)));
-    let b = draw.matrix(600, 2);
+    let mut draws = Draws::new(3);
+    let a = Matrix::from_fn(600, 8, |_, j| draws.symmetric() * 10.0_f64.powi(12 * (j as i32 - 4)));
+    let b = draws.matrix(600, 2);
     let fast = fitted(&a, &b, &Options::default(), Method::Fastest);
     let qr = fitted(&a, &b, &Options::default(), Method::Qr);
     assert!(fast.is_from_normal_equations);
     let ratios = fast.solution.x.as_slice().iter().zip(qr.solution.x.as_slice());
     assert!(largest(ratios.map(|(fast, qr)| fast / qr - 1.0)) < 1e-12);
     // Squares beyond the range of double precision: QR scales, normal equations cannot.
-    let a = Matrix::from_fn(600, 3, |_, j| draw.uniform() * [1e200, 1.0, 1e-200][j]);
-    let b = draw.matrix(600, 1);
+    let a = Matrix::from_fn(600, 3, |_, j| draws.symmetric() * [1e200, 1.0, 1e-200][j]);
+    let b = draws.matrix(600, 1);
     let result = fitted(&a, &b, &Options::default(), Method::Fastest);
     assert!(!result.is_from_normal_equations);
     assert_eq!(result.solution.rank.rank, 3);
@@ -122,9 +123,9 @@ fn huge_and_tiny_columns_are_not_hard() {
 
 #[test]
 fn zero_right_hand_sides_and_exact_fits() {
-    let mut draw = Draw::new(4);
-    let a = draw.matrix(500, 7);
-    let truth = draw.matrix(7, 1);
+    let mut draws = Draws::new(4);
+    let a = draws.matrix(500, 7);
+    let truth = draws.matrix(7, 1);
     let exact = product(&a, &truth);
     let b = Matrix::from_fn(500, 2, |i, rhs| if rhs == 0 { 0.0 } else { exact[(i, 0)] });
     let result = fitted(&a, &b, &Options::default(), Method::Fastest);
@@ -136,8 +137,8 @@ fn zero_right_hand_sides_and_exact_fits() {
 
 #[test]
 fn threads_do_not_change_a_byte() {
-    let mut draw = Draw::new(5);
-    let (a, b) = (draw.matrix(9_000, 50), draw.matrix(9_000, 1));
+    let mut draws = Draws::new(5);
+    let (a, b) = (draws.matrix(9_000, 50), draws.matrix(9_000, 1));
     let results = [1, 2, 5].map(|n| {
         let pool = ThreadPoolBuilder::new().num_threads(n).build().unwrap();
         let fit = pool.install(|| fitted(&a, &b, &Options::default(), Method::Fastest));
@@ -148,8 +149,8 @@ fn threads_do_not_change_a_byte() {
 
 #[test]
 fn products_with_residuals_are_a_pass_over_the_rows() {
-    let mut draw = Draw::new(6);
-    let (a, b, x) = (draw.matrix(3_000, 6), draw.matrix(3_000, 2), draw.matrix(6, 2));
+    let mut draws = Draws::new(6);
+    let (a, b, x) = (draws.matrix(3_000, 6), draws.matrix(3_000, 2), draws.matrix(6, 2));
     let found = residual_products(&StoredDesign::new(&a, &b).unwrap(), &x).unwrap();
     let residual = to_nalgebra(&b) - to_nalgebra(&a) * to_nalgebra(&x);
     let gradient = to_nalgebra(&a).transpose() * &residual;

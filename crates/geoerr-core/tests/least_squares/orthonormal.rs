@@ -4,7 +4,7 @@ use geoerr_core::least_squares::orthonormal;
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
-use super::common::Draw;
+use crate::draws::Draws;
 
 fn largest(matrix: &DMatrix<f64>) -> f64 {
     matrix.iter().fold(0.0, |most, value| value.abs().max(most))
@@ -12,14 +12,14 @@ fn largest(matrix: &DMatrix<f64>) -> f64 {
 
 /// Columns of all sizes; `alike` is what every second one has that the one before it has not.
 fn columns(seed: u64, n_rows: usize, n_columns: usize, alike: f64) -> DMatrix<f64> {
-    let mut draw = Draw::new(seed);
-    let mut columns = DMatrix::from_fn(n_rows, n_columns, |_, _| draw.uniform());
+    let mut draws = Draws::new(seed);
+    let mut columns = DMatrix::from_fn(n_rows, n_columns, |_, _| draws.symmetric());
     for j in (1..n_columns).step_by(2) {
         let near = columns.column(j - 1) + alike * columns.column(j);
         columns.set_column(j, &near);
     }
     for mut column in columns.column_iter_mut() {
-        column *= 10.0_f64.powf(6.0 * draw.uniform());
+        column *= 10.0_f64.powf(6.0 * draws.symmetric());
     }
     columns
 }
@@ -53,8 +53,8 @@ proptest! {
     #[test]
     fn columns_inside_the_others_are_left_out(seed in any::<u64>(), n_columns in 1_usize..12) {
         let own = columns(seed, 300, n_columns, 1.0);
-        let mut draw = Draw::new(seed ^ 1);
-        let mixed = &own * DMatrix::from_fn(n_columns, 5, |_, _| draw.uniform());
+        let mut draws = Draws::new(seed ^ 1);
+        let mixed = &own * DMatrix::from_fn(n_columns, 5, |_, _| draws.symmetric());
         let mut all = DMatrix::zeros(300, 2 * n_columns + 6);
         all.columns_mut(0, n_columns).copy_from(&own);
         all.columns_mut(n_columns, 5).copy_from(&mixed);

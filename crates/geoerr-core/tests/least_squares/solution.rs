@@ -2,7 +2,8 @@
 
 use geoerr_core::least_squares::{LeastSquaresError, Matrix, Options, Restriction, solve};
 
-use super::common::{Draw, by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
+use super::common::{by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
+use crate::draws::Draws;
 
 fn with_singular_values() -> Options {
     Options { wants_singular_values: true, ..Options::default() }
@@ -15,14 +16,14 @@ fn hard_systems() -> Vec<(&'static str, Matrix)> {
         ("hilbert", Matrix::from_fn(60, 7, |i, j| 1.0 / (i + j + 1) as f64)),
         ("vandermonde", Matrix::from_fn(300, 9, |i, j| (400.0 * at(i, 300)).powi(j as i32))),
         ("sizes", {
-            let mut draw = Draw::new(11);
-            Matrix::from_fn(200, 12, |_, j| draw.uniform() * 10.0_f64.powi(7 * (j as i32 - 6)))
+            let mut draws = Draws::new(11);
+            Matrix::from_fn(200, 12, |_, j| draws.symmetric() * 10.0_f64.powi(7 * (j as i32 - 6)))
         }),
         ("near copies", {
-            let mut draw = Draw::new(12);
-            let base = draw.matrix(400, 5);
+            let mut draws = Draws::new(12);
+            let base = draws.matrix(400, 5);
             Matrix::from_fn(400, 10, |i, j| {
-                base[(i, j % 5)] + if j < 5 { 0.0 } else { 1e-7 * draw.uniform() }
+                base[(i, j % 5)] + if j < 5 { 0.0 } else { 1e-7 * draws.symmetric() }
             })
         }),
     ]
@@ -31,10 +32,10 @@ fn hard_systems() -> Vec<(&'static str, Matrix)> {
 #[test]
 fn hard_systems_are_as_good_as_their_condition() {
     for (name, a) in hard_systems() {
-        let mut draw = Draw::new(21);
+        let mut draws = Draws::new(21);
         let n = a.n_columns();
         // Unknowns of the size of their scaled columns: then scaled and unscaled relative errors agree.
-        let truth = Matrix::from_fn(n, 1, |j, _| draw.uniform() / to_nalgebra(&a).column(j).norm());
+        let truth = Matrix::from_fn(n, 1, |j, _| draws.symmetric() / to_nalgebra(&a).column(j).norm());
         let b = product(&a, &truth);
         let solution = solve(&triangle_of(&a, &b), &with_singular_values()).unwrap();
         assert_eq!(solution.rank.rank, n, "{name}: {:?}", solution.singular_values);
@@ -60,9 +61,9 @@ fn hard_systems_are_as_good_as_their_condition() {
 
 #[test]
 fn the_fast_path_and_the_singular_values_agree() {
-    let mut draw = Draw::new(31);
+    let mut draws = Draws::new(31);
     for n in [1, 5, 40] {
-        let (a, b) = (draw.matrix(200, n), draw.matrix(200, 2));
+        let (a, b) = (draws.matrix(200, n), draws.matrix(200, 2));
         let triangle = triangle_of(&a, &b);
         let fast = solve(&triangle, &Options::default()).unwrap();
         let slow = solve(&triangle, &with_singular_values()).unwrap();
@@ -79,13 +80,13 @@ fn the_fast_path_and_the_singular_values_agree() {
 fn covariance_is_that_of_many_draws() {
     // Two unknowns that mix, two that do not: x over 4000 noisy b; the sample covariance of 4000 draws is certain to
     // √(2/4000) = 2.2 %, its entries relative to the standard errors within 5 of that.
-    let mut draw = Draw::new(41);
+    let mut draws = Draws::new(41);
     let (m, n, n_draws) = (50, 6, 4_000);
-    let base = draw.matrix(m, n);
+    let base = draws.matrix(m, n);
     let a = Matrix::from_fn(m, n, |i, j| if j == 5 { base[(i, 4)] } else { base[(i, j)] });
-    let truth = draw.matrix(n, 1);
+    let truth = draws.matrix(n, 1);
     let clean = product(&a, &truth);
-    let b = Matrix::from_fn(m, n_draws, |i, _| clean[(i, 0)] + draw.normal());
+    let b = Matrix::from_fn(m, n_draws, |i, _| clean[(i, 0)] + draws.normal());
     let solution = solved(&a, &b);
     assert_eq!(solution.is_determined, [true, true, true, true, false, false]);
     let covariance = solution.covariance();
@@ -117,16 +118,16 @@ fn covariance_is_that_of_many_draws() {
 #[test]
 fn a_null_space_can_be_read() {
     // Four independent confusions in mixed units: x1 = −3 x7 (mm and rad); x2 + x4 against x5; x8 unseen; x0 with x9 alike.
-    let mut draw = Draw::new(51);
+    let mut draws = Draws::new(51);
     let (m, n) = (400, 12);
-    let mut a = draw.matrix(m, n);
+    let mut a = draws.matrix(m, n);
     for i in 0..m {
         a[(i, 7)] = 3.0 * a[(i, 1)];
         a[(i, 5)] = a[(i, 2)] + a[(i, 4)];
         a[(i, 8)] = 0.0;
         a[(i, 9)] = 1e6 * a[(i, 0)];
     }
-    let solution = solved(&a, &draw.matrix(m, 1));
+    let solution = solved(&a, &draws.matrix(m, 1));
     assert_eq!(solution.rank.rank, 8);
     assert!(solution.rank.gap > 1e10);
     let expected = [
@@ -151,10 +152,10 @@ fn a_null_space_can_be_read() {
 
 #[test]
 fn of_all_minimisers_the_smallest() {
-    let mut draw = Draw::new(61);
+    let mut draws = Draws::new(61);
     for (m, n, rank) in [(60, 10, 6), (5, 9, 5), (700, 40, 25)] {
-        let a = product(&draw.matrix(m, rank), &draw.matrix(rank, n));
-        let b = draw.matrix(m, 2);
+        let a = product(&draws.matrix(m, rank), &draws.matrix(rank, n));
+        let b = draws.matrix(m, 2);
         let solution = solved(&a, &b);
         assert_eq!(solution.rank.rank, rank);
         let reference = by_svd(&a, &b, 1e-11);
@@ -177,13 +178,13 @@ fn nothing_seen_is_nothing_known() {
 
 #[test]
 fn constraints_hold_and_restore_what_was_not_determined() {
-    let mut draw = Draw::new(71);
+    let mut draws = Draws::new(71);
     let (m, n) = (300, 9);
-    let mut a = draw.matrix(m, n);
+    let mut a = draws.matrix(m, n);
     for i in 0..m {
         a[(i, 6)] = 1e-4 * (a[(i, 0)] - a[(i, 3)]);
     }
-    let b = draw.matrix(m, 1);
+    let b = draws.matrix(m, 1);
     assert_eq!(solved(&a, &b).rank.rank, 8);
     // The middle of 0, 3 and 6 is the gauge; stated twice, in other units.
     let row = |i: usize, j: usize| if j.is_multiple_of(3) { [1.0, -250.0][i] } else { 0.0 };
@@ -214,9 +215,9 @@ fn constraints_hold_and_restore_what_was_not_determined() {
 
 #[test]
 fn a_basis_is_elimination() {
-    let mut draw = Draw::new(81);
-    let (a, b) = (draw.matrix(100, 6), draw.matrix(100, 2));
-    let basis = draw.matrix(6, 3);
+    let mut draws = Draws::new(81);
+    let (a, b) = (draws.matrix(100, 6), draws.matrix(100, 2));
+    let basis = draws.matrix(6, 3);
     let options = Options { restriction: Restriction::Basis(basis.clone()), ..Options::default() };
     let solution = solve(&triangle_of(&a, &b), &options).unwrap();
     let reduced = solved(&product(&a, &basis), &b);
@@ -229,8 +230,8 @@ fn a_basis_is_elimination() {
 
 #[test]
 fn the_sum_that_a_hypothesis_costs_is_that_of_a_second_fit() {
-    let mut draw = Draw::new(91);
-    let (a, b) = (draw.matrix(120, 8), draw.matrix(120, 1));
+    let mut draws = Draws::new(91);
+    let (a, b) = (draws.matrix(120, 8), draws.matrix(120, 1));
     let whole = solved(&a, &b);
     let without = solved(&a.with_columns([0, 1, 3, 4, 6, 7]), &b);
     let functionals = Matrix::from_fn(8, 2, |i, j| if i == [2, 5][j] { 1.0 } else { 0.0 });
@@ -243,8 +244,8 @@ fn the_sum_that_a_hypothesis_costs_is_that_of_a_second_fit() {
 
 #[test]
 fn a_new_right_hand_side_needs_no_new_factors() {
-    let mut draw = Draw::new(101);
-    let (a, b, other) = (draw.matrix(500, 20), draw.matrix(500, 1), draw.matrix(500, 1));
+    let mut draws = Draws::new(101);
+    let (a, b, other) = (draws.matrix(500, 20), draws.matrix(500, 1), draws.matrix(500, 1));
     let solution = solved(&a, &b);
     let atb = product(&a.transposed(), &other);
     let x = solution.solve_normal(atb.as_slice()).unwrap();
@@ -253,8 +254,8 @@ fn a_new_right_hand_side_needs_no_new_factors() {
 
 #[test]
 fn refusals() {
-    let mut draw = Draw::new(111);
-    let triangle = triangle_of(&draw.matrix(20, 4), &draw.matrix(20, 1));
+    let mut draws = Draws::new(111);
+    let triangle = triangle_of(&draws.matrix(20, 4), &draws.matrix(20, 1));
     let with = |options: Options| solve(&triangle, &options).map(|_| ());
     for tolerance in [-1e-3, 1.0, f64::NAN] {
         let options = Options { rank_tolerance: Some(tolerance), ..Options::default() };

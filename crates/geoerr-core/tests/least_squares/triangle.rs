@@ -4,7 +4,8 @@ use geoerr_core::least_squares::{Blocks, Design, LeastSquaresError, Matrix, Opti
 use rayon::ThreadPoolBuilder;
 use std::ops::Range;
 
-use super::common::{Draw, by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
+use super::common::{by_svd, difference, largest, product, solved, to_nalgebra, triangle_of};
+use crate::draws::Draws;
 
 /// A stored system with cuts of its own.
 struct Cut<'a>(&'a Matrix, &'a Matrix, Blocks);
@@ -46,9 +47,9 @@ fn gram_error(triangle: &Triangle, a: &Matrix) -> f64 {
 
 #[test]
 fn r_is_that_of_the_whole_matrix() {
-    let mut draw = Draw::new(1);
+    let mut draws = Draws::new(1);
     for (m, n, k) in [(1, 1, 1), (3, 5, 1), (40, 7, 3), (2_000, 33, 1), (6_000, 70, 2), (1_200, 97, 1)] {
-        let (a, b) = (draw.matrix(m, n), draw.matrix(m, k));
+        let (a, b) = (draws.matrix(m, n), draws.matrix(m, k));
         let triangle = triangle_of(&a, &b);
         let bound = 4.0 * ((m * n) as f64).sqrt() + 8.0;
         assert!(gram_error(&triangle, &a) < bound, "{m} {n}: {}", gram_error(&triangle, &a));
@@ -63,8 +64,8 @@ fn r_is_that_of_the_whole_matrix() {
 
 #[test]
 fn threads_do_not_change_a_byte() {
-    let mut draw = Draw::new(2);
-    let (a, b) = (draw.matrix(9_000, 60), draw.matrix(9_000, 2));
+    let mut draws = Draws::new(2);
+    let (a, b) = (draws.matrix(9_000, 60), draws.matrix(9_000, 2));
     let results: Vec<_> = [1, 2, 3, 8]
         .into_iter()
         .map(|n| {
@@ -81,9 +82,9 @@ fn threads_do_not_change_a_byte() {
 
 #[test]
 fn cuts_and_row_order_change_rounding_only() {
-    let mut draw = Draw::new(3);
+    let mut draws = Draws::new(3);
     let (m, n) = (1_500, 40);
-    let (a, b) = (draw.matrix(m, n), draw.matrix(m, 1));
+    let (a, b) = (draws.matrix(m, n), draws.matrix(m, 1));
     let x = solved(&a, &b).x;
     for starts in [vec![0], vec![0, 1, 2, 700, 700, 1_499], vec![0, 10, 20, 30, 1_500, 1_500]] {
         let cut = Cut(&a, &b, Blocks::starting_at(&starts, m).unwrap());
@@ -99,13 +100,13 @@ fn cuts_and_row_order_change_rounding_only() {
 #[test]
 fn columns_that_are_zero_in_a_block_change_nothing() {
     // As B-splines on lines: every block sees a few columns only, and some nobody sees.
-    let mut draw = Draw::new(4);
+    let mut draws = Draws::new(4);
     let (m, n) = (5_000, 90);
     let a = Matrix::from_fn(m, n, |i, j| {
         let seen = (i / 500) * 9;
-        if (seen..seen + 12).contains(&j) && j != 50 { draw.uniform() } else { 0.0 }
+        if (seen..seen + 12).contains(&j) && j != 50 { draws.symmetric() } else { 0.0 }
     });
-    let b = draw.matrix(m, 1);
+    let b = draws.matrix(m, 1);
     let starts: Vec<usize> = (0..10).map(|block| block * 500).collect();
     let cut = Triangle::of(&Cut(&a, &b, Blocks::starting_at(&starts, m).unwrap())).unwrap();
     assert!(gram_error(&cut, &a) < 4.0 * ((m * n) as f64).sqrt());
@@ -121,8 +122,8 @@ fn columns_that_are_zero_in_a_block_change_nothing() {
 
 #[test]
 fn appended_and_merged_rows_are_rows() {
-    let mut draw = Draw::new(5);
-    let (a, b) = (draw.matrix(300, 20), draw.matrix(300, 2));
+    let mut draws = Draws::new(5);
+    let (a, b) = (draws.matrix(300, 20), draws.matrix(300, 2));
     let part = |matrix: &Matrix, rows: Range<usize>| {
         Matrix::from_fn(rows.len(), matrix.n_columns(), |i, j| matrix[(rows.start + i, j)])
     };
@@ -142,8 +143,8 @@ fn appended_and_merged_rows_are_rows() {
 
 #[test]
 fn residuals_sum_as_written_and_meet_no_column() {
-    let mut draw = Draw::new(6);
-    let (a, b) = (draw.matrix(700, 30), draw.matrix(700, 3));
+    let mut draws = Draws::new(6);
+    let (a, b) = (draws.matrix(700, 30), draws.matrix(700, 3));
     let solution = solved(&a, &b);
     let fitted = product(&a, &solution.x);
     let residual = to_nalgebra(&b) - to_nalgebra(&fitted);
@@ -157,8 +158,8 @@ fn residuals_sum_as_written_and_meet_no_column() {
 
 #[test]
 fn what_is_not_finite_is_named() {
-    let mut draw = Draw::new(7);
-    let (mut a, b) = (draw.matrix(2_000, 5), draw.matrix(2_000, 1));
+    let mut draws = Draws::new(7);
+    let (mut a, b) = (draws.matrix(2_000, 5), draws.matrix(2_000, 1));
     a[(1_777, 3)] = f64::NAN;
     a[(1_999, 0)] = f64::INFINITY;
     let refused = Triangle::of(&geoerr_core::least_squares::StoredDesign::new(&a, &b).unwrap());

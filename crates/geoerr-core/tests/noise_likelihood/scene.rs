@@ -4,26 +4,7 @@ use geoerr_core::noise_likelihood::{Blocks, Likelihood, Logs};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
-/// Numbers in [−1, 1) without a pattern, the same for the same seed (xorshift64*).
-pub struct Draw(u64);
-
-impl Draw {
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
-    }
-
-    pub fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        let bits = self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11;
-        bits as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        ((0.5 + 0.5 * self.uniform()) * count as f64) as usize
-    }
-}
+use crate::draws::Draws;
 
 /// Rows of a few sessions; passes whose blocks lie between those of other passes, blocks at the same time, numbers that
 /// were not measured.
@@ -41,27 +22,30 @@ pub struct Scene {
 
 impl Scene {
     pub fn new(seed: u64, n_rows: usize, sessions: &[usize], n_basis: usize) -> Self {
-        let mut draw = Draw::new(seed);
+        let mut draws = Draws::new(seed);
         let n_blocks: usize = sessions.iter().sum();
         let session_starts: Vec<usize> =
             sessions.iter().scan(0, |sum, n| Some(std::mem::replace(sum, *sum + n))).collect();
         let (mut pass_number, mut time) = (Vec::new(), Vec::new());
         for (session, &count) in sessions.iter().enumerate() {
-            let mut own: Vec<f64> =
-                (0..count).map(|_| (16.0 * (0.5 + 0.5 * draw.uniform())).round() / 16.0).collect();
+            let mut own: Vec<f64> = (0..count).map(|_| (16.0 * draws.fraction()).round() / 16.0).collect();
             own.sort_by(f64::total_cmp);
             time.extend(own);
-            pass_number.extend((0..count).map(|_| (10 * session + draw.below(1 + count / 2)) as i64));
+            pass_number.extend((0..count).map(|_| (10 * session + draws.below(1 + count / 2)) as i64));
         }
-        let of_row = (0..n_rows).map(|_| draw.below(n_blocks)).collect();
+        let of_row = (0..n_rows).map(|_| draws.below(n_blocks)).collect();
         let weights: Vec<[f64; 3]> = (0..n_rows)
-            .map(|_| [0, 1, 2].map(|_| if draw.uniform() > 0.7 { 0.0 } else { 1.0 + 0.3 * draw.uniform() }))
+            .map(|_| {
+                [0, 1, 2].map(|_| if draws.symmetric() > 0.7 { 0.0 } else { 1.0 + 0.3 * draws.symmetric() })
+            })
             .collect();
         let counted = |value: f64, weight: f64| if weight > 0.0 { value } else { 0.0 };
-        let residual =
-            weights.iter().map(|weight| weight.map(|weight| counted(1.5 * draw.uniform(), weight))).collect();
+        let residual = weights
+            .iter()
+            .map(|weight| weight.map(|weight| counted(1.5 * draws.symmetric(), weight)))
+            .collect();
         let basis = (weights.iter().flatten())
-            .flat_map(|&weight| (0..n_basis).map(|_| counted(draw.uniform(), weight)).collect::<Vec<_>>())
+            .flat_map(|&weight| (0..n_basis).map(|_| counted(draws.symmetric(), weight)).collect::<Vec<_>>())
             .collect();
         Self { of_row, session_starts, pass_number, time, weights, residual, basis, n_basis }
     }

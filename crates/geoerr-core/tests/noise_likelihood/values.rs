@@ -3,7 +3,8 @@
 use geoerr_core::noise_likelihood::{Blocks, Likelihood, NoiseError};
 use proptest::prelude::*;
 
-use super::scene::{Draw, Scene, parameters, scenes};
+use super::scene::{Scene, parameters, scenes};
+use crate::draws::Draws;
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]
@@ -36,9 +37,9 @@ proptest! {
 
     #[test]
     fn columns_added_are_columns_from_the_start(scene in scenes(), logs in parameters(), seed in any::<u64>()) {
-        let mut draw = Draw::new(seed);
+        let mut draws = Draws::new(seed);
         let (n, r, more) = (scene.of_row.len(), scene.n_basis, 3);
-        let columns: Vec<f64> = (0..3 * n * more).map(|_| draw.uniform()).collect();
+        let columns: Vec<f64> = (0..3 * n * more).map(|_| draws.symmetric()).collect();
         let joined: Vec<f64> = (scene.basis.chunks_exact(r).zip(columns.chunks_exact(more)))
             .flat_map(|(old, new)| [old, new].concat())
             .collect();

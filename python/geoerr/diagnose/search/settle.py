@@ -69,7 +69,10 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
 
 
 def resettle(space: Space, scanner: Scanner, settled: Settled) -> Settled:
-    """Estimate an effect again in another space: its inner parameters from where they are."""
+    """Give an effect as it is estimated in another space: beside other effects its values and their errors differ.
+
+    Inner parameters are looked for within a few standard errors of where they are; one without standard error stays.
+    """
     term = settled.term
     assert term is not None
     bounds = {}
@@ -103,6 +106,11 @@ def _settled(
     bounds: dict[int, tuple[float, float]],
     refinements: int,
 ) -> Settled:
+    """Refine inner parameters one after the other between their bounds, by place; then estimate all values together.
+
+    Standard errors are those of coefficients and free inner parameters at once, the latter by their derivatives where
+    they were found: a coefficient is not surer than the inner parameter that it trades with allows.
+    """
     term = single.term
     assert term is not None
     formulas = Formulas(scanner.functions, term)
