@@ -7,6 +7,7 @@ from validation.hidden_effects.generate import Hidden, generate
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.diagnose.search.uneven import most_uneven
 from geoerr.fit import FitOptions, fit_terms
+from geoerr.terms import EffectReference
 
 UNEVEN, STRENGTH_UM, N_ROWS = 0.3, 8.0, 2500
 
@@ -24,7 +25,9 @@ def test_an_uneven_effect_keeps_its_name_and_the_rest_has_none(kind: str, plan: 
     case = generate(development_seed(61), None, plan, noise, hidden, STRENGTH_UM, N_ROWS)
     truth = case.truth[0]
     found = diagnose(fit_terms(case.machine, [case.observations], options=FitOptions(threads=1)), threads=1)
-    assert [str(one.reference) for one in found.found] == [truth.name]
+    assert truth.effect is not None
+    name = EffectReference(truth.effect, truth.axis, truth.covariate)
+    assert [str(one.reference) for one in found.found] == [str(name)]
     assert found.unknown is not None
     assert truth.off_variable in found.unknown.depends_on
     settled = found.searched.found[0].settled

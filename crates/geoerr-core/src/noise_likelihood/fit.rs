@@ -99,9 +99,6 @@ impl Likelihood {
                 }
                 (value, slopes) = (tried.value, tried.slopes());
                 logs = trial;
-                if gained < CLOSE_ENOUGH {
-                    break 'steps;
-                }
                 continue 'steps;
             }
             break;

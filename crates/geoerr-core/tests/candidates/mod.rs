@@ -28,7 +28,7 @@ fn group(columns: &[(usize, f64, usize)], functions: Vec<usize>) -> Group {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn gains_are_those_of_least_squares(seed in any::<u64>(), n_rows in 12_usize..40) {

@@ -160,7 +160,7 @@ fn sequence(seed: u64) -> Sequence {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Along a sequence: by parameters with all that earlier rows leave behind, by the position with it held.
     #[test]

@@ -305,7 +305,7 @@ fn agrees(found: f64, expected: f64, is_exact: bool) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 4000, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn a_printed_tree_has_the_value_of_its_walk(

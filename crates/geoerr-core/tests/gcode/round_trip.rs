@@ -124,7 +124,7 @@ fn off_segment(p: &[f64; 3], a: &[f64; 3], b: &[f64; 3]) -> f64 {
 const CHAINS: [&str; 4] = ["wZbXYt", "wbXYZt", "wXYbZt", "wXYZbt"];
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn the_actual_path_of_the_output_is_the_programmed_one(

@@ -110,7 +110,7 @@ fn jagged_machine() -> impl Strategy<Value = MachineModel> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn jagged_tables(machine in jagged_machine(), q in [-80.0..250.0, -80.0..250.0, -80.0..250.0_f64]) {

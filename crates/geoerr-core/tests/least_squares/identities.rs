@@ -35,7 +35,7 @@ fn norms(a: &Matrix) -> Vec<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn residuals_are_orthogonal_to_the_columns((a, b) in systems()) {

@@ -15,7 +15,7 @@ fn bounds(i: usize) -> (f64, f64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn no_neighbour_is_better(scene in scenes(), is_restricted in any::<bool>()) {

@@ -7,7 +7,7 @@ use super::scene::{Scene, parameters, scenes};
 use crate::draws::Draws;
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn the_value_is_that_of_dense_matrices(scene in scenes(), logs in parameters(), is_restricted in any::<bool>()) {

@@ -23,7 +23,7 @@ fn largest(matrix: &DMatrix<f64>) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn whitening_is_the_inverse_root_of_the_covariance(scene in scenes(), logs in parameters()) {
