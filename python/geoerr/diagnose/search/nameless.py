@@ -130,12 +130,14 @@ def bent_by_its_covariate(looked: Round, best: Judged, settled: Settled) -> tupl
     evidence = float(evidence_of(space, gain, np.asarray(root.shape[1]), 1))
     if evidence < _BENT or float(gain) < _BENT_SHARE * settled.gain:
         return None
+    columns, _ = columns_along(explained, values)
+    # What is uneven along an axis may seem bent, where it was warmer at one end.
+    if _is_only_uneven(settled, settled.gain + float(estimate(space, columns)[2])):
+        return None
     own = {*names, *(name for name in settled.term.variables if name in AXES)}
     of_it = (one for one in looked.probes if _is_probe_of(one, own) and set(names) <= variables_of(one))
     probe = next(of_it, None)
-    return (
-        None if probe is None else (probe, np.concatenate([settled.raw, columns_along(explained, values)[0]], axis=2))
-    )
+    return None if probe is None else (probe, np.concatenate([settled.raw, columns], axis=2))
 
 
 def misnamed(found: Sequence[Found], probe: Judged) -> Found | None:

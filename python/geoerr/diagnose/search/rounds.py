@@ -81,7 +81,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     bench = Bench(fitted, functions, names=names, threads=threads)
     found: list[Found] = []
     unknown: Found | None = None
-    # Columns of what has no name.
+    # Columns of what has no name: of its probe, and where it is left of a name what is uneven or bent in that.
     aside: list[Numbers] = []
     first: Round | None = None
     while True:
@@ -122,7 +122,8 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         settled = at_likeliest_period(looked.space, looked.scanner, settled)
         others = [one for one in looked.candidates if one is not best]
         found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
-        found = _without_superfluous(bench, found, aside)
+        # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
+        found = _without_superfluous(bench, found, aside[1:])
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
     return Searched(bench, first, looked, tuple(_together(bench, found, aside, looked)), unknown, tuple(not_offered))

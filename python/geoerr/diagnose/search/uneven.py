@@ -35,9 +35,9 @@ class Uneven:
     share
         Root mean square of its size about the mean, over the mean, where it acts.
     raw : (n, 3, k)
-        Its columns, in units of the stated uncertainties.
+        Columns of its unevenness alone, in units of the stated uncertainties: none has a part of its mean size.
     gain, rank
-        Fall of the sum of squares by all of them, and its degrees of freedom.
+        Fall of the sum of squares by it and its unevenness, and its degrees of freedom.
     """
 
     axis: str
@@ -89,4 +89,6 @@ def _uneven(space: Space, explained: Numbers, axis: str, column: Numbers, *, is_
     off = float(np.sqrt(np.average((size - mean) ** 2, weights=weights)))
     if is_added:
         mean = 1.0
-    return Uneven(axis, off / abs(mean) if mean else np.inf, raw, float(gain), root.shape[1])
+    about_mean = sizes[:, 1:] - np.average(sizes[:, 1:], axis=0, weights=weights)
+    uneven = explained[:, :, None] * about_mean[:, None, :]
+    return Uneven(axis, off / abs(mean) if mean else np.inf, uneven, float(gain), root.shape[1])
