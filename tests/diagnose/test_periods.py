@@ -72,6 +72,7 @@ def test_what_is_alike_is_the_same_wave_at_the_places(step: float, period: float
         assert max(abs(np.vdot(wave, same)), abs(np.vdot(wave.conj(), same))) > 0.95 * len(places)
 
 
+@settings(deadline=None)
 @given(low=st.floats(0.5, 5.0), ratio=st.floats(2.0, 100.0), span=st.floats(10.0, 999.0))
 def test_no_period_is_far_from_one_that_is_tried(low: float, ratio: float, span: float) -> None:
     high = low * ratio

@@ -55,7 +55,8 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         return looked
     n_asked = sum(_is_asked_for(one.what) for one in like) if is_offset else 0
     if n_asked:
-        looked = replace(looked, candidates=_at_half(looked.candidates), probes=_at_half(looked.probes))
+        candidates, probes = _at_half(looked.candidates), _at_half(looked.probes)
+        looked = replace(looked, candidates=candidates, probes=probes, is_halved=True)
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     sums = bench.sums(added)
     calm_noise = without_drift(looked.space.noise, sums.weights, without_offsets=is_offset)

@@ -38,6 +38,8 @@ class Round:
         What chance finds among the candidates.
     overall
         What chance finds among candidates and probes together.
+    is_halved
+        Whether all this has half of the level only, and so p-values twice as large: an axis was asked for its play.
     """
 
     space: Space
@@ -47,6 +49,7 @@ class Round:
     invisible: tuple[Candidate, ...]
     null: Null
     overall: Null
+    is_halved: bool = False
 
     @property
     def p_value(self) -> float:
