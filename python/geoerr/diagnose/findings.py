@@ -13,6 +13,7 @@ from geoerr.diagnose.where import Where
 from geoerr.diagnose.words import (
     alike_words,
     is_at_an_end,
+    is_open,
     listed,
     plausibility_words,
     sure_words,
@@ -318,7 +319,7 @@ def finite(value: float) -> float | None:
 def _parameter_document(parameter: Parameter) -> dict[str, Any]:
     match = plausible_match(parameter)
     return {
-        "value": finite(parameter.value),
+        "value": None if is_open(parameter) else finite(parameter.value),
         "std": finite(parameter.std),
         "unit": parameter.unit,
         "plausible": None if match is None else match.what,

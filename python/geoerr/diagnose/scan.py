@@ -30,6 +30,8 @@ from geoerr.fit.sightings import Numbers
 OWNED = 0.002
 # Directions of a group of columns below this share of the largest are no directions of their own. The core's.
 _DEPENDENT = 1e-8
+# A coefficient has a part in a direction of unit length if it is more than this.
+_A_PART = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +159,20 @@ def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     whitened, root = determined(space, raw)
     along = root.T @ (whitened.T @ space.residual.reshape(-1))
     return root @ along, root, np.asarray((along**2).sum())
+
+
+def not_determined(space: Space, raw: Numbers) -> np.ndarray:
+    """Tell which coefficients (k,) of columns (n, 3, k) the model can take over, in part at least: any will do."""
+    whitened = space.noise.whiten(raw).reshape(-1, raw.shape[2])
+    gram, inside = whitened.T @ whitened, _inside(space, whitened)
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    size = np.where(size > 0.0, size, 1.0)
+    left = (gram - inside.T @ inside) / np.outer(size, size)
+    value, vector = np.linalg.eigh(left)
+    # A direction is open as far as what is left of its columns is less than a share of what they are.
+    whole = np.einsum("ij,ik,kj->j", vector, gram / np.outer(size, size), vector)
+    is_open = value <= OWNED * np.maximum(whole, _DEPENDENT)
+    return np.asarray((np.abs(vector[:, is_open]) > _A_PART).any(axis=1))
 
 
 def _inside(space: Space, whitened: Numbers) -> Numbers:

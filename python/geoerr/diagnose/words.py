@@ -35,10 +35,17 @@ def value_words(parameter: Parameter) -> str:
 
     Linear coefficients in mm and rad are read in µm and µrad; inner parameters (places, lags, periods) as they are.
     """
+    if is_open(parameter):
+        return f"{parameter.name} is not determined by these data"
     unit, factor = _read_in(parameter)
     # At the end of a range the value is a bound, and its error is none.
     std = 0.0 if is_at_an_end(parameter) else parameter.std * factor
     return f"{parameter.name} = {_number(parameter.value * factor, std)} {unit}".rstrip()
+
+
+def is_open(parameter: Parameter) -> bool:
+    """Tell whether these data leave a value open: it has no standard error."""
+    return math.isfinite(parameter.value) and math.isnan(parameter.std)
 
 
 def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:

@@ -11,7 +11,7 @@ import numpy as np
 from geoerr.diagnose.candidates import Candidate, Shapes, is_free
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
-from geoerr.diagnose.scan import Scanned, Scanner, estimate
+from geoerr.diagnose.scan import Scanned, Scanner, estimate, not_determined
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 
@@ -116,10 +116,14 @@ def is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
     ]
     if not any(signs):
         return True
-    values, _, _ = estimate(space, scanner.raw_columns(judged.shapes, judged.trial))
+    raw = scanner.raw_columns(judged.shapes, judged.trial)
+    values, _, _ = estimate(space, raw)
     # Corners of an affine parameter share a coefficient: their weights add up to it.
-    values = values.reshape(-1, len(signs)).sum(axis=0)
-    return bool((values * signs >= 0.0).all())
+    is_wrong = values.reshape(-1, len(signs)).sum(axis=0) * signs < 0.0
+    if not is_wrong.any():
+        return True
+    # What the data leave open may have the right sign.
+    return bool(not_determined(space, raw).reshape(-1, len(signs)).any(axis=0)[is_wrong].all())
 
 
 def freedom_of(judged: Judged) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Formulas, Shapes, is_free
-from geoerr.diagnose.scan import Scanner, estimate, off_model
+from geoerr.diagnose.scan import Scanner, estimate, not_determined, off_model
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import rms_um
@@ -28,7 +28,7 @@ class Settled:
     Attributes
     ----------
     term
-        With values and standard errors.
+        With values and standard errors; NaN where the model can take a coefficient over.
     shapes
         At one trial.
     gain
@@ -145,6 +145,7 @@ def _settled(
     covariance = np.linalg.pinv(beyond.T @ beyond / np.outer(size, size), rcond=1e-9) / np.outer(size, size)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     k = len(coefficients)
+    std[:k][not_determined(space, raw)] = np.nan
     inner_std = np.zeros(len(inner))
     inner_std[free] = std[k:]
     valued = term.with_values(
