@@ -119,7 +119,7 @@ def is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
     raw = scanner.raw_columns(judged.shapes, judged.trial)
     values, _, _ = estimate(space, raw)
     # Corners of an affine parameter share a coefficient: their weights add up to it.
-    is_wrong = values.reshape(-1, len(signs)).sum(axis=0) * signs < 0.0
+    is_wrong = np.asarray(values.reshape(-1, len(signs)).sum(axis=0) * signs < 0.0)
     if not is_wrong.any():
         return True
     # What the data leave open may have the right sign.
