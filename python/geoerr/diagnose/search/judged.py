@@ -123,7 +123,8 @@ def is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
     if not is_wrong.any():
         return True
     # What the data leave open may have the right sign.
-    return bool(not_determined(space, raw).reshape(-1, len(signs)).any(axis=0)[is_wrong].all())
+    may_be_any = np.asarray(not_determined(space, raw).reshape(-1, len(signs)).any(axis=0))
+    return bool(may_be_any[is_wrong].all())
 
 
 def freedom_of(judged: Judged) -> int:
