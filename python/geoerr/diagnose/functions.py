@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr import _core
+from geoerr.diagnose.columns import Columns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s, variable_columns
@@ -88,11 +89,11 @@ class Functions:
         self._expressions: list[_core.Expression] = []
         self._lags: dict[str, _core.Expression] = {}
         self._series_of: dict[tuple[str, float | None], int] = {}
-        self._series: list[Numbers] = []
+        self._series = Columns(self.n_rows)
         self._trials: dict[tuple[int, tuple[float, ...], int | None], int] = {}
         self._formulas: list[tuple[int, tuple[float, ...], int | None]] = []
         self._proportional: dict[int, bool] = {}
-        self._given: list[Numbers] = []
+        self._given = Columns(self.n_rows)
         self._products: list[tuple[int, int]] = []
 
     def parts(self, term: Term, part: Part) -> list[CompiledPart]:
@@ -190,13 +191,12 @@ class Functions:
             # A lag of no time is the column itself.
             own = np.array([0.0 if tau_s is None else tau_s])
             values = self._lags[text].coefficient_columns(self.variables, own, self.starts, self.times, 1)
-            self._series_of[text, tau_s] = len(self._series)
-            self._series.append(np.ascontiguousarray(values[:, 0]))
+            self._series_of[text, tau_s] = self._series.append(values[:, 0])
         return self._series_of[text, tau_s]
 
     def given(self, values: Numbers) -> int:
         """Name a function that is numbers (n,)."""
-        self._given.append(np.ascontiguousarray(values, dtype=np.float64))
+        self._given.append(values)
         return -2 * len(self._given) + 1
 
     def product(self, first: int, second: int) -> int:
@@ -296,15 +296,12 @@ class Functions:
                 (self._expressions[number], list(inner), None if series is None else (last, series))
                 for number, inner, series in (self._formulas[f] for f in formulas)
             ],
-            self._stacked(self._series),
-            self._stacked(self._given),
+            self._series.array,
+            self._given.array,
             self._products,
             [(numbered(group[0]), *group[1:]) for group in groups],
             threads,
         )
-
-    def _stacked(self, columns: Sequence[Numbers]) -> Numbers:
-        return np.stack(columns) if columns else np.zeros((0, self.n_rows))
 
 
 def _without_series(
