@@ -88,34 +88,60 @@ pub const POWERS: [i64; 19] = {
 pub const POWERS_F64: [f64; 19] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18];
 
+/// `00 01 .. 99`.
+const PAIRS: [[u8; 2]; 100] = {
+    let mut pairs = [[b'0'; 2]; 100];
+    let mut i = 0;
+    while i < pairs.len() {
+        pairs[i] = [b'0' + (i / 10) as u8, b'0' + (i % 10) as u8];
+        i += 1;
+    }
+    pairs
+};
+
 /// Writes `scaled / 10^digits` with exactly `digits` digits behind the point.
+#[inline]
 pub fn write_fixed(out: &mut Vec<u8>, scaled: i64, digits: u8) {
+    let per_unit = POWERS[usize::from(digits.min(18))].unsigned_abs();
+    let size = scaled.unsigned_abs();
     // Least significant digit first, into the end of the buffer.
     let mut buffer = [b'0'; 40];
     let mut at = buffer.len();
-    let mut rest = scaled.unsigned_abs();
-    let mut put = |byte: u8| {
-        at -= 1;
-        buffer[at] = byte;
-    };
-    for _ in 0..digits.min(18) {
-        put(b'0' + (rest % 10) as u8);
-        rest /= 10;
-    }
     if digits > 0 {
-        put(b'.');
-    }
-    loop {
-        put(b'0' + (rest % 10) as u8);
-        rest /= 10;
-        if rest == 0 {
-            break;
-        }
+        let (whole, fraction) = (size / per_unit, size % per_unit);
+        let point = at - 1 - usize::from(digits.min(18));
+        write_digits(&mut buffer, at, fraction);
+        // Zeros of the fraction are there already.
+        buffer[point] = b'.';
+        at = write_digits(&mut buffer, point, whole);
+    } else {
+        at = write_digits(&mut buffer, at, size);
     }
     if scaled < 0 {
-        put(b'-');
+        at -= 1;
+        buffer[at] = b'-';
     }
     out.extend_from_slice(&buffer[at..]);
+}
+
+/// Writes the digits of `number` so that they end before `end`; gives where they begin.
+#[inline]
+fn write_digits(buffer: &mut [u8; 40], end: usize, number: u64) -> usize {
+    let (mut at, mut rest) = (end, number);
+    while rest >= 100 {
+        let [tens, ones] = PAIRS[(rest % 100) as usize];
+        rest /= 100;
+        at -= 2;
+        (buffer[at], buffer[at + 1]) = (tens, ones);
+    }
+    let [tens, ones] = PAIRS[(rest % 100) as usize];
+    at -= 1;
+    buffer[at] = ones;
+    if rest >= 10 {
+        at -= 1;
+        buffer[at] = tens;
+    }
+    at
 }
 
 #[cfg(test)]

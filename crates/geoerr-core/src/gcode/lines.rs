@@ -57,6 +57,24 @@ impl Lines {
         &self.buffer
     }
 
+    /// Where the next line begins.
+    pub fn next_start(&self) -> usize {
+        self.done
+    }
+
+    /// Whether more bytes may come.
+    pub fn is_open(&self) -> bool {
+        !self.is_whole
+    }
+
+    /// Takes over that somebody else has read the next line, whose end stands at `end` and behind it `next`.
+    #[inline]
+    pub fn skip_line(&mut self, end: usize, next: usize) -> LineSpan {
+        let start = std::mem::replace(&mut self.done, next);
+        self.n_lines += 1;
+        LineSpan { start, end, next }
+    }
+
     /// The next line; None where it has not ended yet. Spans hold until the next push.
     ///
     /// # Errors

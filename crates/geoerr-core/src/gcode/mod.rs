@@ -17,20 +17,26 @@
 //! that takes up the play at its begin and extrudes nothing. A jump below half of the tolerance is taken up along the
 //! move instead, within the tolerance; so a path of many short moves at changing speeds is not doubled.
 
+mod block;
+mod block_writer;
 mod codes;
 mod course;
 mod decimal;
 mod error;
 mod extrusion;
 mod frame;
+mod inverse_grid;
 mod knots;
 mod lexer;
 mod lines;
 mod options;
+mod patch;
 pub mod path;
+mod plain;
 mod reader;
 mod report;
 mod rewriter;
+mod solver;
 mod term_path;
 mod unsupported;
 mod words;

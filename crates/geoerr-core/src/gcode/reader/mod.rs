@@ -11,6 +11,7 @@ use super::extrusion::{Extrusion, Share};
 use super::frame::{ALL, Effects, Frame, Known, Mask, Motion, Place, Shift, either};
 use super::lexer::{Head, Line, Span};
 use super::options::{OnUnsupported, Options, unit_mm};
+use super::plain::PlainMove;
 use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::unsupported::{After, Unsupported};
 use super::words::{MoveText, Words};
@@ -21,6 +22,10 @@ const EDGE_MM: f64 = 1e-9;
 
 /// What to do with a line.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most lines are moves, and a box would cost each an allocation"
+)]
 pub enum Step {
     /// Write it as it is.
     Pass(Effects),
@@ -191,7 +196,32 @@ impl Reader {
         };
         self.line = line;
         let step = step?;
-        match &step {
+        self.take_over(&step, body)?;
+        Ok(step)
+    }
+
+    /// Reads a line that is a plain move and no more; None where the modes make anything else of it: then it has to be
+    /// [`read`](Self::read).
+    ///
+    /// # Errors
+    /// As of [`read`](Self::read).
+    pub fn read_plain(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Result<Step, GcodeError>> {
+        if self.is_lost || self.n_percent >= 2 {
+            return None;
+        }
+        // Messages count from 1, and this line is not counted yet.
+        self.summary.lines += 1;
+        let Some(step) = self.plain_motion(plain, body) else {
+            self.summary.lines -= 1;
+            return None;
+        };
+        Some(self.take_over(&step, body).map(|()| step))
+    }
+
+    /// The machine after a line.
+    #[inline]
+    fn take_over(&mut self, step: &Step, body: &[u8]) -> Result<(), GcodeError> {
+        match step {
             Step::Pass(effects) => {
                 self.frame.apply(effects);
                 self.past.forget(effects.forget);
@@ -207,8 +237,7 @@ impl Reader {
                 self.is_corrected = true;
             }
         }
-        self.check_range(&step, body)?;
-        Ok(step)
+        self.check_range(step, body)
     }
 
     /// The machine's range, for every axis whose place is known.
@@ -368,8 +397,8 @@ impl Reader {
         match after {
             After::AtItsEnd => {
                 let words_mm = words.axes_mm(unit_mm(self.modes.is_inch));
-                if words_mm.is_ok() {
-                    self.extrude(words);
+                if let (Ok(_), Some(number)) = (words_mm, words.extruder.and_then(|word| word.number())) {
+                    self.extrude(number);
                 }
                 match words_mm {
                     Ok(words_mm) if words.has_axes() => {

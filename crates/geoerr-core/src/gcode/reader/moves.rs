@@ -1,11 +1,13 @@
 //! Lines that move axes or the extruder.
 
-use super::{Move, Reader, Step};
+use super::{Asked, Move, Reader, Step};
 use crate::gcode::course::Course;
+use crate::gcode::decimal::Decimal;
 use crate::gcode::extrusion::Share;
 use crate::gcode::frame::{Effects, Known, Motion, Place, all_known, either};
 use crate::gcode::lexer::Line;
 use crate::gcode::options::unit_mm;
+use crate::gcode::plain::PlainMove;
 use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::Unsupported;
 use crate::gcode::words::{MoveText, Words};
@@ -68,8 +70,43 @@ impl Reader {
                 return Step::Pass(effects);
             }
         };
-        let (share, extrusion) = self.extrude(words);
-        if !words.has_axes() {
+        let extruder = words.extruder.and_then(|word| word.number());
+        self.straight(words_mm, extruder, MoveText::of(line, words, body), effects, body)
+    }
+
+    /// The line of a plain move; None where the modes make anything else of it, and nothing has happened yet.
+    pub(super) fn plain_motion(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Step> {
+        let modes = &mut self.modes;
+        let is_straight = plain.is_rapid.is_some() || modes.motion == Some(Ok(()));
+        let has_trouble =
+            modes.transformed.is_some() || modes.compensation.is_some() || modes.is_inverse_time;
+        if !is_straight || has_trouble {
+            return None;
+        }
+        self.asked = Asked::default();
+        if let Some(is_rapid) = plain.is_rapid {
+            (modes.motion, modes.is_rapid) = (Some(Ok(())), is_rapid);
+        }
+        let unit_mm = unit_mm(modes.is_inch);
+        if let Some(feed) = plain.feed {
+            modes.feed_mm_min = Some(feed.to_f64() * unit_mm);
+        }
+        let words_mm = plain.axes.map(|word| word.map(|number| number.to_f64() * unit_mm));
+        Some(self.straight(words_mm, plain.extruder, plain.text, Effects::default(), body))
+    }
+
+    /// A straight move of the axes or the extruder; `effects` is what the line does besides.
+    #[inline]
+    fn straight(
+        &mut self,
+        words_mm: Known,
+        extruder: Option<Decimal>,
+        text: MoveText,
+        mut effects: Effects,
+        body: &[u8],
+    ) -> Step {
+        let (share, extrusion) = extruder.map_or((Share::None, 0), |number| self.extrude(number));
+        if words_mm == [None; 3] {
             return Step::Pass(effects);
         }
         let motion = self.motion_of(words_mm);
@@ -77,9 +114,13 @@ impl Reader {
         let mut before = self.frame;
         before.apply(&effects);
         let ends = before.end_of(&motion);
-        self.past.forget(effects.forget);
-        let speed_mm_min = self.speed_mm_min();
-        let course = self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0));
+        let mut speed_mm_min = None;
+        let mut course = Course::default();
+        if self.needs.any() {
+            self.past.forget(effects.forget);
+            speed_mm_min = self.speed_mm_min();
+            course = self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0));
+        }
         let Some(end_mm) = all_known(&ends) else {
             self.summary.moves_out += 1;
             self.summary.untouched_position_unknown += 1;
@@ -98,7 +139,7 @@ impl Reader {
             is_inch: self.modes.is_inch,
             share,
             extrusion,
-            text: MoveText::of(line, words, body),
+            text,
         })
     }
 
@@ -135,8 +176,7 @@ impl Reader {
     }
 
     /// Moves the extruder by the line's `E`.
-    pub(super) fn extrude(&mut self, words: &Words) -> (Share, i128) {
-        let Some(number) = words.extruder.and_then(|word| word.number()) else { return (Share::None, 0) };
+    pub(super) fn extrude(&mut self, number: Decimal) -> (Share, i128) {
         let (share, extrusion) = self.extrusion.advance(number);
         self.summary.extrusion_in += extrusion;
         self.summary.extrusion_out += extrusion;
