@@ -2,9 +2,10 @@
 
 use memchr::memmem;
 
+use super::course::Course;
 use super::error::GcodeError;
 use super::frame::Effects;
-use super::inverse_grid::Solved;
+use super::grid::Solved;
 use super::lines::{LineSpan, Lines};
 use super::options::Options;
 use super::path::{Node, PathMap, SplitError};
@@ -69,6 +70,8 @@ pub struct Block {
     pub effects: Vec<Effects>,
     /// The moves.
     pub moves: Vec<Move>,
+    /// How each of them approaches its places; empty where the machine's errors do not depend on it.
+    pub courses: Vec<Course>,
     /// The end of each move; None where it is refused.
     pub ends: Vec<Option<Solved>>,
     /// The way to it.
@@ -135,7 +138,9 @@ impl BlockReader {
     pub fn fill(&mut self, block: &mut Block, lines: &mut Lines, map: &impl PathMap) -> bool {
         block.items.clear();
         block.effects.clear();
-        block.moves.clear();
+        self.swap_moves(block);
+        self.reader.moves.clear();
+        self.reader.courses.clear();
         block.refusal = None;
         block.first_line = self.reader.summary.lines + 1;
         let base = lines.next_start();
@@ -145,14 +150,13 @@ impl BlockReader {
             match self.next_line(lines) {
                 Ok(Some((line, step))) => {
                     let step = match step {
-                        Step::Pass(effects) if effects == Effects::default() => ItemStep::Pass,
-                        Step::Pass(effects) => {
-                            block.effects.push(effects);
+                        Step::Pass => ItemStep::Pass,
+                        Step::Do(effects) => {
+                            block.effects.push(*effects);
                             ItemStep::Do
                         }
-                        Step::Correct(a_move) => {
-                            work += 1 + self.crossings(map, &a_move.end_mm);
-                            block.moves.push(a_move);
+                        Step::Correct => {
+                            work += 1 + self.crossings(map);
                             let reader = &self.reader;
                             let comments_in_parentheses = reader.has_parenthesis && !reader.has_semicolon;
                             ItemStep::Correct { comments_in_parentheses }
@@ -174,9 +178,16 @@ impl BlockReader {
                 }
             }
         }
+        self.swap_moves(block);
         block.text.clear();
         block.text.extend_from_slice(lines.buffer().get(base..lines.next_start()).unwrap_or_default());
         is_full && !self.has_refused
+    }
+
+    /// The reader fills the block's own memory.
+    fn swap_moves(&mut self, block: &mut Block) {
+        std::mem::swap(&mut self.reader.moves, &mut block.moves);
+        std::mem::swap(&mut self.reader.courses, &mut block.courses);
     }
 
     /// The next line; None where it has not ended yet.
@@ -200,10 +211,11 @@ impl BlockReader {
         Ok(Some((line, step)))
     }
 
-    /// Knots on the way to the end of the next move.
+    /// Knots on the way to the end of the last move that was read.
     #[inline]
-    fn crossings(&mut self, map: &impl PathMap, end_mm: &[f64; 3]) -> usize {
-        let Some(begin_mm) = self.before_mm.replace(*end_mm) else { return 0 };
+    fn crossings(&mut self, map: &impl PathMap) -> usize {
+        let Some(end_mm) = self.reader.moves.last().map(|a_move| a_move.end_mm) else { return 0 };
+        let Some(begin_mm) = self.before_mm.replace(end_mm) else { return 0 };
         let crossed = |axis: usize| {
             if (end_mm[axis] - begin_mm[axis]).abs() < self.gap_mm[axis] {
                 // At most one: less than the move itself costs.

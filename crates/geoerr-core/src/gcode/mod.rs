@@ -25,7 +25,7 @@ mod decimal;
 mod error;
 mod extrusion;
 mod frame;
-mod inverse_grid;
+mod grid;
 mod knots;
 mod lexer;
 mod lines;

@@ -1,4 +1,4 @@
-//! The inverse of a machine in a small box, as a polynomial.
+//! A machine and its inverse in a small box, as polynomials.
 
 use super::path::PathMap;
 use crate::volumetric::Approach;
@@ -15,21 +15,17 @@ const PROBES: [f64; 4] = [0.0, 0.25, 0.75, 1.0];
 /// Corrections that change faster than this (mm/mm) are left to Newton's method.
 const STEEPEST: f64 = 0.1;
 
-/// Commands for the targets that lie in one box of commands, in which the machine's errors are smooth.
+/// A machine in one box of commands, in which its errors are smooth: commands for targets, and places for commands.
 ///
 /// The correction, command less target, is a quadratic in each coordinate of the target, through 27 commands that
-/// Newton's method has found.
+/// Newton's method has found; the error, place less command, one in each coordinate of the command.
 #[derive(Debug)]
 pub struct Patch {
     /// The box of commands.
     low_mm: [f64; 3],
     high_mm: [f64; 3],
-    /// Middle of the box of targets, and one over half its width.
-    middle_mm: [f64; 3],
-    per_half_mm: [f64; 3],
-    /// Of `1, u, u²` times `1, v, v²` times `1, w, w²`, the first of them running fastest. The fourth component fills
-    /// a vector register.
-    terms: [[f64; 4]; TERMS],
+    correction: Quadratic,
+    error: Quadratic,
     /// Derivative of the correction in the middle, row by component.
     pub slopes: [[f64; 3]; 3],
     /// Bound of the second derivative of the correction along any line, 1/mm.
@@ -39,7 +35,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// The patch of a box of commands; None where it would leave more than `tolerance_mm`.
+    /// The patch of a box of commands; None where it would be off by more than `tolerance_mm`.
     pub fn new(map: &impl PathMap, low_mm: [f64; 3], high_mm: [f64; 3], tolerance_mm: f64) -> Option<Self> {
         let still = Approach::default();
         let inside = |share: [f64; 3]| -> [f64; 3] {
@@ -53,53 +49,46 @@ impl Patch {
                 most_mm[axis] = most_mm[axis].max(target_mm[axis]);
             }
         }
-        let middle_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (least_mm[axis] + most_mm[axis]));
-        let half_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (most_mm[axis] - least_mm[axis]));
-        let mut terms = [[0.0; 4]; TERMS];
-        for (term, node) in terms.iter_mut().zip(places([-NODE, 0.0, NODE])) {
-            let target_mm: [f64; 3] =
-                std::array::from_fn(|axis| middle_mm[axis] + node[axis] * half_mm[axis]);
-            let command_mm = map.command_for(&target_mm, &still, 1e-3 * tolerance_mm).ok()?;
-            if !is_between(&command_mm, &low_mm, &high_mm) {
-                return None;
-            }
-            for axis in 0..3 {
-                term[axis] = command_mm[axis] - target_mm[axis];
-            }
-        }
-        for stride in [1, 3, 9] {
-            interpolate(&mut terms, stride);
-        }
-        let per_half_mm = half_mm.map(|half| 1.0 / half);
-        let radius_mm = half_mm.iter().map(|half| half * half).sum::<f64>().sqrt();
-        let slopes = slopes(&terms, &per_half_mm);
-        let bend_per_mm = bend(&terms, &per_half_mm);
-        let patch = Self { low_mm, high_mm, middle_mm, per_half_mm, terms, slopes, bend_per_mm, radius_mm };
-        let is_steep = steepest(&terms, &per_half_mm) > STEEPEST;
-        let misses = places(PROBES).any(|share| {
+        let correction = Quadratic::through(&least_mm, &most_mm, |target_mm| {
+            let command_mm = map.command_for(target_mm, &still, 1e-3 * tolerance_mm).ok()?;
+            is_between(&command_mm, &low_mm, &high_mm).then(|| minus(&command_mm, target_mm))
+        })?;
+        let error = Quadratic::through(&low_mm, &high_mm, |command_mm| {
+            Some(minus(&map.actual(command_mm, &still), command_mm))
+        })?;
+        let half_mm = minus(&most_mm, &least_mm).map(|width| 0.5 * width);
+        let patch = Self {
+            low_mm,
+            high_mm,
+            slopes: correction.slopes(),
+            bend_per_mm: correction.bend(),
+            radius_mm: half_mm.iter().map(|half| half * half).sum::<f64>().sqrt(),
+            correction,
+            error,
+        };
+        let holds = places(PROBES).all(|share| {
             let command_mm = inside(share);
-            let found_mm = patch.command_for(&map.actual(&command_mm, &still));
-            let off = (0..3).map(|axis| (found_mm[axis] - command_mm[axis]).powi(2)).sum::<f64>();
-            // Not a number is a miss.
-            !(off <= tolerance_mm * tolerance_mm)
+            let place_mm = map.actual(&command_mm, &still);
+            let near = |a: [f64; 3], b: &[f64; 3]| {
+                minus(&a, b).iter().map(|c| c * c).sum::<f64>() <= tolerance_mm * tolerance_mm
+            };
+            near(patch.command_for(&place_mm), &command_mm) && near(patch.actual(&command_mm), &place_mm)
         });
-        (!is_steep && !misses).then_some(patch)
+        (holds && patch.correction.steepest() <= STEEPEST).then_some(patch)
     }
 
     /// The command for a target; right where it lies in the patch's own box: [`holds`](Self::holds).
     #[inline]
     pub fn command_for(&self, target_mm: &[f64; 3]) -> [f64; 3] {
-        let [u, v, w]: [f64; 3] =
-            std::array::from_fn(|axis| (target_mm[axis] - self.middle_mm[axis]) * self.per_half_mm[axis]);
-        let (planes, _) = self.terms.as_chunks::<9>();
-        let [a, b, c]: [[f64; 4]; 3] = std::array::from_fn(|plane| {
-            let (rows, _) = planes[plane].as_chunks::<3>();
-            let [a, b, c]: [[f64; 4]; 3] =
-                std::array::from_fn(|row| quadratic(&rows[row][0], &rows[row][1], &rows[row][2], u));
-            quadratic(&a, &b, &c, v)
-        });
-        let correction_mm = quadratic(&a, &b, &c, w);
+        let correction_mm = self.correction.at(target_mm);
         std::array::from_fn(|axis| target_mm[axis] + correction_mm[axis])
+    }
+
+    /// Where a command of the box puts the tool.
+    #[inline]
+    pub fn actual(&self, command_mm: &[f64; 3]) -> [f64; 3] {
+        let error_mm = self.error.at(command_mm);
+        std::array::from_fn(|axis| command_mm[axis] + error_mm[axis])
     }
 
     /// Whether a command lies in the patch's box.
@@ -107,6 +96,90 @@ impl Patch {
     pub fn holds(&self, command_mm: &[f64; 3]) -> bool {
         is_between(command_mm, &self.low_mm, &self.high_mm)
     }
+}
+
+/// Three numbers that are quadratics in each coordinate.
+#[derive(Debug)]
+struct Quadratic {
+    /// Middle of the box, and one over half its width.
+    middle_mm: [f64; 3],
+    per_half_mm: [f64; 3],
+    /// Of `1, u, u²` times `1, v, v²` times `1, w, w²`, the first of them running fastest. The fourth component fills
+    /// a vector register.
+    terms: [[f64; 4]; TERMS],
+}
+
+impl Quadratic {
+    /// Through what `value` gives at the nodes of a box; None where it gives nothing.
+    fn through(
+        low_mm: &[f64; 3],
+        high_mm: &[f64; 3],
+        value: impl Fn(&[f64; 3]) -> Option<[f64; 3]>,
+    ) -> Option<Self> {
+        let middle_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low_mm[axis] + high_mm[axis]));
+        let half_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (high_mm[axis] - low_mm[axis]));
+        let mut terms = [[0.0; 4]; TERMS];
+        for (term, node) in terms.iter_mut().zip(places([-NODE, 0.0, NODE])) {
+            let [x, y, z] = value(&std::array::from_fn(|axis| middle_mm[axis] + node[axis] * half_mm[axis]))?;
+            *term = [x, y, z, 0.0];
+        }
+        for stride in [1, 3, 9] {
+            interpolate(&mut terms, stride);
+        }
+        Some(Self { middle_mm, per_half_mm: half_mm.map(|half| 1.0 / half), terms })
+    }
+
+    #[inline]
+    fn at(&self, at_mm: &[f64; 3]) -> [f64; 4] {
+        let [u, v, w]: [f64; 3] =
+            std::array::from_fn(|axis| (at_mm[axis] - self.middle_mm[axis]) * self.per_half_mm[axis]);
+        let (planes, _) = self.terms.as_chunks::<9>();
+        let [a, b, c]: [[f64; 4]; 3] = std::array::from_fn(|plane| {
+            let (rows, _) = planes[plane].as_chunks::<3>();
+            let [a, b, c]: [[f64; 4]; 3] =
+                std::array::from_fn(|row| quadratic(&rows[row][0], &rows[row][1], &rows[row][2], u));
+            quadratic(&a, &b, &c, v)
+        });
+        quadratic(&a, &b, &c, w)
+    }
+
+    /// First derivatives in the middle: row by component, column by axis.
+    fn slopes(&self) -> [[f64; 3]; 3] {
+        let linear = [1, 3, 9];
+        std::array::from_fn(|row| {
+            std::array::from_fn(|axis| self.terms[linear[axis]][row] * self.per_half_mm[axis])
+        })
+    }
+
+    /// Bound of the derivative by these axes, anywhere in the box.
+    fn bound(&self, by: &[usize]) -> f64 {
+        let mut bound = 0.0;
+        for (place, term) in self.terms.iter().enumerate() {
+            let mut exponents = [place % 3, place / 3 % 3, place / 9];
+            let mut factor = 1.0;
+            for &axis in by {
+                factor *= exponents[axis] as f64 * self.per_half_mm[axis];
+                exponents[axis] = exponents[axis].saturating_sub(1);
+            }
+            bound += factor * term.iter().map(|c| c * c).sum::<f64>().sqrt();
+        }
+        bound
+    }
+
+    /// Bound of the first derivative along any line.
+    fn steepest(&self) -> f64 {
+        (0..3).map(|axis| self.bound(&[axis]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Bound of the second derivative along any line.
+    fn bend(&self) -> f64 {
+        (0..9).map(|pair| self.bound(&[pair / 3, pair % 3]).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+#[inline]
+fn minus(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
 }
 
 #[inline]
@@ -134,39 +207,4 @@ fn interpolate(terms: &mut [[f64; 4]; TERMS], stride: usize) {
             terms[first + 2 * stride][k] = (above + below - 2.0 * at) / (2.0 * NODE * NODE);
         }
     }
-}
-
-/// Exponents of the three variables in a term.
-fn exponents(term: usize) -> [usize; 3] {
-    [term % 3, term / 3 % 3, term / 9]
-}
-
-/// First derivatives in the middle: row by component, column by axis.
-fn slopes(terms: &[[f64; 4]; TERMS], per_half_mm: &[f64; 3]) -> [[f64; 3]; 3] {
-    let linear = [1, 3, 9];
-    std::array::from_fn(|row| std::array::from_fn(|axis| terms[linear[axis]][row] * per_half_mm[axis]))
-}
-
-/// Bound of the derivative by `of` variables, each an axis, anywhere in the box.
-fn bound(terms: &[[f64; 4]; TERMS], per_half_mm: &[f64; 3], of: &[usize]) -> f64 {
-    let mut bound = 0.0;
-    for (place, term) in terms.iter().enumerate() {
-        let mut left = exponents(place);
-        let mut factor = 1.0;
-        for &axis in of {
-            factor *= left[axis] as f64 * per_half_mm[axis];
-            left[axis] = left[axis].saturating_sub(1);
-        }
-        bound += factor * term.iter().map(|c| c * c).sum::<f64>().sqrt();
-    }
-    bound
-}
-
-fn steepest(terms: &[[f64; 4]; TERMS], per_half_mm: &[f64; 3]) -> f64 {
-    (0..3).map(|axis| bound(terms, per_half_mm, &[axis]).powi(2)).sum::<f64>().sqrt()
-}
-
-fn bend(terms: &[[f64; 4]; TERMS], per_half_mm: &[f64; 3]) -> f64 {
-    let squares = (0..9).map(|pair| bound(terms, per_half_mm, &[pair / 3, pair % 3]).powi(2));
-    squares.sum::<f64>().sqrt()
 }

@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::block::{Block, Way};
-use super::inverse_grid::{InverseGrid, Solved};
+use super::course::Course;
+use super::grid::{Grid, Gridded, Solved};
 use super::options::Options;
 use super::path::{Closeness, Node, PathMap, SplitError, split};
 use super::reader::Move;
@@ -21,7 +22,7 @@ const NEWTON_MM: f64 = 1e-7;
 /// Solves moves; knows where the last one ended.
 #[derive(Debug)]
 pub struct Solver {
-    grid: Option<InverseGrid>,
+    grid: Option<Grid>,
     /// For words in millimetres and in inches.
     closeness: [Closeness; 2],
     newton_mm: f64,
@@ -33,7 +34,7 @@ impl Solver {
     pub fn new(map: &impl PathMap, options: &Options) -> Self {
         let newton_mm = NEWTON_MM.min(1e-3 * options.tolerance_mm);
         let closeness = [false, true].map(|is_inch| closeness(options, newton_mm, is_inch));
-        let grid = InverseGrid::new(map, &options.range_mm, newton_mm);
+        let grid = Grid::new(map, &options.range_mm, newton_mm);
         Self { grid, closeness, newton_mm, last: None }
     }
 
@@ -44,7 +45,11 @@ impl Solver {
 
     /// Solves the moves of a block, which comes behind the one before.
     pub fn solve(&mut self, block: &mut Block, map: &impl PathMap) {
-        let moves = &block.moves;
+        if let Some(grid) = &mut self.grid {
+            grid.tidy();
+        }
+        let (moves, courses) = (&block.moves, &block.courses);
+        let course_of = |index: usize| courses.get(index).copied().unwrap_or_default();
         block.ends.clear();
         block.ends.resize(moves.len(), None);
         block.ways.clear();
@@ -55,15 +60,16 @@ impl Solver {
             let first = task * MOVES_PER_TASK;
             // Solved twice rather than waited for.
             let mut before = match first.checked_sub(1) {
-                Some(before) => self.end(map, &moves[before]).ok(),
+                Some(before) => self.end(map, &moves[before], &course_of(before)).ok(),
                 None => self.last,
             };
             let mut crossings = Vec::new();
-            for (a_move, (end, way)) in moves[first..].iter().zip(ends.iter_mut().zip(ways)) {
-                match self.end(map, a_move) {
+            for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
+                let (a_move, course) = (&moves[index], course_of(index));
+                match self.end(map, a_move, &course) {
                     Ok(solved) => {
                         *end = Some(solved);
-                        *way = self.way(map, a_move, before.as_ref(), &solved, &mut crossings);
+                        *way = self.way(map, a_move, &course, before.as_ref(), &solved, &mut crossings);
                     }
                     Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
                 }
@@ -77,12 +83,12 @@ impl Solver {
 
     /// The end of a move; else the distance that the best command leaves.
     #[inline]
-    fn end(&self, map: &impl PathMap, a_move: &Move) -> Result<Solved, f64> {
+    fn end(&self, map: &impl PathMap, a_move: &Move, course: &Course) -> Result<Solved, f64> {
         let ideal_mm = a_move.end_mm;
         if let Some(solved) = self.grid.as_ref().and_then(|grid| grid.solve(map, &ideal_mm)) {
             return Ok(solved);
         }
-        let command_mm = map.command_for(&ideal_mm, &a_move.course.at(1.0), self.newton_mm)?;
+        let command_mm = map.command_for(&ideal_mm, &course.at(1.0), self.newton_mm)?;
         Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm }))
     }
 
@@ -91,6 +97,7 @@ impl Solver {
         &self,
         map: &impl PathMap,
         a_move: &Move,
+        course: &Course,
         begin: Option<&Solved>,
         end: &Solved,
         crossings: &mut Vec<f64>,
@@ -102,7 +109,8 @@ impl Solver {
             return Way::Whole;
         }
         let begin = Node { share: 0.0, ..begin.node };
-        match split(map, &a_move.course, &begin, &end.node, closeness, crossings) {
+        let map = Gridded { map, grid: self.grid.as_ref() };
+        match split(&map, course, &begin, &end.node, closeness, crossings) {
             Ok(None) => Way::Whole,
             Ok(Some(pieces)) => Way::Pieces(pieces),
             Err(error) => Way::Refused(error),

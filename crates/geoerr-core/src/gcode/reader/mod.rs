@@ -22,15 +22,19 @@ const EDGE_MM: f64 = 1e-9;
 
 /// What to do with a line.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "most lines are moves, and a box would cost each an allocation"
-)]
 pub enum Step {
-    /// Write it as it is.
-    Pass(Effects),
-    /// Correct it.
-    Correct(Move),
+    /// Write it as it is: it does nothing.
+    Pass,
+    /// Write it as it is; few lines do something.
+    Do(Box<Effects>),
+    /// Correct it: it is the last of the reader's [`moves`](Reader::moves).
+    Correct,
+}
+
+impl Step {
+    fn pass(effects: Effects) -> Self {
+        if effects == Effects::default() { Self::Pass } else { Self::Do(Box::new(effects)) }
+    }
 }
 
 /// A straight move whose end is known.
@@ -40,8 +44,6 @@ pub struct Move {
     pub motion: Motion,
     /// Where the program wants the machine, machine coordinates.
     pub end_mm: [f64; 3],
-    /// How it approaches its places.
-    pub course: Course,
     /// Whether it does not begin where a corrected move ended.
     pub is_first: bool,
     /// Words are inches.
@@ -108,6 +110,10 @@ pub struct Reader {
     pub warnings: Warnings,
     /// Counts.
     pub summary: Summary,
+    /// The moves to correct, in the order of their lines.
+    pub moves: Vec<Move>,
+    /// How each of them approaches its places; empty where the machine's errors do not depend on it.
+    pub courses: Vec<Course>,
 }
 
 /// What the codes of one line ask for, collected in one pass.
@@ -170,6 +176,8 @@ impl Reader {
             has_parenthesis: false,
             warnings: Warnings::default(),
             summary: Summary::default(),
+            moves: Vec::new(),
+            courses: Vec::new(),
         }
     }
 
@@ -182,7 +190,7 @@ impl Reader {
         self.summary.lines += 1;
         if self.is_lost || self.n_percent >= 2 {
             self.summary.lines_not_followed += 1;
-            return Ok(Step::Pass(Effects::default()));
+            return Ok(Step::Pass);
         }
         let mut line = std::mem::take(&mut self.line);
         line.lex(body);
@@ -222,7 +230,8 @@ impl Reader {
     #[inline]
     fn take_over(&mut self, step: &Step, body: &[u8]) -> Result<(), GcodeError> {
         match step {
-            Step::Pass(effects) => {
+            Step::Pass => return Ok(()),
+            Step::Do(effects) => {
                 self.frame.apply(effects);
                 self.past.forget(effects.forget);
                 if let Place::Home(mask, _) = effects.place {
@@ -231,42 +240,24 @@ impl Reader {
                 if effects.place != Place::Keep || effects.forget != [false; 3] {
                     self.is_corrected = false;
                 }
+                if !matches!(effects.place, Place::Move(_)) {
+                    return Ok(());
+                }
             }
-            Step::Correct(a_move) => {
-                self.frame.position_mm = a_move.end_mm.map(Some);
+            Step::Correct => {
+                self.frame.position_mm =
+                    self.moves.last().map_or([None; 3], |a_move| a_move.end_mm.map(Some));
                 self.is_corrected = true;
             }
         }
-        self.check_range(step, body)
-    }
-
-    /// The machine's range, for every axis whose place is known.
-    fn check_range(&mut self, step: &Step, body: &[u8]) -> Result<(), GcodeError> {
-        let moves = match step {
-            Step::Pass(effects) => matches!(effects.place, Place::Move(_)),
-            Step::Correct(_) => true,
-        };
-        if !moves {
-            return Ok(());
-        }
-        let line = self.summary.lines;
-        let known = AXIS_LETTERS.into_iter().zip(self.frame.position_mm);
-        let outside = |ranges_mm: &[(f64, f64); 3]| {
-            let mut places = known.clone().zip(ranges_mm);
-            places.find_map(|((axis, position_mm), &(low_mm, high_mm))| {
-                let position_mm = position_mm?;
-                let is_inside = (low_mm - EDGE_MM..=high_mm + EDGE_MM).contains(&position_mm);
-                (!is_inside).then_some((axis, position_mm, low_mm, high_mm))
-            })
-        };
-        if let Some((axis, position_mm, low_mm, high_mm)) = outside(&self.options.range_mm) {
-            let text = excerpt(body);
+        if let Some((axis, position_mm, low_mm, high_mm)) = self.outside(&self.options.range_mm) {
+            let (line, text) = (self.summary.lines, excerpt(body));
             return Err(GcodeError::OutsideRange { line, text, axis, position_mm, low_mm, high_mm });
         }
-        if matches!(step, Step::Pass(_)) {
-            return Ok(());
-        }
-        if let Some((axis, position_mm, low_mm, high_mm)) = outside(&self.options.measured_mm) {
+        if *step == Step::Correct
+            && let Some((axis, position_mm, low_mm, high_mm)) = self.outside(&self.options.measured_mm)
+        {
+            let line = self.summary.lines;
             if !self.options.holds_outside_measured {
                 let text = excerpt(body);
                 return Err(GcodeError::OutsideMeasured { line, text, axis, position_mm, low_mm, high_mm });
@@ -274,6 +265,20 @@ impl Reader {
             self.warnings.add(WarningKind::OutsideMeasured, line, body);
         }
         Ok(())
+    }
+
+    /// The first axis whose place is known and outside these ranges: its letter, its place, the range.
+    #[inline]
+    fn outside(&self, ranges_mm: &[(f64, f64); 3]) -> Option<(char, f64, f64, f64)> {
+        for axis in 0..3 {
+            let (low_mm, high_mm) = ranges_mm[axis];
+            if let Some(position_mm) = self.frame.position_mm[axis]
+                && !(low_mm - EDGE_MM..=high_mm + EDGE_MM).contains(&position_mm)
+            {
+                return Some((AXIS_LETTERS[axis], position_mm, low_mm, high_mm));
+            }
+        }
+        None
     }
 
     fn warn(&mut self, kind: WarningKind, body: &[u8]) {
@@ -300,7 +305,7 @@ impl Reader {
             Head::Empty if line.has_parameter => return Err(Unsupported::Expression),
             Head::Empty => {}
         }
-        Ok(Step::Pass(Effects::default()))
+        Ok(Step::Pass)
     }
 
     fn macro_line(&mut self, name: Span, body: &[u8]) -> Result<Step, Unsupported> {
@@ -316,13 +321,13 @@ impl Reader {
             }
             Macro::Unknown => effects = self.may_move(body),
         }
-        Ok(Step::Pass(effects))
+        Ok(Step::pass(effects))
     }
 
     fn words_line(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
         let has_code = line.words.iter().any(|word| word.letter == b'G');
         let Some(first) = line.words.first() else {
-            return Ok(Step::Pass(self.may_move(body)));
+            return Ok(Step::pass(self.may_move(body)));
         };
         if first.letter == b'M' && !has_code && !first.code10().is_some_and(is_machining_code) {
             return self.owned_by_m(first.code10(), body);
@@ -361,7 +366,7 @@ impl Reader {
             let forget = self.asked.forget;
             let mut effects = self.owned_by_g(code, code10, line, words, body)?;
             effects.forget = either(effects.forget, forget);
-            return Ok(Step::Pass(effects));
+            return Ok(Step::pass(effects));
         }
         let is_whole_circle =
             self.asked.has_motion_code && words.has_arc_words && matches!(self.modes.motion, Some(Err(_)));
@@ -374,7 +379,7 @@ impl Reader {
         match self.asked.problem {
             Some(what) => Err(what),
             None if moves => Ok(self.motion(line, words, body)),
-            None => Ok(Step::Pass(Effects { forget: self.asked.forget, ..Effects::default() })),
+            None => Ok(Step::pass(Effects { forget: self.asked.forget, ..Effects::default() })),
         }
     }
 
@@ -423,7 +428,7 @@ impl Reader {
                 effects.forget = ALL;
             }
         }
-        Ok(Step::Pass(effects))
+        Ok(Step::pass(effects))
     }
 }
 

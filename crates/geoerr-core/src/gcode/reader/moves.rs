@@ -67,7 +67,7 @@ impl Reader {
                 // A placeholder: the firmware may refuse the line, or read what it can of it.
                 self.warn(WarningKind::Placeholder, body);
                 effects.forget = either(effects.forget, words.axes.map(|word| word.is_some()));
-                return Step::Pass(effects);
+                return Step::pass(effects);
             }
         };
         let extruder = words.extruder.and_then(|word| word.number());
@@ -107,40 +107,41 @@ impl Reader {
     ) -> Step {
         let (share, extrusion) = extruder.map_or((Share::None, 0), |number| self.extrude(number));
         if words_mm == [None; 3] {
-            return Step::Pass(effects);
+            return Step::pass(effects);
         }
         let motion = self.motion_of(words_mm);
         self.summary.moves_in += 1;
         let mut before = self.frame;
         before.apply(&effects);
         let ends = before.end_of(&motion);
-        let mut speed_mm_min = None;
-        let mut course = Course::default();
-        if self.needs.any() {
+        let speed_mm_min = self.speed_mm_min();
+        let course = self.needs.any().then(|| {
             self.past.forget(effects.forget);
-            speed_mm_min = self.speed_mm_min();
-            course = self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0));
-        }
+            self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0))
+        });
         let Some(end_mm) = all_known(&ends) else {
             self.summary.moves_out += 1;
             self.summary.untouched_position_unknown += 1;
             self.warn(WarningKind::PositionUnknown, body);
             effects.place = Place::Move(motion);
-            return Step::Pass(effects);
+            return Step::pass(effects);
         };
         // Counted again when the move is written.
         self.summary.extrusion_out -= extrusion;
-        self.warn_of_motion(&course, speed_mm_min, body);
-        Step::Correct(Move {
+        if let Some(course) = course {
+            self.warn_of_motion(&course, speed_mm_min, body);
+            self.courses.push(course);
+        }
+        self.moves.push(Move {
             motion,
             end_mm,
-            course,
             is_first: !self.is_corrected || effects.forget != [false; 3],
             is_inch: self.modes.is_inch,
             share,
             extrusion,
             text,
-        })
+        });
+        Step::Correct
     }
 
     /// Speed along the path; None where the program does not tell it.
@@ -153,9 +154,6 @@ impl Reader {
 
     /// Says what of the motion the errors depend on is not known.
     fn warn_of_motion(&mut self, course: &Course, speed_mm_min: Option<f64>, body: &[u8]) {
-        if !self.needs.any() {
-            return;
-        }
         if (0..3).any(|axis| self.needs.direction[axis] && course.begin.direction[axis] == 0.0) {
             self.warn(WarningKind::DirectionUnknown, body);
         }

@@ -1,22 +1,27 @@
-//! The inverse of a machine everywhere in its range: polynomials in boxes, made where a program first comes.
+//! A machine everywhere in its range by polynomials in boxes, made where a program first comes.
 //!
 //! Newton's method asks a machine three times for its errors with all derivatives; a program of short moves asks it a
-//! million times in the same few boxes. A box's polynomial ([`Patch`]) answers from 27 coefficients, and says besides
+//! million times in the same few boxes. A box's polynomials ([`Patch`]) answer from 27 coefficients, and say besides
 //! how much a line through it can bend, so that most moves need not be looked at for splitting either.
 //!
-//! Whether a box has a polynomial depends on the machine alone: the same target has the same command in every program,
-//! on any number of threads.
+//! What a box's polynomials are, and whether it has any, depends on the machine alone: the same target has the same
+//! command in every program, on any number of threads, whatever was forgotten in between.
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::patch::Patch;
 use super::path::{Closeness, Node, PathMap, distance};
+use crate::volumetric::{Approach, MotionNeeds};
 
 /// Widest box.
 const WIDEST_MM: f64 = 10.0;
 
-/// More boxes than this would not fit in memory beside the program.
-const MOST_BOXES: usize = 1 << 17;
+/// More boxes than this are too many to list.
+const MOST_BOXES: usize = 1 << 20;
+
+/// When so many boxes have polynomials all are forgotten: they would fill 30 MB.
+const MOST_MADE: usize = 1 << 14;
 
 /// Share of Newton's tolerance that a polynomial may leave.
 const SHARE_OF_TOLERANCE: f64 = 0.5;
@@ -26,9 +31,10 @@ const MOST_HOPS: usize = 3;
 
 /// Boxes between the knots of a machine whose errors depend on the position alone.
 #[derive(Debug)]
-pub struct InverseGrid {
+pub struct Grid {
     axes: [Edges; 3],
     boxes: Vec<OnceLock<Option<Box<Patch>>>>,
+    n_made: AtomicUsize,
     tolerance_mm: f64,
 }
 
@@ -41,7 +47,7 @@ pub struct Solved {
     home: Option<u32>,
 }
 
-impl InverseGrid {
+impl Grid {
     /// A grid of the machine's range; None where polynomials cannot stand for it.
     pub fn new(map: &impl PathMap, range_mm: &[(f64, f64); 3], newton_mm: f64) -> Option<Self> {
         if map.is_nominal() || map.needs().any() {
@@ -55,7 +61,22 @@ impl InverseGrid {
             axes.push(edges);
         }
         let boxes = std::iter::repeat_with(OnceLock::new).take(n_boxes).collect();
-        Some(Self { axes: axes.try_into().ok()?, boxes, tolerance_mm: SHARE_OF_TOLERANCE * newton_mm })
+        let tolerance_mm = SHARE_OF_TOLERANCE * newton_mm;
+        Some(Self { axes: axes.try_into().ok()?, boxes, n_made: AtomicUsize::new(0), tolerance_mm })
+    }
+
+    /// Forgets polynomials where there are too many.
+    pub fn tidy(&mut self) {
+        if *self.n_made.get_mut() > MOST_MADE {
+            self.boxes.fill_with(OnceLock::new);
+            *self.n_made.get_mut() = 0;
+        }
+    }
+
+    /// Where a command puts the tool, where a polynomial has it.
+    #[inline]
+    fn actual(&self, map: &impl PathMap, command_mm: &[f64; 3]) -> Option<[f64; 3]> {
+        Some(self.patch(map, self.cells_of(command_mm)?)?.actual(command_mm))
     }
 
     /// The command for a place, where a polynomial has it.
@@ -123,6 +144,7 @@ impl InverseGrid {
 
     #[cold]
     fn make(&self, map: &impl PathMap, cells: [usize; 3]) -> Option<Box<Patch>> {
+        self.n_made.fetch_add(1, Ordering::Relaxed);
         let edge = |axis: usize, further: usize| self.axes[axis].edges_mm[cells[axis] + further];
         let low_mm = std::array::from_fn(|axis| edge(axis, 0));
         let high_mm = std::array::from_fn(|axis| edge(axis, 1));
@@ -136,6 +158,52 @@ impl InverseGrid {
         let cells = |place: u32| [place % nx, place / nx % ny, place / nx / ny];
         let (one, other) = (cells(one), cells(other));
         (0..3).map(|axis| one[axis].abs_diff(other[axis])).sum::<u32>() == 1
+    }
+}
+
+/// A machine that answers by its grid where it can.
+#[derive(Debug)]
+pub struct Gridded<'a, M> {
+    /// The machine.
+    pub map: &'a M,
+    /// Its grid.
+    pub grid: Option<&'a Grid>,
+}
+
+impl<M: PathMap> PathMap for Gridded<'_, M> {
+    fn command_for(
+        &self,
+        ideal_mm: &[f64; 3],
+        approach: &Approach,
+        tolerance_mm: f64,
+    ) -> Result<[f64; 3], f64> {
+        match self.grid.and_then(|grid| grid.solve(self.map, ideal_mm)) {
+            Some(solved) => Ok(solved.node.command_mm),
+            None => self.map.command_for(ideal_mm, approach, tolerance_mm),
+        }
+    }
+
+    #[inline]
+    fn actual(&self, command_mm: &[f64; 3], approach: &Approach) -> [f64; 3] {
+        let by_grid = self.grid.and_then(|grid| grid.actual(self.map, command_mm));
+        by_grid.unwrap_or_else(|| self.map.actual(command_mm, approach))
+    }
+
+    #[inline]
+    fn knots(&self, axis: usize) -> &[f64] {
+        self.map.knots(axis)
+    }
+
+    fn is_nominal(&self) -> bool {
+        self.map.is_nominal()
+    }
+
+    fn most_crossings(&self) -> usize {
+        self.map.most_crossings()
+    }
+
+    fn needs(&self) -> MotionNeeds {
+        self.map.needs()
     }
 }
 
