@@ -93,6 +93,12 @@ impl Block {
         self.text.get(item.end as usize..item.next as usize).unwrap_or_default()
     }
 
+    /// A line and all behind it.
+    #[inline]
+    pub fn from(&self, item: &Item) -> &[u8] {
+        self.text.get(item.start as usize..).unwrap_or_default()
+    }
+
     /// A line as it came.
     #[inline]
     pub fn whole_line(&self, item: &Item) -> &[u8] {

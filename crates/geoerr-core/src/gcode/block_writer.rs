@@ -89,7 +89,7 @@ impl BlockWriter {
                             return Err(refused(SplitError::NotSolved(f64::NAN), line, body));
                         }
                     };
-                    let source = SourceLine { body, ending, usual_ending: &[] };
+                    let source = SourceLine { body, text: block.from(item), ending, usual_ending: &[] };
                     let outgoing = Outgoing { line, source, a_move, comments_in_parentheses };
                     self.write_move(&outgoing, nodes, options, out)?;
                 }
@@ -109,7 +109,7 @@ impl BlockWriter {
         options: &Options,
         out: &mut Vec<u8>,
     ) -> Result<(), GcodeError> {
-        let &Outgoing { line, source: SourceLine { body, ending, .. }, a_move, .. } = outgoing;
+        let &Outgoing { line, source: SourceLine { body, .. }, a_move, .. } = outgoing;
         for node in nodes {
             check_command(node, options, line, body)?;
         }
@@ -122,7 +122,7 @@ impl BlockWriter {
             nodes = std::slice::from_ref(end);
         }
         let begin = out.len();
-        let source = SourceLine { body, ending, usual_ending: &self.usual_ending };
+        let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
         let written = self.writer.write(out, source, a_move, nodes, options);
         if written.is_changed && !self.is_marked {
             self.is_marked = true;

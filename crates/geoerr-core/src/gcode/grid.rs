@@ -270,10 +270,11 @@ impl Edges {
     #[inline]
     fn cell(&self, at_mm: f64) -> Option<usize> {
         let bucket = (at_mm - self.low_mm) * self.buckets_per_mm;
+        // Not a number is outside.
         if !(bucket >= 0.0) {
             return None;
         }
-        let mut cell = *self.first.get(bucket as usize)? as usize;
+        let mut cell = *self.first.get(bucket as i64 as usize)? as usize;
         while *self.edges_mm.get(cell + 1)? <= at_mm {
             cell += 1;
         }

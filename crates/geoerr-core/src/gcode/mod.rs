@@ -22,6 +22,7 @@ mod block_writer;
 mod codes;
 mod course;
 mod decimal;
+mod draft;
 mod error;
 mod extrusion;
 mod frame;

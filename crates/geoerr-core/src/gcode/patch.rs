@@ -1,6 +1,7 @@
 //! A machine and its inverse in a small box, as polynomials.
 
 use super::path::PathMap;
+use crate::arithmetic::in_wide_registers;
 use crate::volumetric::Approach;
 
 /// Coefficients of a quadratic in each of three variables.
@@ -131,16 +132,32 @@ impl Quadratic {
 
     #[inline]
     fn at(&self, at_mm: &[f64; 3]) -> [f64; 4] {
-        let [u, v, w]: [f64; 3] =
-            std::array::from_fn(|axis| (at_mm[axis] - self.middle_mm[axis]) * self.per_half_mm[axis]);
-        let (planes, _) = self.terms.as_chunks::<9>();
-        let [a, b, c]: [[f64; 4]; 3] = std::array::from_fn(|plane| {
-            let (rows, _) = planes[plane].as_chunks::<3>();
-            let [a, b, c]: [[f64; 4]; 3] =
-                std::array::from_fn(|row| quadratic(&rows[row][0], &rows[row][1], &rows[row][2], u));
-            quadratic(&a, &b, &c, v)
-        });
+        in_wide_registers(
+            #[inline(always)]
+            || self.sum(at_mm),
+        )
+    }
+
+    /// In loops, for what a library's function is called with is compiled for narrow registers.
+    #[inline(always)]
+    fn sum(&self, at_mm: &[f64; 3]) -> [f64; 4] {
+        let u = (at_mm[0] - self.middle_mm[0]) * self.per_half_mm[0];
+        let v = (at_mm[1] - self.middle_mm[1]) * self.per_half_mm[1];
+        let w = (at_mm[2] - self.middle_mm[2]) * self.per_half_mm[2];
+        let a = self.plane(0, u, v);
+        let b = self.plane(9, u, v);
+        let c = self.plane(18, u, v);
         quadratic(&a, &b, &c, w)
+    }
+
+    /// The sum of nine terms.
+    #[inline(always)]
+    fn plane(&self, first: usize, u: f64, v: f64) -> [f64; 4] {
+        let t = &self.terms;
+        let a = quadratic(&t[first], &t[first + 1], &t[first + 2], u);
+        let b = quadratic(&t[first + 3], &t[first + 4], &t[first + 5], u);
+        let c = quadratic(&t[first + 6], &t[first + 7], &t[first + 8], u);
+        quadratic(&a, &b, &c, v)
     }
 
     /// First derivatives in the middle: row by component, column by axis.
@@ -187,9 +204,13 @@ fn is_between(at_mm: &[f64; 3], low_mm: &[f64; 3], high_mm: &[f64; 3]) -> bool {
     (0..3).all(|axis| low_mm[axis] <= at_mm[axis] && at_mm[axis] <= high_mm[axis])
 }
 
-#[inline]
+#[inline(always)]
 fn quadratic(a: &[f64; 4], b: &[f64; 4], c: &[f64; 4], at: f64) -> [f64; 4] {
-    std::array::from_fn(|k| a[k] + at * (b[k] + at * c[k]))
+    let mut sum = [0.0; 4];
+    for k in 0..4 {
+        sum[k] = a[k] + at * (b[k] + at * c[k]);
+    }
+    sum
 }
 
 /// All triples of `values`, the first of them running fastest.

@@ -142,7 +142,7 @@ pub fn split(
     if map.is_nominal() {
         return Ok(None);
     }
-    let on = Moved { map, course };
+    let on = Moved { map, course, is_still: !map.needs().any() };
     let mut pieces = Vec::new();
     let mut start = start;
     let anew;
@@ -200,6 +200,8 @@ struct Worst {
 struct Moved<'a, M> {
     map: &'a M,
     course: &'a Course,
+    /// Whether the approach does not matter.
+    is_still: bool,
 }
 
 impl<M: PathMap> Moved<'_, M> {
@@ -243,7 +245,11 @@ impl<M: PathMap> Moved<'_, M> {
     /// Actual minus ideal tool position at a share of a piece.
     #[inline]
     fn deviation(&self, from: &Node, to: &Node, share: f64) -> [f64; 3] {
-        let approach = self.course.at(from.share + share * (to.share - from.share));
+        let approach = if self.is_still {
+            Approach::default()
+        } else {
+            self.course.at(from.share + share * (to.share - from.share))
+        };
         let actual = self.map.actual(&between(&from.command_mm, &to.command_mm, share), &approach);
         let ideal = between(&from.ideal_mm, &to.ideal_mm, share);
         std::array::from_fn(|axis| actual[axis] - ideal[axis])
@@ -343,7 +349,7 @@ mod tests {
         match split(&map, &Course::default(), &start, &end, &close, &mut Vec::new()) {
             Ok(None) => panic!("a step is no straight line"),
             Ok(Some(pieces)) => {
-                let on = Moved { map: &map, course: &Course::default() };
+                let on = Moved { map: &map, course: &Course::default(), is_still: true };
                 let mut from = start;
                 for piece in pieces {
                     for i in 0..=100 {

@@ -2,11 +2,11 @@
 //!
 //! What is read here means the same to the [lexer](super::lexer), which reads everything; every doubt goes there.
 
-use super::decimal::Decimal;
+use super::decimal::{Decimal, POWERS};
 use super::lexer::Span;
 use super::words::MoveText;
 
-/// More digits of a number than this go to the lexer.
+/// More digits of a line's own number than this go to the lexer.
 const MOST_DIGITS: usize = 15;
 
 /// A straight move on a line of its own.
@@ -138,29 +138,44 @@ fn is_digit(byte: Option<&u8>) -> bool {
 fn number(text: &[u8], start: usize) -> Option<(Decimal, usize)> {
     let is_negative = text.get(start) == Some(&b'-');
     let first = start + usize::from(is_negative);
-    let mut at = first;
-    let mut mantissa = 0_i64;
-    let mut point = None;
-    let mut byte = *text.get(at)?;
-    loop {
-        let digit = byte.wrapping_sub(b'0');
-        if digit < 10 {
-            mantissa = mantissa.wrapping_mul(10).wrapping_add(i64::from(digit));
-        } else if byte == b'.' && point.is_none() {
-            point = Some(at);
-        } else {
-            break;
-        }
-        at += 1;
-        byte = *text.get(at)?;
+    let (head, n_head) = digits(text, first)?;
+    let (mut mantissa, mut at, mut n_tail) = (head, first + n_head, 0);
+    if text.get(at) == Some(&b'.') {
+        let (tail, n_digits) = digits(text, at + 1)?;
+        mantissa = head * POWERS[n_digits] + tail;
+        at += 1 + n_digits;
+        n_tail = n_digits;
     }
-    let n_digits = at - first - usize::from(point.is_some());
     // A second point, an underscore, a letter that is no word: the lexer knows.
-    let goes_on = !matches!(byte, b' ' | b'\n' | b'\r' | b'X'..=b'Z' | b'E' | b'F');
-    if goes_on || n_digits == 0 || n_digits > MOST_DIGITS {
+    let goes_on = !matches!(text.get(at), Some(b' ' | b'\n' | b'\r' | b'X'..=b'Z' | b'E' | b'F'));
+    if goes_on || n_head + n_tail == 0 {
         return None;
     }
-    let digits = point.map_or(0, |point| at - point - 1) as u8;
     let mantissa = if is_negative { -mantissa } else { mantissa };
-    Some((Decimal { mantissa, digits, is_cut: false }, at))
+    Some((Decimal { mantissa, digits: n_tail as u8, is_cut: false }, at))
+}
+
+/// At most seven digits at `start`, and how many there are; None where there are more, or the text is too near its end.
+///
+/// All eight bytes at once: a loop over digits would be guessed wrong at the end of most numbers.
+#[inline]
+fn digits(text: &[u8], start: usize) -> Option<(i64, usize)> {
+    const ONES: u64 = 0x0101_0101_0101_0101;
+    let bytes = u64::from_le_bytes(*text.get(start..)?.first_chunk()?);
+    // Digits are 0 to 9 now; of the bytes from the first other one on, only that it is one counts.
+    let values = bytes ^ (ONES * u64::from(b'0'));
+    let others = (values.wrapping_add(ONES * (0x80 - 10)) | values) & (ONES * 0x80);
+    if others == 0 {
+        return None;
+    }
+    let n_digits = (others.trailing_zeros() / 8) as usize;
+    if n_digits == 0 {
+        return Some((0, 0));
+    }
+    // The digits at the end, zeros before them; then pairs, fours and all eight.
+    let eight = values << (64 - 8 * n_digits);
+    let pairs = (eight.wrapping_mul(10).wrapping_add(eight >> 8)) & 0x00ff_00ff_00ff_00ff;
+    let fours = (pairs.wrapping_mul(100).wrapping_add(pairs >> 16)) & 0x0000_ffff_0000_ffff;
+    let number = (fours.wrapping_mul(10_000).wrapping_add(fours >> 32)) & 0xffff_ffff;
+    Some((number as i64, n_digits))
 }

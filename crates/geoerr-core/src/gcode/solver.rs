@@ -85,6 +85,9 @@ impl Solver {
     #[inline]
     fn end(&self, map: &impl PathMap, a_move: &Move, course: &Course) -> Result<Solved, f64> {
         let ideal_mm = a_move.end_mm;
+        if map.is_nominal() {
+            return Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm: ideal_mm }));
+        }
         if let Some(solved) = self.grid.as_ref().and_then(|grid| grid.solve(map, &ideal_mm)) {
             return Ok(solved);
         }

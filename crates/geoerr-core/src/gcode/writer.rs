@@ -1,6 +1,7 @@
 //! Moves written again with corrected words; knows where the rewritten program puts the machine.
 
 use super::decimal::{POWERS_F64, write_fixed};
+use super::draft::Draft;
 use super::extrusion::Share;
 use super::frame::{Effects, Frame};
 use super::lexer::Span;
@@ -17,6 +18,8 @@ const EXTRUDER_DIGITS: u8 = 5;
 pub struct SourceLine<'a> {
     /// Without its end.
     pub body: &'a [u8],
+    /// From its begin to where the program's text ends for now.
+    pub text: &'a [u8],
     /// Its end.
     pub ending: &'a [u8],
     /// The end to give to lines before a last line that has none.
@@ -39,6 +42,7 @@ pub struct Writer {
     /// Whether the next changed move must give all three axes, because the controller's own idea of its place is not
     /// relied on.
     must_give_all: bool,
+    draft: Draft,
 }
 
 /// An axis word of a piece.
@@ -69,6 +73,18 @@ impl Writer {
     ) -> Written {
         self.must_give_all |= a_move.is_first;
         let mut is_changed = nodes.len() > 1;
+        if let [node] = nodes
+            && Draft::fits(line.body.len() + line.ending.len())
+            && is_in_order(&a_move.text)
+        {
+            let words = self.axis_words(a_move, node, true, options);
+            is_changed |= words.iter().any(|word| matches!(word, AxisWord::New(_)));
+            self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
+            self.draft.clear();
+            draft_whole(&mut self.draft, line, &a_move.text, &words, options.word_digits(a_move.is_inch));
+            out.extend_from_slice(self.draft.bytes());
+            return Written { is_changed, extrusion: a_move.extrusion };
+        }
         let shares = Shares::new(a_move, nodes);
         for (piece, node) in nodes.iter().enumerate() {
             let words = self.axis_words(a_move, node, piece == 0, options);
@@ -207,6 +223,41 @@ impl Shares {
     }
 }
 
+/// Whether the axis words of a line stand in the order X, Y, Z.
+#[inline]
+fn is_in_order(text: &MoveText) -> bool {
+    let begins = text.axes.map(|span| span.map(|span| span.start));
+    let is_behind = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a < b);
+    is_behind(begins[0], begins[1]) && is_behind(begins[1], begins[2]) && is_behind(begins[0], begins[2])
+}
+
+/// The line of a move that stays whole, its axis words in order; its `E` stays.
+#[inline]
+fn draft_whole(draft: &mut Draft, line: SourceLine<'_>, text: &MoveText, words: &[AxisWord; 3], digits: u8) {
+    let mut at = 0;
+    for (axis, &word) in words.iter().enumerate() {
+        if let (AxisWord::New(steps), Some(span)) = (word, text.axes[axis]) {
+            // The letter stays.
+            draft.copy(line.text, at, span.start as usize + 1);
+            draft.number(steps, digits);
+            at = span.end as usize;
+        }
+    }
+    for (axis, &word) in words.iter().enumerate() {
+        if let (AxisWord::New(steps), None) = (word, text.axes[axis]) {
+            let behind = text.behind_axes as usize;
+            draft.copy(line.text, at, behind);
+            at = behind;
+            if text.is_spaced {
+                draft.push(b' ');
+            }
+            draft.push(axis_letter(text, axis));
+            draft.number(steps, digits);
+        }
+    }
+    draft.copy(line.text, at, line.body.len() + line.ending.len());
+}
+
 /// The line itself with new numbers; words of axes that it did not give behind the last that it gave.
 fn write_first(
     out: &mut Vec<u8>,
@@ -305,7 +356,12 @@ fn write_axis(out: &mut Vec<u8>, text: &MoveText, axis: usize, steps: i64, digit
     if text.is_spaced {
         out.push(b' ');
     }
-    let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
-    out.push(letters[axis]);
+    out.push(axis_letter(text, axis));
     write_fixed(out, steps, digits);
+}
+
+#[inline]
+fn axis_letter(text: &MoveText, axis: usize) -> u8 {
+    let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
+    letters[axis]
 }
