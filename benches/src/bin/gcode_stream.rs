@@ -1,4 +1,4 @@
-//! One program file through the rewriter: bytes a second beside how closely the machine then follows, in constant memory.
+//! One program file through the rewriter, as a user's is: bytes a second, in constant memory.
 //!
 //! `cargo run --release -p geoerr-bench --bin gcode_stream -- IN OUT [none|square|tables] [marlin|klipper|rrf] [repeat]`
 //!

@@ -1,6 +1,6 @@
 //! Blocks of solved lines into bytes.
 
-use super::block::{Block, Item, ItemStep, MARK, Way};
+use super::block::{Block, ItemStep, MARK, Way};
 use super::error::GcodeError;
 use super::extrusion::Share;
 use super::options::{OnUnsupported, Options};

@@ -83,3 +83,40 @@ impl Draft {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gcode::decimal::write_fixed;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_draft_is_what_appending_gives(
+            text in "[ -~]{0,60}",
+            cuts in proptest::collection::vec(0_usize..60, 0..4),
+            scaled in any::<i64>(),
+            digits in 0_u8..=9,
+        ) {
+            let bytes = text.as_bytes();
+            let mut draft = Draft::default();
+            let mut expected = Vec::new();
+            let mut at = 0;
+            let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
+            cuts.sort_unstable();
+            prop_assert!(Draft::fits(bytes.len()));
+            for cut in cuts {
+                draft.copy(bytes, at, cut);
+                draft.number(scaled, digits);
+                expected.extend_from_slice(&bytes[at..cut]);
+                write_fixed(&mut expected, scaled, digits);
+                at = cut;
+            }
+            draft.push(b' ');
+            expected.push(b' ');
+            prop_assert_eq!(draft.bytes(), expected.as_slice());
+            draft.clear();
+            prop_assert!(draft.bytes().is_empty());
+        }
+    }
+}

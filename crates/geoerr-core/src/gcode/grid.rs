@@ -33,10 +33,14 @@ const MOST_HOPS: usize = 3;
 #[derive(Debug)]
 pub struct Grid {
     axes: [Edges; 3],
-    boxes: Vec<OnceLock<Option<Box<Patch>>>>,
+    /// Rows of boxes along x, listed where a program first comes: few programs fill a machine.
+    rows: Vec<OnceLock<Row>>,
     n_made: AtomicUsize,
     tolerance_mm: f64,
 }
+
+/// What is known of each box of a row: nothing yet, that it has no polynomials, or its polynomials.
+type Row = Box<[OnceLock<Option<Box<Patch>>>]>;
 
 /// A solved place.
 #[derive(Clone, Copy, Debug)]
@@ -60,15 +64,17 @@ impl Grid {
             n_boxes = n_boxes.checked_mul(edges.n_cells()).filter(|&n| n <= MOST_BOXES)?;
             axes.push(edges);
         }
-        let boxes = std::iter::repeat_with(OnceLock::new).take(n_boxes).collect();
+        let axes: [Edges; 3] = axes.try_into().ok()?;
+        let n_rows = n_boxes / axes[0].n_cells();
+        let rows = std::iter::repeat_with(OnceLock::new).take(n_rows).collect();
         let tolerance_mm = SHARE_OF_TOLERANCE * newton_mm;
-        Some(Self { axes: axes.try_into().ok()?, boxes, n_made: AtomicUsize::new(0), tolerance_mm })
+        Some(Self { axes, rows, n_made: AtomicUsize::new(0), tolerance_mm })
     }
 
     /// Forgets polynomials where there are too many.
     pub fn tidy(&mut self) {
         if *self.n_made.get_mut() > MOST_MADE {
-            self.boxes.fill_with(OnceLock::new);
+            self.rows.fill_with(OnceLock::new);
             *self.n_made.get_mut() = 0;
         }
     }
@@ -134,12 +140,19 @@ impl Grid {
 
     #[inline]
     fn made(&self, place: u32) -> Option<&Patch> {
-        self.boxes.get(place as usize)?.get()?.as_deref()
+        let (row, cell) = (place as usize / self.axes[0].n_cells(), place as usize % self.axes[0].n_cells());
+        self.rows.get(row)?.get()?.get(cell)?.get()?.as_deref()
     }
 
     #[inline]
     fn patch(&self, map: &impl PathMap, cells: [usize; 3]) -> Option<&Patch> {
-        self.boxes.get(self.place_of(cells))?.get_or_init(|| self.make(map, cells)).as_deref()
+        let row = self.rows.get(cells[2] * self.axes[1].n_cells() + cells[1])?.get_or_init(|| self.list());
+        row.get(cells[0])?.get_or_init(|| self.make(map, cells)).as_deref()
+    }
+
+    #[cold]
+    fn list(&self) -> Row {
+        std::iter::repeat_with(OnceLock::new).take(self.axes[0].n_cells()).collect()
     }
 
     #[cold]
@@ -279,5 +292,148 @@ impl Edges {
             cell += 1;
         }
         Some(cell)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gcode::course::Course;
+    use crate::gcode::path::split;
+    use crate::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Squareness, Table};
+    use proptest::prelude::*;
+
+    const RANGE_MM: [(f64, f64); 3] = [(-5.0, 210.0), (0.0, 180.0), (0.0, 60.0)];
+
+    /// All 21 errors, with knots that differ from axis to axis.
+    fn machine(size: f64) -> MachineModel {
+        let mut errors = ErrorTables::default();
+        for (a, axis) in Axis::ALL.into_iter().enumerate() {
+            let knots: Vec<f64> = (0..12).map(|k| f64::from(k) * (17.0 + 3.0 * a as f64)).collect();
+            for (c, component) in Component::ALL.into_iter().enumerate() {
+                let largest = size * if c < 3 { 0.3 } else { 1e-3 };
+                let phase = (6 * a + c) as f64;
+                let values = knots.iter().map(|q| largest * (q / 40.0 + phase).sin()).collect();
+                errors.set(axis, component, Table::new(knots.clone(), values).unwrap());
+            }
+        }
+        let squareness = Squareness { s_xy_rad: -4e-3 * size, s_xz_rad: 1e-3 * size, s_yz_rad: 3e-3 * size };
+        errors.set_squareness(squareness).unwrap();
+        MachineModel::new(Chain::parse("wYbXZt").unwrap(), errors, [5.0, -20.0, -30.0])
+    }
+
+    fn place() -> impl Strategy<Value = [f64; 3]> {
+        // Beyond the range too.
+        RANGE_MM.map(|(low, high)| low - 3.0..high + 3.0)
+    }
+
+    const NEWTON_MM: f64 = 1e-7;
+
+    proptest! {
+        #[test]
+        fn a_solved_command_puts_the_tool_there(
+            targets in proptest::collection::vec(place(), 1..40),
+            size in prop_oneof![Just(0.01), Just(1.0), Just(5.0)],
+        ) {
+            let machine = machine(size);
+            let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+            let still = Approach::default();
+            for target_mm in &targets {
+                if let Some(solved) = grid.solve(&machine, target_mm) {
+                    let command_mm = solved.node.command_mm;
+                    let place_mm = machine.actual(&command_mm, &still);
+                    prop_assert!(distance(&place_mm, target_mm) <= NEWTON_MM);
+                    let by_grid = grid.actual(&machine, &command_mm).unwrap();
+                    prop_assert!(distance(&by_grid, &place_mm) <= NEWTON_MM);
+                }
+            }
+        }
+
+        #[test]
+        fn what_is_called_straight_is_not_split(
+            begin in place(),
+            steps in proptest::collection::vec([-12.0_f64..12.0, -12.0_f64..12.0, -4.0_f64..4.0], 1..20),
+            size in prop_oneof![Just(0.1), Just(1.0), Just(3.0)],
+            limit_mm in prop_oneof![Just(0.0048), Just(0.0008)],
+        ) {
+            let machine = machine(size);
+            let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+            let closeness = Closeness { limit_mm, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
+            let ends = steps.iter().scan(begin, |at, step| {
+                *at = std::array::from_fn(|axis| at[axis] + step[axis]);
+                Some(*at)
+            });
+            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solve(&machine, &end)).collect();
+            for pair in solved.windows(2) {
+                let (Some(from), Some(to)) = (&pair[0], &pair[1]) else { continue };
+                if grid.is_straight(from, to, &closeness) {
+                    let start = Node { share: 0.0, ..from.node };
+                    let pieces =
+                        split(&machine, &Course::default(), &start, &to.node, &closeness, &mut Vec::new());
+                    prop_assert_eq!(pieces, Ok(None));
+                }
+            }
+        }
+
+        #[test]
+        fn the_cell_is_found_without_searching(
+            knots in proptest::collection::btree_set(0_u32..2000, 0..30),
+            at in proptest::collection::vec(-10.0_f64..220.0, 20),
+        ) {
+            let knots: Vec<f64> = knots.into_iter().map(|knot| f64::from(knot) * 0.1).collect();
+            let edges = Edges::new((0.0, 200.0), &knots).unwrap();
+            prop_assert!(edges.edges_mm.windows(2).all(|pair| pair[0] < pair[1] && pair[1] - pair[0] <= 10.0 + 1e-9));
+            prop_assert!(knots.iter().all(|knot| edges.edges_mm.contains(knot)));
+            for at_mm in at.into_iter().chain(edges.edges_mm.clone()) {
+                let n_below = edges.edges_mm.partition_point(|&edge| edge <= at_mm);
+                let expected = (n_below > 0 && n_below < edges.edges_mm.len()).then(|| n_below - 1);
+                prop_assert_eq!(edges.cell(at_mm), expected, "at {}", at_mm);
+            }
+        }
+    }
+
+    #[test]
+    fn most_short_moves_are_seen_to_be_straight() {
+        let machine = machine(1.0);
+        let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+        let closeness = Closeness { limit_mm: 0.0048, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
+        let at = |i: u32| {
+            let turn = 0.02 * f64::from(i);
+            grid.solve(&machine, &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0]).unwrap()
+        };
+        let n_straight = (0..300).filter(|&i| grid.is_straight(&at(i), &at(i + 1), &closeness)).count();
+        assert!(n_straight > 290, "{n_straight}");
+    }
+
+    #[test]
+    fn what_was_forgotten_is_found_again_the_same() {
+        let machine = machine(1.0);
+        let mut grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+        let target_mm = [33.3, 44.4, 5.5];
+        let before = grid.solve(&machine, &target_mm).unwrap().node;
+        *grid.n_made.get_mut() = MOST_MADE + 1;
+        grid.tidy();
+        assert_eq!(*grid.n_made.get_mut(), 0);
+        assert_eq!(grid.solve(&machine, &target_mm).unwrap().node, before);
+    }
+
+    #[test]
+    fn a_wave_too_short_for_a_quadratic_is_left_to_newton() {
+        let mut errors = ErrorTables::default();
+        // A step of a tenth of a millimetre within a hundredth.
+        let table = Table::new(vec![0.0, 50.0, 50.01, 200.0], vec![0.0, 0.0, 0.1, 0.1]).unwrap();
+        errors.set(Axis::X, Component::X, table);
+        let machine = MachineModel::new(Chain::parse("wbXYZt").unwrap(), errors, [0.0; 3]);
+        let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+        assert!(grid.actual(&machine, &[50.005, 10.0, 10.0]).is_none());
+        assert!(grid.actual(&machine, &[60.0, 10.0, 10.0]).is_some());
+    }
+
+    #[test]
+    fn no_grid_where_nothing_is_wrong_or_too_much_to_list() {
+        let none = MachineModel::new(Chain::parse("wbXYZt").unwrap(), ErrorTables::default(), [0.0; 3]);
+        assert!(Grid::new(&none, &RANGE_MM, NEWTON_MM).is_none());
+        assert!(Grid::new(&machine(1.0), &[(0.0, 2e4); 3], NEWTON_MM).is_none());
+        assert!(Grid::new(&machine(1.0), &[(f64::NEG_INFINITY, f64::INFINITY); 3], NEWTON_MM).is_none());
     }
 }

@@ -21,11 +21,6 @@ impl LineSpan {
     pub fn body(self, buffer: &[u8]) -> &[u8] {
         buffer.get(self.start..self.end).unwrap_or_default()
     }
-
-    /// Its end.
-    pub fn ending(self, buffer: &[u8]) -> &[u8] {
-        buffer.get(self.end..self.next).unwrap_or_default()
-    }
 }
 
 /// Bytes that have come in and not yet gone out.
@@ -126,7 +121,7 @@ mod tests {
 
     fn all(lines: &mut Lines, out: &mut Vec<(Vec<u8>, Vec<u8>)>) -> Result<(), GcodeError> {
         while let Some(span) = lines.next_line()? {
-            out.push((span.body(lines.buffer()).to_vec(), span.ending(lines.buffer()).to_vec()));
+            out.push((span.body(lines.buffer()).to_vec(), lines.buffer()[span.end..span.next].to_vec()));
         }
         Ok(())
     }

@@ -13,13 +13,16 @@ const NODE: f64 = 0.866_025_403_784_438_6;
 /// Where the polynomial is held against the machine: the extremes of Chebyshev's third polynomial, shares of the box.
 const PROBES: [f64; 4] = [0.0, 0.25, 0.75, 1.0];
 
-/// Corrections that change faster than this (mm/mm) are left to Newton's method.
+/// Errors that change faster than this (mm/mm) are left to Newton's method.
 const STEEPEST: f64 = 0.1;
+
+/// Steps to a command, each of which leaves at most that share of the miss.
+const STEPS: usize = 16;
 
 /// A machine in one box of commands, in which its errors are smooth: commands for targets, and places for commands.
 ///
-/// The correction, command less target, is a quadratic in each coordinate of the target, through 27 commands that
-/// Newton's method has found; the error, place less command, one in each coordinate of the command.
+/// The error, place less command, is a quadratic in each coordinate of the command, through 27 places; the correction,
+/// command less target, one in each coordinate of the target. Both are held against 64 places of the machine.
 #[derive(Debug)]
 pub struct Patch {
     /// The box of commands.
@@ -42,20 +45,37 @@ impl Patch {
         let inside = |share: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|axis| low_mm[axis] + share[axis] * (high_mm[axis] - low_mm[axis]))
         };
-        let (mut least_mm, mut most_mm) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for corner in places([0.0, 1.0]) {
-            let target_mm = map.actual(&inside(corner), &still);
-            for axis in 0..3 {
-                least_mm[axis] = least_mm[axis].min(target_mm[axis]);
-                most_mm[axis] = most_mm[axis].max(target_mm[axis]);
-            }
-        }
-        let correction = Quadratic::through(&least_mm, &most_mm, |target_mm| {
-            let command_mm = map.command_for(target_mm, &still, 1e-3 * tolerance_mm).ok()?;
-            is_between(&command_mm, &low_mm, &high_mm).then(|| minus(&command_mm, target_mm))
-        })?;
+        let is_near =
+            |off_mm: [f64; 3]| off_mm.iter().map(|c| c * c).sum::<f64>() <= tolerance_mm * tolerance_mm;
         let error = Quadratic::through(&low_mm, &high_mm, |command_mm| {
             Some(minus(&map.actual(command_mm, &still), command_mm))
+        })?;
+        // Not a number is steep.
+        if !(error.steepest() <= STEEPEST) {
+            return None;
+        }
+        let (mut least_mm, mut most_mm) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let mut probes = Vec::new();
+        for share in places(PROBES) {
+            let command_mm = inside(share);
+            let place_mm = map.actual(&command_mm, &still);
+            if !is_near(minus(&place_mm, &error.added_to(&command_mm))) {
+                return None;
+            }
+            for axis in 0..3 {
+                least_mm[axis] = least_mm[axis].min(place_mm[axis]);
+                most_mm[axis] = most_mm[axis].max(place_mm[axis]);
+            }
+            probes.push((place_mm, command_mm));
+        }
+        let correction = Quadratic::through(&least_mm, &most_mm, |target_mm| {
+            // Each step leaves less than a tenth, from a millimetre to the last digit.
+            let mut command_mm = *target_mm;
+            for _ in 0..STEPS {
+                let miss_mm = minus(&error.added_to(&command_mm), target_mm);
+                command_mm = minus(&command_mm, &miss_mm);
+            }
+            is_between(&command_mm, &low_mm, &high_mm).then(|| minus(&command_mm, target_mm))
         })?;
         let half_mm = minus(&most_mm, &least_mm).map(|width| 0.5 * width);
         let patch = Self {
@@ -67,29 +87,21 @@ impl Patch {
             correction,
             error,
         };
-        let holds = places(PROBES).all(|share| {
-            let command_mm = inside(share);
-            let place_mm = map.actual(&command_mm, &still);
-            let near = |a: [f64; 3], b: &[f64; 3]| {
-                minus(&a, b).iter().map(|c| c * c).sum::<f64>() <= tolerance_mm * tolerance_mm
-            };
-            near(patch.command_for(&place_mm), &command_mm) && near(patch.actual(&command_mm), &place_mm)
-        });
-        (holds && patch.correction.steepest() <= STEEPEST).then_some(patch)
+        let mut misses =
+            probes.iter().map(|(place_mm, command_mm)| minus(&patch.command_for(place_mm), command_mm));
+        (misses.all(is_near) && patch.correction.steepest() <= STEEPEST).then_some(patch)
     }
 
     /// The command for a target; right where it lies in the patch's own box: [`holds`](Self::holds).
     #[inline]
     pub fn command_for(&self, target_mm: &[f64; 3]) -> [f64; 3] {
-        let correction_mm = self.correction.at(target_mm);
-        std::array::from_fn(|axis| target_mm[axis] + correction_mm[axis])
+        self.correction.added_to(target_mm)
     }
 
     /// Where a command of the box puts the tool.
     #[inline]
     pub fn actual(&self, command_mm: &[f64; 3]) -> [f64; 3] {
-        let error_mm = self.error.at(command_mm);
-        std::array::from_fn(|axis| command_mm[axis] + error_mm[axis])
+        self.error.added_to(command_mm)
     }
 
     /// Whether a command lies in the patch's box.
@@ -130,12 +142,14 @@ impl Quadratic {
         Some(Self { middle_mm, per_half_mm: half_mm.map(|half| 1.0 / half), terms })
     }
 
+    /// A place, and what the quadratic gives there.
     #[inline]
-    fn at(&self, at_mm: &[f64; 3]) -> [f64; 4] {
-        in_wide_registers(
+    fn added_to(&self, at_mm: &[f64; 3]) -> [f64; 3] {
+        let [x, y, z, _] = in_wide_registers(
             #[inline(always)]
             || self.sum(at_mm),
-        )
+        );
+        [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z]
     }
 
     /// In loops, for what a library's function is called with is compiled for narrow registers.

@@ -179,3 +179,112 @@ fn digits(text: &[u8], start: usize) -> Option<(i64, usize)> {
     let number = (fours.wrapping_mul(10_000).wrapping_add(fours >> 32)) & 0xffff_ffff;
     Some((number as i64, n_digits))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gcode::lexer::{Head, Line};
+    use crate::gcode::words::Words;
+    use proptest::prelude::*;
+
+    /// What the lexer makes of the first line of `text`, as a plain move.
+    fn by_lexer(text: &str) -> PlainMove {
+        let length = text.find(['\n', '\r']).unwrap();
+        let body = &text.as_bytes()[..length];
+        let mut line = Line::default();
+        line.lex(body);
+        assert!(line.head == Head::Words && line.unreadable.is_none() && !line.has_parameter, "{text:?}");
+        let words = Words::of(&line);
+        assert!(words.repeated.is_none() && words.odd.is_none() && words.parameter.is_none(), "{text:?}");
+        let code = line.words.iter().find(|word| word.letter == b'G').map(|word| word.code10().unwrap());
+        let number = |word: &crate::gcode::lexer::Word| word.number().unwrap();
+        PlainMove {
+            is_rapid: code.map(|code10| code10 == 0),
+            axes: words.axes.map(|word| word.as_ref().map(number)),
+            extruder: words.extruder.as_ref().map(number),
+            feed: words.feed.as_ref().map(number),
+            text: MoveText::of(&line, &words, body),
+            length,
+            length_with_end: length + if text[length..].starts_with("\r\n") { 2 } else { 1 },
+        }
+    }
+
+    fn read(text: &str) -> Option<PlainMove> {
+        // A number near the end of the text is left to the lexer.
+        PlainMove::read(format!("{text}M117 what follows\n").as_bytes())
+    }
+
+    #[test]
+    fn moves_of_slicers_and_of_cam_systems_are_read() {
+        for text in [
+            "G1 X114.255 Y94.658 E2.00592\n",
+            "G0 F9000 X-.5 Y1 Z0.300\r\n",
+            "N120 G01X1.0Y-2.5F300\n",
+            "X1.5 Y2. \n",
+            "G1 E-.8 F2400\n",
+            "G1 F1800\n",
+            "G00\n",
+            " G1  X1\n",
+            "G1 Z1 X2 Y3\n",
+        ] {
+            assert_eq!(read(text), Some(by_lexer(text)), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn everything_else_is_left_to_the_lexer() {
+        for text in [
+            "\n",
+            "N5\n",
+            "G2 X1 Y1 I1\n",
+            "G1 X1 X2\n",
+            "G1 X1 ; travel\n",
+            "G1 X1 (travel)\n",
+            "g1 x1\n",
+            "G1 X 1\n",
+            "G1 X+1\n",
+            "G1 X\n",
+            "G1 X-\n",
+            "G1 X.\n",
+            "G1 X1.2.3\n",
+            "G1 X12345678\n",
+            "G1 X1_\n",
+            "G1 X1\r",
+            "G1 X1\tY2\n",
+            "G1.5 X1\n",
+            "G10 X1\n",
+            "G1 G90 X1\n",
+            "X1 G1\n",
+            "G1 X1*33\n",
+            "G1 X1 A2\n",
+            "%\n",
+            "START X1\n",
+        ] {
+            assert_eq!(read(text), None, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn a_line_that_has_not_ended_is_left_to_the_lexer() {
+        assert_eq!(PlainMove::read(b"G1 X114.255 Y94.658 E2.00592"), None);
+        assert_eq!(PlainMove::read(b""), None);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_read_is_what_the_lexer_reads(
+            text in "(N[0-9]{1,4} ?)?(G0?[01])?( {0,2}[XYZEF]-?[0-9]{0,8}(\\.[0-9]{0,8})?){0,4} ?(\r?\n)",
+        ) {
+            if let Some(plain) = read(&text) {
+                prop_assert_eq!(plain, by_lexer(&text));
+            }
+        }
+
+        #[test]
+        fn any_bytes_are_read_or_left(bytes in proptest::collection::vec(any::<u8>(), 0..60)) {
+            if let Some(plain) = PlainMove::read(&bytes) {
+                prop_assert!(plain.length < plain.length_with_end && plain.length_with_end <= bytes.len());
+            }
+        }
+    }
+}
