@@ -284,7 +284,7 @@ impl Edges {
     fn cell(&self, at_mm: f64) -> Option<usize> {
         let bucket = (at_mm - self.low_mm) * self.buckets_per_mm;
         // Not a number is outside.
-        if !(bucket >= 0.0) {
+        if !(0.0..f64::INFINITY).contains(&bucket) {
             return None;
         }
         let mut cell = *self.first.get(bucket as i64 as usize)? as usize;

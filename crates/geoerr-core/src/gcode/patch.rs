@@ -51,7 +51,7 @@ impl Patch {
             Some(minus(&map.actual(command_mm, &still), command_mm))
         })?;
         // Not a number is steep.
-        if !(error.steepest() <= STEEPEST) {
+        if !(..=STEEPEST).contains(&error.steepest()) {
             return None;
         }
         let (mut least_mm, mut most_mm) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -234,12 +234,11 @@ fn places<const N: usize>(values: [f64; N]) -> impl Iterator<Item = [f64; 3]> {
 
 /// Values at the three nodes of one variable into coefficients.
 fn interpolate(terms: &mut [[f64; 4]; TERMS], stride: usize) {
-    for first in (0..TERMS).filter(|place| place / stride % 3 == 0) {
-        for k in 0..4 {
-            let [below, at, above] = [0, 1, 2].map(|node| terms[first + node * stride][k]);
-            terms[first][k] = at;
-            terms[first + stride][k] = (above - below) / (2.0 * NODE);
-            terms[first + 2 * stride][k] = (above + below - 2.0 * at) / (2.0 * NODE * NODE);
-        }
+    for first in (0..TERMS).filter(|place| (place / stride).is_multiple_of(3)) {
+        let [below, at, above] = [0, 1, 2].map(|node| terms[first + node * stride]);
+        terms[first] = at;
+        terms[first + stride] = std::array::from_fn(|k| (above[k] - below[k]) / (2.0 * NODE));
+        terms[first + 2 * stride] =
+            std::array::from_fn(|k| (above[k] + below[k] - 2.0 * at[k]) / (2.0 * NODE * NODE));
     }
 }

@@ -1,7 +1,7 @@
 //! The stream: several blocks under way at a time, and what that must not change.
 
 use super::common::{Outcome, RANGE_MM, bent, options, passing, run, run_bytes};
-use geoerr_core::gcode::{GcodeError, Rewriter};
+use geoerr_core::gcode::{Firmware, GcodeError, Options, Rewriter};
 use std::fmt::Write as _;
 
 /// Some thousand lines: short moves, long ones that are split, other lines, changes of mode.
@@ -60,6 +60,7 @@ fn plain_lines_and_lines_that_only_the_lexer_reads_are_one_program() {
 fn what_is_before_a_refused_line_comes_out_first() {
     let program = program(5_000);
     let machine = || bent("wZbXYt", [0.0; 3]);
+    let options = || Options { firmware: Some(Firmware::Klipper), ..options() };
     let before = run(machine(), options(), &program).unwrap().bytes;
     let mut rewriter = Rewriter::new(machine(), options()).unwrap();
     rewriter.push(format!("{program}G2 X1 Y1 I1\n{program}").as_bytes(), true);
