@@ -17,8 +17,8 @@ use crate::volumetric::{Approach, MotionNeeds};
 /// Widest box.
 const WIDEST_MM: f64 = 10.0;
 
-/// More boxes than this are too many to list.
-const MOST_BOXES: usize = 1 << 20;
+/// More rows of boxes than this are too many to list: 12 MB.
+const MOST_ROWS: usize = 1 << 19;
 
 /// When so many boxes have polynomials all are forgotten: they would fill 30 MB.
 const MOST_MADE: usize = 1 << 14;
@@ -57,15 +57,13 @@ impl Grid {
         if map.is_nominal() || map.needs().any() {
             return None;
         }
-        let mut axes = Vec::new();
-        let mut n_boxes = 1_usize;
-        for (axis, &range) in range_mm.iter().enumerate() {
-            let edges = Edges::new(range, map.knots(axis))?;
-            n_boxes = n_boxes.checked_mul(edges.n_cells()).filter(|&n| n <= MOST_BOXES)?;
-            axes.push(edges);
+        let edges = |axis: usize| Edges::new(range_mm[axis], map.knots(axis));
+        let axes = [edges(0)?, edges(1)?, edges(2)?];
+        let n_rows = axes[1].n_cells() * axes[2].n_cells();
+        // Places of boxes are counted in 32 bits.
+        if n_rows > MOST_ROWS || u32::try_from(n_rows * axes[0].n_cells()).is_err() {
+            return None;
         }
-        let axes: [Edges; 3] = axes.try_into().ok()?;
-        let n_rows = n_boxes / axes[0].n_cells();
         let rows = std::iter::repeat_with(OnceLock::new).take(n_rows).collect();
         let tolerance_mm = SHARE_OF_TOLERANCE * newton_mm;
         Some(Self { axes, rows, n_made: AtomicUsize::new(0), tolerance_mm })
@@ -152,6 +150,8 @@ impl Grid {
 
     #[cold]
     fn list(&self) -> Row {
+        // Memory of polynomials that have not been made yet: a box listed is a hundredth of a box made.
+        self.n_made.fetch_add(1 + self.axes[0].n_cells() / 100, Ordering::Relaxed);
         std::iter::repeat_with(OnceLock::new).take(self.axes[0].n_cells()).collect()
     }
 
@@ -253,7 +253,7 @@ impl Edges {
         let inner = knots_mm.iter().copied().filter(|&knot| low_mm < knot && knot < high_mm);
         let kinks_mm: Vec<f64> = std::iter::once(low_mm).chain(inner).chain([high_mm]).collect();
         let wanted: f64 = kinks_mm.windows(2).map(|pair| ((pair[1] - pair[0]) / WIDEST_MM).ceil()).sum();
-        if wanted > MOST_BOXES as f64 {
+        if wanted > MOST_ROWS as f64 {
             return None;
         }
         let mut edges_mm = Vec::new();
