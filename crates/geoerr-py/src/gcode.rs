@@ -168,7 +168,7 @@ impl PyGcodeRewriter {
 
     /// Counts so far, and the largest correction.
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let summary = *self.lock()?.summary();
+        let summary = self.lock()?.summary();
         let dict = PyDict::new(py);
         dict.set_item("lines", summary.lines)?;
         dict.set_item("moves_in", summary.moves_in)?;

@@ -88,16 +88,30 @@ pub const POWERS: [i64; 19] = {
 pub const POWERS_F64: [f64; 19] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18];
 
-/// Writes `scaled / 10^digits` with exactly `digits` digits behind the point.
-pub fn write_fixed(out: &mut Vec<u8>, scaled: i64, digits: u8) {
-    // Least significant digit first, into the end of the buffer.
-    let mut buffer = [b'0'; 40];
-    let mut at = buffer.len();
+/// `00 01 .. 99`.
+const PAIRS: [[u8; 2]; 100] = {
+    let mut pairs = [[b'0'; 2]; 100];
+    let mut i = 0;
+    while i < pairs.len() {
+        pairs[i] = [b'0' + (i / 10) as u8, b'0' + (i % 10) as u8];
+        i += 1;
+    }
+    pairs
+};
+
+/// Most bytes of a written number.
+pub const FIXED_BYTES: usize = 24;
+
+/// `scaled / 10^digits` with exactly `digits` digits behind the point, at the end of the bytes; and where it begins.
+pub fn fixed(scaled: i64, digits: u8) -> ([u8; FIXED_BYTES], usize) {
+    let mut buffer = [b'0'; FIXED_BYTES];
+    let mut at = FIXED_BYTES;
     let mut rest = scaled.unsigned_abs();
     let mut put = |byte: u8| {
         at -= 1;
         buffer[at] = byte;
     };
+    // Least significant digit first.
     for _ in 0..digits.min(18) {
         put(b'0' + (rest % 10) as u8);
         rest /= 10;
@@ -115,7 +129,54 @@ pub fn write_fixed(out: &mut Vec<u8>, scaled: i64, digits: u8) {
     if scaled < 0 {
         put(b'-');
     }
-    out.extend_from_slice(&buffer[at..]);
+    (buffer, at)
+}
+
+/// Four digits as they are written.
+#[inline]
+fn four_digits(number: u32) -> u32 {
+    let [a, b] = PAIRS[(number / 100 % 100) as usize];
+    let [c, d] = PAIRS[(number % 100) as usize];
+    u32::from_le_bytes([a, b, c, d])
+}
+
+/// What [`write_fixed`] writes for numbers of usual size with usual digits, in a register; and how many bytes it has.
+#[inline]
+pub fn short_fixed(scaled: i64, digits: u8) -> Option<([u8; 16], usize)> {
+    let size = u32::try_from(scaled.unsigned_abs()).ok()?;
+    // Divisors that the compiler knows.
+    let (whole, fraction) = match digits {
+        3 => (size / 1_000, size % 1_000 * 10),
+        4 => (size / 10_000, size % 10_000),
+        _ => return None,
+    };
+    if whole >= 10_000 {
+        return None;
+    }
+    let digits = u32::from(digits);
+    let padded = four_digits(whole);
+    // The last zero stays.
+    let n_zeros = ((padded ^ u32::from_le_bytes(*b"0000")).trailing_zeros() / 8).min(3);
+    let n_whole = 4 - n_zeros;
+    let behind = u64::from(b'.') | u64::from(four_digits(fraction)) << 8;
+    let mut bytes = u128::from(padded >> (8 * n_zeros)) | u128::from(behind) << (8 * n_whole);
+    let mut n_bytes = n_whole + 1 + digits;
+    if scaled < 0 {
+        bytes = bytes << 8 | u128::from(b'-');
+        n_bytes += 1;
+    }
+    Some((bytes.to_le_bytes(), n_bytes as usize))
+}
+
+/// Writes `scaled / 10^digits` with exactly `digits` digits behind the point.
+pub fn write_fixed(out: &mut Vec<u8>, scaled: i64, digits: u8) {
+    match short_fixed(scaled, digits) {
+        Some((bytes, n_bytes)) => out.extend_from_slice(&bytes[..n_bytes]),
+        None => {
+            let (buffer, begin) = fixed(scaled, digits);
+            out.extend_from_slice(&buffer[begin..]);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -164,6 +225,14 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn short_numbers_are_written_as_long_ones(scaled in -200_000_000_i64..200_000_000, digits in 0_u8..=9) {
+            let (long, begin) = fixed(scaled, digits);
+            if let Some((short, n_bytes)) = short_fixed(scaled, digits) {
+                prop_assert_eq!(&short[..n_bytes], &long[begin..]);
+            }
+        }
+
         #[test]
         fn reading_is_std_parsing(text in "-?[0-9]{1,9}(\\.[0-9]{0,6})?") {
             let (decimal, length) = Decimal::parse(text.as_bytes()).unwrap();

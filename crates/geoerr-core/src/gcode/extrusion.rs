@@ -90,7 +90,25 @@ impl Extrusion {
 
     /// A move with this `E` word: how its pieces would share it, and what it extrudes (units of `10^-18`) as the
     /// named firmware, or else Marlin, reads it.
+    #[inline]
     pub fn advance(&mut self, word: Decimal) -> (Share, i128) {
+        let relative = Firmware::ALL.map(|firmware| self.is_relative(firmware));
+        let [one, other, third] = self.readings.map(|reading| reading.position);
+        if word.is_cut || relative.contains(&!relative[0]) || one != other || one != third {
+            return self.advance_each(word);
+        }
+        let exact = word.exact();
+        if relative[0] {
+            self.readings = [Reading { position: one.saturating_add(exact) }; 3];
+            return (Share::Increment(word), exact);
+        }
+        let increment = exact.saturating_sub(one);
+        self.readings = [Reading { position: one.saturating_add(increment) }; 3];
+        (Share::Position { from: one as f64 * 1e-18, to: word }, increment)
+    }
+
+    /// [`advance`](Self::advance) where firmwares may disagree.
+    fn advance_each(&mut self, word: Decimal) -> (Share, i128) {
         let shown = self.firmware.unwrap_or(Firmware::Marlin);
         let mut share = None;
         let mut shown_increment = 0;

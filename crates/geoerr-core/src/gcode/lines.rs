@@ -21,11 +21,6 @@ impl LineSpan {
     pub fn body(self, buffer: &[u8]) -> &[u8] {
         buffer.get(self.start..self.end).unwrap_or_default()
     }
-
-    /// Its end.
-    pub fn ending(self, buffer: &[u8]) -> &[u8] {
-        buffer.get(self.end..self.next).unwrap_or_default()
-    }
 }
 
 /// Bytes that have come in and not yet gone out.
@@ -55,6 +50,24 @@ impl Lines {
     /// The bytes that spans refer to.
     pub fn buffer(&self) -> &[u8] {
         &self.buffer
+    }
+
+    /// Where the next line begins.
+    pub fn next_start(&self) -> usize {
+        self.done
+    }
+
+    /// Whether more bytes may come.
+    pub fn is_open(&self) -> bool {
+        !self.is_whole
+    }
+
+    /// Takes over that somebody else has read the next line, whose end stands at `end` and behind it `next`.
+    #[inline]
+    pub fn skip_line(&mut self, end: usize, next: usize) -> LineSpan {
+        let start = std::mem::replace(&mut self.done, next);
+        self.n_lines += 1;
+        LineSpan { start, end, next }
     }
 
     /// The next line; None where it has not ended yet. Spans hold until the next push.
@@ -108,7 +121,7 @@ mod tests {
 
     fn all(lines: &mut Lines, out: &mut Vec<(Vec<u8>, Vec<u8>)>) -> Result<(), GcodeError> {
         while let Some(span) = lines.next_line()? {
-            out.push((span.body(lines.buffer()).to_vec(), span.ending(lines.buffer()).to_vec()));
+            out.push((span.body(lines.buffer()).to_vec(), lines.buffer()[span.end..span.next].to_vec()));
         }
         Ok(())
     }

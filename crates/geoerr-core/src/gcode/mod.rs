@@ -1,14 +1,16 @@
 //! Programs corrected for the machine they run on.
 //!
 //! ```text
-//! bytes ─ lines ─▶ lexer ─ words ─▶ reader ─ steps ─▶ path ─ nodes ─▶ writer ─▶ bytes
-//!                                  (modes, frame)    (parallel)      (frame)
+//! bytes ─ lines ─▶ plain moves ┐
+//!                  lexer ─────┴▶ reader ─ moves ─▶ solver ─ nodes ─▶ writer ─▶ bytes
+//!                               (modes, frame)    (parallel)       (frame)
 //! ```
 //!
-//! A program is read line by line, in blocks, and written in the same order. Lines that are no straight moves pass byte for
-//! byte. The end of each move is solved once ([`crate::newton`]); a move whose path would leave the tolerance is split
-//! ([`path`]). The [`reader`](self) keeps the modes and where the program means the machine to be, the writer where
-//! the rewritten program puts it: after `G92` the two differ.
+//! A program is read line by line, in blocks, and written in the same order; while one block is read the one before is
+//! solved and the one before that is written ([`Rewriter`]). Lines that are no straight moves pass byte for
+//! byte. The end of each move is solved once ([`crate::newton`], by polynomials where a machine has a `Grid`); a move
+//! whose path would leave the tolerance is split ([`path`]). The [`reader`](self) keeps the modes and where the program
+//! means the machine to be, the writer where the rewritten program puts it: after `G92` the two differ.
 //!
 //! # Direction and speed
 //! Where errors depend on how a place is approached, each move has its [`Course`]: directions and travel from the
@@ -17,20 +19,27 @@
 //! that takes up the play at its begin and extrudes nothing. A jump below half of the tolerance is taken up along the
 //! move instead, within the tolerance; so a path of many short moves at changing speeds is not doubled.
 
+mod block;
+mod block_writer;
 mod codes;
 mod course;
 mod decimal;
+mod draft;
 mod error;
 mod extrusion;
 mod frame;
+mod grid;
 mod knots;
 mod lexer;
 mod lines;
 mod options;
+mod patch;
 pub mod path;
+mod plain;
 mod reader;
 mod report;
 mod rewriter;
+mod solver;
 mod term_path;
 mod unsupported;
 mod words;

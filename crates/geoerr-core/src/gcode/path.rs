@@ -107,6 +107,8 @@ pub enum SplitError {
 
 /// The nodes behind `start` at which the move has to be commanded, `end` the last; None where `end` is enough.
 ///
+/// `crossings` is memory that calls share.
+///
 /// `start` may be commanded for another approach (that of the move before): what it is off by is part of the first
 /// piece's deviation, as long as it is below half of the limit; a larger jump begins with a node of share 0 that
 /// commands the start anew.
@@ -135,12 +137,12 @@ pub fn split(
     start: &Node,
     end: &Node,
     closeness: &Closeness,
+    crossings: &mut Vec<f64>,
 ) -> Result<Option<Vec<Node>>, SplitError> {
-    let mut crossings = Vec::new();
     if map.is_nominal() {
         return Ok(None);
     }
-    let on = Moved { map, course };
+    let on = Moved { map, course, is_still: !map.needs().any() };
     let mut pieces = Vec::new();
     let mut start = start;
     let anew;
@@ -155,7 +157,7 @@ pub fn split(
             pieces.push(anew);
         }
     }
-    let Some(first) = on.worst(start, end, at_start, closeness.limit_mm, &mut crossings) else {
+    let Some(first) = on.worst(start, end, at_start, closeness.limit_mm, crossings) else {
         if !pieces.is_empty() {
             pieces.push(*end);
         }
@@ -181,7 +183,7 @@ pub fn split(
                 ahead.push(on.solved(start, end, share, closeness.newton_mm)?);
             }
         }
-        over = ahead.last().and_then(|to| on.worst(&from, to, at_start, closeness.limit_mm, &mut crossings));
+        over = ahead.last().and_then(|to| on.worst(&from, to, at_start, closeness.limit_mm, crossings));
     }
     Ok(Some(pieces))
 }
@@ -198,6 +200,8 @@ struct Worst {
 struct Moved<'a, M> {
     map: &'a M,
     course: &'a Course,
+    /// Whether the approach does not matter.
+    is_still: bool,
 }
 
 impl<M: PathMap> Moved<'_, M> {
@@ -241,7 +245,11 @@ impl<M: PathMap> Moved<'_, M> {
     /// Actual minus ideal tool position at a share of a piece.
     #[inline]
     fn deviation(&self, from: &Node, to: &Node, share: f64) -> [f64; 3] {
-        let approach = self.course.at(from.share + share * (to.share - from.share));
+        let approach = if self.is_still {
+            Approach::default()
+        } else {
+            self.course.at(from.share + share * (to.share - from.share))
+        };
         let actual = self.map.actual(&between(&from.command_mm, &to.command_mm, share), &approach);
         let ideal = between(&from.ideal_mm, &to.ideal_mm, share);
         std::array::from_fn(|axis| actual[axis] - ideal[axis])
@@ -311,7 +319,7 @@ mod tests {
             .unwrap();
         let map = machine(errors);
         let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [400.0, 300.0, 200.0]));
-        assert_eq!(split(&map, &Course::default(), &start, &end, &CLOSE), Ok(None));
+        assert_eq!(split(&map, &Course::default(), &start, &end, &CLOSE, &mut Vec::new()), Ok(None));
     }
 
     #[test]
@@ -320,7 +328,7 @@ mod tests {
         errors.set(Axis::X, Component::Y, Table::new(vec![0.0, 100.0, 400.0], vec![0.0, 0.5, -0.2]).unwrap());
         let map = machine(errors);
         let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [400.0, 0.0, 0.0]));
-        let pieces = split(&map, &Course::default(), &start, &end, &CLOSE).unwrap().unwrap();
+        let pieces = split(&map, &Course::default(), &start, &end, &CLOSE, &mut Vec::new()).unwrap().unwrap();
         assert_eq!(pieces.len(), 2);
         assert!((pieces[0].share - 0.25).abs() < 1e-12, "{}", pieces[0].share);
         assert_eq!(pieces[1], end);
@@ -338,10 +346,10 @@ mod tests {
         let map = machine(errors);
         let (start, end) = (node(&map, 0.0, [0.0; 3]), node(&map, 1.0, [200.0, 0.0, 0.0]));
         let close = Closeness { limit_mm: 1e-6, shortest_mm: 0.1, ..CLOSE };
-        match split(&map, &Course::default(), &start, &end, &close) {
+        match split(&map, &Course::default(), &start, &end, &close, &mut Vec::new()) {
             Ok(None) => panic!("a step is no straight line"),
             Ok(Some(pieces)) => {
-                let on = Moved { map: &map, course: &Course::default() };
+                let on = Moved { map: &map, course: &Course::default(), is_still: true };
                 let mut from = start;
                 for piece in pieces {
                     for i in 0..=100 {

@@ -166,6 +166,31 @@ impl Default for Summary {
     }
 }
 
+impl Summary {
+    /// These counts and those of another part of the work.
+    pub fn plus(&self, other: &Self) -> Self {
+        let largest = if self.largest_correction_mm > other.largest_correction_mm { self } else { other };
+        let both = |axis: usize| {
+            let ((low, high), (other_low, other_high)) = (self.box_mm[axis], other.box_mm[axis]);
+            (low.min(other_low), high.max(other_high))
+        };
+        Self {
+            lines: self.lines + other.lines,
+            moves_in: self.moves_in + other.moves_in,
+            moves_out: self.moves_out + other.moves_out,
+            moves_corrected: self.moves_corrected + other.moves_corrected,
+            untouched_position_unknown: self.untouched_position_unknown + other.untouched_position_unknown,
+            untouched_unsupported: self.untouched_unsupported + other.untouched_unsupported,
+            lines_not_followed: self.lines_not_followed + other.lines_not_followed,
+            largest_correction_mm: largest.largest_correction_mm,
+            largest_correction_line: largest.largest_correction_line,
+            box_mm: std::array::from_fn(both),
+            extrusion_in: self.extrusion_in + other.extrusion_in,
+            extrusion_out: self.extrusion_out + other.extrusion_out,
+        }
+    }
+}
+
 /// The line as a message shows it: printable, short, between backquotes.
 pub fn excerpt(body: &[u8]) -> String {
     const LONGEST: usize = 60;

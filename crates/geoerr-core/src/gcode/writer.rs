@@ -1,6 +1,7 @@
 //! Moves written again with corrected words; knows where the rewritten program puts the machine.
 
 use super::decimal::{POWERS_F64, write_fixed};
+use super::draft::Draft;
 use super::extrusion::Share;
 use super::frame::{Effects, Frame};
 use super::lexer::Span;
@@ -17,6 +18,8 @@ const EXTRUDER_DIGITS: u8 = 5;
 pub struct SourceLine<'a> {
     /// Without its end.
     pub body: &'a [u8],
+    /// From its begin to where the program's text ends for now.
+    pub text: &'a [u8],
     /// Its end.
     pub ending: &'a [u8],
     /// The end to give to lines before a last line that has none.
@@ -39,6 +42,7 @@ pub struct Writer {
     /// Whether the next changed move must give all three axes, because the controller's own idea of its place is not
     /// relied on.
     must_give_all: bool,
+    draft: Draft,
 }
 
 /// An axis word of a piece.
@@ -69,6 +73,18 @@ impl Writer {
     ) -> Written {
         self.must_give_all |= a_move.is_first;
         let mut is_changed = nodes.len() > 1;
+        if let [node] = nodes
+            && Draft::fits(line.body.len() + line.ending.len())
+            && is_in_order(&a_move.text)
+        {
+            let words = self.axis_words(a_move, node, true, options);
+            is_changed |= words.iter().any(|word| matches!(word, AxisWord::New(_)));
+            self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
+            self.draft.clear();
+            draft_whole(&mut self.draft, line, &a_move.text, &words, options.word_digits(a_move.is_inch));
+            out.extend_from_slice(self.draft.bytes());
+            return Written { is_changed, extrusion: a_move.extrusion };
+        }
         let shares = Shares::new(a_move, nodes);
         for (piece, node) in nodes.iter().enumerate() {
             let words = self.axis_words(a_move, node, piece == 0, options);
@@ -99,8 +115,12 @@ impl Writer {
         options: &Options,
     ) -> [AxisWord; 3] {
         let motion = &a_move.motion;
-        let unit_mm = unit_mm(a_move.is_inch);
-        let step_per_unit = POWERS_F64[usize::from(options.word_digits(a_move.is_inch))];
+        let (is_inch, unit_mm) = (a_move.is_inch, unit_mm(a_move.is_inch));
+        let step_per_unit = POWERS_F64[usize::from(options.word_digits(is_inch))];
+        let steps_of = |word_mm: f64| {
+            let word = if is_inch { word_mm / unit_mm } else { word_mm };
+            rounded(word * step_per_unit)
+        };
         let half_step_mm = options.half_step_mm(a_move.is_inch);
         // The number of an axis that is where it should be may still differ by rounding: a hair more than half a step.
         let near = |a_mm: f64, b_mm: f64| (a_mm - b_mm).abs() <= half_step_mm * (1.0 + 1e-6);
@@ -122,14 +142,14 @@ impl Writer {
             match old {
                 Some(word_mm) if near(word_mm, wanted_mm[axis]) => AxisWord::Kept,
                 None if stays(axis) => AxisWord::Absent,
-                _ => AxisWord::New((wanted_mm[axis] / unit_mm * step_per_unit).round() as i64),
+                _ => AxisWord::New(steps_of(wanted_mm[axis])),
             }
         });
         let is_changed = words.iter().any(|word| matches!(word, AxisWord::New(_)));
         if self.must_give_all && is_changed && motion.is_absolute && is_first_piece {
             for axis in 0..3 {
                 if matches!(words[axis], AxisWord::Absent) {
-                    words[axis] = AxisWord::New((wanted_mm[axis] / unit_mm * step_per_unit).round() as i64);
+                    words[axis] = AxisWord::New(steps_of(wanted_mm[axis]));
                 }
             }
         }
@@ -143,6 +163,14 @@ impl Writer {
         }
         words
     }
+}
+
+/// The nearest integer, halves away from zero, as [`f64::round`] has it but without a call.
+#[inline]
+fn rounded(number: f64) -> i64 {
+    let whole = number as i64;
+    let rest = number - whole as f64;
+    whole.saturating_add(i64::from(rest >= 0.5)).saturating_sub(i64::from(rest <= -0.5))
 }
 
 /// `E` of the pieces of a move.
@@ -195,6 +223,41 @@ impl Shares {
     }
 }
 
+/// Whether the axis words of a line stand in the order X, Y, Z.
+#[inline]
+fn is_in_order(text: &MoveText) -> bool {
+    let begins = text.axes.map(|span| span.map(|span| span.start));
+    let is_behind = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a < b);
+    is_behind(begins[0], begins[1]) && is_behind(begins[1], begins[2]) && is_behind(begins[0], begins[2])
+}
+
+/// The line of a move that stays whole, its axis words in order; its `E` stays.
+#[inline]
+fn draft_whole(draft: &mut Draft, line: SourceLine<'_>, text: &MoveText, words: &[AxisWord; 3], digits: u8) {
+    let mut at = 0;
+    for (axis, &word) in words.iter().enumerate() {
+        if let (AxisWord::New(steps), Some(span)) = (word, text.axes[axis]) {
+            // The letter stays.
+            draft.copy(line.text, at, span.start as usize + 1);
+            draft.number(steps, digits);
+            at = span.end as usize;
+        }
+    }
+    for (axis, &word) in words.iter().enumerate() {
+        if let (AxisWord::New(steps), None) = (word, text.axes[axis]) {
+            let behind = text.behind_axes as usize;
+            draft.copy(line.text, at, behind);
+            at = behind;
+            if text.is_spaced {
+                draft.push(b' ');
+            }
+            draft.push(axis_letter(text, axis));
+            draft.number(steps, digits);
+        }
+    }
+    draft.copy(line.text, at, line.body.len() + line.ending.len());
+}
+
 /// The line itself with new numbers; words of axes that it did not give behind the last that it gave.
 fn write_first(
     out: &mut Vec<u8>,
@@ -205,29 +268,40 @@ fn write_first(
     digits: u8,
 ) {
     // Byte ranges to replace, in the order of the line. An insertion is an empty range.
-    let mut edits: [Option<(Span, Edit)>; 7] = [None; 7];
+    let mut edits = [(Span { start: 0, end: 0 }, Edit::Number { steps: 0, digits }); 7];
+    let mut n_edits = 0;
+    let mut is_sorted = true;
+    let mut add = |span: Span, edit: Edit| {
+        is_sorted &= n_edits == 0 || edits[n_edits - 1].0.start <= span.start;
+        edits[n_edits] = (span, edit);
+        n_edits += 1;
+    };
+    for (axis, &word) in words.iter().enumerate() {
+        if let (AxisWord::New(steps), Some(span)) = (word, text.axes[axis]) {
+            add(span, Edit::Number { steps, digits });
+        }
+    }
     let behind = Span { start: text.behind_axes, end: text.behind_axes };
     for (axis, &word) in words.iter().enumerate() {
-        if let AxisWord::New(steps) = word {
-            match text.axes[axis] {
-                Some(span) => edits[axis] = Some((span, Edit::Number { steps, digits })),
-                None => edits[3 + axis] = Some((behind, Edit::Axis { axis, steps })),
-            }
+        if let (AxisWord::New(steps), None) = (word, text.axes[axis]) {
+            add(behind, Edit::Axis { axis, steps });
         }
     }
     if let (Some(span), Some(&steps)) = (text.extruder, shares.words.first()) {
-        edits[6] = Some((span, Edit::Number { steps, digits: shares.digits }));
+        add(span, Edit::Number { steps, digits: shares.digits });
     }
-    // Stable: insertions at one place stay in the order X, Y, Z.
-    edits.sort_by_key(|edit| edit.map_or(u32::MAX, |(span, _)| span.start));
+    let edits = &mut edits[..n_edits];
+    if !is_sorted {
+        // Stable: insertions at one place stay in the order X, Y, Z.
+        edits.sort_by_key(|(span, _)| span.start);
+    }
     let mut at = 0;
-    for (span, edit) in edits.into_iter().flatten() {
-        out.extend_from_slice(body.get(at..span.start as usize).unwrap_or_default());
+    for &(span, edit) in edits.iter() {
+        // Up to the number: the letter stays.
+        let letter = usize::from(matches!(edit, Edit::Number { .. }));
+        out.extend_from_slice(body.get(at..span.start as usize + letter).unwrap_or_default());
         match edit {
-            Edit::Number { steps, digits } => {
-                out.extend(span.of(body).first());
-                write_fixed(out, steps, digits);
-            }
+            Edit::Number { steps, digits } => write_fixed(out, steps, digits),
             Edit::Axis { axis, steps } => write_axis(out, text, axis, steps, digits),
         }
         at = span.end as usize;
@@ -282,7 +356,12 @@ fn write_axis(out: &mut Vec<u8>, text: &MoveText, axis: usize, steps: i64, digit
     if text.is_spaced {
         out.push(b' ');
     }
-    let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
-    out.push(letters[axis]);
+    out.push(axis_letter(text, axis));
     write_fixed(out, steps, digits);
+}
+
+#[inline]
+fn axis_letter(text: &MoveText, axis: usize) -> u8 {
+    let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
+    letters[axis]
 }

@@ -92,7 +92,7 @@ pub fn run_bytes(machine: MachineModel, options: Options, chunks: &[&[u8]]) -> R
     }
     rewriter.push(b"", true);
     while rewriter.pull(&mut bytes)? {}
-    Ok(Outcome { bytes, summary: *rewriter.summary(), warnings: rewriter.warnings() })
+    Ok(Outcome { bytes, summary: rewriter.summary(), warnings: rewriter.warnings() })
 }
 
 pub fn run(machine: MachineModel, options: Options, program: &str) -> Result<Outcome, GcodeError> {

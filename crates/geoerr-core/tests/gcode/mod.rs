@@ -6,3 +6,4 @@ mod lines;
 mod refusals;
 mod round_trip;
 mod state;
+mod stream;

@@ -11,6 +11,7 @@ use super::extrusion::{Extrusion, Share};
 use super::frame::{ALL, Effects, Frame, Known, Mask, Motion, Place, Shift, either};
 use super::lexer::{Head, Line, Span};
 use super::options::{OnUnsupported, Options, unit_mm};
+use super::plain::PlainMove;
 use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::unsupported::{After, Unsupported};
 use super::words::{MoveText, Words};
@@ -22,10 +23,18 @@ const EDGE_MM: f64 = 1e-9;
 /// What to do with a line.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// Write it as it is.
-    Pass(Effects),
-    /// Correct it.
-    Correct(Move),
+    /// Write it as it is: it does nothing.
+    Pass,
+    /// Write it as it is; few lines do something.
+    Do(Box<Effects>),
+    /// Correct it: it is the last of the reader's [`moves`](Reader::moves).
+    Correct,
+}
+
+impl Step {
+    fn pass(effects: Effects) -> Self {
+        if effects == Effects::default() { Self::Pass } else { Self::Do(Box::new(effects)) }
+    }
 }
 
 /// A straight move whose end is known.
@@ -35,8 +44,6 @@ pub struct Move {
     pub motion: Motion,
     /// Where the program wants the machine, machine coordinates.
     pub end_mm: [f64; 3],
-    /// How it approaches its places.
-    pub course: Course,
     /// Whether it does not begin where a corrected move ended.
     pub is_first: bool,
     /// Words are inches.
@@ -103,6 +110,10 @@ pub struct Reader {
     pub warnings: Warnings,
     /// Counts.
     pub summary: Summary,
+    /// The moves to correct, in the order of their lines.
+    pub moves: Vec<Move>,
+    /// How each of them approaches its places; empty where the machine's errors do not depend on it.
+    pub courses: Vec<Course>,
 }
 
 /// What the codes of one line ask for, collected in one pass.
@@ -165,6 +176,8 @@ impl Reader {
             has_parenthesis: false,
             warnings: Warnings::default(),
             summary: Summary::default(),
+            moves: Vec::new(),
+            courses: Vec::new(),
         }
     }
 
@@ -177,7 +190,7 @@ impl Reader {
         self.summary.lines += 1;
         if self.is_lost || self.n_percent >= 2 {
             self.summary.lines_not_followed += 1;
-            return Ok(Step::Pass(Effects::default()));
+            return Ok(Step::Pass);
         }
         let mut line = std::mem::take(&mut self.line);
         line.lex(body);
@@ -191,8 +204,34 @@ impl Reader {
         };
         self.line = line;
         let step = step?;
-        match &step {
-            Step::Pass(effects) => {
+        self.take_over(&step, body)?;
+        Ok(step)
+    }
+
+    /// Reads a line that is a plain move and no more; None where the modes make anything else of it: then it has to be
+    /// [`read`](Self::read).
+    ///
+    /// # Errors
+    /// As of [`read`](Self::read).
+    pub fn read_plain(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Result<Step, GcodeError>> {
+        if self.is_lost || self.n_percent >= 2 {
+            return None;
+        }
+        // Messages count from 1, and this line is not counted yet.
+        self.summary.lines += 1;
+        let Some(step) = self.plain_motion(plain, body) else {
+            self.summary.lines -= 1;
+            return None;
+        };
+        Some(self.take_over(&step, body).map(|()| step))
+    }
+
+    /// The machine after a line.
+    #[inline]
+    fn take_over(&mut self, step: &Step, body: &[u8]) -> Result<(), GcodeError> {
+        match step {
+            Step::Pass => return Ok(()),
+            Step::Do(effects) => {
                 self.frame.apply(effects);
                 self.past.forget(effects.forget);
                 if let Place::Home(mask, _) = effects.place {
@@ -201,43 +240,24 @@ impl Reader {
                 if effects.place != Place::Keep || effects.forget != [false; 3] {
                     self.is_corrected = false;
                 }
+                if !matches!(effects.place, Place::Move(_)) {
+                    return Ok(());
+                }
             }
-            Step::Correct(a_move) => {
-                self.frame.position_mm = a_move.end_mm.map(Some);
+            Step::Correct => {
+                self.frame.position_mm =
+                    self.moves.last().map_or([None; 3], |a_move| a_move.end_mm.map(Some));
                 self.is_corrected = true;
             }
         }
-        self.check_range(&step, body)?;
-        Ok(step)
-    }
-
-    /// The machine's range, for every axis whose place is known.
-    fn check_range(&mut self, step: &Step, body: &[u8]) -> Result<(), GcodeError> {
-        let moves = match step {
-            Step::Pass(effects) => matches!(effects.place, Place::Move(_)),
-            Step::Correct(_) => true,
-        };
-        if !moves {
-            return Ok(());
-        }
-        let line = self.summary.lines;
-        let known = AXIS_LETTERS.into_iter().zip(self.frame.position_mm);
-        let outside = |ranges_mm: &[(f64, f64); 3]| {
-            let mut places = known.clone().zip(ranges_mm);
-            places.find_map(|((axis, position_mm), &(low_mm, high_mm))| {
-                let position_mm = position_mm?;
-                let is_inside = (low_mm - EDGE_MM..=high_mm + EDGE_MM).contains(&position_mm);
-                (!is_inside).then_some((axis, position_mm, low_mm, high_mm))
-            })
-        };
-        if let Some((axis, position_mm, low_mm, high_mm)) = outside(&self.options.range_mm) {
-            let text = excerpt(body);
+        if let Some((axis, position_mm, low_mm, high_mm)) = self.outside(&self.options.range_mm) {
+            let (line, text) = (self.summary.lines, excerpt(body));
             return Err(GcodeError::OutsideRange { line, text, axis, position_mm, low_mm, high_mm });
         }
-        if matches!(step, Step::Pass(_)) {
-            return Ok(());
-        }
-        if let Some((axis, position_mm, low_mm, high_mm)) = outside(&self.options.measured_mm) {
+        if *step == Step::Correct
+            && let Some((axis, position_mm, low_mm, high_mm)) = self.outside(&self.options.measured_mm)
+        {
+            let line = self.summary.lines;
             if !self.options.holds_outside_measured {
                 let text = excerpt(body);
                 return Err(GcodeError::OutsideMeasured { line, text, axis, position_mm, low_mm, high_mm });
@@ -245,6 +265,20 @@ impl Reader {
             self.warnings.add(WarningKind::OutsideMeasured, line, body);
         }
         Ok(())
+    }
+
+    /// The first axis whose place is known and outside these ranges: its letter, its place, the range.
+    #[inline]
+    fn outside(&self, ranges_mm: &[(f64, f64); 3]) -> Option<(char, f64, f64, f64)> {
+        for axis in 0..3 {
+            let (low_mm, high_mm) = ranges_mm[axis];
+            if let Some(position_mm) = self.frame.position_mm[axis]
+                && !(low_mm - EDGE_MM..=high_mm + EDGE_MM).contains(&position_mm)
+            {
+                return Some((AXIS_LETTERS[axis], position_mm, low_mm, high_mm));
+            }
+        }
+        None
     }
 
     fn warn(&mut self, kind: WarningKind, body: &[u8]) {
@@ -271,7 +305,7 @@ impl Reader {
             Head::Empty if line.has_parameter => return Err(Unsupported::Expression),
             Head::Empty => {}
         }
-        Ok(Step::Pass(Effects::default()))
+        Ok(Step::Pass)
     }
 
     fn macro_line(&mut self, name: Span, body: &[u8]) -> Result<Step, Unsupported> {
@@ -287,13 +321,13 @@ impl Reader {
             }
             Macro::Unknown => effects = self.may_move(body),
         }
-        Ok(Step::Pass(effects))
+        Ok(Step::pass(effects))
     }
 
     fn words_line(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
         let has_code = line.words.iter().any(|word| word.letter == b'G');
         let Some(first) = line.words.first() else {
-            return Ok(Step::Pass(self.may_move(body)));
+            return Ok(Step::pass(self.may_move(body)));
         };
         if first.letter == b'M' && !has_code && !first.code10().is_some_and(is_machining_code) {
             return self.owned_by_m(first.code10(), body);
@@ -332,7 +366,7 @@ impl Reader {
             let forget = self.asked.forget;
             let mut effects = self.owned_by_g(code, code10, line, words, body)?;
             effects.forget = either(effects.forget, forget);
-            return Ok(Step::Pass(effects));
+            return Ok(Step::pass(effects));
         }
         let is_whole_circle =
             self.asked.has_motion_code && words.has_arc_words && matches!(self.modes.motion, Some(Err(_)));
@@ -345,7 +379,7 @@ impl Reader {
         match self.asked.problem {
             Some(what) => Err(what),
             None if moves => Ok(self.motion(line, words, body)),
-            None => Ok(Step::Pass(Effects { forget: self.asked.forget, ..Effects::default() })),
+            None => Ok(Step::pass(Effects { forget: self.asked.forget, ..Effects::default() })),
         }
     }
 
@@ -368,8 +402,8 @@ impl Reader {
         match after {
             After::AtItsEnd => {
                 let words_mm = words.axes_mm(unit_mm(self.modes.is_inch));
-                if words_mm.is_ok() {
-                    self.extrude(words);
+                if let (Ok(_), Some(number)) = (words_mm, words.extruder.and_then(|word| word.number())) {
+                    self.extrude(number);
                 }
                 match words_mm {
                     Ok(words_mm) if words.has_axes() => {
@@ -394,7 +428,7 @@ impl Reader {
                 effects.forget = ALL;
             }
         }
-        Ok(Step::Pass(effects))
+        Ok(Step::pass(effects))
     }
 }
 

@@ -1,11 +1,13 @@
 //! Lines that move axes or the extruder.
 
-use super::{Move, Reader, Step};
+use super::{Asked, Move, Reader, Step};
 use crate::gcode::course::Course;
+use crate::gcode::decimal::Decimal;
 use crate::gcode::extrusion::Share;
 use crate::gcode::frame::{Effects, Known, Motion, Place, all_known, either};
 use crate::gcode::lexer::Line;
 use crate::gcode::options::unit_mm;
+use crate::gcode::plain::PlainMove;
 use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::Unsupported;
 use crate::gcode::words::{MoveText, Words};
@@ -65,41 +67,81 @@ impl Reader {
                 // A placeholder: the firmware may refuse the line, or read what it can of it.
                 self.warn(WarningKind::Placeholder, body);
                 effects.forget = either(effects.forget, words.axes.map(|word| word.is_some()));
-                return Step::Pass(effects);
+                return Step::pass(effects);
             }
         };
-        let (share, extrusion) = self.extrude(words);
-        if !words.has_axes() {
-            return Step::Pass(effects);
+        let extruder = words.extruder.and_then(|word| word.number());
+        self.straight(words_mm, extruder, MoveText::of(line, words, body), effects, body)
+    }
+
+    /// The line of a plain move; None where the modes make anything else of it, and nothing has happened yet.
+    pub(super) fn plain_motion(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Step> {
+        let modes = &mut self.modes;
+        let is_straight = plain.is_rapid.is_some() || modes.motion == Some(Ok(()));
+        let has_trouble =
+            modes.transformed.is_some() || modes.compensation.is_some() || modes.is_inverse_time;
+        if !is_straight || has_trouble {
+            return None;
+        }
+        self.asked = Asked::default();
+        if let Some(is_rapid) = plain.is_rapid {
+            (modes.motion, modes.is_rapid) = (Some(Ok(())), is_rapid);
+        }
+        let unit_mm = unit_mm(modes.is_inch);
+        if let Some(feed) = plain.feed {
+            modes.feed_mm_min = Some(feed.to_f64() * unit_mm);
+        }
+        let words_mm = plain.axes.map(|word| word.map(|number| number.to_f64() * unit_mm));
+        Some(self.straight(words_mm, plain.extruder, plain.text, Effects::default(), body))
+    }
+
+    /// A straight move of the axes or the extruder; `effects` is what the line does besides.
+    #[inline]
+    fn straight(
+        &mut self,
+        words_mm: Known,
+        extruder: Option<Decimal>,
+        text: MoveText,
+        mut effects: Effects,
+        body: &[u8],
+    ) -> Step {
+        let (share, extrusion) = extruder.map_or((Share::None, 0), |number| self.extrude(number));
+        if words_mm == [None; 3] {
+            return Step::pass(effects);
         }
         let motion = self.motion_of(words_mm);
         self.summary.moves_in += 1;
         let mut before = self.frame;
         before.apply(&effects);
         let ends = before.end_of(&motion);
-        self.past.forget(effects.forget);
         let speed_mm_min = self.speed_mm_min();
-        let course = self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0));
+        let course = self.needs.any().then(|| {
+            self.past.forget(effects.forget);
+            self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0))
+        });
         let Some(end_mm) = all_known(&ends) else {
             self.summary.moves_out += 1;
             self.summary.untouched_position_unknown += 1;
             self.warn(WarningKind::PositionUnknown, body);
             effects.place = Place::Move(motion);
-            return Step::Pass(effects);
+            return Step::pass(effects);
         };
         // Counted again when the move is written.
         self.summary.extrusion_out -= extrusion;
-        self.warn_of_motion(&course, speed_mm_min, body);
-        Step::Correct(Move {
+        if let Some(course) = course {
+            self.warn_of_motion(&course, speed_mm_min, body);
+            self.courses.push(course);
+        }
+        self.moves.push(Move {
             motion,
             end_mm,
-            course,
             is_first: !self.is_corrected || effects.forget != [false; 3],
             is_inch: self.modes.is_inch,
             share,
             extrusion,
-            text: MoveText::of(line, words, body),
-        })
+            text,
+        });
+        Step::Correct
     }
 
     /// Speed along the path; None where the program does not tell it.
@@ -112,9 +154,6 @@ impl Reader {
 
     /// Says what of the motion the errors depend on is not known.
     fn warn_of_motion(&mut self, course: &Course, speed_mm_min: Option<f64>, body: &[u8]) {
-        if !self.needs.any() {
-            return;
-        }
         if (0..3).any(|axis| self.needs.direction[axis] && course.begin.direction[axis] == 0.0) {
             self.warn(WarningKind::DirectionUnknown, body);
         }
@@ -135,8 +174,7 @@ impl Reader {
     }
 
     /// Moves the extruder by the line's `E`.
-    pub(super) fn extrude(&mut self, words: &Words) -> (Share, i128) {
-        let Some(number) = words.extruder.and_then(|word| word.number()) else { return (Share::None, 0) };
+    pub(super) fn extrude(&mut self, number: Decimal) -> (Share, i128) {
         let (share, extrusion) = self.extrusion.advance(number);
         self.summary.extrusion_in += extrusion;
         self.summary.extrusion_out += extrusion;

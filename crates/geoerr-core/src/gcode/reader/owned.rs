@@ -24,7 +24,7 @@ impl Reader {
             Some(48) => effects.forget = ALL,
             _ => {}
         }
-        Ok(Step::Pass(effects))
+        Ok(Step::pass(effects))
     }
 
     /// A line whose axis words belong to a G code that is no move.

@@ -1,0 +1,236 @@
+//! Some lines of a program on their way: read, solved, written.
+
+use memchr::memmem;
+
+use super::course::Course;
+use super::error::GcodeError;
+use super::frame::Effects;
+use super::grid::Solved;
+use super::lines::{LineSpan, Lines};
+use super::options::Options;
+use super::path::{Node, PathMap, SplitError};
+use super::plain::PlainMove;
+use super::reader::{Move, Reader, Step};
+use super::report::excerpt;
+use crate::volumetric::MotionNeeds;
+
+/// Lines of a block at most: few enough that its moves stay in the cache from reading to writing.
+const BLOCK_LINES: usize = 1_024;
+
+/// Moves and knot crossings of a block at most: what bounds the number of pieces, and so the memory, of a block.
+const BLOCK_WORK: usize = 8_192;
+
+/// What begins the comment that says a program is corrected.
+pub const MARK: &str = "corrected by geoerr: model ";
+
+/// A line of a block.
+#[derive(Debug)]
+pub struct Item {
+    start: u32,
+    end: u32,
+    next: u32,
+    /// What becomes of it.
+    pub step: ItemStep,
+}
+
+/// What becomes of a line.
+#[derive(Clone, Copy, Debug)]
+pub enum ItemStep {
+    /// It passes, and does nothing.
+    Pass,
+    /// It passes, and does what the next of the block's effects says.
+    Do,
+    /// The next of the block's moves.
+    Correct {
+        /// Whether the program's comments so far are in parentheses.
+        comments_in_parentheses: bool,
+    },
+}
+
+/// What becomes of a move beside its end.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Way {
+    /// It is commanded by its end.
+    Whole,
+    /// It is commanded piece by piece.
+    Pieces(Vec<Node>),
+    /// It cannot be commanded.
+    Refused(SplitError),
+}
+
+/// Some lines, the moves among them, and what becomes of those. Kept and filled again, so that its memory is.
+#[derive(Debug, Default)]
+pub struct Block {
+    text: Vec<u8>,
+    /// Number of the first line, from 1.
+    pub first_line: u64,
+    /// The lines.
+    pub items: Vec<Item>,
+    /// What passed lines do.
+    pub effects: Vec<Effects>,
+    /// The moves.
+    pub moves: Vec<Move>,
+    /// How each of them approaches its places; empty where the machine's errors do not depend on it.
+    pub courses: Vec<Course>,
+    /// The end of each move; None where it is refused.
+    pub ends: Vec<Option<Solved>>,
+    /// The way to it.
+    pub ways: Vec<Way>,
+    /// What ended the reading behind these lines.
+    pub refusal: Option<GcodeError>,
+}
+
+impl Block {
+    /// A line without its end.
+    #[inline]
+    pub fn body(&self, item: &Item) -> &[u8] {
+        self.text.get(item.start as usize..item.end as usize).unwrap_or_default()
+    }
+
+    /// The end of a line.
+    #[inline]
+    pub fn ending(&self, item: &Item) -> &[u8] {
+        self.text.get(item.end as usize..item.next as usize).unwrap_or_default()
+    }
+
+    /// A line and all behind it.
+    #[inline]
+    pub fn from(&self, item: &Item) -> &[u8] {
+        self.text.get(item.start as usize..).unwrap_or_default()
+    }
+
+    /// A line as it came.
+    #[inline]
+    pub fn whole_line(&self, item: &Item) -> &[u8] {
+        self.text.get(item.start as usize..item.next as usize).unwrap_or_default()
+    }
+}
+
+/// Reads a program block by block.
+#[derive(Debug)]
+pub struct BlockReader {
+    /// Reads its lines.
+    pub reader: Reader,
+    mark: memmem::Finder<'static>,
+    /// Where the last move that will be corrected ends.
+    before_mm: Option<[f64; 3]>,
+    /// Smallest distance of neighbouring knots, of each axis.
+    gap_mm: [f64; 3],
+    has_refused: bool,
+}
+
+impl BlockReader {
+    /// At the begin of a program.
+    pub fn new(options: Options, map: &impl PathMap, needs: MotionNeeds) -> Self {
+        let gap_of = |axis: usize| {
+            let gaps = map.knots(axis).windows(2).map(|pair| pair[1] - pair[0]);
+            gaps.fold(f64::INFINITY, f64::min)
+        };
+        Self {
+            reader: Reader::new(options, map.is_nominal(), needs),
+            mark: memmem::Finder::new(MARK),
+            before_mm: None,
+            gap_mm: std::array::from_fn(gap_of),
+            has_refused: false,
+        }
+    }
+
+    /// Whether the program has been refused: no line behind is read.
+    pub fn has_refused(&self) -> bool {
+        self.has_refused
+    }
+
+    /// Fills a block; false where there were not enough lines.
+    pub fn fill(&mut self, block: &mut Block, lines: &mut Lines, map: &impl PathMap) -> bool {
+        block.items.clear();
+        block.effects.clear();
+        self.swap_moves(block);
+        self.reader.moves.clear();
+        self.reader.courses.clear();
+        block.refusal = None;
+        block.first_line = self.reader.summary.lines + 1;
+        let base = lines.next_start();
+        let mut work = 0;
+        let mut is_full = true;
+        while !self.has_refused && block.items.len() < BLOCK_LINES && work < BLOCK_WORK {
+            match self.next_line(lines) {
+                Ok(Some((line, step))) => {
+                    let step = match step {
+                        Step::Pass => ItemStep::Pass,
+                        Step::Do(effects) => {
+                            block.effects.push(*effects);
+                            ItemStep::Do
+                        }
+                        Step::Correct => {
+                            work += 1 + self.crossings(map);
+                            let reader = &self.reader;
+                            let comments_in_parentheses = reader.has_parenthesis && !reader.has_semicolon;
+                            ItemStep::Correct { comments_in_parentheses }
+                        }
+                    };
+                    // A block has a thousand lines of at most a megabyte.
+                    let from_base = |place: usize| (place - base) as u32;
+                    let (start, end, next) =
+                        (from_base(line.start), from_base(line.end), from_base(line.next));
+                    block.items.push(Item { start, end, next, step });
+                }
+                Ok(None) => {
+                    is_full = false;
+                    break;
+                }
+                Err(error) => {
+                    self.has_refused = true;
+                    block.refusal = Some(error);
+                }
+            }
+        }
+        self.swap_moves(block);
+        block.text.clear();
+        block.text.extend_from_slice(lines.buffer().get(base..lines.next_start()).unwrap_or_default());
+        is_full && !self.has_refused
+    }
+
+    /// The reader fills the block's own memory.
+    fn swap_moves(&mut self, block: &mut Block) {
+        std::mem::swap(&mut self.reader.moves, &mut block.moves);
+        std::mem::swap(&mut self.reader.courses, &mut block.courses);
+    }
+
+    /// The next line; None where it has not ended yet.
+    #[inline]
+    fn next_line(&mut self, lines: &mut Lines) -> Result<Option<(LineSpan, Step)>, GcodeError> {
+        let start = lines.next_start();
+        let rest = lines.buffer().get(start..).unwrap_or_default();
+        if let Some(plain) = PlainMove::read(rest)
+            && let Some(step) = self.reader.read_plain(&plain, rest.get(..plain.length).unwrap_or_default())
+        {
+            let line = lines.skip_line(start + plain.length, start + plain.length_with_end);
+            return step.map(|step| Some((line, step)));
+        }
+        let Some(line) = lines.next_line()? else { return Ok(None) };
+        let body = line.body(lines.buffer());
+        if self.mark.find(body).is_some() {
+            let (line, text) = (self.reader.summary.lines + 1, excerpt(body));
+            return Err(GcodeError::AlreadyCorrected { line, text });
+        }
+        let step = self.reader.read(body)?;
+        Ok(Some((line, step)))
+    }
+
+    /// Knots on the way to the end of the last move that was read.
+    #[inline]
+    fn crossings(&mut self, map: &impl PathMap) -> usize {
+        let Some(end_mm) = self.reader.moves.last().map(|a_move| a_move.end_mm) else { return 0 };
+        let Some(begin_mm) = self.before_mm.replace(end_mm) else { return 0 };
+        let crossed = |axis: usize| {
+            if (end_mm[axis] - begin_mm[axis]).abs() < self.gap_mm[axis] {
+                // At most one: less than the move itself costs.
+                return 0;
+            }
+            let knots = map.knots(axis);
+            let place = |at: f64| knots.partition_point(|&knot| knot <= at);
+            place(begin_mm[axis]).abs_diff(place(end_mm[axis]))
+        };
+        (0..3).map(crossed).sum()
+    }
+}

@@ -1,0 +1,181 @@
+//! Blocks of solved lines into bytes.
+
+use super::block::{Block, ItemStep, MARK, Way};
+use super::error::GcodeError;
+use super::extrusion::Share;
+use super::options::{OnUnsupported, Options};
+use super::path::{Closeness, Node, SplitError};
+use super::reader::{AXIS_LETTERS, Move};
+use super::report::{Summary, WarningKind, Warnings, excerpt};
+use super::unsupported::Unsupported;
+use super::writer::{SourceLine, Writer};
+
+/// Writes a program block by block.
+#[derive(Debug)]
+pub struct BlockWriter {
+    writer: Writer,
+    is_marked: bool,
+    usual_ending: Vec<u8>,
+    /// Square of the largest correction.
+    largest_mm2: f64,
+    /// What the user should know of the written moves.
+    pub warnings: Warnings,
+    /// Counts of the written moves.
+    pub summary: Summary,
+}
+
+impl Default for BlockWriter {
+    fn default() -> Self {
+        Self {
+            writer: Writer::default(),
+            is_marked: false,
+            usual_ending: b"\n".to_vec(),
+            largest_mm2: 0.0,
+            warnings: Warnings::default(),
+            summary: Summary::default(),
+        }
+    }
+}
+
+/// A move on its way out.
+struct Outgoing<'a> {
+    line: u64,
+    source: SourceLine<'a>,
+    a_move: &'a Move,
+    /// Whether the program's comments so far are in parentheses.
+    comments_in_parentheses: bool,
+}
+
+impl BlockWriter {
+    /// Appends a block's lines to `out`.
+    ///
+    /// # Errors
+    /// That of the first line that cannot be written, behind those before it; or that which ended the reading.
+    pub fn write(
+        &mut self,
+        block: &mut Block,
+        closeness: &[Closeness; 2],
+        options: &Options,
+        is_nominal: bool,
+        out: &mut Vec<u8>,
+    ) -> Result<(), GcodeError> {
+        let mut effects = block.effects.iter();
+        let mut moves = block.moves.iter().zip(block.ends.iter().zip(&block.ways));
+        for (item, line) in block.items.iter().zip(block.first_line..) {
+            let ending = block.ending(item);
+            match item.step {
+                ItemStep::Pass => out.extend_from_slice(block.whole_line(item)),
+                ItemStep::Do => {
+                    out.extend_from_slice(block.whole_line(item));
+                    if let Some(effects) = effects.next() {
+                        self.writer.pass(effects);
+                    }
+                }
+                ItemStep::Correct { comments_in_parentheses } => {
+                    let Some((a_move, (end, way))) = moves.next() else { continue };
+                    let body = block.body(item);
+                    let closeness = &closeness[usize::from(a_move.is_inch)];
+                    if !is_nominal && closeness.limit_mm < 0.5 * options.tolerance_mm {
+                        let digits = options.word_digits(a_move.is_inch);
+                        let tolerance_mm = options.tolerance_mm;
+                        return Err(GcodeError::TooFewDigits { line, digits, tolerance_mm });
+                    }
+                    let end = end.as_ref().map(|solved| solved.node);
+                    let nodes = match (way, &end) {
+                        (Way::Pieces(pieces), _) => pieces.as_slice(),
+                        (Way::Whole, Some(end)) => std::slice::from_ref(end),
+                        (Way::Refused(error), _) => return Err(refused(*error, line, body)),
+                        (Way::Whole, None) => {
+                            return Err(refused(SplitError::NotSolved(f64::NAN), line, body));
+                        }
+                    };
+                    let source = SourceLine { body, text: block.from(item), ending, usual_ending: &[] };
+                    let outgoing = Outgoing { line, source, a_move, comments_in_parentheses };
+                    self.write_move(&outgoing, nodes, options, out)?;
+                }
+            }
+            if ending != self.usual_ending && !ending.is_empty() {
+                self.usual_ending = ending.to_vec();
+            }
+        }
+        block.refusal.take().map_or(Ok(()), Err)
+    }
+
+    #[inline]
+    fn write_move(
+        &mut self,
+        outgoing: &Outgoing<'_>,
+        mut nodes: &[Node],
+        options: &Options,
+        out: &mut Vec<u8>,
+    ) -> Result<(), GcodeError> {
+        let &Outgoing { line, source: SourceLine { body, .. }, a_move, .. } = outgoing;
+        for node in nodes {
+            check_command(node, options, line, body)?;
+        }
+        if let (Share::Unclear, [_, .., end]) = (a_move.share, nodes) {
+            if options.on_unsupported == OnUnsupported::Refuse {
+                let what = Unsupported::ExtruderMode;
+                return Err(GcodeError::Unsupported { line, text: excerpt(body), what });
+            }
+            self.warnings.add(WarningKind::NotSplit, line, body);
+            nodes = std::slice::from_ref(end);
+        }
+        let begin = out.len();
+        let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
+        let written = self.writer.write(out, source, a_move, nodes, options);
+        if written.is_changed && !self.is_marked {
+            self.is_marked = true;
+            out.splice(begin..begin, mark_line(outgoing.comments_in_parentheses, source, options));
+        }
+        let summary = &mut self.summary;
+        summary.moves_out += nodes.len() as u64;
+        summary.moves_corrected += 1;
+        summary.extrusion_out += written.extrusion;
+        for ((low_mm, high_mm), end_mm) in summary.box_mm.iter_mut().zip(a_move.end_mm) {
+            (*low_mm, *high_mm) = (low_mm.min(end_mm), high_mm.max(end_mm));
+        }
+        for node in nodes {
+            let correction_mm2 =
+                (0..3).map(|axis| (node.command_mm[axis] - node.ideal_mm[axis]).powi(2)).sum::<f64>();
+            if correction_mm2 > self.largest_mm2 {
+                self.largest_mm2 = correction_mm2;
+                // Roots of two squares may be one number: the first line counts.
+                if correction_mm2.sqrt() > summary.largest_correction_mm {
+                    summary.largest_correction_mm = correction_mm2.sqrt();
+                    summary.largest_correction_line = line;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cold]
+fn refused(error: SplitError, line: u64, body: &[u8]) -> GcodeError {
+    let text = excerpt(body);
+    match error {
+        SplitError::NotSolved(remaining_mm) => GcodeError::NotSolved { line, text, remaining_mm },
+        SplitError::NotHeld(deviation_mm) => GcodeError::NotHeld { line, text, deviation_mm },
+    }
+}
+
+#[inline]
+fn check_command(node: &Node, options: &Options, line: u64, body: &[u8]) -> Result<(), GcodeError> {
+    let axes = AXIS_LETTERS.into_iter().zip(options.range_mm).zip(node.command_mm);
+    for ((axis, (low_mm, high_mm)), position_mm) in axes {
+        if !(low_mm - 1e-9..=high_mm + 1e-9).contains(&position_mm) {
+            let text = excerpt(body);
+            return Err(GcodeError::CommandOutsideRange { line, text, axis, position_mm, low_mm, high_mm });
+        }
+    }
+    Ok(())
+}
+
+fn mark_line(in_parentheses: bool, source: SourceLine<'_>, options: &Options) -> Vec<u8> {
+    let (model, tolerance_mm) = (&options.model_name, options.tolerance_mm);
+    let text = format!("{MARK}{model}, tolerance {tolerance_mm} mm, do not correct again");
+    let comment = if in_parentheses { format!("({text})") } else { format!("; {text}") };
+    let ending = if source.ending.is_empty() { source.usual_ending } else { source.ending };
+    [comment.as_bytes(), ending].concat()
+}

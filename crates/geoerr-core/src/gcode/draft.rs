@@ -1,0 +1,122 @@
+//! A line that is being written: bytes in one place, copied in pieces of a fixed length where they are short.
+
+use super::decimal::{FIXED_BYTES, fixed, short_fixed};
+
+/// Room of a draft. Longer lines are written without.
+const ROOM: usize = 256;
+
+/// Bytes that are copied at once, wanted or not: a copy whose length is known costs no call.
+const AT_ONCE: usize = 16;
+
+/// The begin of a line.
+#[derive(Debug)]
+pub struct Draft {
+    bytes: [u8; ROOM],
+    length: usize,
+}
+
+impl Default for Draft {
+    fn default() -> Self {
+        Self { bytes: [0; ROOM], length: 0 }
+    }
+}
+
+impl Draft {
+    /// Whether a line that came with so many bytes fits, whatever its numbers become.
+    #[inline]
+    pub fn fits(n_bytes: usize) -> bool {
+        // Four new numbers, and what is copied beyond.
+        n_bytes + 4 * FIXED_BYTES + AT_ONCE <= ROOM
+    }
+
+    /// Begins anew.
+    #[inline]
+    pub fn clear(&mut self) {
+        self.length = 0;
+    }
+
+    /// What has been written.
+    #[inline]
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
+    }
+
+    /// Appends `text[from..to]`; the bytes behind may be read too.
+    #[inline]
+    pub fn copy(&mut self, text: &[u8], from: usize, to: usize) {
+        let n_bytes = to.saturating_sub(from);
+        if n_bytes <= AT_ONCE
+            && let Some(source) = text.get(from..from + AT_ONCE)
+            && let Some(target) = self.bytes.get_mut(self.length..self.length + AT_ONCE)
+        {
+            target.copy_from_slice(source);
+        } else if let Some(source) = text.get(from..to)
+            && let Some(target) = self.bytes.get_mut(self.length..self.length + n_bytes)
+        {
+            target.copy_from_slice(source);
+        }
+        self.length += n_bytes;
+    }
+
+    /// Appends one byte.
+    #[inline]
+    pub fn push(&mut self, byte: u8) {
+        if let Some(place) = self.bytes.get_mut(self.length) {
+            *place = byte;
+        }
+        self.length += 1;
+    }
+
+    /// Appends `scaled / 10^digits`.
+    #[inline]
+    pub fn number(&mut self, scaled: i64, digits: u8) {
+        if let Some((source, n_bytes)) = short_fixed(scaled, digits)
+            && let Some(target) = self.bytes.get_mut(self.length..self.length + source.len())
+        {
+            target.copy_from_slice(&source);
+            self.length += n_bytes;
+            return;
+        }
+        let (buffer, begin) = fixed(scaled, digits);
+        for &byte in &buffer[begin..] {
+            self.push(byte);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gcode::decimal::write_fixed;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_draft_is_what_appending_gives(
+            text in "[ -~]{0,60}",
+            cuts in proptest::collection::vec(0_usize..60, 0..4),
+            scaled in any::<i64>(),
+            digits in 0_u8..=9,
+        ) {
+            let bytes = text.as_bytes();
+            let mut draft = Draft::default();
+            let mut expected = Vec::new();
+            let mut at = 0;
+            let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
+            cuts.sort_unstable();
+            prop_assert!(Draft::fits(bytes.len()));
+            for cut in cuts {
+                draft.copy(bytes, at, cut);
+                draft.number(scaled, digits);
+                expected.extend_from_slice(&bytes[at..cut]);
+                write_fixed(&mut expected, scaled, digits);
+                at = cut;
+            }
+            draft.push(b' ');
+            expected.push(b' ');
+            prop_assert_eq!(draft.bytes(), expected.as_slice());
+            draft.clear();
+            prop_assert!(draft.bytes().is_empty());
+        }
+    }
+}

@@ -1,0 +1,439 @@
+//! A machine everywhere in its range by polynomials in boxes, made where a program first comes.
+//!
+//! Newton's method asks a machine three times for its errors with all derivatives; a program of short moves asks it a
+//! million times in the same few boxes. A box's polynomials ([`Patch`]) answer from 27 coefficients, and say besides
+//! how much a line through it can bend, so that most moves need not be looked at for splitting either.
+//!
+//! What a box's polynomials are, and whether it has any, depends on the machine alone: the same target has the same
+//! command in every program, on any number of threads, whatever was forgotten in between.
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::patch::Patch;
+use super::path::{Closeness, Node, PathMap, distance};
+use crate::volumetric::{Approach, MotionNeeds};
+
+/// Widest box.
+const WIDEST_MM: f64 = 10.0;
+
+/// More rows of boxes than this are too many to list: 12 MB.
+const MOST_ROWS: usize = 1 << 19;
+
+/// When so many boxes have polynomials all are forgotten: they would fill 30 MB.
+const MOST_MADE: usize = 1 << 14;
+
+/// Share of Newton's tolerance that a polynomial may leave.
+const SHARE_OF_TOLERANCE: f64 = 0.5;
+
+/// How often a command may point to another box before Newton's method is asked.
+const MOST_HOPS: usize = 3;
+
+/// Boxes between the knots of a machine whose errors depend on the position alone.
+#[derive(Debug)]
+pub struct Grid {
+    axes: [Edges; 3],
+    /// Rows of boxes along x, listed where a program first comes: few programs fill a machine.
+    rows: Vec<OnceLock<Row>>,
+    n_made: AtomicUsize,
+    tolerance_mm: f64,
+}
+
+/// What is known of each box of a row: nothing yet, that it has no polynomials, or its polynomials.
+type Row = Box<[OnceLock<Option<Box<Patch>>>]>;
+
+/// A solved place.
+#[derive(Clone, Copy, Debug)]
+pub struct Solved {
+    /// Where, and what to command.
+    pub node: Node,
+    /// The box whose polynomial found the command.
+    home: Option<u32>,
+}
+
+impl Grid {
+    /// A grid of the machine's range; None where polynomials cannot stand for it.
+    pub fn new(map: &impl PathMap, range_mm: &[(f64, f64); 3], newton_mm: f64) -> Option<Self> {
+        if map.is_nominal() || map.needs().any() {
+            return None;
+        }
+        let edges = |axis: usize| Edges::new(range_mm[axis], map.knots(axis));
+        let axes = [edges(0)?, edges(1)?, edges(2)?];
+        let n_rows = axes[1].n_cells() * axes[2].n_cells();
+        // Places of boxes are counted in 32 bits.
+        if n_rows > MOST_ROWS || u32::try_from(n_rows * axes[0].n_cells()).is_err() {
+            return None;
+        }
+        let rows = std::iter::repeat_with(OnceLock::new).take(n_rows).collect();
+        let tolerance_mm = SHARE_OF_TOLERANCE * newton_mm;
+        Some(Self { axes, rows, n_made: AtomicUsize::new(0), tolerance_mm })
+    }
+
+    /// Forgets polynomials where there are too many.
+    pub fn tidy(&mut self) {
+        if *self.n_made.get_mut() > MOST_MADE {
+            self.rows.fill_with(OnceLock::new);
+            *self.n_made.get_mut() = 0;
+        }
+    }
+
+    /// Where a command puts the tool, where a polynomial has it.
+    #[inline]
+    fn actual(&self, map: &impl PathMap, command_mm: &[f64; 3]) -> Option<[f64; 3]> {
+        Some(self.patch(map, self.cells_of(command_mm)?)?.actual(command_mm))
+    }
+
+    /// The command for a place, where a polynomial has it.
+    #[inline]
+    pub fn solve(&self, map: &impl PathMap, ideal_mm: &[f64; 3]) -> Option<Solved> {
+        let mut at_mm = *ideal_mm;
+        for _ in 0..MOST_HOPS {
+            let cells = self.cells_of(&at_mm)?;
+            let place = self.place_of(cells);
+            let patch = self.patch(map, cells)?;
+            let command_mm = patch.command_for(ideal_mm);
+            if patch.holds(&command_mm) {
+                let node = Node { share: 1.0, ideal_mm: *ideal_mm, command_mm };
+                return Some(Solved { node, home: Some(place as u32) });
+            }
+            at_mm = command_mm;
+        }
+        None
+    }
+
+    /// Whether a straight move between two solved places is known to stay straight enough whole.
+    ///
+    /// Between commands that are right at its ends the command of a move is off by at most `M L²/8` where the second
+    /// derivative of the correction is at most M, and by `V L/4` where its first derivative changes by at most V on
+    /// the way. Where the way leaves the boxes by as much as it is off, that is a fifth more, as corrections change by
+    /// less than a tenth; for the same reason the tool is off by at most an eighth more than the command; and the bound
+    /// that [`split`](super::path::split) goes by is at most a quarter above that: together less than twice as much.
+    #[inline]
+    pub fn is_straight(&self, begin: &Solved, end: &Solved, closeness: &Closeness) -> bool {
+        let (Some(from), Some(to)) = (begin.home, end.home) else { return false };
+        let (Some(patch), length_mm) = (self.made(to), distance(&begin.node.ideal_mm, &end.node.ideal_mm))
+        else {
+            return false;
+        };
+        let off_mm = if from == to {
+            0.125 * patch.bend_per_mm * length_mm * length_mm
+        } else {
+            let Some(other) = self.made(from).filter(|_| self.are_neighbours(from, to)) else { return false };
+            let jump = norm_of_difference(&patch.slopes, &other.slopes);
+            let bends = (patch.bend_per_mm + other.bend_per_mm) * (patch.radius_mm + other.radius_mm);
+            0.25 * (jump + bends) * length_mm
+        };
+        2.0 * (off_mm + 2.0 * closeness.newton_mm) <= closeness.limit_mm
+    }
+
+    #[inline]
+    fn cells_of(&self, at_mm: &[f64; 3]) -> Option<[usize; 3]> {
+        Some([self.axes[0].cell(at_mm[0])?, self.axes[1].cell(at_mm[1])?, self.axes[2].cell(at_mm[2])?])
+    }
+
+    #[inline]
+    fn place_of(&self, cells: [usize; 3]) -> usize {
+        (cells[2] * self.axes[1].n_cells() + cells[1]) * self.axes[0].n_cells() + cells[0]
+    }
+
+    #[inline]
+    fn made(&self, place: u32) -> Option<&Patch> {
+        let (row, cell) = (place as usize / self.axes[0].n_cells(), place as usize % self.axes[0].n_cells());
+        self.rows.get(row)?.get()?.get(cell)?.get()?.as_deref()
+    }
+
+    #[inline]
+    fn patch(&self, map: &impl PathMap, cells: [usize; 3]) -> Option<&Patch> {
+        let row = self.rows.get(cells[2] * self.axes[1].n_cells() + cells[1])?.get_or_init(|| self.list());
+        row.get(cells[0])?.get_or_init(|| self.make(map, cells)).as_deref()
+    }
+
+    #[cold]
+    fn list(&self) -> Row {
+        // Memory of polynomials that have not been made yet: a box listed is a hundredth of a box made.
+        self.n_made.fetch_add(1 + self.axes[0].n_cells() / 100, Ordering::Relaxed);
+        std::iter::repeat_with(OnceLock::new).take(self.axes[0].n_cells()).collect()
+    }
+
+    #[cold]
+    fn make(&self, map: &impl PathMap, cells: [usize; 3]) -> Option<Box<Patch>> {
+        self.n_made.fetch_add(1, Ordering::Relaxed);
+        let edge = |axis: usize, further: usize| self.axes[axis].edges_mm[cells[axis] + further];
+        let low_mm = std::array::from_fn(|axis| edge(axis, 0));
+        let high_mm = std::array::from_fn(|axis| edge(axis, 1));
+        Patch::new(map, low_mm, high_mm, self.tolerance_mm).map(Box::new)
+    }
+
+    /// Whether two boxes share a face: a line from one to the other then lies in these two.
+    #[inline]
+    fn are_neighbours(&self, one: u32, other: u32) -> bool {
+        let (nx, ny) = (self.axes[0].n_cells() as u32, self.axes[1].n_cells() as u32);
+        let cells = |place: u32| [place % nx, place / nx % ny, place / nx / ny];
+        let (one, other) = (cells(one), cells(other));
+        (0..3).map(|axis| one[axis].abs_diff(other[axis])).sum::<u32>() == 1
+    }
+}
+
+/// A machine that answers by its grid where it can.
+#[derive(Debug)]
+pub struct Gridded<'a, M> {
+    /// The machine.
+    pub map: &'a M,
+    /// Its grid.
+    pub grid: Option<&'a Grid>,
+}
+
+impl<M: PathMap> PathMap for Gridded<'_, M> {
+    fn command_for(
+        &self,
+        ideal_mm: &[f64; 3],
+        approach: &Approach,
+        tolerance_mm: f64,
+    ) -> Result<[f64; 3], f64> {
+        match self.grid.and_then(|grid| grid.solve(self.map, ideal_mm)) {
+            Some(solved) => Ok(solved.node.command_mm),
+            None => self.map.command_for(ideal_mm, approach, tolerance_mm),
+        }
+    }
+
+    #[inline]
+    fn actual(&self, command_mm: &[f64; 3], approach: &Approach) -> [f64; 3] {
+        let by_grid = self.grid.and_then(|grid| grid.actual(self.map, command_mm));
+        by_grid.unwrap_or_else(|| self.map.actual(command_mm, approach))
+    }
+
+    #[inline]
+    fn knots(&self, axis: usize) -> &[f64] {
+        self.map.knots(axis)
+    }
+
+    fn is_nominal(&self) -> bool {
+        self.map.is_nominal()
+    }
+
+    fn most_crossings(&self) -> usize {
+        self.map.most_crossings()
+    }
+
+    fn needs(&self) -> MotionNeeds {
+        self.map.needs()
+    }
+}
+
+impl Solved {
+    /// A place that Newton's method has solved.
+    pub fn by_newton(node: Node) -> Self {
+        Self { node, home: None }
+    }
+}
+
+#[inline]
+fn norm_of_difference(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> f64 {
+    let squares = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
+
+/// Edges of the boxes along one axis, with a way to find the cell of a position without searching.
+#[derive(Debug)]
+struct Edges {
+    edges_mm: Vec<f64>,
+    low_mm: f64,
+    buckets_per_mm: f64,
+    /// The cell in which each bucket begins.
+    first: Vec<u32>,
+}
+
+impl Edges {
+    fn new(range_mm: (f64, f64), knots_mm: &[f64]) -> Option<Self> {
+        let (low_mm, high_mm) = range_mm;
+        let length_mm = high_mm - low_mm;
+        if !(length_mm > 0.0 && length_mm.is_finite()) {
+            return None;
+        }
+        let inner = knots_mm.iter().copied().filter(|&knot| low_mm < knot && knot < high_mm);
+        let kinks_mm: Vec<f64> = std::iter::once(low_mm).chain(inner).chain([high_mm]).collect();
+        let wanted: f64 = kinks_mm.windows(2).map(|pair| ((pair[1] - pair[0]) / WIDEST_MM).ceil()).sum();
+        if wanted > MOST_ROWS as f64 {
+            return None;
+        }
+        let mut edges_mm = Vec::new();
+        for pair in kinks_mm.windows(2) {
+            let n_cells = ((pair[1] - pair[0]) / WIDEST_MM).ceil().max(1.0);
+            let inside =
+                (0..n_cells as u32).map(|cell| pair[0] + f64::from(cell) / n_cells * (pair[1] - pair[0]));
+            edges_mm.extend(inside);
+        }
+        edges_mm.push(high_mm);
+        let n_buckets = 4 * (edges_mm.len() - 1);
+        let buckets_per_mm = n_buckets as f64 / length_mm;
+        let begin_mm = |bucket: usize| low_mm + bucket as f64 / buckets_per_mm;
+        // A bucket too early is put right by the search for the cell; one too late would not be.
+        let cell_of = |at_mm: f64| edges_mm.partition_point(|&edge| edge <= at_mm).saturating_sub(1);
+        let first =
+            (0..n_buckets).map(|bucket| cell_of(begin_mm(bucket) - 1e-9 * length_mm) as u32).collect();
+        Some(Self { low_mm, buckets_per_mm, first, edges_mm })
+    }
+
+    #[inline]
+    fn n_cells(&self) -> usize {
+        self.edges_mm.len() - 1
+    }
+
+    /// The cell from its lower edge to below its upper one; None outside.
+    #[inline]
+    fn cell(&self, at_mm: f64) -> Option<usize> {
+        let bucket = (at_mm - self.low_mm) * self.buckets_per_mm;
+        // Not a number is outside.
+        if !(0.0..f64::INFINITY).contains(&bucket) {
+            return None;
+        }
+        let mut cell = *self.first.get(bucket as i64 as usize)? as usize;
+        while *self.edges_mm.get(cell + 1)? <= at_mm {
+            cell += 1;
+        }
+        Some(cell)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gcode::course::Course;
+    use crate::gcode::path::split;
+    use crate::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Squareness, Table};
+    use proptest::prelude::*;
+
+    const RANGE_MM: [(f64, f64); 3] = [(-5.0, 210.0), (0.0, 180.0), (0.0, 60.0)];
+
+    /// All 21 errors, with knots that differ from axis to axis.
+    fn machine(size: f64) -> MachineModel {
+        let mut errors = ErrorTables::default();
+        for (a, axis) in Axis::ALL.into_iter().enumerate() {
+            let knots: Vec<f64> = (0..12).map(|k| f64::from(k) * (17.0 + 3.0 * a as f64)).collect();
+            for (c, component) in Component::ALL.into_iter().enumerate() {
+                let largest = size * if c < 3 { 0.3 } else { 1e-3 };
+                let phase = (6 * a + c) as f64;
+                let values = knots.iter().map(|q| largest * (q / 40.0 + phase).sin()).collect();
+                errors.set(axis, component, Table::new(knots.clone(), values).unwrap());
+            }
+        }
+        let squareness = Squareness { s_xy_rad: -4e-3 * size, s_xz_rad: 1e-3 * size, s_yz_rad: 3e-3 * size };
+        errors.set_squareness(squareness).unwrap();
+        MachineModel::new(Chain::parse("wYbXZt").unwrap(), errors, [5.0, -20.0, -30.0])
+    }
+
+    fn place() -> impl Strategy<Value = [f64; 3]> {
+        // Beyond the range too.
+        RANGE_MM.map(|(low, high)| low - 3.0..high + 3.0)
+    }
+
+    const NEWTON_MM: f64 = 1e-7;
+
+    proptest! {
+        #[test]
+        fn a_solved_command_puts_the_tool_there(
+            targets in proptest::collection::vec(place(), 1..40),
+            size in prop_oneof![Just(0.01), Just(1.0), Just(5.0)],
+        ) {
+            let machine = machine(size);
+            let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+            let still = Approach::default();
+            for target_mm in &targets {
+                if let Some(solved) = grid.solve(&machine, target_mm) {
+                    let command_mm = solved.node.command_mm;
+                    let place_mm = machine.actual(&command_mm, &still);
+                    prop_assert!(distance(&place_mm, target_mm) <= NEWTON_MM);
+                    let by_grid = grid.actual(&machine, &command_mm).unwrap();
+                    prop_assert!(distance(&by_grid, &place_mm) <= NEWTON_MM);
+                }
+            }
+        }
+
+        #[test]
+        fn what_is_called_straight_is_not_split(
+            begin in place(),
+            steps in proptest::collection::vec([-12.0_f64..12.0, -12.0_f64..12.0, -4.0_f64..4.0], 1..20),
+            size in prop_oneof![Just(0.1), Just(1.0), Just(3.0)],
+            limit_mm in prop_oneof![Just(0.0048), Just(0.0008)],
+        ) {
+            let machine = machine(size);
+            let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+            let closeness = Closeness { limit_mm, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
+            let ends = steps.iter().scan(begin, |at, step| {
+                *at = std::array::from_fn(|axis| at[axis] + step[axis]);
+                Some(*at)
+            });
+            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solve(&machine, &end)).collect();
+            for pair in solved.windows(2) {
+                let (Some(from), Some(to)) = (&pair[0], &pair[1]) else { continue };
+                if grid.is_straight(from, to, &closeness) {
+                    let start = Node { share: 0.0, ..from.node };
+                    let pieces =
+                        split(&machine, &Course::default(), &start, &to.node, &closeness, &mut Vec::new());
+                    prop_assert_eq!(pieces, Ok(None));
+                }
+            }
+        }
+
+        #[test]
+        fn the_cell_is_found_without_searching(
+            knots in proptest::collection::btree_set(0_u32..2000, 0..30),
+            at in proptest::collection::vec(-10.0_f64..220.0, 20),
+        ) {
+            let knots: Vec<f64> = knots.into_iter().map(|knot| f64::from(knot) * 0.1).collect();
+            let edges = Edges::new((0.0, 200.0), &knots).unwrap();
+            prop_assert!(edges.edges_mm.windows(2).all(|pair| pair[0] < pair[1] && pair[1] - pair[0] <= 10.0 + 1e-9));
+            prop_assert!(knots.iter().all(|knot| edges.edges_mm.contains(knot)));
+            for at_mm in at.into_iter().chain(edges.edges_mm.clone()) {
+                let n_below = edges.edges_mm.partition_point(|&edge| edge <= at_mm);
+                let expected = (n_below > 0 && n_below < edges.edges_mm.len()).then(|| n_below - 1);
+                prop_assert_eq!(edges.cell(at_mm), expected, "at {}", at_mm);
+            }
+        }
+    }
+
+    #[test]
+    fn most_short_moves_are_seen_to_be_straight() {
+        let machine = machine(1.0);
+        let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+        let closeness = Closeness { limit_mm: 0.0048, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
+        let at = |i: u32| {
+            let turn = 0.02 * f64::from(i);
+            grid.solve(&machine, &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0]).unwrap()
+        };
+        let n_straight = (0..300).filter(|&i| grid.is_straight(&at(i), &at(i + 1), &closeness)).count();
+        assert!(n_straight > 290, "{n_straight}");
+    }
+
+    #[test]
+    fn what_was_forgotten_is_found_again_the_same() {
+        let machine = machine(1.0);
+        let mut grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+        let target_mm = [33.3, 44.4, 5.5];
+        let before = grid.solve(&machine, &target_mm).unwrap().node;
+        *grid.n_made.get_mut() = MOST_MADE + 1;
+        grid.tidy();
+        assert_eq!(*grid.n_made.get_mut(), 0);
+        assert_eq!(grid.solve(&machine, &target_mm).unwrap().node, before);
+    }
+
+    #[test]
+    fn a_wave_too_short_for_a_quadratic_is_left_to_newton() {
+        let mut errors = ErrorTables::default();
+        // A step of a tenth of a millimetre within a hundredth.
+        let table = Table::new(vec![0.0, 50.0, 50.01, 200.0], vec![0.0, 0.0, 0.1, 0.1]).unwrap();
+        errors.set(Axis::X, Component::X, table);
+        let machine = MachineModel::new(Chain::parse("wbXYZt").unwrap(), errors, [0.0; 3]);
+        let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+        assert!(grid.actual(&machine, &[50.005, 10.0, 10.0]).is_none());
+        assert!(grid.actual(&machine, &[60.0, 10.0, 10.0]).is_some());
+    }
+
+    #[test]
+    fn no_grid_where_nothing_is_wrong_or_too_much_to_list() {
+        let none = MachineModel::new(Chain::parse("wbXYZt").unwrap(), ErrorTables::default(), [0.0; 3]);
+        assert!(Grid::new(&none, &RANGE_MM, NEWTON_MM).is_none());
+        assert!(Grid::new(&machine(1.0), &[(0.0, 2e4); 3], NEWTON_MM).is_none());
+        assert!(Grid::new(&machine(1.0), &[(f64::NEG_INFINITY, f64::INFINITY); 3], NEWTON_MM).is_none());
+    }
+}

@@ -1,0 +1,244 @@
+//! A machine and its inverse in a small box, as polynomials.
+
+use super::path::PathMap;
+use crate::arithmetic::in_wide_registers;
+use crate::volumetric::Approach;
+
+/// Coefficients of a quadratic in each of three variables.
+const TERMS: usize = 27;
+
+/// Places of the nodes in a box from −1 to 1, beside 0: those of Chebyshev's third polynomial.
+const NODE: f64 = 0.866_025_403_784_438_6;
+
+/// Where the polynomial is held against the machine: the extremes of Chebyshev's third polynomial, shares of the box.
+const PROBES: [f64; 4] = [0.0, 0.25, 0.75, 1.0];
+
+/// Errors that change faster than this (mm/mm) are left to Newton's method.
+const STEEPEST: f64 = 0.1;
+
+/// Steps to a command, each of which leaves at most that share of the miss.
+const STEPS: usize = 16;
+
+/// A machine in one box of commands, in which its errors are smooth: commands for targets, and places for commands.
+///
+/// The error, place less command, is a quadratic in each coordinate of the command, through 27 places; the correction,
+/// command less target, one in each coordinate of the target. Both are held against 64 places of the machine.
+#[derive(Debug)]
+pub struct Patch {
+    /// The box of commands.
+    low_mm: [f64; 3],
+    high_mm: [f64; 3],
+    correction: Quadratic,
+    error: Quadratic,
+    /// Derivative of the correction in the middle, row by component.
+    pub slopes: [[f64; 3]; 3],
+    /// Bound of the second derivative of the correction along any line, 1/mm.
+    pub bend_per_mm: f64,
+    /// Largest distance of a target from the middle.
+    pub radius_mm: f64,
+}
+
+impl Patch {
+    /// The patch of a box of commands; None where it would be off by more than `tolerance_mm`.
+    pub fn new(map: &impl PathMap, low_mm: [f64; 3], high_mm: [f64; 3], tolerance_mm: f64) -> Option<Self> {
+        let still = Approach::default();
+        let inside = |share: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|axis| low_mm[axis] + share[axis] * (high_mm[axis] - low_mm[axis]))
+        };
+        let is_near =
+            |off_mm: [f64; 3]| off_mm.iter().map(|c| c * c).sum::<f64>() <= tolerance_mm * tolerance_mm;
+        let error = Quadratic::through(&low_mm, &high_mm, |command_mm| {
+            Some(minus(&map.actual(command_mm, &still), command_mm))
+        })?;
+        // Not a number is steep.
+        if !(..=STEEPEST).contains(&error.steepest()) {
+            return None;
+        }
+        let (mut least_mm, mut most_mm) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let mut probes = Vec::new();
+        for share in places(PROBES) {
+            let command_mm = inside(share);
+            let place_mm = map.actual(&command_mm, &still);
+            if !is_near(minus(&place_mm, &error.added_to(&command_mm))) {
+                return None;
+            }
+            for axis in 0..3 {
+                least_mm[axis] = least_mm[axis].min(place_mm[axis]);
+                most_mm[axis] = most_mm[axis].max(place_mm[axis]);
+            }
+            probes.push((place_mm, command_mm));
+        }
+        let correction = Quadratic::through(&least_mm, &most_mm, |target_mm| {
+            // Each step leaves less than a tenth, from a millimetre to the last digit.
+            let mut command_mm = *target_mm;
+            for _ in 0..STEPS {
+                let miss_mm = minus(&error.added_to(&command_mm), target_mm);
+                command_mm = minus(&command_mm, &miss_mm);
+            }
+            is_between(&command_mm, &low_mm, &high_mm).then(|| minus(&command_mm, target_mm))
+        })?;
+        let half_mm = minus(&most_mm, &least_mm).map(|width| 0.5 * width);
+        let patch = Self {
+            low_mm,
+            high_mm,
+            slopes: correction.slopes(),
+            bend_per_mm: correction.bend(),
+            radius_mm: half_mm.iter().map(|half| half * half).sum::<f64>().sqrt(),
+            correction,
+            error,
+        };
+        let mut misses =
+            probes.iter().map(|(place_mm, command_mm)| minus(&patch.command_for(place_mm), command_mm));
+        (misses.all(is_near) && patch.correction.steepest() <= STEEPEST).then_some(patch)
+    }
+
+    /// The command for a target; right where it lies in the patch's own box: [`holds`](Self::holds).
+    #[inline]
+    pub fn command_for(&self, target_mm: &[f64; 3]) -> [f64; 3] {
+        self.correction.added_to(target_mm)
+    }
+
+    /// Where a command of the box puts the tool.
+    #[inline]
+    pub fn actual(&self, command_mm: &[f64; 3]) -> [f64; 3] {
+        self.error.added_to(command_mm)
+    }
+
+    /// Whether a command lies in the patch's box.
+    #[inline]
+    pub fn holds(&self, command_mm: &[f64; 3]) -> bool {
+        is_between(command_mm, &self.low_mm, &self.high_mm)
+    }
+}
+
+/// Three numbers that are quadratics in each coordinate.
+#[derive(Debug)]
+struct Quadratic {
+    /// Middle of the box, and one over half its width.
+    middle_mm: [f64; 3],
+    per_half_mm: [f64; 3],
+    /// Of `1, u, u²` times `1, v, v²` times `1, w, w²`, the first of them running fastest. The fourth component fills
+    /// a vector register.
+    terms: [[f64; 4]; TERMS],
+}
+
+impl Quadratic {
+    /// Through what `value` gives at the nodes of a box; None where it gives nothing.
+    fn through(
+        low_mm: &[f64; 3],
+        high_mm: &[f64; 3],
+        value: impl Fn(&[f64; 3]) -> Option<[f64; 3]>,
+    ) -> Option<Self> {
+        let middle_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low_mm[axis] + high_mm[axis]));
+        let half_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (high_mm[axis] - low_mm[axis]));
+        let mut terms = [[0.0; 4]; TERMS];
+        for (term, node) in terms.iter_mut().zip(places([-NODE, 0.0, NODE])) {
+            let [x, y, z] = value(&std::array::from_fn(|axis| middle_mm[axis] + node[axis] * half_mm[axis]))?;
+            *term = [x, y, z, 0.0];
+        }
+        for stride in [1, 3, 9] {
+            interpolate(&mut terms, stride);
+        }
+        Some(Self { middle_mm, per_half_mm: half_mm.map(|half| 1.0 / half), terms })
+    }
+
+    /// A place, and what the quadratic gives there.
+    #[inline]
+    fn added_to(&self, at_mm: &[f64; 3]) -> [f64; 3] {
+        let [x, y, z, _] = in_wide_registers(
+            #[inline(always)]
+            || self.sum(at_mm),
+        );
+        [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z]
+    }
+
+    /// In loops, for what a library's function is called with is compiled for narrow registers.
+    #[inline(always)]
+    fn sum(&self, at_mm: &[f64; 3]) -> [f64; 4] {
+        let u = (at_mm[0] - self.middle_mm[0]) * self.per_half_mm[0];
+        let v = (at_mm[1] - self.middle_mm[1]) * self.per_half_mm[1];
+        let w = (at_mm[2] - self.middle_mm[2]) * self.per_half_mm[2];
+        let a = self.plane(0, u, v);
+        let b = self.plane(9, u, v);
+        let c = self.plane(18, u, v);
+        quadratic(&a, &b, &c, w)
+    }
+
+    /// The sum of nine terms.
+    #[inline(always)]
+    fn plane(&self, first: usize, u: f64, v: f64) -> [f64; 4] {
+        let t = &self.terms;
+        let a = quadratic(&t[first], &t[first + 1], &t[first + 2], u);
+        let b = quadratic(&t[first + 3], &t[first + 4], &t[first + 5], u);
+        let c = quadratic(&t[first + 6], &t[first + 7], &t[first + 8], u);
+        quadratic(&a, &b, &c, v)
+    }
+
+    /// First derivatives in the middle: row by component, column by axis.
+    fn slopes(&self) -> [[f64; 3]; 3] {
+        let linear = [1, 3, 9];
+        std::array::from_fn(|row| {
+            std::array::from_fn(|axis| self.terms[linear[axis]][row] * self.per_half_mm[axis])
+        })
+    }
+
+    /// Bound of the derivative by these axes, anywhere in the box.
+    fn bound(&self, by: &[usize]) -> f64 {
+        let mut bound = 0.0;
+        for (place, term) in self.terms.iter().enumerate() {
+            let mut exponents = [place % 3, place / 3 % 3, place / 9];
+            let mut factor = 1.0;
+            for &axis in by {
+                factor *= exponents[axis] as f64 * self.per_half_mm[axis];
+                exponents[axis] = exponents[axis].saturating_sub(1);
+            }
+            bound += factor * term.iter().map(|c| c * c).sum::<f64>().sqrt();
+        }
+        bound
+    }
+
+    /// Bound of the first derivative along any line.
+    fn steepest(&self) -> f64 {
+        (0..3).map(|axis| self.bound(&[axis]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Bound of the second derivative along any line.
+    fn bend(&self) -> f64 {
+        (0..9).map(|pair| self.bound(&[pair / 3, pair % 3]).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+#[inline]
+fn minus(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
+}
+
+#[inline]
+fn is_between(at_mm: &[f64; 3], low_mm: &[f64; 3], high_mm: &[f64; 3]) -> bool {
+    (0..3).all(|axis| low_mm[axis] <= at_mm[axis] && at_mm[axis] <= high_mm[axis])
+}
+
+#[inline(always)]
+fn quadratic(a: &[f64; 4], b: &[f64; 4], c: &[f64; 4], at: f64) -> [f64; 4] {
+    let mut sum = [0.0; 4];
+    for k in 0..4 {
+        sum[k] = a[k] + at * (b[k] + at * c[k]);
+    }
+    sum
+}
+
+/// All triples of `values`, the first of them running fastest.
+fn places<const N: usize>(values: [f64; N]) -> impl Iterator<Item = [f64; 3]> {
+    (0..N * N * N).map(move |place| [values[place % N], values[place / N % N], values[place / (N * N)]])
+}
+
+/// Values at the three nodes of one variable into coefficients.
+fn interpolate(terms: &mut [[f64; 4]; TERMS], stride: usize) {
+    for first in (0..TERMS).filter(|place| (place / stride).is_multiple_of(3)) {
+        let [below, at, above] = [0, 1, 2].map(|node| terms[first + node * stride]);
+        terms[first] = at;
+        terms[first + stride] = std::array::from_fn(|k| (above[k] - below[k]) / (2.0 * NODE));
+        terms[first + 2 * stride] =
+            std::array::from_fn(|k| (above[k] + below[k] - 2.0 * at[k]) / (2.0 * NODE * NODE));
+    }
+}

@@ -1,0 +1,290 @@
+//! Lines as slicers and CAM systems write them by the million: one straight move, letters and numbers, nothing else.
+//!
+//! What is read here means the same to the [lexer](super::lexer), which reads everything; every doubt goes there.
+
+use super::decimal::{Decimal, POWERS};
+use super::lexer::Span;
+use super::words::MoveText;
+
+/// More digits of a line's own number than this go to the lexer.
+const MOST_DIGITS: usize = 15;
+
+/// A straight move on a line of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlainMove {
+    /// Whether `G0` stands on the line; None where no code does.
+    pub is_rapid: Option<bool>,
+    /// X, Y, Z.
+    pub axes: [Option<Decimal>; 3],
+    /// E.
+    pub extruder: Option<Decimal>,
+    /// F.
+    pub feed: Option<Decimal>,
+    /// Where the words stand.
+    pub text: MoveText,
+    /// Length of the line without its end.
+    pub length: usize,
+    /// Length of the line with it.
+    pub length_with_end: usize,
+}
+
+impl PlainMove {
+    /// Reads the line that `text` begins with; None where it is anything else, or does not end within `text`.
+    #[inline]
+    pub fn read(text: &[u8]) -> Option<Self> {
+        let mut plain = Self {
+            is_rapid: None,
+            axes: [None; 3],
+            extruder: None,
+            feed: None,
+            text: MoveText {
+                axes: [None; 3],
+                extruder: None,
+                motion: None,
+                machine: None,
+                behind_axes: 0,
+                is_spaced: false,
+                is_lower: false,
+            },
+            length: 0,
+            length_with_end: 0,
+        };
+        let mut n_words = 0_u32;
+        // Behind the word before.
+        let mut behind = 0;
+        let mut at = 0;
+        if text.first() == Some(&b'N') {
+            let digits = text[1..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+            if !(1..=MOST_DIGITS).contains(&digits) {
+                return None;
+            }
+            at = 1 + digits;
+        }
+        loop {
+            let mut byte = *text.get(at)?;
+            while byte == b' ' {
+                at += 1;
+                byte = *text.get(at)?;
+            }
+            let start = at;
+            match byte {
+                b'X' | b'Y' | b'Z' => {
+                    let axis = usize::from(byte - b'X');
+                    let (number, end) = number(text, at + 1)?;
+                    if plain.axes[axis].replace(number).is_some() {
+                        return None;
+                    }
+                    let span = Span { start: start as u32, end: end as u32 };
+                    plain.text.axes[axis] = Some(span);
+                    plain.text.behind_axes = span.end;
+                    at = end;
+                }
+                b'E' => {
+                    let (number, end) = number(text, at + 1)?;
+                    if plain.extruder.replace(number).is_some() {
+                        return None;
+                    }
+                    plain.text.extruder = Some(Span { start: start as u32, end: end as u32 });
+                    at = end;
+                }
+                b'F' => {
+                    let (number, end) = number(text, at + 1)?;
+                    if plain.feed.replace(number).is_some() {
+                        return None;
+                    }
+                    at = end;
+                }
+                b'G' if n_words == 0 => {
+                    at += 1 + usize::from(text.get(at + 1) == Some(&b'0') && is_digit(text.get(at + 2)));
+                    plain.is_rapid = match text.get(at) {
+                        Some(b'0') => Some(true),
+                        Some(b'1') => Some(false),
+                        _ => return None,
+                    };
+                    at += 1;
+                    if is_digit(text.get(at)) || text.get(at) == Some(&b'.') {
+                        return None;
+                    }
+                    plain.text.motion = Some(Span { start: start as u32, end: at as u32 });
+                }
+                b'\n' => {
+                    plain.length_with_end = at + 1;
+                    break;
+                }
+                b'\r' if text.get(at + 1) == Some(&b'\n') => {
+                    plain.length_with_end = at + 2;
+                    break;
+                }
+                _ => return None,
+            }
+            plain.text.is_spaced |= n_words > 0 && behind < start;
+            n_words += 1;
+            behind = at;
+        }
+        plain.text.is_spaced |= n_words < 2;
+        plain.length = at;
+        // A line without words is none of the moves that are meant here.
+        (n_words > 0).then_some(plain)
+    }
+}
+
+#[inline]
+fn is_digit(byte: Option<&u8>) -> bool {
+    byte.is_some_and(u8::is_ascii_digit)
+}
+
+/// The number at `start`, and the place behind it.
+#[inline]
+fn number(text: &[u8], start: usize) -> Option<(Decimal, usize)> {
+    let is_negative = text.get(start) == Some(&b'-');
+    let first = start + usize::from(is_negative);
+    let (head, n_head) = digits(text, first)?;
+    let (mut mantissa, mut at, mut n_tail) = (head, first + n_head, 0);
+    if text.get(at) == Some(&b'.') {
+        let (tail, n_digits) = digits(text, at + 1)?;
+        mantissa = head * POWERS[n_digits] + tail;
+        at += 1 + n_digits;
+        n_tail = n_digits;
+    }
+    // A second point, an underscore, a letter that is no word: the lexer knows.
+    let goes_on = !matches!(text.get(at), Some(b' ' | b'\n' | b'\r' | b'X'..=b'Z' | b'E' | b'F'));
+    if goes_on || n_head + n_tail == 0 {
+        return None;
+    }
+    let mantissa = if is_negative { -mantissa } else { mantissa };
+    Some((Decimal { mantissa, digits: n_tail as u8, is_cut: false }, at))
+}
+
+/// At most seven digits at `start`, and how many there are; None where there are more, or the text is too near its end.
+///
+/// All eight bytes at once: a loop over digits would be guessed wrong at the end of most numbers.
+#[inline]
+fn digits(text: &[u8], start: usize) -> Option<(i64, usize)> {
+    const ONES: u64 = 0x0101_0101_0101_0101;
+    let bytes = u64::from_le_bytes(*text.get(start..)?.first_chunk()?);
+    // Digits are 0 to 9 now; of the bytes from the first other one on, only that it is one counts.
+    let values = bytes ^ (ONES * u64::from(b'0'));
+    let others = (values.wrapping_add(ONES * (0x80 - 10)) | values) & (ONES * 0x80);
+    if others == 0 {
+        return None;
+    }
+    let n_digits = (others.trailing_zeros() / 8) as usize;
+    if n_digits == 0 {
+        return Some((0, 0));
+    }
+    // The digits at the end, zeros before them; then pairs, fours and all eight.
+    let eight = values << (64 - 8 * n_digits);
+    let pairs = (eight.wrapping_mul(10).wrapping_add(eight >> 8)) & 0x00ff_00ff_00ff_00ff;
+    let fours = (pairs.wrapping_mul(100).wrapping_add(pairs >> 16)) & 0x0000_ffff_0000_ffff;
+    let number = (fours.wrapping_mul(10_000).wrapping_add(fours >> 32)) & 0xffff_ffff;
+    Some((number as i64, n_digits))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gcode::lexer::{Head, Line};
+    use crate::gcode::words::Words;
+    use proptest::prelude::*;
+
+    /// What the lexer makes of the first line of `text`, as a plain move.
+    fn by_lexer(text: &str) -> PlainMove {
+        let length = text.find(['\n', '\r']).unwrap();
+        let body = &text.as_bytes()[..length];
+        let mut line = Line::default();
+        line.lex(body);
+        assert!(line.head == Head::Words && line.unreadable.is_none() && !line.has_parameter, "{text:?}");
+        let words = Words::of(&line);
+        assert!(words.repeated.is_none() && words.odd.is_none() && words.parameter.is_none(), "{text:?}");
+        let code = line.words.iter().find(|word| word.letter == b'G').map(|word| word.code10().unwrap());
+        let number = |word: &crate::gcode::lexer::Word| word.number().unwrap();
+        PlainMove {
+            is_rapid: code.map(|code10| code10 == 0),
+            axes: words.axes.map(|word| word.as_ref().map(number)),
+            extruder: words.extruder.as_ref().map(number),
+            feed: words.feed.as_ref().map(number),
+            text: MoveText::of(&line, &words, body),
+            length,
+            length_with_end: length + if text[length..].starts_with("\r\n") { 2 } else { 1 },
+        }
+    }
+
+    fn read(text: &str) -> Option<PlainMove> {
+        // A number near the end of the text is left to the lexer.
+        PlainMove::read(format!("{text}M117 what follows\n").as_bytes())
+    }
+
+    #[test]
+    fn moves_of_slicers_and_of_cam_systems_are_read() {
+        for text in [
+            "G1 X114.255 Y94.658 E2.00592\n",
+            "G0 F9000 X-.5 Y1 Z0.300\r\n",
+            "N120 G01X1.0Y-2.5F300\n",
+            "X1.5 Y2. \n",
+            "G1 E-.8 F2400\n",
+            "G1 F1800\n",
+            "G00\n",
+            " G1  X1\n",
+            "G1 Z1 X2 Y3\n",
+        ] {
+            assert_eq!(read(text), Some(by_lexer(text)), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn everything_else_is_left_to_the_lexer() {
+        for text in [
+            "\n",
+            "N5\n",
+            "G2 X1 Y1 I1\n",
+            "G1 X1 X2\n",
+            "G1 X1 ; travel\n",
+            "G1 X1 (travel)\n",
+            "g1 x1\n",
+            "G1 X 1\n",
+            "G1 X+1\n",
+            "G1 X\n",
+            "G1 X-\n",
+            "G1 X.\n",
+            "G1 X1.2.3\n",
+            "G1 X12345678\n",
+            "G1 X1_\n",
+            "G1 X1\r",
+            "G1 X1\tY2\n",
+            "G1.5 X1\n",
+            "G10 X1\n",
+            "G1 G90 X1\n",
+            "X1 G1\n",
+            "G1 X1*33\n",
+            "G1 X1 A2\n",
+            "%\n",
+            "START X1\n",
+        ] {
+            assert_eq!(read(text), None, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn a_line_that_has_not_ended_is_left_to_the_lexer() {
+        assert_eq!(PlainMove::read(b"G1 X114.255 Y94.658 E2.00592"), None);
+        assert_eq!(PlainMove::read(b""), None);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_read_is_what_the_lexer_reads(
+            text in "(N[0-9]{1,4} ?)?(G0?[01])?( {0,2}[XYZEF]-?[0-9]{0,8}(\\.[0-9]{0,8})?){0,4} ?(\r?\n)",
+        ) {
+            if let Some(plain) = read(&text) {
+                prop_assert_eq!(plain, by_lexer(&text));
+            }
+        }
+
+        #[test]
+        fn any_bytes_are_read_or_left(bytes in proptest::collection::vec(any::<u8>(), 0..60)) {
+            if let Some(plain) = PlainMove::read(&bytes) {
+                prop_assert!(plain.length < plain.length_with_end && plain.length_with_end <= bytes.len());
+            }
+        }
+    }
+}
