@@ -11,6 +11,7 @@ from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
+from geoerr.diagnose.search.finer import finer_functions
 from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, simplest_to_pass
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.nameless import (
@@ -83,14 +84,21 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     unknown: Found | None = None
     # Columns of what has no name: of its probe, and where it is left of a name what is uneven or bent in that.
     aside: list[Numbers] = []
+    # Columns of errors of an axis with more freedom than the fit gave them.
+    finer: list[Numbers] = []
     first: Round | None = None
     while True:
-        added = [*aside, *(one.settled.raw for one in found)]
+        added = [*finer, *aside, *(one.settled.raw for one in found)]
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
         best = first_to_pass(looked.candidates, level)
         probe = simplest_to_pass(looked.probes, level) if unknown is None else None
+        more = _finer(bench, looked, best, probe)
+        if more is not None:
+            finer.append(more)
+            first = first if found or unknown is not None else None
+            continue
         uneven = None if probe is None else unevenness(looked, found, best, probe)
         if uneven is not None:
             unknown = _nameless(looked, uneven[0])
@@ -100,7 +108,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             wrong = misnamed(found, probe)
             if wrong is not None:
                 found = [one for one in found if one is not wrong]
-                looked = look(bench, bench.space([one.settled.raw for one in found]), [], probes)
+                looked = look(bench, bench.space([*finer, *(one.settled.raw for one in found)]), [], probes)
                 probe = simplest_to_pass(looked.probes, level) or probe
             unknown = _nameless(looked, probe)
             aside = [unknown.settled.raw]
@@ -123,10 +131,17 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         others = [one for one in looked.candidates if one is not best]
         found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
-        found = _without_superfluous(bench, found, aside[1:])
+        found = _without_superfluous(bench, found, [*finer, *aside[1:]])
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
-    return Searched(bench, first, looked, tuple(_together(bench, found, aside, looked)), unknown, tuple(not_offered))
+    together = tuple(_together(bench, found, [*finer, *aside], looked))
+    return Searched(bench, first, looked, together, unknown, tuple(not_offered))
+
+
+def _finer(bench: Bench, looked: Round, best: Judged | None, probe: Judged | None) -> Numbers | None:
+    """Give the model more freedom where that does as well as the best of names and probes."""
+    claims = [one for one in (best, probe) if one is not None]
+    return finer_functions(bench, looked, max(claims, key=lambda one: one.evidence)) if claims else None
 
 
 def _nameless(looked: Round, probe: Judged) -> Found:

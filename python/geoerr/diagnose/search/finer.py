@@ -1,0 +1,83 @@
+"""The model's own functions with more freedom: what they do as well is the model's, and no effect's.
+
+The freedom of the errors of an axis was chosen by evidence before the search, from the noise as it was then known. A
+slow wave along an axis may be no more than what too few splines left of a smooth function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from geoerr.bases import basis_of
+from geoerr.diagnose.probes import Probe
+from geoerr.diagnose.scan import estimate
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.judged import Judged, evidence_of, variables_of
+from geoerr.diagnose.search.look import Round
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
+from geoerr.terms import BasisSpec, Term
+
+# Intervals between knots are cut in so many parts.
+_PARTS = (2, 4)
+# Of what leaves a smaller share than this, the model does most already; what gains this share of it does as much.
+_MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
+
+
+def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | None:
+    """Give columns (n, 3, k) of an error of an axis with more knots, if they have more evidence than what is claimed.
+
+    Of what the model does most already, it is enough that they do as much, and are worth their freedom.
+
+    Parameters
+    ----------
+    claim
+        A candidate or probe; only what is a function of the position of one axis can be such an error.
+    """
+    axis = _axis_of(claim)
+    if axis is None:
+        return None
+    ways = [
+        _columns(bench, term, finer)
+        for term in bench.fitted.terms
+        for finer in _finer(term, axis)
+        if isinstance(claim.what, Probe) or set(term.channels) & set(_term_of(claim).channels)
+    ]
+    is_own = claim.share < _MOSTLY_OWN
+    best, most = None, 0.0 if is_own else claim.evidence
+    for columns in ways:
+        _, root, gain = estimate(looked.space, columns)
+        evidence = float(evidence_of(looked.space, gain, np.array(root.shape[1]), len(ways)))
+        if evidence > most and (not is_own or float(gain) >= _AS_MUCH * claim.gain):
+            best, most = columns, evidence
+    return best
+
+
+def _axis_of(claim: Judged) -> str | None:
+    names = variables_of(claim) if isinstance(claim.what, Probe) else set(_term_of(claim).variables)
+    return next(iter(names)) if len(names) == 1 and names <= set(AXES) else None
+
+
+def _term_of(claim: Judged) -> Term:
+    assert claim.shapes.term is not None
+    return claim.shapes.term
+
+
+def _finer(term: Term, axis: str) -> Iterator[BasisSpec]:
+    basis = term.parts[0].basis
+    if len(term.parts) != 1 or basis is None or basis.axis != axis or not basis.knots_mm:
+        return
+    knots = np.array(basis.knots_mm)
+    for parts in _PARTS:
+        places = np.arange(parts * (len(knots) - 1) + 1) / parts
+        yield replace(basis, knots_mm=tuple(np.interp(places, np.arange(len(knots)), knots).tolist()))
+
+
+def _columns(bench: Bench, term: Term, basis: BasisSpec) -> Numbers:
+    part = term.parts[0]
+    positions_mm = bench.fitted.sightings.commanded_mm[:, AXES.index(basis.axis)]
+    values = basis_of(basis).evaluate(np.ascontiguousarray(positions_mm))
+    return part.factor * bench.channels[part.channel][:, :, None] * values[:, None, :]
