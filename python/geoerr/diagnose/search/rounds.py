@@ -54,6 +54,8 @@ class Searched:
         The probe that no candidate matches, as it was found; None where there is none.
     not_offered
         Effects that the data cannot carry, and why.
+    beside
+        Columns (n, 3, k) that stood beside what was found: more freedom of the model, and what has no name.
     """
 
     bench: Bench
@@ -62,6 +64,7 @@ class Searched:
     found: tuple[Found, ...]
     unknown: Found | None
     not_offered: tuple[tuple[str, str], ...]
+    beside: tuple[Numbers, ...]
 
 
 def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0) -> Searched:
@@ -134,8 +137,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
-    together = tuple(_together(bench, found, [*finer, *aside], looked))
-    return Searched(bench, first, looked, together, unknown, tuple(not_offered))
+    beside = [*finer, *aside]
+    together = tuple(_together(bench, found, beside, looked))
+    return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside))
 
 
 def _finer(bench: Bench, looked: Round, best: Judged | None, probe: Judged | None) -> Numbers | None:
