@@ -13,6 +13,7 @@ use geoerr_core::volumetric::{
 };
 
 use crate::draws::Draws;
+use crate::kinematics::machines::all_chains;
 
 const VARIABLES: [&str; 12] =
     ["x", "y", "z", "tx", "bed_x", "d_x", "d_z", "s_x", "v_y", "temp_bed", "feed", "a_x"];
@@ -20,12 +21,6 @@ const RANGE_MM: [(f64, f64); 3] = [(0.0, 400.0), (0.0, 300.0), (-20.0, 380.0)];
 
 fn inside(draws: &mut Draws) -> [f64; 3] {
     RANGE_MM.map(|(low, high)| low + draws.fraction() * (high - low))
-}
-
-fn chains() -> Vec<String> {
-    let orders = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"];
-    let codes = orders.iter().flat_map(|order| (0..4).map(|b| format!("w{}b{}t", &order[..b], &order[b..])));
-    codes.collect()
 }
 
 fn names(names: &[&str]) -> Vec<String> {
@@ -147,7 +142,7 @@ fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 #[test]
 fn on_all_chains_it_is_the_model() {
     let mut draws = Draws::new(3);
-    for chain in chains() {
+    for chain in all_chains() {
         let (model, coefficients, inner) = drawn(&chain, &mut draws);
         let machine = machine(&model, &coefficients, &inner);
         assert_eq!(machine.rig_terms(), [model.terms().len() - 1]);
@@ -178,7 +173,7 @@ fn on_all_chains_it_is_the_model() {
 #[test]
 fn the_jacobian_is_the_derivative_with_cross_terms() {
     let mut draws = Draws::new(5);
-    for chain in chains() {
+    for chain in all_chains() {
         let (model, coefficients, inner) = drawn(&chain, &mut draws);
         let machine = machine(&model, &coefficients, &inner);
         for _ in 0..10 {
@@ -234,7 +229,7 @@ fn tables_and_terms(chain: &str) -> (MachineModel, TermMachine) {
 #[test]
 fn of_tables_it_is_the_machine_of_tables() {
     let mut draws = Draws::new(7);
-    for chain in chains() {
+    for chain in all_chains() {
         let (tables, terms) = tables_and_terms(&chain);
         for axis in Axis::ALL {
             assert_eq!(terms.knots(axis), tables.knots(axis), "a polygon needs no further cuts");
@@ -255,7 +250,7 @@ fn of_tables_it_is_the_machine_of_tables() {
 #[test]
 fn compensate_then_map_is_the_identity() {
     let mut draws = Draws::new(11);
-    for chain in chains() {
+    for chain in all_chains() {
         let (model, coefficients, inner) = drawn(&chain, &mut draws);
         let machine = machine(&model, &coefficients, &inner);
         for _ in 0..20 {

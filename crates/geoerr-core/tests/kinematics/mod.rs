@@ -6,7 +6,7 @@ mod columns;
 mod displacements;
 mod first_order;
 mod jacobian;
-mod machines;
+pub mod machines;
 mod matrices;
 mod newton;
 mod nominal;
