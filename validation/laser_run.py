@@ -43,11 +43,17 @@ class LaserRun:
         )
 
 
-def draw_laser_run(rng: np.random.Generator, *, n_repeats: int, n_places: int, uneven_mm: float) -> LaserRun:
-    """Draw a run whose places, all but the last, are moved up by as much at most, so that no period hides in them."""
-    there = np.linspace(0.0, LENGTH_MM, n_places) + np.append(rng.uniform(0.0, uneven_mm, n_places - 1), 0.0)
+def laser_run(places_mm: Numbers, n_repeats: int) -> LaserRun:
+    """Go to these places, there and back, so many times."""
+    n_places = len(places_mm)
     return LaserRun(
-        np.tile(np.concatenate([there, there[::-1]]), n_repeats),
+        np.tile(np.concatenate([places_mm, places_mm[::-1]]), n_repeats),
         np.tile(np.repeat([1.0, -1.0], n_places), n_repeats),
         np.repeat(np.arange(n_repeats, dtype=np.float64), 2 * n_places),
     )
+
+
+def draw_laser_run(rng: np.random.Generator, *, n_repeats: int, n_places: int, uneven_mm: float) -> LaserRun:
+    """Draw a run whose places, all but the last, are moved up by as much at most, so that no period hides in them."""
+    there = np.linspace(0.0, LENGTH_MM, n_places) + np.append(rng.uniform(0.0, uneven_mm, n_places - 1), 0.0)
+    return laser_run(there, n_repeats)

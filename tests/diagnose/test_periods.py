@@ -4,35 +4,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from validation.laser_run import MACHINE, laser_run
 
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
 from geoerr.diagnose.periods import alike_periods, periods_to_try
 from geoerr.fit import FitOptions, fit_terms
-from geoerr.machine import AXES, Axis, Machine
-from geoerr.observations import observations_from_columns
 
-MACHINE = Machine("bench", "wbXYZt", {axis: Axis((0.0, 400.0)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0))
 PULLEY_MM, STEP_MM, N_REPEATS = 40.0, 10.0, 5
 
 
 def _diagnosed(places_mm: np.ndarray) -> Diagnosis:
     rng = np.random.default_rng(7)
-    x = np.tile(np.concatenate([places_mm, places_mm[::-1]]), N_REPEATS)
-    n, n_places = len(x), len(places_mm)
-    error_um = 3.0 * np.sin(2.0 * np.pi * x / PULLEY_MM) + 0.3 * rng.normal(size=n)
-    columns = {
-        "line": ["x"] * n,
-        "repeat": np.repeat(np.arange(N_REPEATS, dtype=np.float64), 2 * n_places),
-        "carrier": ["relative"] * n,
-        "x": x,
-        "y": np.full(n, 200.0),
-        "z": np.full(n, 100.0),
-        **{f"t{axis}": np.zeros(n) for axis in AXES},
-        "dir_x": np.tile(np.repeat([1.0, -1.0], n_places), N_REPEATS),
-        "mx": x + 1e-3 * error_um,
-    }
+    run = laser_run(places_mm, N_REPEATS)
+    error_um = 3.0 * np.sin(2.0 * np.pi * run.x_mm / PULLEY_MM) + 0.3 * rng.normal(size=len(run.x_mm))
     options = FitOptions(components="12", threads=1)
-    return diagnose(fit_terms(MACHINE, [observations_from_columns(columns)], options=options), threads=1)
+    return diagnose(fit_terms(MACHINE, [run.observed(error_um)], options=options), threads=1)
 
 
 def test_a_pulley_seen_in_even_steps_is_told_with_what_it_may_be() -> None:
