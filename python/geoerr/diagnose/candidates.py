@@ -305,7 +305,7 @@ def shapes_of(functions: Functions, term: Term, before: LaidOut | None = None) -
         # A wave across an axis in two directions needs no other trials than one along it.
         key = (tuple(dict.fromkeys(formulas.key)), place, parameter.low, parameter.high, len(free))
         if key not in before.grids:
-            wave = wave_along(formulas, term, middle, rows) if free == [place] else None
+            wave = wave_along(formulas, term, middle) if free == [place] else None
             periods = None if wave is None else periods_to_try(wave[1], *_ends(parameter))
             before.grids[key] = periods or _grid(formulas, inner, middle, place, len(free), rows)
         choices.append(before.grids[key])
@@ -418,14 +418,13 @@ def _grid(
     return sorted(found)
 
 
-def wave_along(
-    formulas: Formulas, term: Term, inner: Sequence[float], rows: np.ndarray
-) -> tuple[int, Numbers] | None:
+def wave_along(formulas: Formulas, term: Term, inner: Sequence[float]) -> tuple[int, Numbers] | None:
     """Give the place of a term's period and its variable (n,); None if it is no wave along one variable."""
     free = [place for place, one in enumerate(term.inner) if not one.is_fixed]
     if len(free) != 1 or len(term.variables) != 1 or term.inner[free[0]].spacing != "log":
         return None
     functions, place = formulas.functions, free[0]
+    rows = _few_rows(functions.n_rows)
     values = functions.variables[functions.names.index(term.variables[0])]
 
     def columns_at(period: float) -> Numbers:

@@ -148,7 +148,7 @@ def determined(space: Space, raw: Numbers) -> tuple[Numbers, Numbers]:
     Directions that the model owns are left out.
     """
     whitened = space.noise.whiten(raw).reshape(-1, raw.shape[2])
-    return whitened, _root(whitened.T @ whitened, _inside(space, whitened))
+    return whitened, _root(*_products(space, whitened))
 
 
 def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
@@ -163,26 +163,29 @@ def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
 
 def not_determined(space: Space, raw: Numbers) -> np.ndarray:
     """Tell which coefficients (k,) of columns (n, 3, k) the model can take over, in part at least: any will do."""
-    whitened = space.noise.whiten(raw).reshape(-1, raw.shape[2])
-    gram, inside = whitened.T @ whitened, _inside(space, whitened)
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    size = np.where(size > 0.0, size, 1.0)
-    left = (gram - inside.T @ inside) / np.outer(size, size)
-    value, vector = np.linalg.eigh(left)
+    gram, inside = _products(space, space.noise.whiten(raw).reshape(-1, raw.shape[2]))
+    size = _sizes(gram)
+    value, vector = np.linalg.eigh((gram - inside.T @ inside) / np.outer(size, size))
     # A direction is open as far as what is left of its columns is less than a share of what they are.
     whole = np.einsum("ij,ik,kj->j", vector, gram / np.outer(size, size), vector)
     is_open = value <= OWNED * np.maximum(whole, _DEPENDENT)
     return np.asarray((np.abs(vector[:, is_open]) > _A_PART).any(axis=1))
 
 
-def _inside(space: Space, whitened: Numbers) -> Numbers:
-    return np.asarray(space.basis.reshape(len(whitened), -1).T @ whitened)
+def _products(space: Space, whitened: Numbers) -> tuple[Numbers, Numbers]:
+    """Give products of whitened columns (3 n, k) with each other (k, k) and with the model's basis (r, k)."""
+    return whitened.T @ whitened, space.basis.reshape(len(whitened), -1).T @ whitened
+
+
+def _sizes(gram: Numbers) -> Numbers:
+    """Give the lengths of columns (k,) by their products; 1 for a column that is 0."""
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    return np.where(size > 0.0, size, 1.0)
 
 
 def _root(gram: Numbers, inside: Numbers) -> Numbers:
     """Give F (k, m) from products of whitened columns with each other (k, k) and with the model's basis (r, k)."""
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    size = np.where(size > 0.0, size, 1.0)
+    size = _sizes(gram)
     value, vector = np.linalg.eigh(gram / np.outer(size, size))
     kept = value > _DEPENDENT * len(gram)
     unit = vector[:, kept] / size[:, None] / np.sqrt(value[kept])

@@ -156,6 +156,5 @@ def alike_words(values: Sequence[float], unit: str) -> str:
     """Say other values that are the same at places in even steps, the first few, and what would tell them apart."""
     texts = [f"{value:.4g}" for value in values[:_FEW_ALIKE]]
     more = [f"{len(values) - _FEW_ALIKE} more"] if len(values) > _FEW_ALIKE else []
-    return (
-        f"{listed([*texts, *more], 'or')} {unit}, which are the same at these places: measure in uneven steps".strip()
-    )
+    values_in_words = f"{listed([*texts, *more], 'or')} {unit}".rstrip()
+    return f"{values_in_words}, which are the same at these places: measure in uneven steps"

@@ -12,8 +12,6 @@ from geoerr.diagnose.search.settle import Settled, settle_at
 from geoerr.diagnose.space import Space
 from geoerr.terms import Term
 
-_ROWS_TO_COMPARE = 300
-
 
 def at_likeliest_period(space: Space, scanner: Scanner, settled: Settled) -> Settled:
     """Estimate a wave at the likeliest of the periods that the places do not tell apart; leave any other effect."""
@@ -31,8 +29,7 @@ def other_periods(functions: Functions, term: Term, is_used: np.ndarray) -> tupl
     """Give the place of a wave's period, and other values that are the same at the rows that are used, if any."""
     formulas = Formulas(functions, term)
     inner = [one.value for one in term.inner]
-    rows = np.unique(np.linspace(0, functions.n_rows - 1, _ROWS_TO_COMPARE).round().astype(np.int64))
-    wave = wave_along(formulas, term, inner, rows)
+    wave = wave_along(formulas, term, inner)
     if wave is None:
         return None
     place, values = wave

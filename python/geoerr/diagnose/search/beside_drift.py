@@ -55,8 +55,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         return looked
     n_asked = sum(_is_asked_for(one.what) for one in like) if is_offset else 0
     if n_asked:
-        candidates, probes = _at_half(looked.candidates), _at_half(looked.probes)
-        looked = replace(looked, candidates=candidates, probes=probes, is_halved=True)
+        looked = _at_half_the_level(looked)
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     sums = bench.sums(added)
     calm_noise = without_drift(looked.space.noise, sums.weights, without_offsets=is_offset)
@@ -79,7 +78,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
         if of_passes:
             found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
-        p_value = (2.0 if n_asked else 1.0) * looked.null.p_value(found)
+        p_value = looked.p_value_of(found)
         if n_asked and _is_asked_for(one.what):
             p_value = min(p_value, n_asked * math.exp(-found))
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
@@ -92,13 +91,17 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
                 gain=gain,
                 surprise=found,
                 evidence=evidence,
-                p_value=min(p_value, 1.0),
+                p_value=p_value,
             )
     return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
 
 
-def _at_half(judged: Sequence[Judged]) -> tuple[Judged, ...]:
-    return tuple(replace(one, p_value=min(2.0 * one.p_value, 1.0)) for one in judged)
+def _at_half_the_level(looked: Round) -> Round:
+    candidates, probes = (
+        tuple(replace(one, p_value=min(2.0 * one.p_value, 1.0)) for one in judged)
+        for judged in (looked.candidates, looked.probes)
+    )
+    return replace(looked, candidates=candidates, probes=probes, is_halved=True)
 
 
 def _simplest_first(candidates: list[Judged]) -> tuple[Judged, ...]:

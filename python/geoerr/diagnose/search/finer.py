@@ -41,14 +41,15 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | Non
     if axis is None:
         return None
     ways = [
-        _columns(bench, term, finer)
+        (term, finer)
         for term in bench.fitted.terms
         for finer in _finer(term, axis)
         if isinstance(claim.what, Probe) or set(term.channels) & set(_term_of(claim).channels)
     ]
     is_own = claim.share < _MOSTLY_OWN
     best, most = None, 0.0 if is_own else claim.evidence
-    for columns in ways:
+    for term, finer in ways:
+        columns = _columns(bench, term, finer)
         _, root, gain = estimate(looked.space, columns)
         evidence = float(evidence_of(looked.space, gain, np.array(root.shape[1]), len(ways)))
         if evidence > most and (not is_own or float(gain) >= _AS_MUCH * claim.gain):

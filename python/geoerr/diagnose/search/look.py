@@ -58,6 +58,10 @@ class Round:
             max((one.surprise for one in (*self.candidates, *self.probes)), default=-math.inf)
         )
 
+    def p_value_of(self, surprise: float) -> float:
+        """Give the p-value of a candidate that surprises so much."""
+        return min((2.0 if self.is_halved else 1.0) * self.null.p_value(surprise), 1.0)
+
 
 def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Sequence[Probe]) -> Round:
     """Judge every candidate and probe."""

@@ -67,9 +67,8 @@ def most_uneven(space: Space, settled: Settled, *, is_added: bool = False) -> Un
 def columns_along(explained: Numbers, column: Numbers) -> tuple[Numbers, Numbers]:
     """Give columns (n, 3, k) of something (n, 3) whose size is free to follow a column (n,), and its sizes (n, k)."""
     low, high = float(np.nanmin(column)), float(np.nanmax(column))
-    sizes = np.asarray(
-        legendre.legvander(np.nan_to_num(2.0 * (column - low) / (high - low) - 1.0), _DEGREE), np.float64
-    )
+    along = np.nan_to_num(2.0 * (column - low) / (high - low) - 1.0)
+    sizes = np.asarray(legendre.legvander(along, _DEGREE), dtype=np.float64)
     return explained[:, :, None] * sizes[:, None, :], sizes
 
 
@@ -83,12 +82,10 @@ def explained_by(settled: Settled) -> Numbers:
 def _uneven(space: Space, explained: Numbers, axis: str, column: Numbers, *, is_added: bool) -> Uneven:
     raw, sizes = columns_along(explained, column)
     coefficients, root, gain = estimate(space, raw)
-    size = sizes @ coefficients
     weights = (explained**2).sum(axis=1)
-    mean = float(np.average(size, weights=weights))
-    off = float(np.sqrt(np.average((size - mean) ** 2, weights=weights)))
-    if is_added:
-        mean = 1.0
-    about_mean = sizes[:, 1:] - np.average(sizes[:, 1:], axis=0, weights=weights)
+    means = np.average(sizes, axis=0, weights=weights)
+    mean = 1.0 if is_added else float(means @ coefficients)
+    about_mean = sizes[:, 1:] - means[1:]
+    off = float(np.sqrt(np.average((about_mean @ coefficients[1:]) ** 2, weights=weights)))
     uneven = explained[:, :, None] * about_mean[:, None, :]
     return Uneven(axis, off / abs(mean) if mean else np.inf, uneven, float(gain), root.shape[1])
