@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::error::CandidateError;
 use super::group::Group;
 use super::lanes;
+use super::moments::Moments;
 use super::nodes::{Lattice, TAPS};
 use super::scene::Scene;
 use super::sources::{Numbering, Source, Sources};
@@ -31,10 +32,13 @@ impl<'a, T: Real> NodeOperands<'a, T> {
     /// Sums rows into nodes, for all channels that the pieces use.
     pub(super) fn new(scene: &Scene<T>, lattice: &'a Lattice, groups: &[Group], pieces: &[&Piece]) -> Self {
         let (channels, together) = used_channels(groups, pieces);
-        let channels =
-            channels.into_par_iter().map(|channel| (channel, of_channel(scene, lattice, channel))).collect();
+        let rows = Moments::of_rows(&scene.runs);
+        let channels = channels
+            .into_par_iter()
+            .map(|channel| (channel, of_channel(scene, lattice, channel, &rows)))
+            .collect();
         let together = (together.into_par_iter())
-            .filter_map(|[one, two]| Some(([one, two], diagonals(scene, lattice, one, two)?)))
+            .filter_map(|[one, two]| Some(([one, two], diagonals(scene, lattice, [one, two], &rows)?)))
             .collect();
         Self { lattice, channels, together }
     }
@@ -96,19 +100,22 @@ impl<'a, T: Real> NodeOperands<'a, T> {
     }
 }
 
-fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize) -> OfChannel<T> {
+fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize, rows: &Moments) -> OfChannel<T> {
     let (n, width, n_blocks) = (lattice.nodes.len(), scene.width(), scene.noise.n_blocks);
     let mut operand = vec![T::default(); n * width];
-    let mut of_row = Vec::new();
-    for (row, first, weights) in lattice.taps() {
-        scene.set_operand(&mut of_row, channel, row..row + 1);
+    let mut of_place = vec![T::default(); width];
+    for (rows, first, weights) in lattice.places() {
+        of_place.fill(T::default());
+        for &row in rows {
+            scene.add_operand(&mut of_place, channel, row);
+        }
         for (target, &weight) in operand[first * width..].chunks_exact_mut(width).zip(weights) {
-            lanes::add_scaled(target, T::nearest(weight), &of_row);
+            lanes::add_scaled(target, T::nearest(weight), &of_place);
         }
     }
     let mut units: [Vec<Vec<(usize, T)>>; 3] = Default::default();
     for c in scene.components(channel) {
-        let unit = scene.unit(channel, c, 0..scene.n_rows);
+        let unit = scene.unit(channel, c, rows, 0..rows.len());
         let mut blocks: Vec<Vec<(usize, T)>> = vec![Vec::new(); n_blocks];
         // Rows come in the order of their nodes: of one block's entries, the same node is among the last few.
         for (row, first, weights) in lattice.taps() {
@@ -128,8 +135,13 @@ fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize) -> O
 }
 
 /// The diagonals of two channels' weights at the nodes; nothing where they share no component.
-fn diagonals<T: Real>(scene: &Scene<T>, lattice: &Lattice, one: usize, two: usize) -> Option<Vec<Vec<T>>> {
-    let of_rows = scene.weights(one, two, 0..scene.n_rows)?;
+fn diagonals<T: Real>(
+    scene: &Scene<T>,
+    lattice: &Lattice,
+    [one, two]: [usize; 2],
+    rows: &Moments,
+) -> Option<Vec<Vec<T>>> {
+    let of_rows = scene.weights(one, two, rows, 0..rows.len())?;
     let n_taps = lattice.n_taps();
     let mut sums = vec![vec![0.0; lattice.nodes.len()]; n_taps];
     for (row, first, weights) in lattice.taps() {

@@ -1,22 +1,26 @@
-//! Sums of a tile over all rows, a block of rows at a time.
+//! Sums of a tile over all rows, or over moments, a block of them at a time.
+
+use std::ops::Range;
 
 use super::error::CandidateError;
 use super::lanes;
-use super::scene::{Run, Scene};
+use super::moments::Moments;
+use super::scene::Run;
 use super::sources::{Evaluator, Numbering, Sources};
 use super::tile::Tile;
 use crate::least_squares::{Real, add_product_of_rows};
 
-/// Rows of one step: a block of each operand stays in the cache.
-const ROWS: usize = 256;
-/// Runs of rows of one step up to which their sums are one product, of which most factors are 0.
+/// Moments of one step: a block of each operand stays in the cache.
+const MOMENTS: usize = 256;
+/// Runs of moments of one step up to which their sums are one product, of which most factors are 0.
 const MOST_RUNS: usize = 32;
 
-/// Sums everything that a tile needs.
+/// Sums everything that a tile needs over moments, each of which is a row of the sources.
 pub(super) fn sum<T: Real>(
     tile: &mut Tile<'_, T>,
     sources: &Sources<'_>,
     numbering: &Numbering,
+    moments: &Moments,
 ) -> Result<(), CandidateError> {
     let scene = tile.scene;
     let (width, n_blocks) = (scene.width(), scene.noise.n_blocks);
@@ -25,22 +29,22 @@ pub(super) fn sum<T: Real>(
     let mut evaluator = Evaluator::new(sources, numbering, &tile.functions)?;
     let (mut columns, mut left, mut right, mut weights) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut spread, mut of_runs) = (Vec::new(), Vec::new());
-    for start in (0..scene.n_rows).step_by(ROWS) {
-        let rows = start..(start + ROWS).min(scene.n_rows);
-        let n = rows.len();
-        evaluator.set(&mut columns, rows.clone())?;
+    for start in (0..moments.len()).step_by(MOMENTS) {
+        let here = start..(start + MOMENTS).min(moments.len());
+        let n = here.len();
+        evaluator.set(&mut columns, here.clone())?;
         let column = |function: usize| &columns[function * n..(function + 1) * n];
-        let runs = runs_within(scene, rows.start, rows.end);
+        let runs = runs_within(&moments.runs, &here);
         for &(channel, first, m) in &channels {
             let own = &tile.pairs[first..first + m];
             left.clear();
             for pair in own {
                 left.extend_from_slice(column(pair.function));
             }
-            scene.set_operand(&mut right, channel, rows.clone());
+            scene.set_operand(&mut right, channel, moments, here.clone());
             add_product_of_rows(&mut tile.products[first * width..(first + m) * width], &left, &right, n);
             for c in scene.components(channel) {
-                let unit = scene.unit(channel, c, rows.clone());
+                let unit = scene.unit(channel, c, moments, here.clone());
                 let sums = tile.level[c][first * n_blocks..].chunks_exact_mut(n_blocks);
                 if runs.len() > MOST_RUNS {
                     for (pair, sums) in own.iter().zip(sums) {
@@ -61,7 +65,7 @@ pub(super) fn sum<T: Real>(
         }
         weights.clear();
         for &[one, two] in &asked.channels {
-            match scene.weights(one, two, rows.clone()) {
+            match scene.weights(one, two, moments, here.clone()) {
                 Some(own) => weights.extend(own),
                 None => weights.resize(weights.len() + n, T::default()),
             }
@@ -96,24 +100,24 @@ impl Asked {
     }
 }
 
-/// Row after row: what the row gives to its run, and 0 for the others.
+/// Moment after moment: what it gives to its run, and 0 for the others.
 fn set_spread<T: Real>(spread: &mut Vec<T>, unit: &[T], runs: &[Run]) {
     spread.clear();
     spread.resize(unit.len() * runs.len(), T::default());
     for (number, run) in runs.iter().enumerate() {
-        for row in run.start..run.end {
-            spread[row * runs.len() + number] = unit[row];
+        for at in run.start..run.end {
+            spread[at * runs.len() + number] = unit[at];
         }
     }
 }
 
-/// Runs of a block of rows, counted from its first row.
-fn runs_within<T: Real>(scene: &Scene<T>, start: usize, end: usize) -> Vec<Run> {
-    let first = scene.runs.partition_point(|run| run.end <= start);
-    (scene.runs[first..].iter().take_while(|run| run.start < end))
+/// Runs of a block of moments, counted from its first one.
+fn runs_within(runs: &[Run], here: &Range<usize>) -> Vec<Run> {
+    let first = runs.partition_point(|run| run.end <= here.start);
+    (runs[first..].iter().take_while(|run| run.start < here.end))
         .map(|run| Run {
-            start: run.start.max(start) - start,
-            end: run.end.min(end) - start,
+            start: run.start.max(here.start) - here.start,
+            end: run.end.min(here.end) - here.start,
             block: run.block,
         })
         .collect()

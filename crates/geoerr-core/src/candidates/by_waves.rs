@@ -5,6 +5,7 @@ use rustfft::FftNum;
 
 use super::group::Group;
 use super::lanes;
+use super::moments::Moments;
 use super::scene::Scene;
 use super::sources::{Numbering, Source};
 use super::spectrum::Spectrum;
@@ -39,21 +40,21 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
         pieces: &[&Piece],
     ) -> Self {
         let (channels, together) = used_channels(groups, pieces);
+        let rows = Moments::of_rows(&scene.runs);
         let spectrum = Spectrum::new(&family.turns, family.highest);
         let doubled = Spectrum::new(&family.turns, 2 * family.highest);
         let twice: Vec<usize> = harmonics.iter().map(|harmonic| 2 * harmonic).collect();
         let channels = (channels.into_par_iter())
             .map(|channel| {
-                let products = spectrum.sums(scene.width(), &harmonics, |own, row| {
-                    scene.set_operand(own, channel, row..row + 1)
-                });
+                let products =
+                    spectrum.sums(scene.width(), &harmonics, |own, row| scene.add_operand(own, channel, row));
                 (channel, products)
             })
             .collect();
         let together = (together.into_par_iter())
             .filter_map(|[one, two]| {
-                let weights = scene.weights(one, two, 0..scene.n_rows)?;
-                let mut sums: Vec<f64> = (doubled.sums(1, &twice, |own, row| own.push(weights[row])).iter())
+                let weights = scene.weights(one, two, &rows, 0..rows.len())?;
+                let mut sums: Vec<f64> = (doubled.sums(1, &twice, |own, row| own[0] += weights[row]).iter())
                     .map(|sum: &T| sum.double())
                     .collect();
                 let known = weights.iter().zip(&family.turns).filter(|(_, turn)| turn.is_finite());
@@ -119,7 +120,7 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
         if kind == 0 { 0.5 * (1.0 + relative) } else { 0.5 * (1.0 - relative) }
     }
 
-    /// Sums by block of the noise, a row at a time for all functions.
+    /// Sums by block of the noise, for all functions at once.
     fn sum_blocks(&self, tile: &mut Tile<'_, T>, places: &[(usize, usize)], is_seen: &[bool]) {
         let scene = tile.scene;
         let n_blocks = scene.noise.n_blocks;
@@ -134,9 +135,12 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
             .map(|&(place, kind)| kind * harmonics.len() + own.partition_point(|&one| one < place))
             .collect();
         let channels = tile.channels();
+        let moments = Moments::of_column(&self.family.turns, &scene.runs);
         let units: Vec<(usize, usize, Vec<T>)> = (channels.iter().enumerate())
             .flat_map(|(number, &(channel, _, _))| {
-                scene.components(channel).map(move |c| (number, c, scene.unit(channel, c, 0..scene.n_rows)))
+                let moments = &moments;
+                (scene.components(channel))
+                    .map(move |c| (number, c, scene.unit(channel, c, moments, 0..moments.len())))
             })
             .collect();
         let mut sums = vec![T::default(); units.len() * n_blocks * n];
@@ -144,14 +148,15 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
         in_wide_registers(
             #[inline(always)]
             || {
-                for (row, &turn) in self.family.turns.iter().enumerate() {
+                for (moment, &row) in moments.first_rows().iter().enumerate() {
+                    let turn = self.family.turns[row];
                     if !turn.is_finite() {
                         continue;
                     }
                     set_waves(&mut values, turn, &harmonics);
                     for (number, (_, _, unit)) in units.iter().enumerate() {
                         let sum = &mut sums[(number * n_blocks + scene.noise.block[row]) * n..][..n];
-                        lanes::add_scaled_here(sum, unit[row], &values);
+                        lanes::add_scaled_here(sum, unit[moment], &values);
                     }
                 }
             },

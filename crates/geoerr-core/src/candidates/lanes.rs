@@ -33,31 +33,25 @@ pub(super) fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     }
 }
 
-/// Sets every row of `target` to the sum of those of three arrays or fewer, each times the row's own scale.
-pub(super) fn set_scaled_rows<T: Real>(target: &mut [T], scaled: &[(&[T], &[T])], width: usize) {
+/// Adds to `target` the sum of three arrays or fewer, each times its scale.
+pub(super) fn add_combined<T: Real>(target: &mut [T], scaled: &[(T, &[T])]) {
     in_wide_registers(
         #[inline(always)]
-        || {
-            for (row, target) in target.chunks_exact_mut(width).enumerate() {
-                let own = row * width..(row + 1) * width;
-                match *scaled {
-                    [(s, a)] => {
-                        for (value, &a) in target.iter_mut().zip(&a[own]) {
-                            *value = s[row] * a;
-                        }
-                    }
-                    [(s, a), (t, b)] => {
-                        for ((value, &a), &b) in target.iter_mut().zip(&a[own.clone()]).zip(&b[own]) {
-                            *value = s[row] * a + t[row] * b;
-                        }
-                    }
-                    [(s, a), (t, b), (u, c)] => {
-                        let (a, b, c) = (&a[own.clone()], &b[own.clone()], &c[own]);
-                        for (((value, &a), &b), &c) in target.iter_mut().zip(a).zip(b).zip(c) {
-                            *value = s[row] * a + t[row] * b + u[row] * c;
-                        }
-                    }
-                    _ => target.fill(T::default()),
+        || match *scaled {
+            [] => {}
+            [(s, a), (t, b)] => {
+                for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
+                    *value += s * a + t * b;
+                }
+            }
+            [(s, a), (t, b), (u, c)] => {
+                for (((value, &a), &b), &c) in target.iter_mut().zip(a).zip(b).zip(c) {
+                    *value += s * a + t * b + u * c;
+                }
+            }
+            _ => {
+                for &(scale, from) in scaled {
+                    add_scaled_here(target, scale, from);
                 }
             }
         },

@@ -25,6 +25,7 @@ mod error;
 mod group;
 mod judge;
 mod lanes;
+mod moments;
 mod nodes;
 mod noise;
 mod scan;

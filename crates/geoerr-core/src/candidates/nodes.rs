@@ -61,10 +61,22 @@ impl Lattice {
         if self.is_spline { TAPS } else { 1 }
     }
 
+    /// Rows that are made of the nodes in the same way, with the first node and the weights, for all that have a value.
+    pub(super) fn places(&self) -> impl Iterator<Item = (&[usize], usize, &[f64])> {
+        let n_taps = self.n_taps();
+        let taps = move |at: usize| (self.first[at], &self.weights[at * n_taps..(at + 1) * n_taps]);
+        let mut start = 0;
+        std::iter::from_fn(move || {
+            let (first, weights) = (start < self.order.len()).then(|| taps(start))?;
+            let n = (start..self.order.len()).take_while(|&at| taps(at) == (first, weights)).count();
+            start += n;
+            Some((&self.order[start - n..start], first, weights))
+        })
+    }
+
     /// Row, first node and weights of every row that has a value.
     pub(super) fn taps(&self) -> impl Iterator<Item = (usize, usize, &[f64])> {
-        let weights = self.weights.chunks_exact(self.n_taps());
-        self.order.iter().zip(&self.first).zip(weights).map(|((&row, &first), own)| (row, first, own))
+        self.places().flat_map(|(rows, first, weights)| rows.iter().map(move |&row| (row, first, weights)))
     }
 
     /// Appends a function's coefficients at the nodes for each of some of a formula's slots.

@@ -11,6 +11,7 @@ use super::by_waves::WaveOperands;
 use super::error::CandidateError;
 use super::group::Group;
 use super::judge::Judged;
+use super::moments::{AtMoments, Moments};
 use super::nodes::lattices;
 use super::scene::Scene;
 use super::sources::{Numbering, Source, Sources};
@@ -18,8 +19,9 @@ use super::tile::{Piece, Tile};
 use super::waves::{Wave, families};
 use crate::least_squares::Real;
 
-/// Functions on channels of one tile: enough for a product to be worth its operands, few enough to stay in the cache.
-const PAIRS: usize = 512;
+/// Functions on channels of one tile: so many that groups of other channels seldom sum the same again, and few enough for
+/// a tile's sums to stay in the cache.
+const PAIRS: usize = 2048;
 /// Coarser numbers than these only rank, and need no more digits than nodes give.
 const RANKING: f64 = 1e-10;
 
@@ -63,13 +65,15 @@ pub fn scan<T: Real + FftNum>(
     } else {
         (Vec::new(), vec![None; n_formulas])
     };
+    let rows = Moments::of_rows(&scene.runs);
+    let at_moments = AtMoments::new(sources, &scene.runs);
     let tiles = tiles_of(groups, |functions| {
         let place = |formula: usize| match (&wave_of[formula], lattice_of[formula]) {
             (Some(wave), _) => Place::Waves(wave.family),
             (None, Some(lattice)) => Place::Nodes(lattice),
             (None, None) => Place::Rows,
         };
-        place_of(functions, &numbering, place)
+        place_of(functions, &numbering, place, at_moments.as_ref())
     });
     let at_nodes: Vec<NodeOperands<'_, T>> = (lattices.iter().enumerate())
         .map(|(number, lattice)| {
@@ -89,7 +93,10 @@ pub fn scan<T: Real + FftNum>(
             match place {
                 Place::Waves(family) => of_waves[*family].sum(&mut tile, &numbering, &wave_of),
                 Place::Nodes(lattice) => at_nodes[*lattice].sum(&mut tile, sources, &numbering)?,
-                Place::Rows => by_rows::sum(&mut tile, sources, &numbering)?,
+                Place::Moments => at_moments.as_ref().map_or(Ok(()), |at| {
+                    at.with_sources(|own| by_rows::sum(&mut tile, own, &numbering, &at.moments))
+                })?,
+                Place::Rows => by_rows::sum(&mut tile, sources, &numbering, &rows)?,
             }
             Ok(tile.judged(groups, pieces))
         })
@@ -129,6 +136,8 @@ enum Place {
     Waves(usize),
     /// At the nodes of a lattice.
     Nodes(usize),
+    /// Over moments.
+    Moments,
     /// Over all rows.
     Rows,
 }
@@ -198,13 +207,21 @@ fn tiles_of(groups: &[Group], place_of: impl Fn(&[usize]) -> Place) -> Vec<(Plac
 }
 
 /// Where all functions of a trial can be summed together.
-fn place_of(functions: &[usize], numbering: &Numbering, place_of_formula: impl Fn(usize) -> Place) -> Place {
+fn place_of(
+    functions: &[usize],
+    numbering: &Numbering,
+    place_of_formula: impl Fn(usize) -> Place,
+    at_moments: Option<&AtMoments<'_>>,
+) -> Place {
     let mut places = functions.iter().map(|&function| match numbering.source(function) {
         Source::Formula(formula, _) => place_of_formula(formula),
         _ => Place::Rows,
     });
     match places.next() {
-        Some(first) if places.all(|place| place == first) => first,
+        Some(first) if first != Place::Rows && places.all(|place| place == first) => first,
+        _ if at_moments.is_some_and(|at| functions.iter().all(|&one| at.has(one, numbering))) => {
+            Place::Moments
+        }
         _ => Place::Rows,
     }
 }

@@ -1,9 +1,12 @@
 //! What a fit leaves, as candidates are judged against it.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::error::CandidateError;
 use super::lanes;
+use super::moments::Moments;
 use super::noise::{Noise, length};
 use crate::least_squares::{Real, set_product};
 
@@ -25,7 +28,7 @@ pub struct Scene<T> {
     pub(super) runs: Vec<Run>,
 }
 
-/// Neighbouring rows of one block of the noise.
+/// Neighbouring rows, or moments, of one block of the noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Run {
     pub(super) start: usize,
@@ -90,8 +93,15 @@ impl<T: Real> Scene<T> {
         (0..3).filter(move |&c| !self.directions[channel][c].is_empty())
     }
 
-    /// Weights of rows in the information of two channels, `Σ_c d_c e_c / σ_c²`; nothing where they share no component.
-    pub(super) fn weights(&self, one: usize, two: usize, rows: std::ops::Range<usize>) -> Option<Vec<T>> {
+    /// Weights of moments in the information of two channels, `Σ_c d_c e_c / σ_c²` over their rows; nothing where they
+    /// share no component.
+    pub(super) fn weights(
+        &self,
+        one: usize,
+        two: usize,
+        moments: &Moments,
+        here: Range<usize>,
+    ) -> Option<Vec<T>> {
         let mut weights: Option<Vec<T>> = None;
         for c in self.components(one) {
             let (d, e) = (&self.directions[one][c], &self.directions[two][c]);
@@ -99,33 +109,61 @@ impl<T: Real> Scene<T> {
                 continue;
             }
             let per_variance = T::nearest(1.0 / self.noise.sigma[c].powi(2));
-            let weights = weights.get_or_insert_with(|| vec![T::default(); rows.len()]);
-            for ((weight, &d), &e) in weights.iter_mut().zip(&d[rows.clone()]).zip(&e[rows.clone()]) {
-                *weight += d * e * per_variance;
+            let weights = weights.get_or_insert_with(|| vec![T::default(); here.len()]);
+            for (weight, moment) in weights.iter_mut().zip(here.clone()) {
+                for row in moments.rows(moment) {
+                    *weight += d[row] * e[row] * per_variance;
+                }
             }
         }
         weights
     }
 
-    /// What rows of a channel add to the sum of their block, `d u / σ`, on one component.
-    pub(super) fn unit(&self, channel: usize, c: usize, rows: std::ops::Range<usize>) -> Vec<T> {
+    /// What moments of a channel add to the sum of their block, `d u / σ` over their rows, on one component.
+    pub(super) fn unit(&self, channel: usize, c: usize, moments: &Moments, here: Range<usize>) -> Vec<T> {
         let per_sigma = 1.0 / self.noise.sigma[c];
-        let along = &self.directions[channel][c][rows.clone()];
-        along.iter().zip(&self.noise.unit[c][rows]).map(|(&a, &u)| a * T::nearest(u * per_sigma)).collect()
+        let (along, unit) = (&self.directions[channel][c], &self.noise.unit[c]);
+        here.map(|moment| {
+            let mut sum = T::default();
+            for row in moments.rows(moment) {
+                sum += along[row] * T::nearest(unit[row] * per_sigma);
+            }
+            sum
+        })
+        .collect()
     }
 
-    /// What a function on a channel is multiplied with, row after row: basis, residual and draws of the channel.
-    pub(super) fn set_operand(&self, target: &mut Vec<T>, channel: usize, rows: std::ops::Range<usize>) {
+    /// What a function on a channel is multiplied with, moment after moment: basis, residual and draws of the channel.
+    pub(super) fn set_operand(
+        &self,
+        target: &mut Vec<T>,
+        channel: usize,
+        moments: &Moments,
+        here: Range<usize>,
+    ) {
         let width = self.width();
-        target.resize(rows.len() * width, T::default());
-        let mut scaled = [(&[] as &[T], &[] as &[T]); 3];
-        let mut n_components = 0;
-        for c in self.components(channel) {
-            let own = &self.back[c][rows.start * width..rows.end * width];
-            scaled[n_components] = (&self.directions[channel][c][rows.clone()], own);
-            n_components += 1;
+        target.clear();
+        target.resize(here.len() * width, T::default());
+        for (moment, target) in here.zip(target.chunks_exact_mut(width)) {
+            for row in moments.rows(moment) {
+                self.add_operand(target, channel, row);
+            }
         }
-        lanes::set_scaled_rows(target, &scaled[..n_components], width);
+    }
+
+    /// Adds what a row gives to that.
+    pub(super) fn add_operand(&self, target: &mut [T], channel: usize, row: usize) {
+        let width = self.width();
+        let mut scaled = [(T::default(), &[] as &[T]); 3];
+        let mut n_scaled = 0;
+        for c in self.components(channel) {
+            let scale = self.directions[channel][c][row];
+            if scale != T::default() {
+                scaled[n_scaled] = (scale, &self.back[c][row * width..(row + 1) * width]);
+                n_scaled += 1;
+            }
+        }
+        lanes::add_combined(target, &scaled[..n_scaled]);
     }
 }
 

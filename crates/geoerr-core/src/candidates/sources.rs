@@ -71,6 +71,9 @@ impl Numbering {
             }
         }
         first_of_formula.push(next);
+        for column in sources.rows.variables.iter().chain(&sources.rows.t) {
+            length("a variable or the times", column.len(), sources.rows.n_rows)?;
+        }
         for given in sources.given.iter().chain(sources.series) {
             length("a given function or series", given.len(), sources.rows.n_rows)?;
         }

@@ -43,26 +43,35 @@ impl Spectrum {
                 (row, (first + n_nodes as f64) as usize % n_nodes, weights)
             })
             .collect();
-        spread.sort_by_key(|&(row, first, _)| (first, row));
+        // Rows of one place lie together: they are added before they are spread.
+        spread.sort_by(|(row, first, weights), (other_row, other_first, other)| {
+            (first.cmp(other_first))
+                .then(weights[0].total_cmp(&other[0]))
+                .then(weights[TAPS - 1].total_cmp(&other[TAPS - 1]))
+                .then(row.cmp(other_row))
+        });
         Self { n_nodes, spread }
     }
 
     /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
     ///
-    /// `set_row` appends the numbers of a row.
+    /// `add_row` adds the numbers of a row.
     pub(super) fn sums<T: Real + FftNum>(
         &self,
         width: usize,
         harmonics: &[usize],
-        mut set_row: impl FnMut(&mut Vec<T>, usize),
+        mut add_row: impl FnMut(&mut [T], usize),
     ) -> Vec<T> {
         // Two real columns are one complex one.
         let half = width.div_ceil(2);
         let mut grid = vec![T::default(); self.n_nodes * 2 * half];
-        let mut own = Vec::with_capacity(width);
-        for &(row, first, weights) in &self.spread {
-            own.clear();
-            set_row(&mut own, row);
+        let mut own = vec![T::default(); width];
+        for place in self.spread.chunk_by(|one, other| (one.1, one.2) == (other.1, other.2)) {
+            own.fill(T::default());
+            for &(row, ..) in place {
+                add_row(&mut own, row);
+            }
+            let (_, first, weights) = place[0];
             for (tap, weight) in weights.into_iter().enumerate() {
                 let node = (first + tap) % self.n_nodes;
                 lanes::add_scaled(&mut grid[node * 2 * half..][..width], T::nearest(weight), &own);

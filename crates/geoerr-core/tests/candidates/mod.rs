@@ -31,12 +31,23 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn gains_are_those_of_least_squares(seed in any::<u64>(), n_rows in 12_usize..40) {
+    fn gains_are_those_of_least_squares(
+        seed in any::<u64>(),
+        n_rows in 12_usize..40,
+        rows_of_a_moment in 1_usize..4,
+    ) {
         let drawn = Drawn::new(seed, n_rows, 4, 3, 4);
         let mut draws = Draws::new(seed ^ 1);
-        let given: Vec<Vec<f64>> = (0..3).map(|_| draws.column(n_rows)).collect();
+        // Points of one moment differ in the second of those given alone.
+        let mut of_moments = |rows_of_a_moment: usize| -> Vec<f64> {
+            let column = draws.column(n_rows);
+            (0..n_rows).map(|row| column[row - row % rows_of_a_moment]).collect()
+        };
+        let given: Vec<Vec<f64>> =
+            [rows_of_a_moment, 1, rows_of_a_moment].into_iter().map(&mut of_moments).collect();
         let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
-        let (x, followed) = (draws.column(n_rows), draws.column(n_rows));
+        let (x, followed) = (of_moments(rows_of_a_moment), of_moments(rows_of_a_moment));
+        let t: Vec<f64> = (0..n_rows).map(|row| (row / rows_of_a_moment) as f64).collect();
         let wave = formula("a*sin(x/p) + b*cos(x/p)", &["a", "b"]);
         let follows = formula("a*followed*x*p", &["a"]);
         let formulas = [
@@ -45,7 +56,7 @@ proptest! {
             Formula { expression: follows, inner: vec![2.0], series: Some([2, 0]) },
         ];
         let empty = vec![0.0; n_rows];
-        let rows = Rows { variables: &[&x, &empty, &empty], n_rows, starts: &[], t: None };
+        let rows = Rows { variables: &[&x, &empty, &empty], n_rows, starts: &[], t: Some(&t) };
         let sources = Sources { rows, formulas: &formulas, series: &[&followed], given: &given, products: &[[0, 2]] };
         // Functions: 0–3 the two waves, 4 what follows, 5–7 given, 8 their product.
         let waves = |p: f64| [x.iter().map(|x| (x / p).sin()).collect(), x.iter().map(|x| (x / p).cos()).collect()];
@@ -55,20 +66,25 @@ proptest! {
         let f8: Vec<f64> = given[0].iter().zip(given[2]).map(|(a, b)| a * b).collect();
         let wave_parts = [(1, 1.0, 0), (1, 1.0, 1)];
         let other_parts = [(0, 1.0, 0), (3, -0.5, 0), (2, 1.0, 1)];
-        let groups = [group(&wave_parts, vec![0, 1, 2, 3]), group(&other_parts, vec![4, 8, 5])];
+        let groups = [
+            group(&wave_parts, vec![0, 1, 2, 3]),
+            group(&other_parts, vec![4, 8, 5]),
+            group(&other_parts, vec![4, 8, 6]),
+        ];
         let expected = [
             drawn.judged(&drawn.columns(&wave_parts, &[w0, w1], 2)),
             drawn.judged(&drawn.columns(&wave_parts, &[w2, w3], 2)),
-            drawn.judged(&drawn.columns(&other_parts, &[f4, f8, given[0].to_vec()], 2)),
+            drawn.judged(&drawn.columns(&other_parts, &[f4.clone(), f8.clone(), given[0].to_vec()], 2)),
+            drawn.judged(&drawn.columns(&other_parts, &[f4, f8, given[1].to_vec()], 2)),
         ];
         let found = scan(&drawn.scene::<f64>(), &sources, &groups).unwrap();
         let coarse = scan(&drawn.scene::<f32>(), &sources, &groups).unwrap();
-        for ((group, trial), (gain, of_draws, rank)) in [(0, 0), (0, 1), (1, 0)].into_iter().zip(expected) {
+        for ((group, trial), (gain, of_draws, rank)) in [(0, 0), (0, 1), (1, 0), (2, 0)].into_iter().zip(expected) {
             prop_assert_eq!(found[group].rank[trial], rank);
             prop_assert!((found[group].gain[trial] - gain).abs() < 1e-9 * (1.0 + gain));
             prop_assert!((coarse[group].gain[trial] - gain).abs() < 1e-3 * (1.0 + gain));
-            if group == 1 {
-                for (one, other) in found[1].largest[rank].iter().zip(of_draws) {
+            if group > 0 {
+                for (one, other) in found[group].largest[rank].iter().zip(of_draws) {
                     prop_assert!((one - other).abs() < 1e-9 * (1.0 + other));
                 }
             }
