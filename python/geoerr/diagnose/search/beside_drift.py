@@ -64,16 +64,18 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
     tops = best_of_each(calm, [(one.what, [next(scanned) for _ in one.what.shapes]) for one in like])
     clear = sorted((one for one, _ in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
+    # Without a drift more is seen of each than beside one: what is not enough there is not looked at further.
+    enough = max(looked.candidates[0].evidence, 0.0 if is_offset else least)
+    clear = [one for one in clear[:_MOST_LIKE_DRIFT] if one.evidence > enough]
     if not clear:
         return looked
     without = sums.fit(restricted=False, start=bench.noise).log_likelihood
     judged = {id(one.what): one for one in looked.candidates}
-    for one in clear[:_MOST_LIKE_DRIFT]:
+    for one in clear:
         # A drift forgives no jump at the wrong moment: the time is found first.
-        single = settle(calm, scanner, one).shapes
-        columns = scanner.raw_columns(single, 0)
-        with_it = bench.sums([*added, columns]).fit(restricted=False, start=bench.noise).log_likelihood
-        gain = max(2.0 * (with_it - without), 0.0)
+        columns = scanner.raw_columns(settle(calm, scanner, one).shapes, 0)
+        noise = bench.sums([*added, columns]).fit(restricted=False, start=bench.noise)
+        gain = max(2.0 * (noise.log_likelihood - without), 0.0)
         of_passes = is_offset and _is_of_direction(one.what)
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
         if of_passes:
@@ -85,15 +87,21 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
         if evidence > max(judged[id(one.what)].evidence, 0.0 if of_passes else least):
             judged[id(one.what)] = replace(
-                one,
-                shapes=single,
-                trial=0,
-                gain=gain,
-                surprise=found,
-                evidence=evidence,
-                p_value=p_value,
+                one, gain=gain, surprise=found, evidence=evidence, p_value=p_value, noise=noise
             )
     return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
+
+
+def in_its_noise(bench: Bench, judged: Judged, added: Sequence[Numbers]) -> Judged:
+    """Give a candidate with its inner parameters as they are in the noise beside it.
+
+    A drift that was estimated without a jump forgives it at the moment where it was, and sees it anywhere else.
+    """
+    if judged.noise is None or judged.is_settled:
+        return judged
+    space = whitened_space(bench.fitted, judged.noise, bench.rows, bench.sums(added))
+    settled = settle(space, bench.scanner(space, n_draws=0), judged)
+    return replace(judged, shapes=settled.shapes, trial=0, is_settled=True)
 
 
 def _at_half_the_level(looked: Round) -> Round:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate, Shapes, is_free
+from geoerr.diagnose.noise import NoiseModel
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import Scanned, Scanner, estimate, not_determined
@@ -41,6 +42,11 @@ class Judged:
         Family-wise over the whole search.
     share
         What the model leaves of it; 0: not measurable with this plan.
+    noise
+        The noise beside it, where that was estimated anew because a drift or offsets had learnt it: there its inner
+        parameters are to be found.
+    is_settled
+        Whether that was done.
     """
 
     what: Candidate | Probe
@@ -52,6 +58,8 @@ class Judged:
     evidence: float
     p_value: float
     share: float
+    noise: NoiseModel | None = None
+    is_settled: bool = False
 
 
 def best_of_each(

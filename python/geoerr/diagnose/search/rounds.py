@@ -10,7 +10,7 @@ from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.beside_drift import beside_drift
+from geoerr.diagnose.search.beside_drift import beside_drift, in_its_noise
 from geoerr.diagnose.search.finer import finer_functions
 from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, simplest_to_pass
 from geoerr.diagnose.search.look import Round, look
@@ -119,6 +119,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             continue
         if best is None or len(found) >= MOST_EFFECTS:
             break
+        best = in_its_noise(bench, best, added)
         settled = settle(looked.space, looked.scanner, best)
         if is_a_remainder(found, settled) or not _helps(bench, settled, best, added):
             candidates = [one for one in candidates if one is not best.what]
@@ -131,7 +132,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         if unknown is not None and not acts_elsewhere(looked.space, settled, unknown.judged):
             break
         settled = at_likeliest_period(looked.space, looked.scanner, settled)
-        others = [one for one in looked.candidates if one is not best]
+        others = [one for one in looked.candidates if one.what is not best.what]
         found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])

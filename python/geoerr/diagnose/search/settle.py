@@ -61,7 +61,9 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
         displacement = off_model(space, raw) @ coefficients
         return Settled(None, shapes, float(gain), raw, displacement, _visible_um(space, displacement), space)
     bounds = {
-        place: _neighbours(shapes, judged.trial, place) for place, one in enumerate(shapes.term.inner) if is_free(one)
+        place: _neighbours(shapes, judged.trial, place)
+        for place, one in enumerate(shapes.term.inner)
+        if is_free(one) and not judged.is_settled
     }
     formulas = Formulas(scanner.functions, shapes.term)
     single = replace(shapes, columns=formulas.columns, n_coefficients=len(shapes.term.coefficients), corners=({},))
