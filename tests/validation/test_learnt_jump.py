@@ -1,4 +1,4 @@
-"""A jump that a drift had learnt keeps its moment: once settled in the drift, it was put where the drift forgave it."""
+"""A jump that a drift had learnt keeps its moment: settled in the drift, it was put where the drift forgave it."""
 
 from validation.hidden_effects.sets import sets_of
 
