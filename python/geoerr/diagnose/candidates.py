@@ -91,11 +91,23 @@ class Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect for an axis and a covariate, with every way to write it."""
+    """An effect for an axis and a covariate, with every way to write it.
+
+    Attributes
+    ----------
+    reference, effect
+        What it is.
+    shapes
+        Of every form that finds it.
+    refined
+        Terms of forms that say more than those: a second harmonic, a second time constant. The plain form finds what
+        they describe; which it is to be is asked once it was found.
+    """
 
     reference: EffectReference
     effect: Effect
     shapes: tuple[Shapes, ...]
+    refined: tuple[Term, ...] = ()
 
     @property
     def n_trials(self) -> int:
@@ -117,10 +129,10 @@ def candidates_of(
     columns = [*sightings.covariate_columns]
     is_circular = "circle" in sightings.frames
     taken = {term.id for term in fitted.terms} | set(present)
-    offered: list[tuple[EffectReference, Effect, list[Term]]] = [
-        (reference, effect, [term]) for reference, effect, term in lacking_classics(fitted, known, present)
+    offered: list[tuple[EffectReference, Effect, list[Term], list[Term]]] = [
+        (reference, effect, [term], []) for reference, effect, term in lacking_classics(fitted, known, present)
     ]
-    lacking = {effect.id for _, effect, _ in offered}
+    lacking = {effect.id for _, effect, *_ in offered}
     not_offered: list[tuple[str, str]] = []
     still = _still_axes(fitted)
     for effect in known:
@@ -139,18 +151,19 @@ def candidates_of(
         for reference in references:
             if str(reference) in taken:
                 continue
-            terms = [
-                term for term in _terms(effect, reference, fitted, columns) if not _stands_still(fitted, term, still)
-            ]
+            terms, refined = (
+                [term for term in own if not _stands_still(fitted, term, still)]
+                for own in _terms(effect, reference, fitted, columns)
+            )
             if terms:
-                offered.append((reference, effect, terms))
+                offered.append((reference, effect, terms, refined))
         if references and len(offered) == n_before and not any(str(one) in taken for one in references):
             not_offered.append((effect.id, "wanting: rows at more than one position of its axis"))
-    functions = Functions(fitted, [term for _, _, terms in offered for term in terms])
+    functions = Functions(fitted, [term for *_, terms, refined in offered for term in (*terms, *refined)])
     before = LaidOut()
     found = [
-        Candidate(reference, effect, tuple(shapes_of(functions, term, before) for term in terms))
-        for reference, effect, terms in offered
+        Candidate(reference, effect, tuple(shapes_of(functions, term, before) for term in terms), tuple(refined))
+        for reference, effect, terms, refined in offered
     ]
     return found, not_offered, functions
 
@@ -184,15 +197,16 @@ def _stands_still(fitted: Fitted, term: Term, still: set[str]) -> bool:
     return turns and len(still) == len(AXES) and bool((np.ptp(sightings.offset_mm[used], axis=0) == 0.0).all())
 
 
-def _terms(effect: Effect, reference: EffectReference, fitted: Fitted, columns: Sequence[str]) -> list[Term]:
-    """Give the term of every form of a candidate, lagged and not."""
+def _terms(
+    effect: Effect, reference: EffectReference, fitted: Fitted, columns: Sequence[str]
+) -> tuple[list[Term], list[Term]]:
+    """Give the term of every form of a candidate, lagged and not; those of forms that refine another one apart."""
     sightings = fitted.sightings
     span = clock_span_s(sightings) or DEFAULT_TIME_RANGE_S
-    result = []
+    plain: list[Term] = []
+    refined: list[Term] = []
     for form in effect.forms:
-        if any(_refines(form, other) for other in effect.forms):
-            # The plain form finds it; which form it is to have is for the fit to say.
-            continue
+        result = refined if any(_refines(form, other) for other in effect.forms) else plain
         if columns_wanting(form, effect.parameter_names, columns) is not None:
             continue
         if reference.covariate not in (*temperature_choices(form, columns, is_ordered=True), *form.covariates):
@@ -215,7 +229,7 @@ def _terms(effect: Effect, reference: EffectReference, fitted: Fitted, columns: 
             except InputFileError:
                 # This form belongs to another covariate.
                 continue
-    return result
+    return plain, refined
 
 
 def _refines(form: FormSpec, other: FormSpec) -> bool:

@@ -92,18 +92,6 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
 
 
-def in_its_noise(bench: Bench, judged: Judged, added: Sequence[Numbers]) -> Judged:
-    """Give a candidate with its inner parameters as they are in the noise beside it.
-
-    A drift that was estimated without a jump forgives it at the moment where it was, and sees it anywhere else.
-    """
-    if judged.noise is None or judged.is_settled:
-        return judged
-    space = whitened_space(bench.fitted, judged.noise, bench.rows, bench.sums(added))
-    settled = settle(space, bench.scanner(space, n_draws=0), judged)
-    return replace(judged, shapes=settled.shapes, trial=0, is_settled=True)
-
-
 def _at_half_the_level(looked: Round) -> Round:
     candidates, probes = (
         tuple(replace(one, p_value=min(2.0 * one.p_value, 1.0)) for one in judged)

@@ -10,7 +10,7 @@ from geoerr.diagnose.candidates import Candidate
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.beside_drift import in_its_noise
+from geoerr.diagnose.search.best_form import in_best_form
 from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, first_to_pass, variables_of
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found
@@ -72,7 +72,10 @@ def is_impostor(
         return True
     if probe.evidence <= best.evidence + CLEARLY_BETTER or best.gain >= _MOST_OF_IT * probe.gain:
         return False
-    settled = settle(looked.space, looked.scanner, in_its_noise(bench, best, added))
+    best = in_best_form(bench, looked, best, added)
+    if probe.evidence <= best.evidence + CLEARLY_BETTER or best.gain >= _MOST_OF_IT * probe.gain:
+        return False
+    settled = settle(looked.space, looked.scanner, best)
     if _is_only_uneven(settled, _NEARLY_ALL * probe.gain):
         return False
     space = bench.space([*added, settled.raw])

@@ -10,7 +10,8 @@ from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.beside_drift import beside_drift, in_its_noise
+from geoerr.diagnose.search.beside_drift import beside_drift
+from geoerr.diagnose.search.best_form import in_best_form
 from geoerr.diagnose.search.finer import finer_functions
 from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, simplest_to_pass
 from geoerr.diagnose.search.look import Round, look
@@ -119,7 +120,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             continue
         if best is None or len(found) >= MOST_EFFECTS:
             break
-        best = in_its_noise(bench, best, added)
+        best = in_best_form(bench, looked, best, added)
         settled = settle(looked.space, looked.scanner, best)
         if is_a_remainder(found, settled) or not _helps(bench, settled, best, added):
             candidates = [one for one in candidates if one is not best.what]

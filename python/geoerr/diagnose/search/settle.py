@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,8 @@ from geoerr.terms import Parameter, Term
 
 # Refinement of an inner parameter: points between two trials, so many times.
 _REFINED, _REFINEMENTS = 17, 3
+# Steps along a valley between inner parameters, shares of a step that are tried, and a gain that is none.
+_MOST_STEPS, _SHARES, _NO_MORE = 12, (1.0, 0.5, 0.25, 0.125), 1e-3
 # Standard errors around a value within which it is looked for again.
 _REACH = 4.0
 
@@ -61,7 +63,7 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
         displacement = off_model(space, raw) @ coefficients
         return Settled(None, shapes, float(gain), raw, displacement, _visible_um(space, displacement), space)
     bounds = {
-        place: _neighbours(shapes, judged.trial, place)
+        place: neighbours(shapes, judged.trial, place)
         for place, one in enumerate(shapes.term.inner)
         if is_free(one) and not judged.is_settled
     }
@@ -86,6 +88,20 @@ def resettle(space: Space, scanner: Scanner, settled: Settled) -> Settled:
         bounds[place] = (max(low, one.value - reach), min(high, one.value + reach))
     inner = list(settled.shapes.trials[0])
     return _settled(space, scanner, settled.shapes, inner, bounds, _REFINEMENTS)
+
+
+def settle_as(
+    space: Space,
+    scanner: Scanner,
+    term: Term,
+    inner: Sequence[float],
+    bounds: dict[int, tuple[float, float]],
+) -> Settled:
+    """Estimate a term from a start, its inner parameters between bounds by place."""
+    formulas = Formulas(scanner.functions, term)
+    n_coefficients, codes = len(term.coefficients), np.array([formulas.codes(inner)], dtype=np.int64)
+    start = Shapes(term, formulas.channels, formulas.columns, n_coefficients, ({},), (tuple(inner),), codes)
+    return _settled(space, scanner, start, list(inner), dict(bounds), _REFINEMENTS)
 
 
 def settle_at(space: Space, scanner: Scanner, settled: Settled, place: int, value: float) -> Settled:
@@ -130,24 +146,16 @@ def _settled(
             best = int(np.argmax(scanner.exact(at(trials)).gain))
             inner[place] = points[best]
             bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
+    if refinements and len(bounds) > 1:
+        inner = _along_valley(space, scanner, term, at, inner)
     shapes = at([inner])
-    raw = scanner.raw_columns(shapes, 0)
-    coefficients, _, gain = estimate(space, raw)
+    coefficients, gain, joined, beyond = _with_derivatives(space, scanner, term, at, inner)
     free = [place for place, one in enumerate(term.inner) if is_free(one)]
-    parts = [raw]
-    for place in free:
-        low, high = _range(term.inner[place])
-        step = 1e-4 * (abs(inner[place]) if term.inner[place].spacing == "log" else high - low)
-        sides = at([[*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0)])
-        up, down = (scanner.raw_columns(sides, side) @ coefficients for side in (0, 1))
-        parts.append(((up - down) / (2.0 * step))[:, :, None])
-    joined = np.concatenate(parts, axis=2)
-    beyond = off_model(space, joined).reshape(-1, joined.shape[2])
     size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
     covariance = np.linalg.pinv(beyond.T @ beyond / np.outer(size, size), rcond=1e-9) / np.outer(size, size)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     k = len(coefficients)
-    std[:k][not_determined(space, raw)] = np.nan
+    std[:k][not_determined(space, joined[:, :, :k])] = np.nan
     inner_std = np.zeros(len(inner))
     inner_std[free] = std[k:]
     valued = term.with_values(
@@ -155,6 +163,64 @@ def _settled(
     )
     displacement = (beyond[:, :k] @ coefficients).reshape(space.residual.shape)
     return Settled(valued, shapes, float(gain), joined, displacement, _visible_um(space, displacement), space)
+
+
+def _with_derivatives(
+    space: Space,
+    scanner: Scanner,
+    term: Term,
+    at: Callable[[Sequence[Sequence[float]]], Shapes],
+    inner: Sequence[float],
+) -> tuple[Numbers, float, Numbers, Numbers]:
+    """Give a term's coefficients (k,), their gain, and its columns with the derivatives by free inner parameters.
+
+    The columns as measured, (n, 3, k + free), and whitened off the model, (3 n, k + free).
+    """
+    raw = scanner.raw_columns(at([inner]), 0)
+    coefficients, _, gain = estimate(space, raw)
+    parts = [raw]
+    for place, one in enumerate(term.inner):
+        if not is_free(one):
+            continue
+        low, high = _range(one)
+        step = 1e-4 * (abs(inner[place]) if one.spacing == "log" else high - low)
+        sides = at([[*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0)])
+        up, down = (scanner.raw_columns(sides, side) @ coefficients for side in (0, 1))
+        parts.append(((up - down) / (2.0 * step))[:, :, None])
+    joined = np.concatenate(parts, axis=2)
+    return coefficients, float(gain), joined, off_model(space, joined).reshape(-1, joined.shape[2])
+
+
+def _along_valley(
+    space: Space,
+    scanner: Scanner,
+    term: Term,
+    at: Callable[[Sequence[Sequence[float]]], Shapes],
+    inner: Sequence[float],
+) -> list[float]:
+    """Follow all inner parameters together to where the gain is largest (Gauss & Newton, the step halved if need be).
+
+    One after the other they stop in a valley that runs between them.
+    """
+    best = list(inner)
+    free = [place for place, one in enumerate(term.inner) if is_free(one)]
+    for _ in range(_MOST_STEPS):
+        coefficients, gain, _, beyond = _with_derivatives(space, scanner, term, at, best)
+        size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
+        step = np.linalg.lstsq(beyond / size, space.residual.reshape(-1), rcond=1e-6)[0] / size
+        trials = []
+        for share in _SHARES:
+            trial = list(best)
+            for place, one in zip(free, step[len(coefficients) :], strict=True):
+                low, high = _range(term.inner[place])
+                trial[place] = float(np.clip(best[place] + share * one, low, high))
+            trials.append(trial)
+        gains = scanner.exact(at(trials)).gain
+        most = int(np.argmax(gains))
+        if gains[most] <= gain + _NO_MORE:
+            break
+        best = trials[most]
+    return best
 
 
 def _visible_um(space: Space, displacement: Numbers) -> float:
@@ -167,7 +233,7 @@ def _range(parameter: Parameter) -> tuple[float, float]:
     return parameter.low, parameter.high
 
 
-def _neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
+def neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
     """Give the trial values on both sides of one; the whole range of a parameter that was not tried."""
     assert shapes.term is not None
     tried = sorted({values[place] for values in shapes.trials})
