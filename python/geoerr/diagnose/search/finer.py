@@ -6,6 +6,7 @@ slow wave along an axis may be no more than what too few splines left of a smoot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -33,8 +34,8 @@ _MANY_WAVES = 5.0
 def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | None:
     """Give columns (n, 3, k) of errors of an axis with more knots, if they have more evidence than what is claimed.
 
-    Of what the model does most already, it is enough that they do as much, and are worth their freedom; but many
-    waves along an axis are no smooth error, however many knots follow them.
+    Of what the model does most already, it is enough that they do as much, and predict better; but many waves along
+    an axis are no smooth error, however many knots follow them.
 
     Parameters
     ----------
@@ -50,9 +51,15 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | Non
     for way in ways:
         columns = np.concatenate([_columns(bench, term, finer) for term, finer in way], axis=2)
         _, root, gain = estimate(looked.space, columns)
-        evidence = float(evidence_of(looked.space, gain, np.array(root.shape[1]), len(ways)))
-        if evidence > most and (not is_own or float(gain) >= _AS_MUCH * claim.gain):
-            best, most = columns, evidence
+        rank = root.shape[1]
+        if is_own:
+            # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
+            worth = 0.5 * float(gain) - rank - math.log(len(ways))
+            is_enough = float(gain) >= _AS_MUCH * claim.gain
+        else:
+            worth, is_enough = float(evidence_of(looked.space, gain, np.array(rank), len(ways))), True
+        if is_enough and worth > most:
+            best, most = columns, worth
     return best
 
 
