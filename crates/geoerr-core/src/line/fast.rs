@@ -155,12 +155,10 @@ impl Chord {
     #[inline(always)]
     fn new(first: &[f64; 3], last: &[f64; 3]) -> Self {
         let chord_mm = [0, 1, 2].map(|i| last[i] - first[i]);
-        let [x, y, z] = chord_mm.map(f64::abs);
-        let order = match (x >= y, x >= z, y >= z) {
-            (true, true, _) => [0, 1, 2],
-            (false, _, true) => [1, 2, 0],
-            _ => [2, 0, 1],
-        };
+        let size_mm = chord_mm.map(f64::abs);
+        // No branch: directions of neighbouring lines tell nothing of each other.
+        let longer = usize::from(size_mm[1] > size_mm[0]);
+        let order = [[0, 1, 2], [1, 2, 0], [2, 0, 1]][if size_mm[2] > size_mm[longer] { 2 } else { longer }];
         let length_mm = chord_mm[order[0]];
         Self { order, slope: [chord_mm[order[1]] / length_mm, chord_mm[order[2]] / length_mm], length_mm }
     }
