@@ -9,8 +9,8 @@ from pathlib import Path
 
 from race import Costs
 
-WIDTH, HEIGHT = 560, 330
-LEFT, RIGHT, TOP, BOTTOM = 58, 190, 34, 44
+WIDTH, HEIGHT = 660, 330
+LEFT, RIGHT, TOP, BOTTOM = 58, 280, 34, 44
 COLOURS = (
     "#0b6e4f",
     "#1f77b4",

@@ -9,7 +9,7 @@
 //! | symbol | code | meaning | unit |
 //! |---|---|---|---|
 //! | `$\mathbf g = (1, \mathbf p)$` | `slope` | the chord; `|p₁|, |p₂| ≤ 1` | - |
-//! | `$\mathbf s$` | `aside` | `$(y, z) - x\,\mathbf p$`, from the first point | mm |
+//! | `$\mathbf s$` | `s1`, `s2` | `$(y, z) - x\,\mathbf p$`, from the first point | mm |
 //! | `$X, \mathbf a, B$` | `xx`, `xs`, `ss` | `$\sum x^2$`, `$\sum x\,\mathbf s$`, `$\sum\mathbf s\mathbf s^\top$` about the centroid | mm² |
 //! | `$\mathbf v = (1, \mathbf q)$` | `q` | the line for `x = 1` | - |
 //! | `$\mathbf t = \mathbf q - \mathbf p$` | `tilt` | of the line against the chord | - |
