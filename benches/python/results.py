@@ -59,8 +59,8 @@ OTHERS = {
     ),
     "Diagnosis": (
         "diagnosis.py",
-        "10,000 points in five sessions, three temperature columns, nothing hidden; 119 draws of noise. Aim: a ranking "
-        "in 0.2 s. Half of it is products of matrices, the rest formulas and sums by block.",
+        "10,000 points in five sessions, three temperature columns, nothing hidden; 119 draws of noise. Aim: a "
+        "ranking in 0.2 s. Half of it is products of matrices, the rest formulas and sums by block.",
     ),
 }
 
