@@ -35,6 +35,7 @@ N_TARGETS = 21
 # Positions closer than this are one target: a hundredth of a micrometre is below every command's resolution.
 _SAME_MM = 1e-5
 _UM_PER_MM = 1e3
+_COVERAGE_95 = 1.96
 # How far beyond the last target a predicted line turns round, as the standard's cycle does.
 _OVERRUN_MM = 10.0
 
@@ -53,6 +54,9 @@ class PositioningTest:
         Standard deviations of single runs; NaN where there was one run.
     n_runs
         Runs from each side: the fewest at any target; 0 of a prediction.
+    prediction_std_um : (m,) or None
+        Standard uncertainty of a predicted deviation, NaN where the model's data do not determine it; None of
+        what was measured, and of a model without a covariance.
     """
 
     position_mm: Numbers
@@ -61,6 +65,7 @@ class PositioningTest:
     up_std_um: Numbers
     down_std_um: Numbers
     n_runs: int
+    prediction_std_um: Numbers | None = None
 
     @property
     def reversal_um(self) -> float:
@@ -86,6 +91,11 @@ class PositioningTest:
     def mean_um(self) -> float:
         """M, the range of the mean bidirectional deviation."""
         return float(np.ptp(0.5 * (self.up_um + self.down_um)))
+
+    @property
+    def known_to_um(self) -> float | None:
+        """How far off a predicted deviation may be anywhere along the line (95 %); NaN where it is not determined."""
+        return None if self.prediction_std_um is None else float(_COVERAGE_95 * self.prediction_std_um.max())
 
     @property
     def has_scatter(self) -> bool:
@@ -133,6 +143,7 @@ class PositioningTest:
             "R_backward_um": down,
             "B_um": self.reversal_um,
             "B_mean_um": self.mean_reversal_um,
+            "known_to_um": self.known_to_um,
         }
 
 
@@ -213,13 +224,21 @@ def predict_positioning(
     unit = (end - start) / length
     along = np.linspace(0.0, length, n_targets)
     q_mm = start + along[:, None] * unit
-    means = []
+    means: list[Numbers] = []
+    variances: list[Numbers] = []
     for sense in (1.0, -1.0):
         motion = _motion(model, unit * sense, _OVERRUN_MM + (along if sense > 0.0 else length - along))
-        error_mm = model.error_mm(q_mm, at={**motion, **(at or {})})
-        means.append(error_mm @ unit * _UM_PER_MM)
+        conditions = {**motion, **(at or {})}
+        means.append(model.error_mm(q_mm, at=conditions) @ unit * _UM_PER_MM)
+        if model.record is not None:
+            covariance = model.prediction_covariance_mm2(q_mm, at=conditions)
+            moves = np.flatnonzero(unit)
+            # A component across the line may be unknown without harm.
+            along_line = covariance[:, moves][:, :, moves]
+            variances.append(np.einsum("a,nab,b->n", unit[moves], along_line, unit[moves]))
     nothing = np.full(n_targets, np.nan)
-    return PositioningTest(along, means[0], means[1], nothing, nothing, n_runs=0)
+    std_um = np.sqrt(np.max(variances, axis=0)) * _UM_PER_MM if variances else None
+    return PositioningTest(along, means[0], means[1], nothing, nothing, n_runs=0, prediction_std_um=std_um)
 
 
 def axis_line_mm(model: Model, axis: str) -> tuple[Numbers, Numbers]:

@@ -1,7 +1,7 @@
 """Figures: one function a figure, each gives a `plotly.graph_objects.Figure`."""
 
 from geoerr.report.figures.calibration import CalibrationView, calibration_views
-from geoerr.report.figures.circle import circle
+from geoerr.report.figures.circle import circle, predicted_circles
 from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unknown_curve
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
@@ -10,6 +10,7 @@ from geoerr.report.figures.labels import variable_label
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.path import path_error
+from geoerr.report.figures.positioning import positioning_curves
 from geoerr.report.figures.residuals import (
     residual_against,
     residual_by_region,
@@ -37,6 +38,8 @@ __all__ = [
     "measurement_residuals",
     "nine_lines",
     "path_error",
+    "positioning_curves",
+    "predicted_circles",
     "residual_against",
     "residual_by_region",
     "residual_directions",
