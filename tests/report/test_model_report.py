@@ -156,7 +156,7 @@ def test_what_the_input_cannot_support_is_left_out_and_said(folder: Path) -> Non
     assert [row[0] for row in predicted.rows] == ["X", "Y", "Z"]
     of_tables = model_report(geoerr.load_model(folder / "errors.json"))
     assert {parts.STORY, parts.BUDGET, parts.DATA} <= {one.section for one in of_tables.left_out}
-    assert "geoerr fit" in next(one.needs for one in of_tables.left_out if one.section == parts.BUDGET)
+    assert "geoerr fit" in next(one.why for one in of_tables.left_out if one.section == parts.BUDGET)
     nominal = model_report(Model(MACHINE))
     assert [section.title for section in model_sections(nominal)] == [parts.MACHINE, "Not in this report"]
     with_data = model_report(Model(MACHINE), geoerr.read_observations(folder / "points.csv"), search=False)
@@ -170,10 +170,28 @@ def test_a_condition_that_is_no_temperature_is_asked_for(folder: Path) -> None:
     text = (folder / "model.json").read_text(encoding="utf-8").replace("temp_bed", "load")
     (folder / "load.json").write_text(text, encoding="utf-8")
     report = model_report(geoerr.load_model(folder / "load.json"))
-    needs = {one.section: one.needs for one in report.left_out}
-    assert "load" in needs[parts.FIELD]
-    assert {parts.FIELD, parts.CIRCLES, parts.POSITIONING, parts.DIAGONALS, parts.BUDGET} <= set(needs)
+    whys = {one.section: one.why for one in report.left_out}
+    assert "load" in whys[parts.FIELD]
+    assert {parts.FIELD, parts.CIRCLES, parts.POSITIONING, parts.DIAGONALS, parts.BUDGET} <= set(whys)
     assert parts.ERRORS in [section.title for section in model_sections(report)]
+
+
+def test_an_axis_that_was_not_measured_has_no_prediction(folder: Path) -> None:
+    """A laser along X: its line, and neither flat lines of Y and Z nor circles and diagonals that need them."""
+    points = geoerr.read_observations(folder / "points.csv")
+    laser = points.select([name == "x back" for name in points.texts("line")])
+    laser = geoerr.Observations(laser.frame.drop("my", "mz"), laser.sources)
+    report = model_report(geoerr.fit_model(MACHINE, laser, components="12").model, laser, search=False)
+    assert list(report.predicted_lines) == ["x"]
+    assert len(report.measured_lines) == 1
+    assert not report.circles
+    assert not report.has_field
+    whys = {one.section: one.why for one in report.left_out}
+    for section in (parts.FIELD, parts.CIRCLES, parts.DIAGONALS):
+        assert "do not determine the positioning of Y, Z" in whys[section]
+    said = " ".join(report_sentences(report))
+    assert "predictions take them as 0: " in said
+    assert "EYY" in said
 
 
 def test_the_page_is_whole_escaped_and_the_same_every_time(folder: Path, tmp_path: Path) -> None:
@@ -210,9 +228,7 @@ def test_the_verb_writes_prints_and_refuses(folder: Path, tmp_path: Path) -> Non
     assert [one["plane"] for one in document["iso_230_4"]] == ["XY", "YZ", "ZX"]
     assert document["conditions"] == {"temp_bed": "reference"}
     assert document["provenance"]["inputs"]
-    assert document["left_out"] == [
-        {"section": parts.DIAGNOSIS, "needs": "the search for what is missing, which was not wanted"}
-    ]
+    assert document["left_out"] == [{"section": parts.DIAGNOSIS, "why": "the search was not wanted"}]
     refused = run(folder, "model.json", "-o", str(folder / "model.json"))
     assert refused.exit_code == 1
     assert "is an input of this command" in str(refused.exception)

@@ -97,8 +97,8 @@ def report_verb(
         return
     for sentence in report_sentences(gathered):
         typer.echo(sentence)
-    for one in gathered.left_out:
-        note(f"left out: {one.section}: needs {one.needs}", quiet)
+    for why, sections in gathered.left_out_by_reason.items():
+        note(f"left out: {'; '.join(sections)} ({why})", quiet)
     note_set_aside(set_aside, quiet)
     if output is not None:
         note(f"report: {output}", quiet)

@@ -132,4 +132,6 @@ def effect_blocks(model: Model) -> tuple[Block, ...]:
 
 
 def _span(span: tuple[float, float] | None) -> str:
-    return _UNKNOWN if span is None else f"{span[0]:g} – {span[1]:g}"
+    if span is None:
+        return _UNKNOWN
+    return f"{span[0]:g}" if span[0] == span[1] else f"{span[0]:g} – {span[1]:g}"

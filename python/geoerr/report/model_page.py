@@ -101,21 +101,34 @@ def report_sentences(report: ModelReport) -> list[str]:
             else diagnosis_sentences(report.diagnosis)
         )
         sentences.append(said[0])
-    if report.circles:
-        deviation_mm = max(trace.circular_deviation_mm for one in report.circles for trace in one.before)
-        if deviation_mm > 0.0:
-            sentences.append(
-                f"Circles deviate by up to {style.text_um(deviation_mm * style.UM_PER_MM)} (G, ISO 230-4), as the "
-                "model has it."
-            )
+    sentences += _circle_sentences(report)
     if report.diagonal_systematic_um is not None:
         sentences.append(
-            f"Along the space diagonals it deviates by up to {style.text_um(report.diagonal_systematic_um)} "
-            "(E_d, ISO 230-6), as the model has it."
+            f"As the model has them, space diagonals deviate by up to {style.text_um(report.diagonal_systematic_um)} "
+            "(E_d, ISO 230-6)."
         )
-    if report.budget is not None:
+    # Of a prediction that lacks whole axes the uncertainty would be that of a part of it.
+    if report.budget is not None and report.has_field:
         sentences += budget_sentences(report.budget)
+    if report.not_determined:
+        count, names = len(report.not_determined), ", ".join(report.not_determined)
+        sentences.append(f"{count} of the 21 errors are not determined; predictions take them as 0: {names}.")
     return sentences or ["The machine, without any errors, and nothing measured of it."]
+
+
+def _circle_sentences(report: ModelReport) -> list[str]:
+    """Give the largest circular deviation that was measured, and that the model has."""
+    measured = [run.measured for one in report.circles for run in one.runs]
+    predicted = [] if report.model.is_nominal else [trace for one in report.circles for trace in one.before]
+    sentences = []
+    for what, traces in (
+        ("Measured circles deviate", measured),
+        ("As the model has them, circles deviate", predicted),
+    ):
+        if traces:
+            deviation_um = max(trace.circular_deviation_mm for trace in traces) * style.UM_PER_MM
+            sentences.append(f"{what} by up to {style.text_um(deviation_um)} (G, ISO 230-4).")
+    return sentences
 
 
 def model_sections(report: ModelReport) -> list[Section]:
@@ -179,9 +192,8 @@ def _field_blocks(report: ModelReport) -> tuple[Block, ...]:
         return ()
     figure = error_field(report.model, at=report.prediction_conditions)
     blocks: list[Block] = [Figure(figure, "Where the machine puts the points of a grid over its working volume.")]
-    open_ones = () if report.errors is None else tuple(item.name for item in report.errors.not_determined)
-    if open_ones:
-        blocks.append(Paragraph(f"Not determined, and taken as 0 here: {', '.join(open_ones)}."))
+    if report.not_determined:
+        blocks.append(Paragraph(f"Not determined, and taken as 0 here: {', '.join(report.not_determined)}."))
     return tuple(blocks)
 
 
@@ -207,11 +219,8 @@ def _story_blocks(report: ModelReport) -> tuple[Block, ...]:
 
 
 def _left_out(report: ModelReport) -> tuple[Block, ...]:
-    by_need: dict[str, list[str]] = {}
-    for one in report.left_out:
-        by_need.setdefault(one.needs, []).append(one.section)
-    rows = tuple(("; ".join(names), needs) for needs, names in by_need.items())
-    return (Table("Left out", ("what", "it needs"), rows),) if rows else ()
+    rows = tuple(("; ".join(names), why) for why, names in report.left_out_by_reason.items())
+    return (Table("Left out", ("what", "why"), rows),) if rows else ()
 
 
 def _change(before: float | None, after: float | None) -> str:

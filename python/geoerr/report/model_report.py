@@ -58,8 +58,9 @@ STORY = "How the error fell"
 BUDGET = "Uncertainty"
 NOT_DETERMINED = "What is not determined"
 
-_NO_MEASUREMENTS = "measurements, beside the model"
-_NO_ERRORS = "a model with errors: this is the machine without any; fit one to measurements"
+_NO_MEASUREMENTS = "no measurements are given beside the model"
+_NO_ERRORS = "this is the machine without any errors: fit a model to measurements"
+_NO_VALUES = "some of the model's parameters have no value yet: fit it to measurements"
 # Share of the shortest edge that the circle of a plane has as its radius, and the longest usual bar.
 _CIRCLE_SHARE, _MOST_RADIUS_MM = 0.45, 100.0
 
@@ -69,10 +70,10 @@ Stated = dict[str, float | str]
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A part of the report that is not there, and what it would need."""
+    """A part of the report that is not there, and why: what it would need."""
 
     section: str
-    needs: str
+    why: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +147,19 @@ class ModelReport:
         return {**approach_conditions(self.model), **known}
 
     @property
+    def not_determined(self) -> tuple[str, ...]:
+        """Names of what the model's data do not determine, and every prediction takes as 0."""
+        return () if self.errors is None else tuple(item.name for item in self.errors.not_determined)
+
+    @property
+    def left_out_by_reason(self) -> dict[str, tuple[str, ...]]:
+        """What is not there, by the reason."""
+        found: dict[str, tuple[str, ...]] = {}
+        for one in self.left_out:
+            found[one.why] = (*found.get(one.why, ()), one.section)
+        return found
+
+    @property
     def diagonal_systematic_um(self) -> float | None:
         """E_d of ISO 230-6: the largest systematic deviation of the four diagonals."""
         return max((one.systematic_um for one in self.diagonals.values()), default=None)
@@ -178,7 +192,7 @@ class ModelReport:
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_document(),
             "budget": None if self.budget is None else self.budget.to_document(),
             "history": [{"name": stage.name, **stage.figures} for stage in self.stages],
-            "left_out": [{"section": one.section, "needs": one.needs} for one in self.left_out],
+            "left_out": [{"section": one.section, "why": one.why} for one in self.left_out],
         }
 
 
@@ -233,9 +247,11 @@ def model_report(
     steps.done()
     diagnosis: Diagnosis | CircleDiagnosis | None = None
     if not points and not circles:
-        parts.lack(DIAGNOSIS, "measured points or circular tests, beside the model")
+        parts.lack(
+            DIAGNOSIS, _NO_MEASUREMENTS if not tables else "lengths alone tell no cause: measure points or circles"
+        )
     elif not search:
-        parts.lack(DIAGNOSIS, "the search for what is missing, which was not wanted")
+        parts.lack(DIAGNOSIS, "the search was not wanted")
     else:
         try:
             diagnosis = (
@@ -267,7 +283,7 @@ def model_report(
     budget, volume = _budget(parts, model, comparison, stated)
     stages = () if model.record is None else stages_of(model.record.history)
     if not stages:
-        parts.lack(STORY, "a model with a history: effects that `geoerr add` or `geoerr remove` changed")
+        parts.lack(STORY, "the model has no history: `geoerr add` and `geoerr remove` write it")
     if comparison is None:
         for section in (*(() if model.record is not None else (DATA,)), COMPARISON):
             parts.lack(section, _NO_MEASUREMENTS)
@@ -317,8 +333,8 @@ class _Parts:
     def __init__(self) -> None:
         self._lacking: dict[str, str] = {}
 
-    def lack(self, section: str, needs: str) -> None:
-        self._lacking.setdefault(section, needs)
+    def lack(self, section: str, why: str) -> None:
+        self._lacking.setdefault(section, why)
 
     def drop(self, section: str) -> None:
         self._lacking.pop(section, None)
@@ -344,28 +360,46 @@ def _predictions(
     """Predict all that the model can say of the machine under these conditions."""
     constants = {name: value for name, value in stated.items() if name in model.conditions}
     if not model.has_values or model.is_nominal:
-        needs = _NO_ERRORS if model.has_values else "a fitted model: some of its parameters have no value yet"
+        why = (
+            _NO_ERRORS
+            if model.has_values
+            else "some of the model's parameters have no value yet: fit it to measurements"
+        )
         for section in (ERRORS, FIELD, POSITIONING, DIAGONALS):
-            parts.lack(section, needs)
+            parts.lack(section, why)
         if not model.has_values or not measured:
-            parts.lack(CIRCLES, needs)
+            parts.lack(CIRCLES, why)
             return None, False, (), {}, {}
         return None, False, _circles(parts, model, (), measured, stated), {}, {}
-    errors: ErrorFunctions | None = model.error_functions(at=constants)
-    if errors is not None and not errors.functions and not errors.squareness:
-        errors = None
-        parts.lack(ERRORS, "a model with functions of one axis, or squareness: this one has other effects only")
-    circles = _circles(parts, model, tuple(PLANES), measured, stated)
+    tables = model.error_functions(at=constants)
+    has_tables = bool(tables.functions or tables.squareness)
+    if not has_tables:
+        parts.lack(ERRORS, "the model has neither functions of one axis nor squareness")
+    open_names = {item.name for item in tables.not_determined}
+    known = [axis for axis in AXES if f"E{axis.upper()}{axis.upper()}" not in open_names]
+    unknown = ", ".join(axis.upper() for axis in AXES if axis not in known)
+    why = f"the model's data do not determine the positioning of {unknown}, and what is unknown is not 0"
+    planes = [plane for plane in PLANES if set(plane[:2].lower()) <= set(known)]
+    if not planes and not measured:
+        parts.lack(CIRCLES, why)
+    circles = _circles(parts, model, planes, measured, stated)
+    is_whole = len(known) == len(AXES)
+    if not is_whole:
+        parts.lack(FIELD, why)
+        parts.lack(DIAGONALS, why)
+    if not known:
+        parts.lack(POSITIONING, why)
     try:
         low, high = usable_range_mm(model)
         model.error_mm([(low + high) / 2.0], at={**approach_conditions(model), **constants})
     except GeoerrError as error:
         for section in (FIELD, POSITIONING, DIAGONALS):
             parts.refused(section, error)
-        return errors, False, circles, {}, {}
-    lines = {axis: predict_positioning(model, *axis_line_mm(model, axis), at=constants) for axis in AXES}
-    diagonals = {name: predict_positioning(model, *ends, at=constants) for name, ends in diagonals_mm(model).items()}
-    return errors, True, circles, lines, diagonals
+        return tables if has_tables else None, False, circles, {}, {}
+    lines = {axis: predict_positioning(model, *axis_line_mm(model, axis), at=constants) for axis in known}
+    ends = diagonals_mm(model) if is_whole else {}
+    diagonals = {name: predict_positioning(model, *of, at=constants) for name, of in ends.items()}
+    return tables if has_tables else None, is_whole, circles, lines, diagonals
 
 
 def _circles(

@@ -68,6 +68,12 @@ def positioning_blocks(report: ModelReport) -> tuple[Block, ...]:
             Figure(figure, "Positioning of the tool point as the model has it."),
             _predicted_table(rest),
         ]
+    nothing = [axis.upper() for axis in AXES if axis not in seen and axis not in report.predicted_lines]
+    if nothing and blocks:
+        text = (
+            f"Of {', '.join(nothing)} nothing is said: no line was run both ways to five targets, and the model does"
+        )
+        blocks.append(Paragraph(f"{text} not tell."))
     return tuple(blocks)
 
 

@@ -16,6 +16,8 @@ _HEIGHT_PX = 600
 _SMALL_PX = 480
 # Outermost deviation as a share of the plot's radius beyond and within the ring that stands for no deviation.
 _INWARD = 2.0
+# Where there is no deviation the rings are still ones that can be read.
+_LEAST_UM = 0.01
 
 # Name, trace, and how Plotly draws it.
 _Curve = tuple[str, Trace, dict[str, object]]
@@ -134,7 +136,7 @@ def _measured_traces(measured: Trace | Sequence[MeasuredRun] | None) -> list[tup
 
 def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve], *, names_deviation: bool = True) -> float:
     largest_um = max(float(np.abs(trace.radial_deviation_mm).max()) for _, trace, _ in curves) * style.UM_PER_MM
-    largest_um = max(largest_um, 1e-4)
+    largest_um = max(largest_um, _LEAST_UM)
     ring_um = style.round_up_125(largest_um / 3.0)
     outer = 1.1 * largest_um
     inner = -_INWARD * largest_um
