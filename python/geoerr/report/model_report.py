@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -65,6 +65,7 @@ _NO_VALUES = "some of the model's parameters have no value yet: fit it to measur
 _CIRCLE_SHARE, _MOST_RADIUS_MM = 0.45, 100.0
 
 Progress = Callable[[int, int], None]
+_T = TypeVar("_T")
 Stated = dict[str, float | str]
 
 
@@ -201,6 +202,7 @@ def model_report(
     *tables: Observations | CircularTest | Lengths,
     at: Stated | None = None,
     search: bool = True,
+    diagnosis: Diagnosis | CircleDiagnosis | None = None,
     effects: Sequence[Effect] = (),
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
@@ -219,6 +221,8 @@ def model_report(
         Conditions of the predictions. A temperature that is not stated is the machine's reference temperature.
     search
         Whether to look for what the model lacks: it takes longer than all the rest.
+    diagnosis
+        What was found already: then nothing is searched.
     effects
         A user's own, for the search.
     rig_sensitivity, rig_covariance
@@ -245,31 +249,24 @@ def model_report(
             model, *tables, rig_sensitivity=rig_sensitivity, rig_covariance=rig_covariance, threads=threads
         )
     steps.done()
-    diagnosis: Diagnosis | CircleDiagnosis | None = None
-    if not points and not circles:
-        parts.lack(
-            DIAGNOSIS, _NO_MEASUREMENTS if not tables else "lengths alone tell no cause: measure points or circles"
+
+    def look() -> Diagnosis | CircleDiagnosis:
+        if not points:
+            return diagnose_circles(model, *circles, effects=effects, threads=threads)
+        return diagnose(
+            model,
+            *points,
+            *circles,
+            effects=effects,
+            rig_sensitivity=rig_sensitivity,
+            rig_covariance=rig_covariance,
+            progress=steps.search,
+            threads=threads,
         )
-    elif not search:
-        parts.lack(DIAGNOSIS, "the search was not wanted")
-    else:
-        try:
-            diagnosis = (
-                diagnose(
-                    model,
-                    *points,
-                    *circles,
-                    effects=effects,
-                    rig_sensitivity=rig_sensitivity,
-                    rig_covariance=rig_covariance,
-                    progress=steps.search,
-                    threads=threads,
-                )
-                if points
-                else diagnose_circles(model, *circles, effects=effects, threads=threads)
-            )
-        except GeoerrError as error:
-            parts.refused(DIAGNOSIS, error)
+
+    if diagnosis is None:
+        why = _no_search(points, circles, tables, search)
+        diagnosis = parts.tried(DIAGNOSIS, look, unless=why)
     lines = tuple(
         MeasuredLine(line, test)
         for line in straight_lines(model.machine, *points, threads=threads)
@@ -285,8 +282,9 @@ def model_report(
     if not stages:
         parts.lack(STORY, "the model has no history: `geoerr add` and `geoerr remove` write it")
     if comparison is None:
-        for section in (*(() if model.record is not None else (DATA,)), COMPARISON):
-            parts.lack(section, _NO_MEASUREMENTS)
+        parts.lack(COMPARISON, _NO_MEASUREMENTS)
+        if model.record is None:
+            parts.lack(DATA, _NO_MEASUREMENTS)
     steps.done()
     return ModelReport(
         model,
@@ -306,6 +304,15 @@ def model_report(
         volume,
         parts.left_out,
     )
+
+
+def _no_search(points: Sequence[Any], circles: Sequence[Any], tables: Sequence[Any], search: bool) -> str | None:
+    """Say why nothing is searched; None where it is."""
+    if not tables:
+        return _NO_MEASUREMENTS
+    if not points and not circles:
+        return "lengths alone tell no cause: measure points or circles"
+    return None if search else "the search was not wanted"
 
 
 class _Steps:
@@ -342,6 +349,17 @@ class _Parts:
     def refused(self, section: str, error: GeoerrError) -> None:
         problem, _, hint = str(error).partition("\nhint: ")
         self.lack(section, f"{problem}; {hint}" if hint else problem)
+
+    def tried(self, section: str, make: Callable[[], _T], *, unless: str | None = None) -> _T | None:
+        """Make something, unless there is a reason not to; what refuses it is why the section is left out."""
+        if unless is not None:
+            self.lack(section, unless)
+            return None
+        try:
+            return make()
+        except GeoerrError as error:
+            self.refused(section, error)
+            return None
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
@@ -405,15 +423,12 @@ def _predictions(
 def _circles(
     parts: _Parts, model: Model, planes: Sequence[str], measured: Sequence[CircularTest], stated: Stated
 ) -> tuple[CircularTestResult, ...]:
-    try:
+    def run() -> tuple[CircularTestResult, ...]:
         own = [_circle_in(model, plane, stated) for plane in planes]
-        return (
-            *own,
-            *(run_circular_test(model, circle_of_first_run(one), measured=one, at=stated) for one in measured),
-        )
-    except GeoerrError as error:
-        parts.refused(CIRCLES, error)
-    return ()
+        seen = [run_circular_test(model, circle_of_first_run(one), measured=one, at=stated) for one in measured]
+        return (*own, *seen)
+
+    return parts.tried(CIRCLES, run) or ()
 
 
 def _circle_in(model: Model, plane: str, at: Stated) -> CircularTestResult:
@@ -433,13 +448,9 @@ def _budget(
     subject: FitResult | Model = model
     if comparison is not None and comparison.freedom == "own" and comparison.fitted is not None:
         subject = FitResult(model, comparison.fitted)
-    try:
-        constants = {name: value for name, value in stated.items() if name in model.conditions}
-        budget = uncertainty_budget(subject, at={**approach_conditions(model), **constants})
-        return budget, uncertainty_map(budget)
-    except GeoerrError as error:
-        parts.refused(BUDGET, error)
-    return None, None
+    constants = {name: value for name, value in stated.items() if name in model.conditions}
+    budget = parts.tried(BUDGET, lambda: uncertainty_budget(subject, at={**approach_conditions(model), **constants}))
+    return budget, None if budget is None else parts.tried(BUDGET, lambda: uncertainty_map(budget))
 
 
 def _line_document(one: MeasuredLine) -> dict[str, Any]:
