@@ -27,11 +27,10 @@ from geoerr.model.conditions import REFERENCE, is_temperature
 from geoerr.model.program_conditions import approach_conditions, needed_conditions
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report.figures import Stage, stages_of
-from geoerr.report.figures.style import round_down_125
 from geoerr.verify.ballbar import (
     CircularTestResult,
     circle_of_first_run,
-    circle_to_test,
+    middle_circle,
     run_circular_test,
     usable_range_mm,
 )
@@ -61,8 +60,6 @@ NOT_DETERMINED = "What is not determined"
 _NO_MEASUREMENTS = "no measurements are given beside the model"
 _NO_ERRORS = "this is the machine without any errors: fit a model to measurements"
 _NO_VALUES = "some of the model's parameters have no value yet: fit it to measurements"
-# Share of the shortest edge that the circle of a plane has as its radius, and the longest usual bar.
-_CIRCLE_SHARE, _MOST_RADIUS_MM = 0.45, 100.0
 
 Progress = Callable[[int, int], None]
 _T = TypeVar("_T")
@@ -424,21 +421,11 @@ def _circles(
     parts: _Parts, model: Model, planes: Sequence[str], measured: Sequence[CircularTest], stated: Stated
 ) -> tuple[CircularTestResult, ...]:
     def run() -> tuple[CircularTestResult, ...]:
-        own = [_circle_in(model, plane, stated) for plane in planes]
+        own = [run_circular_test(model, middle_circle(model, plane), at=stated) for plane in planes]
         seen = [run_circular_test(model, circle_of_first_run(one), measured=one, at=stated) for one in measured]
         return (*own, *seen)
 
     return parts.tried(CIRCLES, run) or ()
-
-
-def _circle_in(model: Model, plane: str, at: Stated) -> CircularTestResult:
-    """Run a circle about the middle of the usable volume, as large as a usual bar where it fits."""
-    low, high = usable_range_mm(model)
-    order = list(PLANES[plane])
-    middle = ((low + high) / 2.0)[order]
-    room = float((high - low)[order[:2]].min())
-    radius_mm = min(round_down_125(_CIRCLE_SHARE * room), _MOST_RADIUS_MM) if room > 0.0 else 0.0
-    return run_circular_test(model, circle_to_test(model, plane, middle.tolist(), radius_mm), at=at)
 
 
 def _budget(

@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers
-from geoerr.verify.ballbar import MeasuredRun, Trace
+from geoerr.verify.ballbar import CircularTestResult, MeasuredRun, Trace
 
 _HEIGHT_PX = 600
 _SMALL_PX = 480
@@ -70,6 +70,11 @@ def circle(
     )
     figure.update_layout(margin={"l": 50, "r": 50})
     return figure
+
+
+def circular_test(result: CircularTestResult) -> go.Figure:
+    """Draw a circular test: before and after compensation, and what was measured."""
+    return circle(result.before[0], result.after[0], result.runs or None)
 
 
 def predicted_circles(pairs: Sequence[tuple[Trace, Trace]]) -> go.Figure:
