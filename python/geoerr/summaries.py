@@ -9,7 +9,7 @@ from html import escape
 # Rows of a table that are shown; a notebook's cell is no report.
 MOST_ROWS = 30
 _UNKNOWN = "–"
-_STYLE = "text-align:left;vertical-align:top"
+_STYLE = "text-align:left;vertical-align:top;padding:2px 14px 2px 0"
 
 
 def summary_html(title: str, *parts: str) -> str:

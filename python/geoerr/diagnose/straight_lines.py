@@ -21,6 +21,8 @@ from geoerr.observations import CARRIERS, Observations
 
 # Rows that leave a line's chord by more than this share of its length are on no common line.
 _STRAIGHT = 1e-3
+# Two places from both sides: fewer readings are no line that was run.
+_LEAST_READINGS = 4
 _UM_PER_MM = 1e3
 
 
@@ -69,19 +71,31 @@ def straight_lines(machine: Machine, *tables: Observations, threads: int = 0) ->
     if not tables:
         return ()
     fitted = compare(Model(machine), *tables, threads=threads).points
-    return tuple(line for rows in _groups(fitted) for line in _lines_of(fitted, rows))
+    named = _Named(_texts(fitted, "line"), _texts(fitted, "target"))
+    return tuple(line for rows in _groups(fitted, named) for line in _lines_of(fitted, named, rows))
 
 
-def _groups(fitted: Fitted) -> Iterator[npt.NDArray[np.int64]]:
+@dataclass(frozen=True)
+class _Named:
+    """What the data call line and target of each row."""
+
+    line: list[str]
+    target: list[str]
+
+
+def _groups(fitted: Fitted, named: _Named) -> Iterator[npt.NDArray[np.int64]]:
     """Give the rows of each line name of each session, of one target in one place."""
     sightings = fitted.sightings
-    names = _texts(fitted, "line")
-    targets = _texts(fitted, "target")
     places = np.round(sightings.offset_mm, 3) + 0.0
     keys = [
         (session, carrier, line, target, *place)
         for session, carrier, line, target, place in zip(
-            sightings.session.tolist(), sightings.carrier.tolist(), names, targets, places.tolist(), strict=True
+            sightings.session.tolist(),
+            sightings.carrier.tolist(),
+            named.line,
+            named.target,
+            places.tolist(),
+            strict=True,
         )
     ]
     by_key: dict[tuple[object, ...], list[int]] = {}
@@ -91,24 +105,25 @@ def _groups(fitted: Fitted) -> Iterator[npt.NDArray[np.int64]]:
     yield from (np.array(rows, dtype=np.int64) for rows in by_key.values())
 
 
-def _lines_of(fitted: Fitted, rows: npt.NDArray[np.int64]) -> Iterator[StraightLine]:
+def _lines_of(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> Iterator[StraightLine]:
     """Give the line that the rows are on, or those along the axes that they can be divided into."""
     q_mm = fitted.sightings.commanded_mm[rows]
-    whole = _line(fitted, rows)
+    whole = _line(fitted, named, rows)
     if whole is not None:
         yield whole
         return
     for axis in range(3):
         others = [other for other in range(3) if other != axis]
         _, number = np.unique(np.round(q_mm[:, others], 3), axis=0, return_inverse=True)
-        number = number.ravel()
-        for one in dict.fromkeys(number.tolist()):
-            found = _line(fitted, rows[number == one])
+        order = np.argsort(number.ravel(), kind="stable")
+        parts = np.split(rows[order], np.cumsum(np.bincount(number.ravel()))[:-1])
+        for part in sorted((part for part in parts if len(part) >= _LEAST_READINGS), key=lambda part: int(part[0])):
+            found = _line(fitted, named, part)
             if found is not None:
                 yield found
 
 
-def _line(fitted: Fitted, rows: npt.NDArray[np.int64]) -> StraightLine | None:
+def _line(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> StraightLine | None:
     """Read rows as one line; None where they are on none, or its deviation was not measured."""
     sightings = fitted.sightings
     q_mm = sightings.commanded_mm[rows]
@@ -134,8 +149,8 @@ def _line(fitted: Fitted, rows: npt.NDArray[np.int64]) -> StraightLine | None:
     agree = (senses == senses[:, :1]).all(axis=1)
     line = StraightLine(
         session=sightings.sessions[int(sightings.session[rows[0]])],
-        line=_texts(fitted, "line")[rows[0]],
-        target=_texts(fitted, "target")[rows[0]],
+        line=named.line[rows[0]],
+        target=named.target[rows[0]],
         moving="".join(axis for axis, is_moving in zip(AXES, moves, strict=True) if is_moving),
         start_mm=start,
         end_mm=end,

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from geoerr.diagnose.words import sure_words
 from geoerr.fit import figures_document
 from geoerr.model.fit_words import FIGURES
 from geoerr.summaries import facts_html, number_text, sentences_html, summary_html, table_html
 
 if TYPE_CHECKING:
+    from geoerr.diagnose.answer import Answer
     from geoerr.diagnose.change import Change
     from geoerr.diagnose.circles.diagnosis import CircleDiagnosis
     from geoerr.diagnose.comparison import Comparison
@@ -21,6 +23,8 @@ _FREEDOM = {
     "refit": "other data, fitted anew",
     "held": "other data; the model's numbers stay as they are",
 }
+# A smaller probability says no more.
+_LEAST_P = 1e-9
 _WORST_LINES, _MOST_TRENDS = 8, 5
 
 
@@ -52,7 +56,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     """Show the verdict, what was found with its worth, and the nearest candidates."""
     facts = {
         "verdict": diagnosis.verdict,
-        "p that nothing is missing": f"{diagnosis.p_value:.2g}",
+        "that nothing is missing": _chance(diagnosis),
         "held out": f"{number_text(diagnosis.held_out_rmse_um)} µm",
         "noise floor": f"{number_text(diagnosis.noise_floor_um)} µm",
     }
@@ -63,7 +67,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
             "found" if str(one.reference) in found else "tied" if one.tied else "looked at",
             str(one.reference),
             number_text(one.worth_um),
-            f"{one.p_value:.2g}",
+            _p_text(one.p_value),
             number_text(one.held_out_rmse_after_um),
             "; ".join(one.value_words),
         )
@@ -91,7 +95,7 @@ def circle_diagnosis_html(diagnosis: CircleDiagnosis) -> str:
     ]
     return summary_html(
         "Diagnosis of circular tests",
-        facts_html({"verdict": diagnosis.verdict, "p that nothing is missing": f"{diagnosis.p_value:.2g}"}),
+        facts_html({"verdict": diagnosis.verdict, "that nothing is missing": _chance(diagnosis)}),
         table_html(("part", "cause", "worth, µm"), causes),
         table_html(("run", "plane", "G (ISO 230-4), µm", "rest, µm"), runs),
     )
@@ -105,6 +109,14 @@ def change_html(change: Change) -> str:
     history = () if change.result.model.record is None else change.result.model.record.history
     told = [f"{history[-1].action} {history[-1].reference}: {history[-1].title}"] if history else []
     return summary_html("Change", sentences_html(*told), table_html(("", "before", "after"), rows))
+
+
+def _chance(diagnosis: Answer) -> str:
+    return sure_words(diagnosis.p_value).partition(": ")[2]
+
+
+def _p_text(p_value: float) -> str:
+    return f"{p_value:.2g}" if p_value >= _LEAST_P else "below 1e-9"
 
 
 def _figures(fitted: Fitted) -> dict[str, str]:
