@@ -61,7 +61,7 @@ def budget_sections(budget: Budget, volume: UncertaintyMap) -> list[Section]:
 def _combined(budget: Budget) -> Table:
     header = ["place", "x, mm", "y, mm", "z, mm"]
     columns = []
-    for of, what in (("prediction", "predicted error"), ("part", "compensated part")):
+    for of, what in (("prediction", "error"), ("part", "part")):
         header += [f"{what}, U {axis}, µm" for axis in "xyz"] + [f"{what}, length below, µm"]
         wide = budget.expanded_um("prediction" if of == "prediction" else "part")
         length = budget.expanded_length_um("prediction" if of == "prediction" else "part")
@@ -70,7 +70,11 @@ def _combined(budget: Budget) -> Table:
         (name, *(f"{value:g}" for value in place), *columns[0][number], *columns[1][number])
         for number, (name, place) in enumerate(zip(budget.place_names, budget.q_mm.tolist(), strict=True))
     )
-    return Table("Expanded uncertainty at 95 %, and the length that the error stays below.", tuple(header), rows)
+    caption = (
+        "Expanded uncertainty U at 95 %, and the length that the error stays below: of the predicted error, and of "
+        "what is left of it in a compensated part."
+    )
+    return Table(caption, tuple(header), rows)
 
 
 def _sources(budget: Budget, place: int) -> list[Block]:

@@ -85,13 +85,14 @@ def _sections_of_points(comparison: Comparison, document: Mapping[str, Any]) -> 
         sections.append(Section("Where it is off", where))
     named = list(dict.fromkeys(trend.variable for trend in comparison.trends))[:_MOST_TRENDS]
     follows: list[Block] = [
-        Figure(residuals.residual_against(comparison, name), f"The residual over {name}.") for name in named
+        Figure(residuals.residual_against(comparison, name), f"The residual over {_words(name)}.") for name in named
     ]
     if len(named) > 1:
         follows.append(
             Figure(
                 residuals.residual_against(comparison, named[1], named[0]),
-                f"The residual over {named[1]}, coloured by {named[0]}: a loop is what one variable leaves open.",
+                f"The residual over {_words(named[1])}, coloured by {_words(named[0])}: a loop is what one variable "
+                "leaves open.",
             )
         )
     shown = [trend for trend in comparison.trends if trend.worth_um >= _LEAST_WORTH_UM]
@@ -140,6 +141,11 @@ def _length_table(lengths: LengthComparison) -> Table:
     groups = lengths.by("group") or {"all": (lengths.rms_um, len(lengths))}
     rows = tuple((name or "no group", f"{rms_um:.2f}", str(n)) for name, (rms_um, n) in groups.items())
     return Table("Measured minus predicted length, rms", ("group", "rms, µm", "lengths"), rows)
+
+
+def _words(variable: str) -> str:
+    """Name a variable without its unit, which the axis has."""
+    return variable_label(variable).partition(",")[0]
 
 
 def _number(value: float) -> str:

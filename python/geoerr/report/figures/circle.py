@@ -13,7 +13,7 @@ from geoerr.report.figures.style import Numbers
 from geoerr.verify.ballbar import CircularTestResult, MeasuredRun, Trace
 
 _HEIGHT_PX = 600
-_SMALL_PX = 480
+_SMALL_PX = 500
 # Outermost deviation as a share of the plot's radius beyond and within the ring that stands for no deviation.
 _INWARD = 2.0
 # Where there is no deviation the rings are still ones that can be read.
@@ -95,7 +95,7 @@ def predicted_circles(pairs: Sequence[tuple[Trace, Trace]]) -> go.Figure:
         deviations = " and ".join(
             style.text_um(trace.circular_deviation_mm * style.UM_PER_MM) for trace in (there, back)
         )
-        _name_panel(figure, column, f"<b>{there.circle.plane}</b>: G {deviations}; rings {ring_um:g} µm apart")
+        _name_panel(figure, column, f"<b>{there.circle.plane}</b>: G {deviations}<br>rings {ring_um:g} µm apart")
     radii_mm = [there.circle.radius_mm for there, _ in pairs]
     style.finish(
         figure,
@@ -104,7 +104,7 @@ def predicted_circles(pairs: Sequence[tuple[Trace, Trace]]) -> go.Figure:
         "G = circular deviation (ISO 230-4), counter-clockwise and clockwise",
         _SMALL_PX,
         above_plots_px=24,
-        bottom_px=70,
+        bottom_px=90,
         legend=True,
     )
     figure.update_layout(margin={"l": 40, "r": 40})
