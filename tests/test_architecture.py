@@ -7,17 +7,20 @@ import re
 from pathlib import Path
 
 import geoerr
+from geoerr.report import figures
 
 PACKAGE = Path(geoerr.__file__).parent
 
 # Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
-BASE = {"errors", "files", "tables"}
+BASE = {"drawing", "errors", "files", "summaries", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"terms", "bases", "effects", "model"}
 WORK = {"vision", "fit", "diagnose", "identify", "states", "budget", "compensate", "verify", "simulate"}
 ALLOWED: dict[str, set[str]] = {
+    "drawing": set(),
     "errors": set(),
+    "summaries": set(),
     "files": {"errors"},
     "tables": BASE,
     "denavit_hartenberg": {"errors"},
@@ -84,6 +87,29 @@ def test_imports_go_one_way() -> None:
             if not any(inner == rule or inner.startswith(f"{rule}.") for rule in ALLOWED[room]):
                 offences.append(f"{path.relative_to(PACKAGE)} imports {module}")
     assert not offences
+
+
+def drawn_names(path: Path) -> list[tuple[str, str]]:
+    """Give method and figure of every `drawn(...)` in a file."""
+    return [
+        (function.name, call.args[0].value)
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(function, ast.FunctionDef)
+        for call in ast.walk(function)
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "drawn"
+        if isinstance(call.args[0], ast.Constant)
+    ]
+
+
+def test_objects_draw_themselves_by_figures_that_there_are() -> None:
+    """The door to the figures is for `plot_...` methods, and every name behind it is a figure of `report`."""
+    named = [(path, *one) for path in sources() for one in drawn_names(path)]
+    assert len(named) > 20
+    for path, method, figure in named:
+        assert method.startswith("plot_"), f"{path}: {method}"
+        assert figure in figures.__all__, f"{path}: {figure}"
+    users = {path for path in sources() if "geoerr.drawing.drawn" in imported_modules(path)}
+    assert users == {path for path, *_ in named}
 
 
 def test_opencv_lives_in_vision_only() -> None:

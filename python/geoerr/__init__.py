@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         read_observations,
         write_observations,
     )
+    from geoerr.report.model_page import write_model_report
     from geoerr.states import States, identify_states
     from geoerr.verify.ballbar import run_circular_test
     from geoerr.verify.path import compare_paths
@@ -100,6 +101,7 @@ _HOMES = {
     "uncertainty_map": "geoerr.budget",
     "write_errors": "geoerr.error_functions",
     "write_model": "geoerr.model",
+    "write_model_report": "geoerr.report.model_page",
     "write_observations": "geoerr.observations",
     "write_rig": "geoerr.vision.rig",
 }
@@ -156,6 +158,7 @@ __all__ = [
     "uncertainty_map",
     "write_errors",
     "write_model",
+    "write_model_report",
     "write_observations",
     "write_rig",
 ]

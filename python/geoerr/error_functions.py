@@ -15,14 +15,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.drawing import drawn
 from geoerr.errors import InputFileError
 from geoerr.files import read_json, write_json
 from geoerr.machine import AXES, Machine, machine_from_document
+from geoerr.summaries import number_text, sentences_html, summary_html, table_html
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 SCHEMA = "geoerr-errors/1"
 
@@ -146,6 +151,34 @@ class ErrorFunctions:
         if self.notes:
             document["notes"] = list(self.notes)
         return {**document, **self.extra}
+
+    def plot_errors(self, truth: ErrorFunctions | None = None) -> go.Figure:
+        """Draw the 21 errors with their 95 % bands, beside the truth of a simulation where there is one."""
+        return drawn("error_curves", self, truth)
+
+    def plot_nine_lines(self) -> go.Figure:
+        """Draw ΔL of Li's nine lines, as these errors make it."""
+        return drawn("nine_lines", self)
+
+    def _repr_html_(self) -> str:
+        """Show the size of each error, and what is not determined, for a notebook."""
+        rows = []
+        for name in LINEAR_AND_ANGULAR:
+            found = self.functions.get(name)
+            unit, factor = ("µrad", _MICRO) if is_angular(name) else ("µm", _UM_PER_MM)
+            if found is not None:
+                rows.append((name, LI_NAMES[name], f"{number_text(float(np.ptp(found.value)) * factor, 1)} {unit}"))
+        for name in SQUARENESS:
+            one = self.squareness.get(name)
+            if one is not None:
+                rows.append((name, LI_NAMES[name], f"{number_text(one.value_rad * _MICRO, 1)} µrad"))
+        unknown = [(item.name, item.why) for item in self.not_determined]
+        return summary_html(
+            "The 21 errors",
+            sentences_html(f"{self.machine.name}, {self.machine.chain}; method {self.method}"),
+            table_html(("error", "Li", "peak to peak, or squareness"), rows),
+            table_html(("not determined", "why"), unknown),
+        )
 
 
 def write_errors(path: str | Path, errors: ErrorFunctions) -> None:

@@ -10,19 +10,29 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr.drawing import drawn
 from geoerr.errors import InputFileError
+from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
 from geoerr.tables import RowProblem, Schema, check, read_raw, write_table
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 CARRIERS = ("tool", "work", "base", "relative")
 MEASURED = ("mx", "my", "mz")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 STANDARD_UNCERTAINTY = ("sx", "sy", "sz")
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
+_AXES = ("x", "y", "z")
+_UNITS = {**dict.fromkeys((*_AXES, "r", "measured"), "mm"), "feed": "mm/min"}
+# A summary names as many, and counts more.
+_MOST_NAMED = 8
 
 Numbers = npt.NDArray[np.float64]
 
@@ -139,6 +149,19 @@ class Observations:
         """Give the rows where `mask` (n,) is true."""
         return Observations(self.frame.filter(pl.Series(np.asarray(mask, dtype=bool))), self.sources, self.set_aside)
 
+    def plot_uncertainty(self) -> go.Figure:
+        """Draw the stated standard uncertainty of the points, by target."""
+        return drawn("measurement_residuals", self)
+
+    def _repr_html_(self) -> str:
+        """Show what was measured, for a notebook."""
+        facts = _counted(self.frame, ("session", "line", "target", "carrier"))
+        facts |= _spans(
+            self.frame, (*_AXES, "temp", *(name for name in self.frame.columns if name.startswith("temp_")))
+        )
+        covariance = "stated" if self.covariance_mm2 is not None else "not stated"
+        return _shown("Observations", self.frame, facts | {"uncertainty": covariance}, self.set_aside)
+
     def _rows_of_sessions(self) -> Iterable[npt.NDArray[np.intp]]:
         sessions = np.asarray(self.texts("session"))
         for name in dict.fromkeys(sessions.tolist()):
@@ -153,6 +176,11 @@ class CircularTest:
     sources: tuple[str, ...] = ()
     set_aside: tuple[RowProblem, ...] = ()
 
+    def _repr_html_(self) -> str:
+        """Show what was measured, for a notebook."""
+        facts = _counted(self.frame, ("session", "line")) | _spans(self.frame, (*_AXES, "r", "feed"))
+        return _shown("Circular test", self.frame, facts, self.set_aside)
+
 
 @dataclass(frozen=True)
 class Lengths:
@@ -161,6 +189,11 @@ class Lengths:
     frame: pl.DataFrame
     sources: tuple[str, ...] = ()
     set_aside: tuple[RowProblem, ...] = ()
+
+    def _repr_html_(self) -> str:
+        """Show what was measured, for a notebook."""
+        facts = _counted(self.frame, ("feature", "group")) | _spans(self.frame, ("measured",))
+        return _shown("Measured lengths", self.frame, facts, self.set_aside)
 
 
 def kind_of(columns: Iterable[str]) -> str:
@@ -238,6 +271,36 @@ def observations_from_columns(columns: dict[str, Numbers | list[str]], source: s
     raw = pl.DataFrame({name: pl.Series(name, values) for name, values in columns.items()})
     frame, problems = check(raw, _POINTS, source)
     return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)
+
+
+def _counted(frame: pl.DataFrame, columns: Iterable[str]) -> dict[str, str]:
+    """Count what differs in a column, and name it where that is little."""
+    facts = {}
+    for column in columns:
+        if column not in frame.columns:
+            continue
+        names = [str(name) for name in frame[column].unique(maintain_order=True).to_list() if name not in (None, "")]
+        if names:
+            told = "" if len(names) > _MOST_NAMED else f" ({', '.join(names)})"
+            facts[column] = f"{len(names)}{told}"
+    return facts
+
+
+def _spans(frame: pl.DataFrame, columns: Iterable[str]) -> dict[str, str]:
+    """Give the range of columns that hold numbers, with their units."""
+    facts = {}
+    for column in columns:
+        values = frame[column].drop_nulls().to_numpy() if column in frame.columns else np.empty(0)
+        if len(values):
+            facts[f"{column}, {_UNITS.get(column, '°C')}"] = span_text(float(values.min()), float(values.max()))
+    return facts
+
+
+def _shown(title: str, frame: pl.DataFrame, facts: dict[str, str], set_aside: Iterable[RowProblem]) -> str:
+    rows = [(str(one),) for one in set_aside]
+    return summary_html(
+        title, sentences_html(f"{frame.height} rows"), facts_html(facts), table_html(("rows set aside",), rows)
+    )
 
 
 _KIND_IN_WORDS = {

@@ -183,7 +183,12 @@ def test_reports_and_the_model_can_be_had(learned: Session) -> None:
     client = make_app(learned, guard).server.test_client()
     headers = {"Host": f"127.0.0.1:{PORT}"}
     client.get(f"/?token={guard.token}", headers=headers)
-    for path, words in (("comparison", "model against measurements"), ("diagnosis", "what is missing")):
+    pages = (
+        ("model", "what is known of its errors"),
+        ("comparison", "model against measurements"),
+        ("diagnosis", "what is missing"),
+    )
+    for path, words in pages:
         answer = client.get(f"/report/{path}", headers=headers)
         assert answer.status_code == 200
         assert words in answer.get_data(as_text=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -24,14 +24,19 @@ from geoerr.budget.sources import (
     stages_of,
     stages_of_parameters,
 )
+from geoerr.drawing import drawn
 from geoerr.errors import NotDeterminedError, ShapeError
 from geoerr.fit import FitResult, Fitted
 from geoerr.model import GROUPS, Model
 from geoerr.model.arrays import Numbers, points
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import extrapolated_conditions
+from geoerr.summaries import facts_html, number_text, summary_html, table_html
 from geoerr.terms import Term
 from geoerr.vision.rig import Rig
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 Quantity = Literal["prediction", "part"]
 _UM_PER_MM = 1e3
@@ -201,6 +206,29 @@ class Budget:
             raise NotDeterminedError("the data determine the error at no place of the volume")
         number = int(np.nanargmax(std_um))
         return places[number], float(std_um[number])
+
+    def plot_volume(self, n: int = 11) -> go.Figure:
+        """Draw error and uncertainty over the volume, on a grid of so many places along each edge."""
+        return drawn("budget_slices", self, n)
+
+    def _repr_html_(self) -> str:
+        """Show how sure each place is, and the sources, for a notebook."""
+        places = [
+            (name, ", ".join(f"{value:g}" for value in place), number_text(known), number_text(part))
+            for name, place, known, part in zip(
+                self.place_names,
+                self.q_mm.tolist(),
+                self.expanded_length_um("prediction").tolist(),
+                self.expanded_length_um("part").tolist(),
+                strict=True,
+            )
+        ]
+        return summary_html(
+            "Uncertainty budget, 95 %",
+            facts_html({"model": self.model.machine.name}),
+            table_html(("place", "x, y, z, mm", "predicted error below, µm", "compensated part below, µm"), places),
+            table_html(("source", "what", "type"), [(one.name, one.what, one.kind) for one in self.sources]),
+        )
 
     def to_document(self) -> dict[str, Any]:
         """Give everything as plain values, for `--json`; µm, a place a row, null where it is not determined."""

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, null_for_nan, print_json
 from geoerr.cli.program_options import At, conditions, triple
-
-if TYPE_CHECKING:
-    from geoerr.model import Model
-
-# Reached from below after a long stroke, and at rest.
-_APPROACH = {"d": 1.0, "s": 100.0, "v": 0.0, "feed": 0.0}
 
 _EXAMPLES = (
     "geoerr budget model.json --at temp_bed=90 --at-std temp_bed=2",
@@ -62,16 +56,17 @@ def budget(
     """
     from geoerr.budget import Implementation, budget_text, uncertainty_budget, uncertainty_map
     from geoerr.model import load_model
+    from geoerr.model.program_conditions import approach_conditions
     from geoerr.report.provenance import provenance_of_command
 
     check_output(report, [model])
     loaded = load_model(model)
-    given, assumed = conditions(at), _assumed(loaded)
+    given, assumed = conditions(at), approach_conditions(loaded)
     found = uncertainty_budget(
         loaded,
         None if place is None else {f"({text})": triple(text, "--place") for text in place},
         offset_mm=triple(offset, "--offset"),
-        at=assumed | given,
+        at={**assumed, **given},
         at_std=_uncertainties(at_std),
         implementation=Implementation(tolerance_mm=tolerance, digits=digits, controller_step_mm=controller_step),
     )
@@ -90,14 +85,6 @@ def budget(
     typer.echo(budget_text(found), nl=False)
     if report is not None:
         note(f"report: {report}", quiet)
-
-
-def _assumed(model: Model) -> dict[str, float | str]:
-    """Give the conditions of motion that the model follows, as they are where nothing else is stated."""
-    from geoerr.model.conditions import OF_MOTION
-
-    motion = {name: _APPROACH[name if name in _APPROACH else name.partition("_")[0]] for name in OF_MOTION}
-    return {name: value for name, value in {**motion, "moving": 1.0}.items() if name in model.conditions}
 
 
 def _uncertainties(given: list[str] | None) -> dict[str, float]:

@@ -30,6 +30,7 @@ VERBS = {
     "diagnose": "Which physical effect a model lacks, if any.",
     "add": "Add an effect to a model, and see the error fall.",
     "remove": "Take an effect out, and see the error rise.",
+    "report": "All that is known of a machine, on one page.",
     "workbench": "All of this on a local page, with a mouse.",
     "budget": "How uncertain a prediction is, and a compensated part.",
     "compensate": "Rewrite a program for the machine that runs it.",

@@ -198,18 +198,6 @@ def _program_blocks(result: DemoResult) -> tuple[Block, ...]:
     )
 
 
-def _views(result: DemoResult) -> list[figures.CalibrationView]:
-    used = [
-        figures.CalibrationView(view.name, view.left_rms_px, view.right_rms_px)
-        for view in result.calibration.per_view
-    ]
-    dropped = [
-        figures.CalibrationView(item.name, None, None, why_dropped=item.why)
-        for item in result.calibration.pairs_dropped
-    ]
-    return used + dropped
-
-
 def _workpiece_rows(result: DemoResult) -> tuple[tuple[str, str, str, str], ...]:
     return tuple(
         (
@@ -225,7 +213,7 @@ def _workpiece_rows(result: DemoResult) -> tuple[tuple[str, str, str, str], ...]
 
 def _camera_blocks(result: DemoResult) -> tuple[Block, ...]:
     return (
-        Figure(figures.calibration_views(_views(result)), "Reprojection error of each board view"),
+        Figure(figures.calibration_quality(result.calibration), "Reprojection error of each board view"),
         *(
             Paragraph(note[0].upper() + note[1:] + ".")
             for note in (*result.calibration.notes, *result.measured.notes)

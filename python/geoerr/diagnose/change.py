@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoerr.diagnose.summary import change_html
 from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
 from geoerr.fit import (
@@ -30,6 +32,9 @@ from geoerr.model import HistoryEntry, Model
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term, parse_effect_reference
 
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
 
 @dataclass(frozen=True, eq=False)
 class Change:
@@ -46,6 +51,14 @@ class Change:
     result: FitResult
     before: Fitted
     after: Fitted
+
+    def plot_fall(self) -> go.Figure:
+        """Draw how the error fell, up to this change."""
+        return self.result.model.plot_fall()
+
+    def _repr_html_(self) -> str:
+        """Show the errors before and after, for a notebook."""
+        return change_html(self)
 
 
 def add_effect(

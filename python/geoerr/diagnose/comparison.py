@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy import stats
@@ -18,7 +18,9 @@ from geoerr.diagnose.own_uncertainty import OwnUncertainty, own_uncertainty
 from geoerr.diagnose.parts import Part, by_carrier, by_direction, by_session, by_text
 from geoerr.diagnose.regions import Region, regions_of
 from geoerr.diagnose.set_up import SetUp, set_up_of
+from geoerr.diagnose.summary import comparison_html
 from geoerr.diagnose.trends import Trend, trends_of
+from geoerr.drawing import drawn
 from geoerr.errors import GeoerrError, ShapeError
 from geoerr.fit import (
     Fitted,
@@ -36,6 +38,9 @@ from geoerr.model import Model
 from geoerr.model.tables import terms_of_errors
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.terms import Term
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 # `own`: these are the data that the model was fitted to, and its coefficients are fitted anew; `refit`: others, and
 # they are fitted anew because that was asked for; `held`: others, and they stay as they are.
@@ -183,6 +188,28 @@ class Comparison:
     def to_document(self) -> dict[str, object]:
         """Give plain values for `compare --json`."""
         return document_of(self)
+
+    def plot_residuals(self, over: str | None = None, color_by: str | None = None) -> go.Figure:
+        """Draw the residual over a variable, or over what it follows most, coloured by another variable."""
+        return drawn("residual_over", self, over, color_by)
+
+    def plot_volume(
+        self, look: Literal["length", "magnitude", "direction"] = "length", exaggeration: float = 1.0
+    ) -> go.Figure:
+        """Draw every residual at its place: strokes coloured by length or direction, or dots of its magnitude."""
+        return drawn("residual_in_volume", self, look, exaggeration)
+
+    def plot_regions(self) -> go.Figure:
+        """Draw mean, spread and number of rows by region of the volume."""
+        return drawn("residual_by_region", self)
+
+    def plot_histogram(self) -> go.Figure:
+        """Draw the histogram of each component beside what noise would give."""
+        return drawn("residual_histogram", self)
+
+    def _repr_html_(self) -> str:
+        """Show how far the model is off, and where most, for a notebook."""
+        return comparison_html(self)
 
 
 def compare(

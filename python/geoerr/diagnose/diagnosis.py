@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknow
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, search, settle
+from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.words import listed, sure_words
+from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError, InputFileError
@@ -29,6 +31,9 @@ from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import EMPIRICAL, EffectReference, Term
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 # Called with what is done and the total.
 Progress = Callable[[int, int], None]
@@ -92,6 +97,28 @@ class Diagnosis(Answer):
         if self.unknown is not None:
             return self.unknown.sentence
         return f"nothing is missing that these data could show: {sure_words(self.p_value)}"
+
+    def plot_worth(self) -> go.Figure:
+        """Draw what each candidate is worth, and the held-out error without it and with it."""
+        return drawn("diagnosis_bars", self)
+
+    def plot_fall(self) -> go.Figure:
+        """Draw how the held-out error would fall if what was found were added, one after the other."""
+        return drawn("diagnosis_fall", self)
+
+    def plot_unknown(self) -> go.Figure:
+        """Draw what has no name: its curve or surface.
+
+        Raises
+        ------
+        GeoerrError
+            where everything has a name.
+        """
+        return drawn("unknown_curve", self)
+
+    def _repr_html_(self) -> str:
+        """Show the verdict and the candidates, for a notebook."""
+        return diagnosis_html(self)
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and more."""

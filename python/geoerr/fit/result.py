@@ -17,6 +17,7 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
+from geoerr.model.summary import model_html
 from geoerr.terms import RAW_VARIABLES
 
 # Directions of parameters whose part in the model is below this are those of the measuring frames alone.
@@ -44,6 +45,10 @@ class FitResult:
     model: Model
     fitted: Fitted
     steps: tuple[Fitted, ...] = ()
+
+    def _repr_html_(self) -> str:
+        """Show the model and its figures, for a notebook."""
+        return model_html(self.model)
 
     @cached_property
     def before(self) -> Fitted:

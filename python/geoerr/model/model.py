@@ -10,13 +10,14 @@ import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
 from geoerr.bases import basis_of
+from geoerr.drawing import drawn
 from geoerr.effects import Effect, PlacedEffect, catalogue
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, NotConvergedError, NotDeterminedError, ShapeError
@@ -36,8 +37,12 @@ from geoerr.model.parameters import (
 )
 from geoerr.model.record import FitRecord
 from geoerr.model.report import report_of
+from geoerr.model.summary import model_html
 from geoerr.model.tables import squareness_of_li_rad, terms_of_errors
 from geoerr.terms import JOINT_CHANNELS, SQUARENESS_CHANNELS, EffectReference, Parameter, Term
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 Carrier = Literal["tool", "work", "base", "relative"]
 # A machine as it is compiled: of tables, or of terms.
@@ -717,6 +722,34 @@ class Model:
     def report(self) -> str:
         """Give the model in words and numbers, at most 100 columns wide: what is known, and what is not."""
         return report_of(self)
+
+    def plot_errors(self, truth: ErrorFunctions | None = None, *, at: Conditions | None = None) -> go.Figure:
+        """Draw the 21 errors with their 95 % bands, beside the truth of a simulation where there is one."""
+        return drawn("model_errors", self, truth, at)
+
+    def plot_field(self, *, at: Conditions | None = None) -> go.Figure:
+        """Draw where the machine puts the points of a grid over its volume, errors magnified."""
+        return drawn("model_field", self, at)
+
+    def plot_circles(self, *, at: Conditions | None = None) -> go.Figure:
+        """Draw a circle in each plane, both ways round (ISO 230-4), about the middle of the volume."""
+        return drawn("model_circles", self, at)
+
+    def plot_positioning(self, *, at: Conditions | None = None) -> go.Figure:
+        """Draw the positioning of each axis through the middle of the volume, both ways (ISO 230-2)."""
+        return drawn("model_positioning", self, at)
+
+    def plot_diagonals(self, *, at: Conditions | None = None) -> go.Figure:
+        """Draw the deviation along the four space diagonals, both ways (ISO 230-6)."""
+        return drawn("model_diagonals", self, at)
+
+    def plot_fall(self) -> go.Figure:
+        """Draw how the error fell with each effect that was added, by the model's own history."""
+        return drawn("model_fall", self)
+
+    def _repr_html_(self) -> str:
+        """Show what it is made of and how well it is known, for a notebook."""
+        return model_html(self)
 
     def _rows(
         self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None, carrier: Carrier, at: Conditions | None

@@ -17,12 +17,20 @@ MOST_SPANS_BEYOND = 0.5
 _LEAST_WIDTH_DEGC = 4.0
 # Every move of a program moves.
 _TOLD = frozenset((*OF_MOTION, "moving"))
+# Reached from below after a long stroke, and at rest.
+_APPROACH = {"d": 1.0, "s": 100.0, "v": 0.0, "feed": 0.0}
 # What no program tells, and how an effect that follows it is left out.
 _NO_PROGRAM_TELLS = {
     "a": "accelerations: 0 leaves their effect out",
     "t_rev": "the time since a reversal: a long one, such as 1000, leaves out what dies away",
     "mean_v": "the mean speed of hours: it is what has warmed the machine",
 }
+
+
+def approach_conditions(model: Model) -> dict[str, float]:
+    """Give the conditions of motion that the model follows, as they are where nothing else is stated."""
+    motion = {name: _APPROACH[name if name in _APPROACH else name.partition("_")[0]] for name in OF_MOTION}
+    return {name: value for name, value in {**motion, "moving": 1.0}.items() if name in model.conditions}
 
 
 def needed_conditions(model: Model) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from geoerr.error_functions import NotDetermined
 from geoerr.errors import ShapeError
 from geoerr.machine import AXES
 from geoerr.model.arrays import Numbers, as_numbers
+from geoerr.model.summary import history_html, record_html
 from geoerr.terms import Parameter
 
 # Rounding of a product of some thousand terms; a negative variance beyond it was put there.
@@ -57,6 +58,10 @@ class HistoryEntry:
         _require(self.action in ("added", "removed"), f"{self.action!r} is neither 'added' nor 'removed'")
         _check_numbers("figures_before", self.figures_before)
         _check_numbers("figures_after", self.figures_after)
+
+    def _repr_html_(self) -> str:
+        """Show the step with the error before and after, for a notebook."""
+        return history_html((self,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +127,10 @@ class FitRecord:
                 _require(good, f"{name} of {key} is {span!r}, not from low to high")
         _check_numbers("noise", self.noise)
         _check_numbers("figures", self.figures)
+
+    def _repr_html_(self) -> str:
+        """Show data, figures, what is not determined and the history, for a notebook."""
+        return record_html(self)
 
     @property
     def n_parameters(self) -> int:

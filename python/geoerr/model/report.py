@@ -103,7 +103,7 @@ def _parameters(model: Model) -> Iterator[str]:
         if term.kind != "classic":
             yield from _wrapped(term.id)
             for parameter in term.coefficients + term.inner:
-                yield from _wrapped(_parameter(term, parameter), 2)
+                yield from _wrapped(parameter_words(term, parameter), 2)
         elif not _is_known(term):
             yield from _wrapped(f"{term.id}: {len(term.coefficients)} coefficients, not fitted yet")
     if model.errors is None and not model.terms:
@@ -144,7 +144,8 @@ def _curves(model: Model) -> Iterator[str]:
             yield f"{_INDENT}{name} {LI_NAMES[name]:<6} squareness   {value} µrad"
 
 
-def _parameter(term: Term, parameter: Parameter) -> str:
+def parameter_words(term: Term, parameter: Parameter) -> str:
+    """Write a term's parameter with its standard uncertainty, unit, and whether it is a known value."""
     factor, unit = 1.0, parameter.unit
     if parameter.unit == "mm" and parameter in term.coefficients:
         factor, unit = _UM_PER_MM, "µm"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from geoerr.report.figures import circle
+from geoerr.report.figures import circular_test
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
 from geoerr.report.provenance import Provenance
 from geoerr.verify.ballbar import CircularTestResult, Trace
@@ -35,7 +35,7 @@ def circular_test_blocks(result: CircularTestResult) -> tuple[Block, ...]:
     """Give figure and tables of a circular test, for a page of any kind."""
     blocks: list[Block] = [
         Figure(
-            circle(result.before[0], result.after[0], result.runs or None),
+            circular_test(result),
             "Radial deviation round the circle before and after compensation"
             + (", with the measured runs" if result.runs else "")
             + "; right: after compensation at its own scale",

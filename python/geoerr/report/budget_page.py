@@ -11,6 +11,8 @@ from geoerr.report.page import NOT_DETERMINED, Block, Figure, Paragraph, Section
 from geoerr.report.provenance import Provenance
 
 _PERCENT = 100.0
+# In any unit of the tables less than this is rounding.
+_ROUNDING = 1e-9
 
 
 def write_budget_page(path: str | Path, budget: Budget, volume: UncertaintyMap, provenance: Provenance) -> None:
@@ -27,13 +29,24 @@ def write_budget_page(path: str | Path, budget: Budget, volume: UncertaintyMap, 
     provenance
         For the last section.
     """
+    title = f"{budget.model.machine.name}: uncertainty budget"
+    write_report(path, title, budget_sentences(budget), budget_sections(budget, volume), provenance)
+
+
+def budget_sentences(budget: Budget) -> list[str]:
+    """Say how sure the prediction and a compensated part are at the last place."""
     last = len(budget.place_names) - 1
     where = budget.place_names[last]
     lengths = {of: budget.expanded_length_um(of)[last] for of in ("prediction", "part")}
-    summary = [
+    return [
         f"At the place named {where} the predicted error is known to {_um(lengths['prediction'])} (95 %).",
         f"There a compensated part stays within {_um(lengths['part'])} (95 %).",
     ]
+
+
+def budget_sections(budget: Budget, volume: UncertaintyMap) -> list[Section]:
+    """Show the combined uncertainty, its sources, the map of the volume, and what is not counted."""
+    last = len(budget.place_names) - 1
     sections = [
         Section("How uncertain", (_combined(budget),)),
         Section("Why", (*_sources(budget, last), *_groups(budget, last))),
@@ -42,13 +55,13 @@ def write_budget_page(path: str | Path, budget: Budget, volume: UncertaintyMap, 
     if budget.stages:
         sections.append(Section("From the picture to the parameters", (_stages(budget),)))
     sections.append(Section("Not counted", tuple(Paragraph(sentence) for sentence in budget.not_counted)))
-    write_report(path, f"{budget.model.machine.name}: uncertainty budget", summary, sections, provenance)
+    return sections
 
 
 def _combined(budget: Budget) -> Table:
     header = ["place", "x, mm", "y, mm", "z, mm"]
     columns = []
-    for of, what in (("prediction", "predicted error"), ("part", "compensated part")):
+    for of, what in (("prediction", "error"), ("part", "part")):
         header += [f"{what}, U {axis}, µm" for axis in "xyz"] + [f"{what}, length below, µm"]
         wide = budget.expanded_um("prediction" if of == "prediction" else "part")
         length = budget.expanded_length_um("prediction" if of == "prediction" else "part")
@@ -57,7 +70,11 @@ def _combined(budget: Budget) -> Table:
         (name, *(f"{value:g}" for value in place), *columns[0][number], *columns[1][number])
         for number, (name, place) in enumerate(zip(budget.place_names, budget.q_mm.tolist(), strict=True))
     )
-    return Table("Expanded uncertainty at 95 %, and the length that the error stays below.", tuple(header), rows)
+    caption = (
+        "Expanded uncertainty U at 95 %, and the length that the error stays below: of the predicted error, and of "
+        "what is left of it in a compensated part."
+    )
+    return Table(caption, tuple(header), rows)
 
 
 def _sources(budget: Budget, place: int) -> list[Block]:
@@ -97,7 +114,9 @@ def _share(one: Contribution, place: int) -> str:
 
 
 def _number(value: float) -> str:
-    return NOT_DETERMINED if math.isnan(value) else f"{value:.3g}"
+    if math.isnan(value):
+        return NOT_DETERMINED
+    return "0" if abs(value) < _ROUNDING else f"{value:.3g}"
 
 
 def _um(value: float) -> str:

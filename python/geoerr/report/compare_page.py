@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from geoerr.diagnose import Comparison, LengthComparison, Part, Trend
-from geoerr.report.figures import residuals, style
+from geoerr.report.figures import residuals, style, variable_label
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
 from geoerr.report.provenance import Provenance
 
 _MOST_TRENDS = 4
 _MOST_WORST = 20
+# What would be written as 0.
+_LEAST_WORTH_UM = 0.005
 _FREEDOM = {
     "own": "These are the data that the model was fitted to: its own numbers take part.",
     "refit": "The model's numbers were fitted to these data.",
@@ -36,17 +38,29 @@ def write_comparison_page(
     provenance
         For the last section.
     """
-    summary = [_FREEDOM[comparison.freedom], f"Residual {style.text_um(comparison.rmse_um)} rms."]
+    title = f"{comparison.model.machine.name}: model against measurements"
+    sections = comparison_sections(comparison, document)
+    write_report(path, title, comparison_sentences(comparison, document), sections, provenance)
+
+
+def comparison_sentences(comparison: Comparison, document: Mapping[str, Any]) -> list[str]:
+    """Say how far the model is off, and how much of that is noise."""
+    sentences = [_FREEDOM[comparison.freedom], f"Residual {style.text_um(comparison.rmse_um)} rms."]
     for name, key in (("Held out", "held_out_rmse_um"), ("Noise floor", "noise_floor_um")):
         value = document[key]
-        summary.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
-    sections = [] if comparison.fitted is None else _sections(comparison, document)
+        sentences.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
+    return sentences
+
+
+def comparison_sections(comparison: Comparison, document: Mapping[str, Any]) -> list[Section]:
+    """Show how far the model is off, where, along what, and the worst places; lengths by themselves."""
+    sections = [] if comparison.fitted is None else _sections_of_points(comparison, document)
     if comparison.lengths is not None:
         sections.append(Section("Lengths", (_length_table(comparison.lengths),)))
-    write_report(path, f"{comparison.model.machine.name}: model against measurements", summary, sections, provenance)
+    return sections
 
 
-def _sections(comparison: Comparison, document: Mapping[str, Any]) -> list[Section]:
+def _sections_of_points(comparison: Comparison, document: Mapping[str, Any]) -> list[Section]:
     blocks: list[Block] = [
         Figure(
             residuals.residual_histogram(comparison), "Residuals component by component, beside the noise of repeats."
@@ -71,16 +85,22 @@ def _sections(comparison: Comparison, document: Mapping[str, Any]) -> list[Secti
         sections.append(Section("Where it is off", where))
     named = list(dict.fromkeys(trend.variable for trend in comparison.trends))[:_MOST_TRENDS]
     follows: list[Block] = [
-        Figure(residuals.residual_against(comparison, name), f"The residual over {name}.") for name in named
+        Figure(residuals.residual_against(comparison, name), f"The residual over {_words(name)}.") for name in named
     ]
     if len(named) > 1:
         follows.append(
             Figure(
                 residuals.residual_against(comparison, named[1], named[0]),
-                f"The residual over {named[1]}, coloured by {named[0]}: a loop is what one variable leaves open.",
+                f"The residual over {_words(named[1])}, coloured by {_words(named[0])}: a loop is what one variable "
+                "leaves open.",
             )
         )
-    table = _trend_table(comparison.trends) if comparison.trends else Paragraph("Nothing varies in these data.")
+    shown = [trend for trend in comparison.trends if trend.worth_um >= _LEAST_WORTH_UM]
+    table: Block = Paragraph("Nothing varies in these data.")
+    if shown:
+        table = _trend_table(shown)
+    elif comparison.trends:
+        table = Paragraph("The residual follows nothing that was looked at.")
     sections.append(Section("What the residual follows", (table, *follows)))
     sections.append(Section("Worst places", (_worst_table(document["worst"]),)))
     return sections
@@ -100,7 +120,7 @@ def _part_table(title: str, parts: Sequence[Part]) -> Table:
 
 
 def _trend_table(trends: Sequence[Trend]) -> Table:
-    rows = tuple((trend.variable, trend.component, f"{trend.worth_um:.2f}") for trend in trends)
+    rows = tuple((variable_label(trend.variable), trend.component, f"{trend.worth_um:.2f}") for trend in trends)
     return Table("Largest first: how much the means of bins differ, rms", ("over", "component", "worth, µm"), rows)
 
 
@@ -123,5 +143,11 @@ def _length_table(lengths: LengthComparison) -> Table:
     return Table("Measured minus predicted length, rms", ("group", "rms, µm", "lengths"), rows)
 
 
+def _words(variable: str) -> str:
+    """Name a variable without its unit, which the axis has."""
+    return variable_label(variable).partition(",")[0]
+
+
 def _number(value: float) -> str:
-    return f"{value:+.1f}".replace("-", "−")
+    # What rounds to 0 has no sign.
+    return f"{round(value, 1) + 0.0:+.1f}".replace("-", "−")

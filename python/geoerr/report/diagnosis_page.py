@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from geoerr.diagnose.circles import CircleDiagnosis
@@ -17,29 +18,45 @@ from geoerr.report.provenance import Provenance
 
 def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Provenance) -> None:
     """Write the page, whole or not at all."""
-    sentence = diagnosis.sentence
-    summary = [
-        f"{sentence[0].upper()}{sentence[1:]}.",
-        f"That nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}.",
-    ]
-    for name, value in (("Held out", diagnosis.held_out_rmse_um), ("Noise floor", diagnosis.noise_floor_um)):
-        summary.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
-    if any(finding.is_rig for finding in diagnosis.found):
-        summary.append("An error of the cameras is explained, and never compensated in a program.")
     title = f"{diagnosis.fitted.machine.name}: what is missing"
-    write_report(path, title, summary, _sections(diagnosis), provenance)
+    write_report(path, title, diagnosis_sentences(diagnosis), diagnosis_sections(diagnosis), provenance)
+
+
+def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
+    """Say the verdict, how sure it is, and what error there is now."""
+    sentence = diagnosis.sentence
+    sentences = [f"{sentence[0].upper()}{sentence[1:]}."]
+    chance = sure_words(diagnosis.p_value).partition(": ")[2]
+    if chance not in sentence:
+        sentences.append(f"That nothing is missing: {chance}.")
+    for name, value in (("Held out", diagnosis.held_out_rmse_um), ("Noise floor", diagnosis.noise_floor_um)):
+        sentences.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
+    if any(finding.is_rig for finding in diagnosis.found):
+        sentences.append("An error of the cameras is explained, and never compensated in a program.")
+    return sentences
 
 
 def write_circle_diagnosis_page(path: str | Path, diagnosis: CircleDiagnosis, provenance: Provenance) -> None:
     """Write the page of circular tests, whole or not at all."""
+    title = f"{diagnosis.fitted.machine.name}: circular tests"
+    sections = circle_diagnosis_sections(diagnosis)
+    write_report(path, title, circle_diagnosis_sentences(diagnosis), sections, provenance)
+
+
+def circle_diagnosis_sentences(diagnosis: CircleDiagnosis) -> list[str]:
+    """Say what was found on the circles, how sure that is, and how much of the trace it is."""
     shares = diagnosis.shares
-    summary = [
+    return [
         f"{len(diagnosis.found)} causes found; the verdict is {diagnosis.verdict}.",
         f"That nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}.",
         f"The trace is {style.text_um(shares.total**0.5)} rms, its causes {style.text_um(shares.explained**0.5)}, "
         f"unexplained {style.text_um(shares.rest**0.5)}, noise {style.text_um(diagnosis.noise_um)}.",
         *diagnosis.notes,
     ]
+
+
+def circle_diagnosis_sections(diagnosis: CircleDiagnosis) -> list[Section]:
+    """Show the causes with their parts, each in words, and the runs."""
     caption = "Each cause's part of what is more than noise."
     sections = [Section("What the circles are off by", (Figure(figures.circle_causes(diagnosis), caption),))]
     for cause in diagnosis.ranked:
@@ -67,10 +84,11 @@ def write_circle_diagnosis_page(path: str | Path, diagnosis: CircleDiagnosis, pr
     if diagnosis.not_offered:
         table = Table("Causes and why", ("cause", "why"), tuple(diagnosis.not_offered))
         sections.append(Section("What was not looked for", (table,)))
-    write_report(path, f"{diagnosis.fitted.machine.name}: circular tests", summary, sections, provenance)
+    return sections
 
 
-def _sections(diagnosis: Diagnosis) -> list[Section]:
+def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
+    """Show the ranking, each finding, its rivals, what has no name, and what was not looked for."""
     sections = []
     if diagnosis.candidates or diagnosis.unknown is not None:
         caption = "What each candidate is worth, and the held-out error without it and with it."
@@ -93,9 +111,17 @@ def _sections(diagnosis: Diagnosis) -> list[Section]:
             Section("What does not come back from pass to pass", (Paragraph(text[0].upper() + text[1:]),))
         )
     if diagnosis.not_offered:
-        rows = tuple(diagnosis.not_offered)
-        sections.append(Section("What was not looked for", (Table("Effects and why", ("effect", "why"), rows),)))
+        sections.append(_not_offered(diagnosis.not_offered))
     return sections
+
+
+def _not_offered(reasons: Sequence[tuple[str, str]]) -> Section:
+    """Name what was not looked for, by the reason."""
+    by_reason: dict[str, list[str]] = {}
+    for effect, why in reasons:
+        by_reason.setdefault(why, []).append(effect)
+    rows = tuple((why, ", ".join(effects)) for why, effects in by_reason.items())
+    return Section("What was not looked for", (Table("By the reason", ("why", "effects"), rows),))
 
 
 def _ranking(diagnosis: Diagnosis) -> Table:

@@ -33,6 +33,13 @@ class Paragraph:
 
 
 @dataclass(frozen=True)
+class Heading:
+    """The heading of a part of a section."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class Table:
     """A table of texts; columns whose every cell looks like a number are set flush right."""
 
@@ -49,7 +56,7 @@ class Figure:
     caption: str
 
 
-Block = Paragraph | Table | Figure
+Block = Paragraph | Heading | Table | Figure
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,11 @@ class Section:
 
     title: str
     blocks: tuple[Block, ...]
+
+
+def as_one(title: str, parts: Sequence[Section], *before: Block) -> Section:
+    """Make one section of several, each under a heading of its own."""
+    return Section(title, (*before, *(block for part in parts for block in (Heading(part.title), *part.blocks))))
 
 
 def write_report(
@@ -113,6 +125,8 @@ def _section(number: int, section: Section, figures: list[go.Figure]) -> str:
 def _block(block: Block, figures: list[go.Figure]) -> str:
     if isinstance(block, Paragraph):
         return f"<p>{escape(block.text)}</p>"
+    if isinstance(block, Heading):
+        return f"<h3>{escape(block.text)}</h3>"
     if isinstance(block, Table):
         return _table(block)
     figures.append(block.figure)

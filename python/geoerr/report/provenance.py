@@ -44,3 +44,9 @@ def provenance_of_command(inputs: Iterable[str | Path | None]) -> Provenance:
         command=shlex.join(["geoerr", *sys.argv[1:]]),
         inputs=tuple((str(path), digest(path)) for path in files),
     )
+
+
+def provenance_of_call(name: str, sources: Iterable[str]) -> Provenance:
+    """Describe a Python call by its name, and by the files that its tables were read from."""
+    files = dict.fromkeys(source for source in sources if Path(source).is_file())
+    return Provenance(__version__, f"{name}(...)", tuple((source, digest(source)) for source in files))

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.drawing import drawn
 from geoerr.error_functions import LI_SQUARENESS, ErrorFunctions, is_angular
 from geoerr.fit.sightings import Numbers
 from geoerr.states.chance import Largest, Spread, Test, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.volume import N_GRID, VolumeDifference, volume_difference
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 # Standard deviations below this share of a function's largest are the gauge's zeros.
 _GAUGE = 1e-6
@@ -97,6 +101,10 @@ class Difference:
     before: Estimate
     after: Estimate
     threads: int = 0
+
+    def plot_errors(self) -> go.Figure:
+        """Draw how each of the 21 errors differs."""
+        return drawn("difference_curves", self)
 
     @cached_property
     def estimate(self) -> Estimate:

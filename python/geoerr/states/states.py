@@ -6,11 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
 
+from geoerr.drawing import drawn
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError
 from geoerr.fit import FitOptions, Fitted, fit_terms
@@ -26,6 +27,9 @@ from geoerr.states.offsets import pass_offsets, with_offsets
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.text import states_report
 from geoerr.terms import BasisSpec, is_name
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +106,10 @@ class States:
                 return state
         known = ", ".join(f"{value:g}" for value in self.temperatures_degc)
         raise GeoerrError(f"there is no state at {temperature_degc:g} °C\nhint: there are {known} °C")
+
+    def plot_errors(self) -> go.Figure:
+        """Draw the 21 errors at every temperature."""
+        return drawn("state_curves", self)
 
     def difference(self, first_degc: float, second_degc: float) -> Difference:
         """Compare two states: the second minus the first; see `Difference`."""

@@ -13,17 +13,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
+from geoerr.drawing import drawn
 from geoerr.errors import GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit.sightings import Numbers
 from geoerr.model.arrays import offsets, points
 from geoerr.states.chance import Largest, Spread, Test, deviations, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions, grid_mm
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 # Points along each edge: 125 places of a printer's volume, 100 mm apart at most.
 N_GRID = 5
@@ -59,6 +63,10 @@ class VolumeDifference:
     shift_mm: Numbers
     turn_rad: Numbers
     growth: Numbers | None
+
+    def plot_map(self, title: str = "Difference over the volume") -> go.Figure:
+        """Draw how the error differs over the volume, on slices at heights."""
+        return drawn("difference_map", self, title)
 
     @property
     def root_mm(self) -> Numbers:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr.drawing import drawn
 from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
 from geoerr.model import Model
@@ -24,6 +25,9 @@ from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, 
 from geoerr.verify.circle_motion import conditions_on_circle, refuse_unneeded
 from geoerr.verify.remaining import compensate_positions
 
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
 Numbers = npt.NDArray[np.float64]
 
 LI_CENTER_MM = (212.0, 270.0)
@@ -33,6 +37,8 @@ N_POINTS = 720
 _UM_PER_MM = 1e3
 # A commanded position farther from its run's circle than this share of the radius is not a point of the circle.
 _OFF_CIRCLE = 1e-2
+# Radius of a circle about the middle, as a share of the shorter edge.
+_MIDDLE_SHARE = 0.45
 # Below a quarter turn centre and radius of the set-up take most of the signal with them.
 _LEAST_ARC_RAD = np.pi / 2.0
 
@@ -153,6 +159,10 @@ class CircularTestResult:
     notes: tuple[str, ...]
     set_aside: tuple[RowProblem, ...] = ()
 
+    def plot_circle(self) -> go.Figure:
+        """Draw the deviation round the circle, before and after compensation, and what was measured."""
+        return drawn("circular_test", self)
+
     def to_document(self) -> dict[str, Any]:
         """Give the result as plain values, lengths of the error in µm."""
         circle = self.before[0].circle
@@ -224,6 +234,23 @@ def circle_to_test(
     if refusal is not None:
         raise GeometryError(f"{refusal[0]}\nhint: {refusal[1]}")
     return circle
+
+
+def middle_circle(model: Model, plane: str) -> CircleOfCommands:
+    """Choose a circle about the middle of the usable range, as large as a usual bar where that fits.
+
+    Raises
+    ------
+    GeometryError
+        where there is no room for any.
+    """
+    low, high = usable_range_mm(model)
+    order = list(PLANES[plane])
+    room_mm = max(float((high - low)[order[:2]].min()), 0.0)
+    middle = ((low + high) / 2.0)[order]
+    # To a whole tenth of a millimetre, as somebody would program it.
+    radius_mm = min(float(np.floor(10.0 * _MIDDLE_SHARE * room_mm) / 10.0), LI_RADIUS_MM)
+    return circle_to_test(model, plane, middle.tolist(), radius_mm)
 
 
 def usable_range_mm(model: Model) -> tuple[Numbers, Numbers]:

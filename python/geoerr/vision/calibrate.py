@@ -7,11 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.drawing import drawn
 from geoerr.errors import DetectionError, InputFileError, ShapeError
 from geoerr.vision.board_views import LEAST_VIEWS, BoardView, SeenCorners
 from geoerr.vision.boards import LEAST_CORNERS, BoardSighting, find_board, hint_for_unseen_board, same_colours
@@ -22,6 +23,9 @@ from geoerr.vision.rig import Rig
 from geoerr.vision.scale_bar import ScaleBarResult, check_scale_bars
 from geoerr.vision.session import BoardSpec, CalibrationPair, Session
 from geoerr.vision.stereo_solve import Dropped, Solved, ViewResult, solve_stereo
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 Array = npt.NDArray[np.float64]
 Size = tuple[int, int]
@@ -98,6 +102,10 @@ class Calibration:
         assert self.rig.covariance is not None
         along = self.rig.right_from_left.t_mm / self.rig.baseline_mm
         return float(np.sqrt(along @ self.rig.covariance[-3:, -3:] @ along))
+
+    def plot_views(self) -> go.Figure:
+        """Draw the reprojection error of each view in both cameras."""
+        return drawn("calibration_quality", self)
 
     def to_document(self) -> dict[str, Any]:
         """Give the content of `calibrate --json`."""

@@ -14,6 +14,8 @@ from geoerr.workbench.pictures import in_panel
 from geoerr.workbench.program import CorrectedProgram, default_condition
 from geoerr.workbench.session import Session
 
+_NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search"}
+
 
 def use_panel() -> list[Any]:
     """Make the two parts; what depends on the model is filled in later."""
@@ -111,13 +113,14 @@ def program_result(session: Session) -> list[Any]:
 
 def reports_list(session: Session) -> Any:
     """Offer the pages that can be made now."""
-    offers = [("comparison", "How far and where the model is off", session.seen is not None)]
+    offers = [("model", "All that is known of the machine", bool(session.steps))]
+    offers += [("comparison", "How far and where the model is off", session.seen is not None)]
     offers += [("diagnosis", "What is missing, and how sure that is", session.diagnosis is not None)]
     items = [
         html.Li(
             html.A(text, href=f"/report/{name}", target="_blank")
             if is_there
-            else html.Span(f"{text}: comes with {'data' if name == 'comparison' else 'a search'}", className="why")
+            else html.Span(f"{text}: comes with {_NEEDED[name]}", className="why")
         )
         for name, text, is_there in offers
     ]

@@ -14,12 +14,19 @@ from geoerr.files import digest, to_json
 from geoerr.model.document import document_of
 from geoerr.report.compare_page import write_comparison_page
 from geoerr.report.diagnosis_page import write_circle_diagnosis_page, write_diagnosis_page
+from geoerr.report.model_page import write_model_page
+from geoerr.report.model_report import Stated, model_report
 from geoerr.report.provenance import Provenance
+from geoerr.workbench.program import conditions_of
 from geoerr.workbench.session import Session
 
 
 def add_routes(server: Flask, session: Session) -> None:
     """Serve them."""
+
+    @server.get("/report/model")
+    def _whole() -> Response:
+        return _page(session, "model")
 
     @server.get("/report/comparison")
     def _comparison() -> Response:
@@ -52,7 +59,14 @@ def _page(session: Session, what: str) -> Response:
         path = Path(folder) / "page.html"
         provenance = provenance_of(session)
         seen, diagnosis = session.seen, session.diagnosis
-        if what == "comparison" and seen is not None:
+        if what == "model" and session.step is not None:
+            tables = () if session.measured is None else (*session.measured.tables, *session.measured.lengths)
+            at: Stated = {**conditions_of(session.model, session.view.conditions)}
+            gathered = model_report(
+                session.model, *tables, at=at, search=False, diagnosis=diagnosis, threads=session.threads
+            )
+            write_model_page(path, gathered, provenance)
+        elif what == "comparison" and seen is not None:
             write_comparison_page(path, seen.comparison, seen.comparison.to_document(), provenance)
         elif what == "diagnosis" and isinstance(diagnosis, Diagnosis):
             write_diagnosis_page(path, diagnosis, provenance)

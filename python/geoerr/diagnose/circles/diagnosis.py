@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
+from geoerr.diagnose.summary import circle_diagnosis_html
+from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError
@@ -26,6 +28,9 @@ from geoerr.fit import refit
 from geoerr.model import Model
 from geoerr.observations import CircularTest
 from geoerr.terms import EffectReference, Term
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 # Suspects that a diagnosis lists beside the first cause.
 _LISTED = 8
@@ -170,6 +175,14 @@ class CircleDiagnosis(Answer):
     withdrawn: tuple[EffectReference, ...]
     notes: tuple[str, ...]
     searched: Searched
+
+    def plot_causes(self) -> go.Figure:
+        """Draw each cause's part of what is more than noise."""
+        return drawn("circle_causes", self)
+
+    def _repr_html_(self) -> str:
+        """Show the causes and the runs, for a notebook."""
+        return circle_diagnosis_html(self)
 
     @property
     def ranked(self) -> tuple[Cause, ...]:

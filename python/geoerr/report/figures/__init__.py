@@ -1,33 +1,48 @@
 """Figures: one function a figure, each gives a `plotly.graph_objects.Figure`."""
 
-from geoerr.report.figures.calibration import CalibrationView, calibration_views
-from geoerr.report.figures.circle import circle
+from geoerr.report.figures.calibration import CalibrationView, calibration_quality, calibration_views
+from geoerr.report.figures.circle import circle, circular_test, predicted_circles
 from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unknown_curve
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
-from geoerr.report.figures.fall import Stage, error_fall, stages_of
+from geoerr.report.figures.fall import Stage, diagnosis_fall, error_fall, stages_of
 from geoerr.report.figures.labels import variable_label
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
+from geoerr.report.figures.of_model import (
+    model_circles,
+    model_diagonals,
+    model_errors,
+    model_fall,
+    model_field,
+    model_positioning,
+)
 from geoerr.report.figures.path import path_error
+from geoerr.report.figures.positioning import positioning_curves
 from geoerr.report.figures.residuals import (
     residual_against,
     residual_by_region,
     residual_directions,
     residual_histogram,
+    residual_in_volume,
+    residual_over,
     residual_vectors,
 )
 from geoerr.report.figures.states import difference_curves, difference_map, state_curves
-from geoerr.report.figures.uncertainty import uncertainty_slices
+from geoerr.report.figures.uncertainty import budget_slices, uncertainty_slices
 
 __all__ = [
     "CalibrationView",
     "LineCurve",
     "Stage",
+    "budget_slices",
+    "calibration_quality",
     "calibration_views",
     "circle",
     "circle_causes",
+    "circular_test",
     "diagnosis_bars",
+    "diagnosis_fall",
     "difference_curves",
     "difference_map",
     "error_curves",
@@ -35,12 +50,22 @@ __all__ = [
     "error_field",
     "lines_of_errors",
     "measurement_residuals",
+    "model_circles",
+    "model_diagonals",
+    "model_errors",
+    "model_fall",
+    "model_field",
+    "model_positioning",
     "nine_lines",
     "path_error",
+    "positioning_curves",
+    "predicted_circles",
     "residual_against",
     "residual_by_region",
     "residual_directions",
     "residual_histogram",
+    "residual_in_volume",
+    "residual_over",
     "residual_vectors",
     "stages_of",
     "state_curves",

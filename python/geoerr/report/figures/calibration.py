@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import plotly.graph_objects as go
 
 from geoerr.report.figures import style
+
+if TYPE_CHECKING:
+    # OpenCV comes with it: only who calibrates pays for it.
+    from geoerr.vision.calibrate import Calibration
 
 # Above this many views their names no longer fit under the bars at 1366 pixels.
 _MOST_NAMES = 60
@@ -70,3 +75,15 @@ def calibration_views(views: Sequence[CalibrationView]) -> go.Figure:
         above_plots_px=6,
         legend=True,
     )
+
+
+def views_of(calibration: Calibration) -> list[CalibrationView]:
+    """Give the views of a calibration: those that took part, then those that were dropped."""
+    used = [CalibrationView(view.name, view.left_rms_px, view.right_rms_px) for view in calibration.per_view]
+    dropped = [CalibrationView(item.name, None, None, why_dropped=item.why) for item in calibration.pairs_dropped]
+    return used + dropped
+
+
+def calibration_quality(calibration: Calibration) -> go.Figure:
+    """Draw the rms reprojection error of each view of a calibration in both cameras."""
+    return calibration_views(views_of(calibration))

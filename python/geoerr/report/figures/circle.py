@@ -10,11 +10,14 @@ from plotly.subplots import make_subplots
 
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers
-from geoerr.verify.ballbar import MeasuredRun, Trace
+from geoerr.verify.ballbar import CircularTestResult, MeasuredRun, Trace
 
 _HEIGHT_PX = 600
+_SMALL_PX = 500
 # Outermost deviation as a share of the plot's radius beyond and within the ring that stands for no deviation.
 _INWARD = 2.0
+# Where there is no deviation the rings are still ones that can be read.
+_LEAST_UM = 0.01
 
 # Name, trace, and how Plotly draws it.
 _Curve = tuple[str, Trace, dict[str, object]]
@@ -52,18 +55,7 @@ def circle(
         name = "before and after" if column == 1 and len(panels) > 1 else ("after, at its own scale" * (column > 1))
         titles.append(f"<b>{name or 'before'}</b>: rings {ring_um:g} µm apart")
     for column, title in enumerate(titles, start=1):
-        domain = figure.layout[f"polar{'' if column == 1 else column}"].domain.x
-        figure.add_annotation(
-            text=title,
-            x=(domain[0] + domain[1]) / 2.0,
-            y=-0.07,
-            xref="paper",
-            yref="paper",
-            xanchor="center",
-            yanchor="top",
-            showarrow=False,
-            font={"size": 13},
-        )
+        _name_panel(figure, column, title)
     commanded = trace_before.circle
     place = ", ".join(f"{value:g}" for value in commanded.center_mm)
     style.finish(
@@ -80,6 +72,65 @@ def circle(
     return figure
 
 
+def circular_test(result: CircularTestResult) -> go.Figure:
+    """Draw a circular test: before and after compensation, and what was measured."""
+    return circle(result.before[0], result.after[0], result.runs or None)
+
+
+def predicted_circles(pairs: Sequence[tuple[Trace, Trace]]) -> go.Figure:
+    """Draw circles side by side, each counter-clockwise and clockwise, at its own scale.
+
+    Parameters
+    ----------
+    pairs
+        Of each circle the trace counter-clockwise and the one clockwise.
+    """
+    figure = make_subplots(rows=1, cols=len(pairs), specs=[[{"type": "polar"}] * len(pairs)], horizontal_spacing=0.08)
+    for column, (there, back) in enumerate(pairs, start=1):
+        curves: list[_Curve] = [
+            ("counter-clockwise", there, {"mode": "lines", "line": {"color": style.BLUE, "width": 2}}),
+            ("clockwise", back, {"mode": "lines", "line": {"color": style.ORANGE, "width": 2, "dash": "dash"}}),
+        ]
+        ring_um = _draw_panel(figure, column, curves, names_deviation=False)
+        deviations = " and ".join(
+            style.text_um(trace.circular_deviation_mm * style.UM_PER_MM) for trace in (there, back)
+        )
+        _name_panel(figure, column, f"<b>{there.circle.plane}</b>: G {deviations}<br>rings {ring_um:g} µm apart")
+    radii_mm = [there.circle.radius_mm for there, _ in pairs]
+    style.finish(
+        figure,
+        "Circular tests, predicted",
+        f"radial deviation from the least-squares circle, µm; radius {_span(radii_mm)} mm; "
+        "G = circular deviation (ISO 230-4), counter-clockwise and clockwise",
+        _SMALL_PX,
+        above_plots_px=24,
+        bottom_px=90,
+        legend=True,
+    )
+    figure.update_layout(margin={"l": 40, "r": 40})
+    return figure
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _name_panel(figure: go.Figure, column: int, text: str) -> None:
+    domain = figure.layout[f"polar{'' if column == 1 else column}"].domain.x
+    figure.add_annotation(
+        text=text,
+        x=(domain[0] + domain[1]) / 2.0,
+        y=-0.07,
+        xref="paper",
+        yref="paper",
+        xanchor="center",
+        yanchor="top",
+        showarrow=False,
+        font={"size": 13},
+    )
+
+
 def _measured_traces(measured: Trace | Sequence[MeasuredRun] | None) -> list[tuple[str, Trace]]:
     if measured is None:
         return []
@@ -88,9 +139,9 @@ def _measured_traces(measured: Trace | Sequence[MeasuredRun] | None) -> list[tup
     return [(f"measured {run.name}", run.measured) for run in measured]
 
 
-def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve]) -> float:
+def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve], *, names_deviation: bool = True) -> float:
     largest_um = max(float(np.abs(trace.radial_deviation_mm).max()) for _, trace, _ in curves) * style.UM_PER_MM
-    largest_um = max(largest_um, 1e-4)
+    largest_um = max(largest_um, _LEAST_UM)
     ring_um = style.round_up_125(largest_um / 3.0)
     outer = 1.1 * largest_um
     inner = -_INWARD * largest_um
@@ -109,11 +160,12 @@ def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve]) -> flo
     )
     for name, trace, look in curves:
         angle, deviation = _closed(trace)
+        told = f", G = {style.text_um(trace.circular_deviation_mm * style.UM_PER_MM)}" if names_deviation else ""
         figure.add_trace(
             go.Scatterpolar(
                 theta=np.rad2deg(angle),
                 r=deviation * style.UM_PER_MM,
-                name=f"{name}, G = {style.text_um(trace.circular_deviation_mm * style.UM_PER_MM)}",
+                name=f"{name}{told}",
                 showlegend=column == 1,
                 hovertemplate="%{theta:.0f}°: %{r:.2f} µm<extra>" + name + "</extra>",
                 **look,

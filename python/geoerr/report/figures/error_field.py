@@ -21,7 +21,13 @@ _LARGEST_DRAWN = 0.15
 _POINTS_OF_LINE = 17
 
 
-def error_field(model: Model, compensated: Callable[[Numbers], Numbers] | None = None, n_lines: int = 5) -> go.Figure:
+def error_field(
+    model: Model,
+    compensated: Callable[[Numbers], Numbers] | None = None,
+    n_lines: int = 5,
+    *,
+    at: Conditions | None = None,
+) -> go.Figure:
     """Draw the error over the working volume as a deformed grid, before and, beside it, after compensation.
 
     Parameters
@@ -32,6 +38,8 @@ def error_field(model: Model, compensated: Callable[[Numbers], Numbers] | None =
         Gives the remaining error (n, 3) in mm at positions (n, 3); None draws one panel.
     n_lines
         Grid lines along each edge of the volume.
+    at
+        Conditions that the model needs.
 
     Returns
     -------
@@ -42,7 +50,7 @@ def error_field(model: Model, compensated: Callable[[Numbers], Numbers] | None =
     low, high = usable_range_mm(model)
     lines = _lines_on_faces(low, high, n_lines)
     nodes = lines.reshape(-1, 3)
-    before = model.error_mm(nodes)
+    before = model.error_mm(nodes, at=at)
     fields = [("before compensation" if compensated is not None else "the machine as it is", before)]
     if compensated is not None:
         fields.append(("after compensation", compensated(nodes)))

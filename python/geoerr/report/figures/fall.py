@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import plotly.graph_objects as go
 
+from geoerr.diagnose import Diagnosis
 from geoerr.model import HistoryEntry
 from geoerr.report.figures import style
 
@@ -50,6 +51,17 @@ def stages_of(history: Sequence[HistoryEntry]) -> tuple[Stage, ...]:
         for entry in history
     ]
     return (Stage("at first", history[0].figures_before), *steps)
+
+
+def diagnosis_fall(diagnosis: Diagnosis) -> go.Figure:
+    """Draw how the held-out error would fall if what a diagnosis found were added, one after the other."""
+    noise = {"noise_floor_um": diagnosis.noise_floor_um}
+    now = {"rmse_um": diagnosis.fitted.figures.headline_um, "held_out_rmse_um": diagnosis.held_out_rmse_um}
+    found = [
+        Stage(f"+ {one.reference}", {"held_out_rmse_um": one.held_out_rmse_after_um, **noise})
+        for one in diagnosis.found
+    ]
+    return error_fall([Stage("the model as it is", {**now, **noise}), *found])
 
 
 def error_fall(stages: Sequence[Stage]) -> go.Figure:

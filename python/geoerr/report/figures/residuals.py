@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -14,7 +16,7 @@ from geoerr.machine import AXES
 from geoerr.report.figures import style
 from geoerr.report.figures.labels import variable_label
 from geoerr.report.figures.style import Numbers, thinned
-from geoerr.report.figures.volume import MOST_POINTS, residual_volume, volume_of
+from geoerr.report.figures.volume import MOST_POINTS, Look, residual_volume, volume_of
 
 _ROW_PX = 230
 _REGION_PX = 440
@@ -132,6 +134,26 @@ def residual_against(
         max(_ROW_PX * len(components) + 110, 380),
         legend=True,
     )
+
+
+def residual_over(comparison: Comparison, over: str | None = None, color_by: str | None = None) -> go.Figure:
+    """Draw the residual over a variable, or over the one that it follows most.
+
+    Raises
+    ------
+    GeoerrError
+        for a variable that the data do not have, naming those that there are; where nothing varies.
+    """
+    if over is None and not comparison.trends:
+        raise GeoerrError("nothing varies in these data\nhint: name what to draw the residual over")
+    return residual_against(comparison, over or comparison.trends[0].variable, color_by)
+
+
+def residual_in_volume(comparison: Comparison, look: Look = "length", exaggeration: float = 1.0) -> go.Figure:
+    """Draw every residual in the volume: as a stroke coloured by length or direction, or as a dot (`magnitude`)."""
+    if look not in get_args(Look):
+        raise GeoerrError(f"{look!r} is no way to look at residuals\nhint: there are {', '.join(get_args(Look))}")
+    return residual_volume(volume_of(comparison, exaggeration=exaggeration), look)
 
 
 def residual_vectors(comparison: Comparison) -> go.Figure:

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from geoerr.budget import UncertaintyMap
+from geoerr.budget import Budget, UncertaintyMap, uncertainty_map
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers
 
@@ -81,6 +81,11 @@ def uncertainty_slices(volume: UncertaintyMap, n_slices: int = _SLICES) -> go.Fi
     figure.update_yaxes(title_text="Y, mm", col=1)
     figure.update_layout(showlegend=False, margin={"r": 80})
     return figure
+
+
+def budget_slices(budget: Budget, n: int = 11) -> go.Figure:
+    """Draw a budget over the volume, on a grid of so many places along each edge."""
+    return uncertainty_slices(uncertainty_map(budget, n))
 
 
 def _add_row(

@@ -1,0 +1,68 @@
+"""What a model predicts of its machine, computed and drawn in one call."""
+
+from __future__ import annotations
+
+import plotly.graph_objects as go
+
+from geoerr.error_functions import ErrorFunctions
+from geoerr.errors import GeoerrError
+from geoerr.machine import AXES
+from geoerr.model import Model
+from geoerr.model.conditions import Conditions
+from geoerr.model.program_conditions import approach_conditions
+from geoerr.report.figures.circle import predicted_circles
+from geoerr.report.figures.error_curves import error_curves
+from geoerr.report.figures.error_field import error_field
+from geoerr.report.figures.fall import error_fall, stages_of
+from geoerr.report.figures.positioning import positioning_curves
+from geoerr.verify.ballbar import middle_circle, predict_trace
+from geoerr.verify.circle import PLANES
+from geoerr.verify.positioning import axis_line_mm, diagonals_mm, predict_positioning
+
+
+def model_errors(model: Model, truth: ErrorFunctions | None = None, at: Conditions | None = None) -> go.Figure:
+    """Draw the 21 errors of a model, with their bands, beside the truth of a simulation."""
+    return error_curves(model.error_functions(at=at), truth)
+
+
+def model_field(model: Model, at: Conditions | None = None) -> go.Figure:
+    """Draw the error over the volume; of motion, what is not stated is as when reached from below, at rest."""
+    return error_field(model, at={**approach_conditions(model), **(at or {})})
+
+
+def model_circles(model: Model, at: Conditions | None = None) -> go.Figure:
+    """Draw a circle about the middle of the volume in each plane, both ways round (ISO 230-4)."""
+    circles = [middle_circle(model, plane) for plane in PLANES]
+    return predicted_circles(
+        [(predict_trace(model, one, at=at), predict_trace(model, one, clockwise=True, at=at)) for one in circles]
+    )
+
+
+def model_positioning(model: Model, at: Conditions | None = None) -> go.Figure:
+    """Draw the positioning of each axis through the middle of the volume, both ways (ISO 230-2)."""
+    tests = {axis.upper(): predict_positioning(model, *axis_line_mm(model, axis), at=at) for axis in AXES}
+    return positioning_curves(tests, "Positioning, predicted", "by the model, of the tool point")
+
+
+def model_diagonals(model: Model, at: Conditions | None = None) -> go.Figure:
+    """Draw the deviation along the four space diagonals, both ways (ISO 230-6)."""
+    tests = {name: predict_positioning(model, *ends, at=at) for name, ends in diagonals_mm(model).items()}
+    subtitle = "by the model, of the tool point; P: that axis rises from the first corner, N: it falls"
+    return positioning_curves(tests, "Space diagonals, predicted", subtitle)
+
+
+def model_fall(model: Model) -> go.Figure:
+    """Draw how the error fell, by the model's own history.
+
+    Raises
+    ------
+    GeoerrError
+        for a model without one.
+    """
+    stages = () if model.record is None else stages_of(model.record.history)
+    if not stages:
+        raise GeoerrError(
+            "the model has no history: nothing was added to it or taken from it\n"
+            "hint: add_effect and remove_terms (`geoerr add`, `geoerr remove`) write one"
+        )
+    return error_fall(stages)

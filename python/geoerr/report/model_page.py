@@ -1,0 +1,228 @@
+"""The report of a model: everything that is known of a machine on one page, as a metrologist reads it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from geoerr.diagnose.circles import CircleDiagnosis
+from geoerr.effects import Effect
+from geoerr.model import Model
+from geoerr.observations import CircularTest, Lengths, Observations
+from geoerr.report import model_report as parts
+from geoerr.report.budget_page import budget_sections, budget_sentences
+from geoerr.report.compare_page import comparison_sections, comparison_sentences
+from geoerr.report.diagnosis_page import (
+    circle_diagnosis_sections,
+    circle_diagnosis_sentences,
+    diagnosis_sections,
+    diagnosis_sentences,
+)
+from geoerr.report.error_tables import error_function_table, not_determined, squareness_table
+from geoerr.report.figures import error_curves, error_fall, error_field, style
+from geoerr.report.machine_blocks import data_blocks, effect_blocks, machine_blocks, record_blocks
+from geoerr.report.model_report import ModelReport, Stated, model_report
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_one, write_report
+from geoerr.report.provenance import Provenance, provenance_of_call
+from geoerr.report.standard_blocks import circle_blocks, diagonal_blocks, positioning_blocks
+
+
+def write_model_report(
+    path: str | Path,
+    model: Model,
+    observations: Sequence[Observations | CircularTest | Lengths] | Observations | CircularTest | Lengths = (),
+    *,
+    at: Stated | None = None,
+    search: bool = True,
+    effects: Sequence[Effect] = (),
+    provenance: Provenance | None = None,
+    threads: int = 0,
+) -> ModelReport:
+    """Write all that is known of a machine as one self-contained page, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        HTML to write; the same input gives the same bytes.
+    model
+        Any: fitted, of tables, or the machine without errors.
+    observations
+        Measurements to hold it against: one table, or several.
+    at
+        Conditions of the predictions; a temperature that is not stated is the machine's reference temperature.
+    search
+        Whether to look for what the model lacks, too.
+    effects
+        Your own, for the search.
+    provenance
+        For the last section; None: this call, and the files that the tables were read from.
+    threads
+        0 = all cores.
+
+    Returns
+    -------
+    ModelReport
+        Every number on the page.
+
+    Raises
+    ------
+    GeoerrError
+        for a stated condition that the model does not follow, and measurements that cannot be compared with it.
+    """
+    tables = [observations] if isinstance(observations, Observations | CircularTest | Lengths) else list(observations)
+    gathered = model_report(model, *tables, at=at, search=search, effects=effects, threads=threads)
+    sources = [source for table in tables for source in table.sources]
+    write_model_page(path, gathered, provenance or provenance_of_call("geoerr.write_model_report", sources))
+    return gathered
+
+
+def write_model_page(path: str | Path, report: ModelReport, provenance: Provenance) -> None:
+    """Write the page of what was gathered, whole or not at all."""
+    title = f"{report.model.machine.name}: what is known of its errors"
+    write_report(path, title, report_sentences(report), model_sections(report), provenance)
+
+
+def report_sentences(report: ModelReport) -> list[str]:
+    """Say the most important of it in a few sentences."""
+    sentences = []
+    if report.assumed:
+        degc = report.model.machine.reference_temperature_degc
+        sentences.append(
+            f"Predictions are for {' = '.join([*report.assumed, f'{degc:g} °C'])}, the machine's reference "
+            "temperature, where nothing else is stated."
+        )
+    if report.comparison is not None:
+        sentences += comparison_sentences(report.comparison, report.comparison_document)[1:]
+    if report.diagnosis is not None:
+        said = (
+            circle_diagnosis_sentences(report.diagnosis)
+            if isinstance(report.diagnosis, CircleDiagnosis)
+            else diagnosis_sentences(report.diagnosis)
+        )
+        sentences.append(said[0])
+    sentences += _circle_sentences(report)
+    if report.diagonal_systematic_um is not None:
+        sentences.append(
+            f"As the model has them, space diagonals deviate by up to {style.text_um(report.diagonal_systematic_um)} "
+            "(E_d, ISO 230-6)."
+        )
+    # Of a prediction that lacks whole axes the uncertainty would be that of a part of it.
+    if report.budget is not None and report.has_field:
+        sentences += budget_sentences(report.budget)
+    if report.not_determined:
+        count, names = len(report.not_determined), ", ".join(report.not_determined)
+        sentences.append(f"{count} of the 21 errors are not determined; predictions take them as 0: {names}.")
+    return sentences or ["The machine, without any errors, and nothing measured of it."]
+
+
+def _circle_sentences(report: ModelReport) -> list[str]:
+    """Give the largest circular deviation that was measured, and that the model has."""
+    measured = [run.measured for one in report.circles for run in one.runs]
+    predicted = [] if report.model.is_nominal else [trace for one in report.circles for trace in one.before]
+    sentences = []
+    for what, traces in (
+        ("Measured circles deviate", measured),
+        ("As the model has them, circles deviate", predicted),
+    ):
+        if traces:
+            deviation_um = max(trace.circular_deviation_mm for trace in traces) * style.UM_PER_MM
+            sentences.append(f"{what} by up to {style.text_um(deviation_um)} (G, ISO 230-4).")
+    return sentences
+
+
+def model_sections(report: ModelReport) -> list[Section]:
+    """Make the sections in the order in which a machine is judged: what it is, how far off, why, how sure."""
+    model = report.model
+    measured = () if report.comparison is None else data_blocks(report.comparison)
+    by_title: dict[str, tuple[Block, ...]] = {
+        parts.MACHINE: machine_blocks(model),
+        parts.DATA: (*measured, *record_blocks(model)),
+        parts.ERRORS: _error_blocks(report),
+        "Effects beyond the 21 errors": effect_blocks(model),
+        parts.FIELD: _field_blocks(report),
+        parts.CIRCLES: circle_blocks(report.circles),
+        parts.POSITIONING: positioning_blocks(report),
+        parts.DIAGONALS: diagonal_blocks(report),
+    }
+    last = {
+        parts.NOT_DETERMINED: () if report.errors is None else not_determined(report.errors),
+        "Not in this report": _left_out(report),
+    }
+    sections = [Section(title, blocks) for title, blocks in by_title.items() if blocks]
+    sections += _judgement(report)
+    return sections + [Section(title, blocks) for title, blocks in last.items() if blocks]
+
+
+def _judgement(report: ModelReport) -> list[Section]:
+    """Make the sections of what measurements say of the model, and how sure it is."""
+    sections = []
+    if report.comparison is not None:
+        document = report.comparison_document
+        said = Paragraph(" ".join(comparison_sentences(report.comparison, document)))
+        sections.append(as_one(parts.COMPARISON, comparison_sections(report.comparison, document), said))
+    if isinstance(report.diagnosis, CircleDiagnosis):
+        told = [Paragraph(sentence) for sentence in circle_diagnosis_sentences(report.diagnosis)]
+        sections.append(as_one(parts.DIAGNOSIS, circle_diagnosis_sections(report.diagnosis), *told))
+    elif report.diagnosis is not None:
+        told = [Paragraph(" ".join(diagnosis_sentences(report.diagnosis)))]
+        sections.append(as_one(parts.DIAGNOSIS, diagnosis_sections(report.diagnosis), *told))
+    if report.stages:
+        sections.append(Section(parts.STORY, _story_blocks(report)))
+    if report.budget is not None and report.volume is not None:
+        said = Paragraph(" ".join(budget_sentences(report.budget)))
+        sections.append(as_one(parts.BUDGET, budget_sections(report.budget, report.volume), said))
+    return sections
+
+
+def _error_blocks(report: ModelReport) -> tuple[Block, ...]:
+    if report.errors is None:
+        return ()
+    caption = "Error functions over their axis, with 95 % intervals where the model knows them; squareness last."
+    return (
+        Figure(error_curves(report.errors), caption),
+        error_function_table(report.errors),
+        squareness_table(report.errors),
+        *(Paragraph(f"{note[0].upper()}{note[1:]}.") for note in report.errors.notes),
+    )
+
+
+def _field_blocks(report: ModelReport) -> tuple[Block, ...]:
+    if not report.has_field:
+        return ()
+    figure = error_field(report.model, at=report.prediction_conditions)
+    blocks: list[Block] = [Figure(figure, "Where the machine puts the points of a grid over its working volume.")]
+    if report.not_determined:
+        blocks.append(Paragraph(f"Not determined, and taken as 0 here: {', '.join(report.not_determined)}."))
+    return tuple(blocks)
+
+
+def _story_blocks(report: ModelReport) -> tuple[Block, ...]:
+    record = report.model.record
+    assert record is not None
+    rows = tuple(
+        (
+            f"{number}",
+            entry.action,
+            entry.reference,
+            entry.title,
+            *(
+                _change(entry.figures_before.get(name), entry.figures_after.get(name))
+                for name in ("rmse_um", "held_out_rmse_um")
+            ),
+        )
+        for number, entry in enumerate(record.history, start=1)
+    )
+    header = ("step", "", "effect", "in words", "residual, µm rms", "held out, µm rms")
+    caption = "Each effect that was added or taken away: the error of the same rows before and after."
+    return Figure(error_fall(report.stages), caption), Table("Steps", header, rows)
+
+
+def _left_out(report: ModelReport) -> tuple[Block, ...]:
+    rows = tuple(("; ".join(names), why) for why, names in report.left_out_by_reason.items())
+    return (Table("Left out", ("what", "why"), rows),) if rows else ()
+
+
+def _change(before: float | None, after: float | None) -> str:
+    texts = ["not computable" if value is None or math.isnan(value) else f"{value:.2f}" for value in (before, after)]
+    return " → ".join(texts)

@@ -1,0 +1,460 @@
+"""Everything that the report of a model shows: computed by the rooms that it belongs to, here it is only gathered.
+
+A part that the model or the measurements cannot support is left out, with what would be needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+
+from geoerr.budget import Budget, UncertaintyMap, uncertainty_budget, uncertainty_map
+from geoerr.diagnose import Comparison, Diagnosis, compare, diagnose
+from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
+from geoerr.diagnose.straight_lines import StraightLine, straight_lines
+from geoerr.effects import Effect
+from geoerr.error_functions import ErrorFunctions
+from geoerr.errors import GeoerrError
+from geoerr.fit import FitResult
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
+from geoerr.model import Model
+from geoerr.model.conditions import REFERENCE, is_temperature
+from geoerr.model.program_conditions import approach_conditions, needed_conditions
+from geoerr.observations import CircularTest, Lengths, Observations
+from geoerr.report.figures import Stage, stages_of
+from geoerr.verify.ballbar import (
+    CircularTestResult,
+    circle_of_first_run,
+    middle_circle,
+    run_circular_test,
+    usable_range_mm,
+)
+from geoerr.verify.circle import PLANES
+from geoerr.verify.circle_motion import refuse_unneeded
+from geoerr.verify.positioning import (
+    PositioningTest,
+    axis_line_mm,
+    diagonals_mm,
+    positioning_test,
+    predict_positioning,
+)
+
+MACHINE = "The machine"
+DATA = "The measurements"
+ERRORS = "The 21 errors"
+FIELD = "Error over the volume"
+CIRCLES = "Circular tests (ISO 230-4)"
+POSITIONING = "Positioning of each axis (ISO 230-2)"
+DIAGONALS = "Space diagonals (ISO 230-6)"
+COMPARISON = "The model against the measurements"
+DIAGNOSIS = "What is missing"
+STORY = "How the error fell"
+BUDGET = "Uncertainty"
+NOT_DETERMINED = "What is not determined"
+
+_NO_MEASUREMENTS = "no measurements are given beside the model"
+_NO_ERRORS = "this is the machine without any errors: fit a model to measurements"
+_NO_VALUES = "some of the model's parameters have no value yet: fit it to measurements"
+
+Progress = Callable[[int, int], None]
+_T = TypeVar("_T")
+Stated = dict[str, float | str]
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A part of the report that is not there, and why: what it would need."""
+
+    section: str
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredLine:
+    """A line of the measurements that was run both ways, and its figures."""
+
+    line: StraightLine
+    test: PositioningTest
+
+
+@dataclass(frozen=True, eq=False)
+class ModelReport:
+    """What a report of a model shows.
+
+    Attributes
+    ----------
+    model
+        The model.
+    at
+        Conditions of all predictions; `assumed` names those that nobody stated.
+    errors
+        The 21 errors as tables; None of a machine without errors.
+    has_field
+        Whether the error over the volume can be predicted.
+    circles
+        A circle in each plane, then those of measured circular tests.
+    measured_lines
+        Lines of the measurements along one axis, run both ways.
+    measured_diagonals
+        The same along several axes at once.
+    predicted_lines
+        For each axis the model's, through the middle of the volume.
+    diagonals
+        The model's four space diagonals.
+    comparison, diagnosis
+        By the measurements.
+    stages
+        How the error fell, by the model's own history.
+    budget, volume
+        Uncertainty at the corners, the centre and the worst place, and over the volume.
+    left_out
+        What is not there, and why.
+    """
+
+    model: Model
+    at: Stated
+    assumed: tuple[str, ...]
+    errors: ErrorFunctions | None
+    has_field: bool
+    circles: tuple[CircularTestResult, ...]
+    measured_lines: tuple[MeasuredLine, ...]
+    measured_diagonals: tuple[MeasuredLine, ...]
+    predicted_lines: dict[str, PositioningTest]
+    diagonals: dict[str, PositioningTest]
+    comparison: Comparison | None
+    diagnosis: Diagnosis | CircleDiagnosis | None
+    stages: tuple[Stage, ...]
+    budget: Budget | None
+    volume: UncertaintyMap | None
+    left_out: tuple[LeftOut, ...]
+
+    @cached_property
+    def comparison_document(self) -> dict[str, Any]:
+        """Figures of the comparison; empty where there is none."""
+        return {} if self.comparison is None else self.comparison.to_document()
+
+    @property
+    def prediction_conditions(self) -> Stated:
+        """What a prediction at a place is given: the conditions, and that it was reached from below, at rest."""
+        known = {name: value for name, value in self.at.items() if name in self.model.conditions}
+        return {**approach_conditions(self.model), **known}
+
+    @property
+    def not_determined(self) -> tuple[str, ...]:
+        """Names of what the model's data do not determine, and every prediction takes as 0."""
+        return () if self.errors is None else tuple(item.name for item in self.errors.not_determined)
+
+    @property
+    def left_out_by_reason(self) -> dict[str, tuple[str, ...]]:
+        """What is not there, by the reason."""
+        found: dict[str, tuple[str, ...]] = {}
+        for one in self.left_out:
+            found[one.why] = (*found.get(one.why, ()), one.section)
+        return found
+
+    @property
+    def diagonal_systematic_um(self) -> float | None:
+        """E_d of ISO 230-6: the largest systematic deviation of the four diagonals."""
+        return max((one.systematic_um for one in self.diagonals.values()), default=None)
+
+    @property
+    def diagonal_reversal_um(self) -> float | None:
+        """B_d of ISO 230-6: the largest reversal of the four diagonals."""
+        return max((one.reversal_um for one in self.diagonals.values()), default=None)
+
+    def to_document(self) -> dict[str, Any]:
+        """Give the figures as plain values, for `--json`."""
+        return {
+            "machine": self.model.machine.to_document(),
+            "conditions": dict(self.at),
+            "iso_230_2": {
+                "measured": [_line_document(one) for one in self.measured_lines],
+                "predicted": {axis: one.to_document() for axis, one in self.predicted_lines.items()},
+            },
+            "iso_230_4": [
+                {name: value for name, value in one.to_document().items() if name not in ("trace", "set_aside")}
+                for one in self.circles
+            ],
+            "iso_230_6": {
+                "E_d_um": self.diagonal_systematic_um,
+                "B_d_um": self.diagonal_reversal_um,
+                "measured": [_line_document(one) for one in self.measured_diagonals],
+                "predicted": {name: one.to_document() for name, one in self.diagonals.items()},
+            },
+            "comparison": self.comparison_document or None,
+            "diagnosis": None if self.diagnosis is None else self.diagnosis.to_document(),
+            "budget": None if self.budget is None else self.budget.to_document(),
+            "history": [{"name": stage.name, **stage.figures} for stage in self.stages],
+            "left_out": [{"section": one.section, "why": one.why} for one in self.left_out],
+        }
+
+
+def model_report(
+    model: Model,
+    *tables: Observations | CircularTest | Lengths,
+    at: Stated | None = None,
+    search: bool = True,
+    diagnosis: Diagnosis | CircleDiagnosis | None = None,
+    effects: Sequence[Effect] = (),
+    rig_sensitivity: Numbers | None = None,
+    rig_covariance: Numbers | None = None,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> ModelReport:
+    """Gather what the report of a model shows.
+
+    Parameters
+    ----------
+    model
+        Fitted, of tables, or nominal.
+    tables
+        Measured points, circular tests, lengths; none for the model alone.
+    at
+        Conditions of the predictions. A temperature that is not stated is the machine's reference temperature.
+    search
+        Whether to look for what the model lacks: it takes longer than all the rest.
+    diagnosis
+        What was found already: then nothing is searched.
+    effects
+        A user's own, for the search.
+    rig_sensitivity, rig_covariance
+        The calibration's uncertainty, as for `geoerr.compare`.
+    progress
+        Called with the steps done and their number.
+
+    Raises
+    ------
+    GeoerrError
+        for a stated condition that the model does not follow, and measurements that cannot be compared with it.
+    """
+    refuse_unneeded(at, model)
+    given = dict(at or {})
+    assumed = tuple(name for name in needed_conditions(model) if is_temperature(name) and name not in given)
+    stated = {**given, **dict.fromkeys(assumed, REFERENCE)}
+    steps = _Steps(progress)
+    parts = _Parts()
+    points = [table for table in tables if isinstance(table, Observations)]
+    circles = [table for table in tables if isinstance(table, CircularTest)]
+    comparison = None
+    if tables:
+        comparison = compare(
+            model, *tables, rig_sensitivity=rig_sensitivity, rig_covariance=rig_covariance, threads=threads
+        )
+    steps.done()
+
+    def look() -> Diagnosis | CircleDiagnosis:
+        if not points:
+            return diagnose_circles(model, *circles, effects=effects, threads=threads)
+        return diagnose(
+            model,
+            *points,
+            *circles,
+            effects=effects,
+            rig_sensitivity=rig_sensitivity,
+            rig_covariance=rig_covariance,
+            progress=steps.search,
+            threads=threads,
+        )
+
+    if diagnosis is None:
+        why = _no_search(points, circles, tables, search)
+        diagnosis = parts.tried(DIAGNOSIS, look, unless=why)
+    lines = tuple(
+        MeasuredLine(line, test)
+        for line in straight_lines(model.machine, *points, threads=threads)
+        if (test := positioning_test(line.position_mm, line.deviation_um, line.direction)) is not None
+    )
+    steps.done()
+    errors, has_field, circular, predicted, diagonals = _predictions(parts, model, circles, stated)
+    if not predicted and lines:
+        parts.drop(POSITIONING)
+    steps.done()
+    budget, volume = _budget(parts, model, comparison, stated)
+    stages = () if model.record is None else stages_of(model.record.history)
+    if not stages:
+        parts.lack(STORY, "the model has no history: `geoerr add` and `geoerr remove` write it")
+    if comparison is None:
+        parts.lack(COMPARISON, _NO_MEASUREMENTS)
+        if model.record is None:
+            parts.lack(DATA, _NO_MEASUREMENTS)
+    steps.done()
+    return ModelReport(
+        model,
+        stated,
+        assumed,
+        errors,
+        has_field,
+        circular,
+        tuple(one for one in lines if len(one.line.moving) == 1),
+        tuple(one for one in lines if len(one.line.moving) > 1),
+        predicted,
+        diagonals,
+        comparison,
+        diagnosis,
+        stages,
+        budget,
+        volume,
+        parts.left_out,
+    )
+
+
+def _no_search(points: Sequence[Any], circles: Sequence[Any], tables: Sequence[Any], search: bool) -> str | None:
+    """Say why nothing is searched; None where it is."""
+    if not tables:
+        return _NO_MEASUREMENTS
+    if not points and not circles:
+        return "lengths alone tell no cause: measure points or circles"
+    return None if search else "the search was not wanted"
+
+
+class _Steps:
+    """Counts what is done: the comparison, the steps of the search, lines, predictions, the budget."""
+
+    _OWN = 4
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._tell = progress or (lambda done, total: None)
+        self._done = 0
+        self._searched = 0
+
+    def done(self) -> None:
+        self._done += 1
+        self._tell(self._done + self._searched, self._OWN + self._searched)
+
+    def search(self, done: int, total: int) -> None:
+        self._searched = total
+        self._tell(self._done + done, self._OWN + total)
+
+
+class _Parts:
+    """What is left out, in the order in which it was found."""
+
+    def __init__(self) -> None:
+        self._lacking: dict[str, str] = {}
+
+    def lack(self, section: str, why: str) -> None:
+        self._lacking.setdefault(section, why)
+
+    def drop(self, section: str) -> None:
+        self._lacking.pop(section, None)
+
+    def refused(self, section: str, error: GeoerrError) -> None:
+        problem, _, hint = str(error).partition("\nhint: ")
+        self.lack(section, f"{problem}; {hint}" if hint else problem)
+
+    def tried(self, section: str, make: Callable[[], _T], *, unless: str | None = None) -> _T | None:
+        """Make something, unless there is a reason not to; what refuses it is why the section is left out."""
+        if unless is not None:
+            self.lack(section, unless)
+            return None
+        try:
+            return make()
+        except GeoerrError as error:
+            self.refused(section, error)
+            return None
+
+    @property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        return tuple(LeftOut(*item) for item in self._lacking.items())
+
+
+def _predictions(
+    parts: _Parts, model: Model, measured: Sequence[CircularTest], stated: Stated
+) -> tuple[
+    ErrorFunctions | None,
+    bool,
+    tuple[CircularTestResult, ...],
+    dict[str, PositioningTest],
+    dict[str, PositioningTest],
+]:
+    """Predict all that the model can say of the machine under these conditions."""
+    constants = {name: value for name, value in stated.items() if name in model.conditions}
+    if not model.has_values or model.is_nominal:
+        why = (
+            _NO_ERRORS
+            if model.has_values
+            else "some of the model's parameters have no value yet: fit it to measurements"
+        )
+        for section in (ERRORS, FIELD, POSITIONING, DIAGONALS):
+            parts.lack(section, why)
+        if not model.has_values or not measured:
+            parts.lack(CIRCLES, why)
+            return None, False, (), {}, {}
+        return None, False, _circles(parts, model, (), measured, stated), {}, {}
+    tables = model.error_functions(at=constants)
+    has_tables = bool(tables.functions or tables.squareness)
+    if not has_tables:
+        parts.lack(ERRORS, "the model has neither functions of one axis nor squareness")
+    open_names = {item.name for item in tables.not_determined}
+    known = [axis for axis in AXES if f"E{axis.upper()}{axis.upper()}" not in open_names]
+    unknown = ", ".join(axis.upper() for axis in AXES if axis not in known)
+    why = f"the model's data do not determine the positioning of {unknown}, and what is unknown is not 0"
+    planes = [plane for plane in PLANES if set(plane[:2].lower()) <= set(known)]
+    if not planes and not measured:
+        parts.lack(CIRCLES, why)
+    circles = _circles(parts, model, planes, measured, stated)
+    is_whole = len(known) == len(AXES)
+    if not is_whole:
+        parts.lack(FIELD, why)
+        parts.lack(DIAGONALS, why)
+    if not known:
+        parts.lack(POSITIONING, why)
+    try:
+        low, high = usable_range_mm(model)
+        model.error_mm([(low + high) / 2.0], at={**approach_conditions(model), **constants})
+    except GeoerrError as error:
+        for section in (FIELD, POSITIONING, DIAGONALS):
+            parts.refused(section, error)
+        return tables if has_tables else None, False, circles, {}, {}
+    lines = {axis: predict_positioning(model, *axis_line_mm(model, axis), at=constants) for axis in known}
+    ends = diagonals_mm(model) if is_whole else {}
+    diagonals = {name: predict_positioning(model, *of, at=constants) for name, of in ends.items()}
+    return tables if has_tables else None, is_whole, circles, lines, diagonals
+
+
+def _circles(
+    parts: _Parts, model: Model, planes: Sequence[str], measured: Sequence[CircularTest], stated: Stated
+) -> tuple[CircularTestResult, ...]:
+    def run() -> tuple[CircularTestResult, ...]:
+        own = [run_circular_test(model, middle_circle(model, plane), at=stated) for plane in planes]
+        seen = [run_circular_test(model, circle_of_first_run(one), measured=one, at=stated) for one in measured]
+        return (*own, *seen)
+
+    return parts.tried(CIRCLES, run) or ()
+
+
+def _budget(
+    parts: _Parts, model: Model, comparison: Comparison | None, stated: Stated
+) -> tuple[Budget | None, UncertaintyMap | None]:
+    """Make the budget: by the fit behind the comparison where these are its own data, else by the record alone."""
+    subject: FitResult | Model = model
+    if comparison is not None and comparison.freedom == "own" and comparison.fitted is not None:
+        subject = FitResult(model, comparison.fitted)
+    constants = {name: value for name, value in stated.items() if name in model.conditions}
+    budget = parts.tried(BUDGET, lambda: uncertainty_budget(subject, at={**approach_conditions(model), **constants}))
+    return budget, None if budget is None else parts.tried(BUDGET, lambda: uncertainty_map(budget))
+
+
+def _line_document(one: MeasuredLine) -> dict[str, Any]:
+    line = one.line
+    return {
+        "session": line.session,
+        "line": line.line,
+        "target": line.target,
+        "axes": line.moving,
+        "start_mm": line.start_mm.tolist(),
+        "end_mm": line.end_mm.tolist(),
+        "offset_mm": line.offset_mm.tolist(),
+        **one.test.to_document(),
+    }
+
+
+def thinned(lines: Sequence[MeasuredLine], most: int) -> tuple[MeasuredLine, ...]:
+    """Give the lines with most targets, in the order in which they were measured."""
+    by_size = np.argsort([-len(one.test.position_mm) for one in lines], kind="stable")[:most]
+    return tuple(lines[place] for place in sorted(by_size.tolist()))

@@ -1,0 +1,54 @@
+"""What an object shows of itself in a notebook: heading, sentences, small tables; all texts escaped, no scripts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from html import escape
+
+# Rows of a table that are shown; a notebook's cell is no report.
+MOST_ROWS = 30
+_UNKNOWN = "–"
+_STYLE = "text-align:left;vertical-align:top;padding:2px 14px 2px 0"
+
+
+def summary_html(title: str, *parts: str) -> str:
+    """Put parts, each HTML, under a heading, a text."""
+    return f'<div class="geoerr"><p><b>{escape(title)}</b></p>{"".join(parts)}</div>'
+
+
+def sentences_html(*sentences: str) -> str:
+    """Make a paragraph of each sentence."""
+    return "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
+
+
+def table_html(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Make a table of texts; of very many rows the first are shown, and the others counted."""
+    if not rows:
+        return ""
+    head = "".join(f'<th style="{_STYLE}">{escape(name)}</th>' for name in header)
+    body = "".join(
+        "<tr>" + "".join(f'<td style="{_STYLE}">{escape(cell)}</td>' for cell in row) + "</tr>"
+        for row in rows[:MOST_ROWS]
+    )
+    more = sentences_html(f"and {len(rows) - MOST_ROWS} more") if len(rows) > MOST_ROWS else ""
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
+
+
+def facts_html(facts: dict[str, str]) -> str:
+    """Make a table of two columns, name and what there is to say of it."""
+    rows = "".join(
+        f'<tr><th style="{_STYLE}">{escape(name)}</th><td style="{_STYLE}">{escape(text)}</td></tr>'
+        for name, text in facts.items()
+    )
+    return f"<table><tbody>{rows}</tbody></table>"
+
+
+def number_text(value: float | None, digits: int = 2) -> str:
+    """Write a number with so many decimals; a dash where there is none."""
+    return _UNKNOWN if value is None or math.isnan(value) else f"{value:.{digits}f}".replace("-", "−")
+
+
+def span_text(low: float, high: float) -> str:
+    """Write a range, or the one number that it is."""
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
