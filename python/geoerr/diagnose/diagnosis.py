@@ -25,9 +25,11 @@ from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError, InputFileError
-from geoerr.fit import Fitted, refit
+from geoerr.fit import Fitted
+from geoerr.fit import refit as fit_again
 from geoerr.fit.empirical import curve_of, empirical_term
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.wavy import without_waves
 from geoerr.model import Model
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import EMPIRICAL, EffectReference, Term
@@ -192,6 +194,9 @@ def diagnose(
     # A model that is held has its terms outside the fit.
     is_held = comparison is not None and comparison.freedom == "held"
     held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
+    plain = without_waves(fitted)
+    if plain is not None:
+        fitted = fit_again(fitted, plain)
     searched = search(fitted, known, present=held, threads=threads)
     advance(2, _STEPS)
     found = diagnosis_of(fitted, searched, known, comparison)
@@ -351,7 +356,7 @@ class _Summary:
         # Of what the model has in part the data may leave nothing to draw a curve by.
         with contextlib.suppress(InputFileError):
             term = empirical_term(before, reference)
-            after = refit(before, [*before.terms, term])
+            after = fit_again(before, [*before.terms, term])
             curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
         columns = self.fitted.sightings.covariate_columns
         return Unknown(
@@ -375,13 +380,13 @@ class _Summary:
 def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:
     """Fit with more terms: everything free, inner parameters starting where the search found them."""
     added = [term for term in terms if term is not None]
-    return refit(fitted, [*fitted.terms, *added]) if added else fitted
+    return fit_again(fitted, [*fitted.terms, *added]) if added else fitted
 
 
 def _on_common_rows(before: Fitted, after: Fitted) -> HeldOut:
     """Compare two fits; rows that lack what the second needs take no part in either figure."""
     if len(after.sightings) < len(before.sightings):
-        before = refit(after, before.terms)
+        before = fit_again(after, before.terms)
     return HeldOut(held_out_um(before), held_out_um(after))
 
 

@@ -118,17 +118,11 @@ def _choose(
     beyond: int,
     ladder: _Ladder,
 ) -> KnotChoice:
-    places = _places(positions_mm, _PLACES_OF_A_FUNCTION * rich.n_functions)
-    # What the data do not determine of the function says nothing of its shape.
-    determined = np.eye(len(coefficients)) - _onto(null_space)
-    design = basis_of(rich).evaluate(places) @ determined
-    spread, direction = np.linalg.eigh(design @ covariance @ design.T)
-    keep = spread > _RANK * max(float(spread[-1]), 0.0)
-    if not keep.any():
+    known = determined_values(rich, coefficients, covariance, null_space, positions_mm)
+    if known is None:
         # Nothing is known of the function: the simplest one is enough to say so.
         return KnotChoice(name, bases[0], 0, ())
-    whiten = direction[:, keep].T / np.sqrt(spread[keep])[:, None]
-    target = whiten @ (design @ coefficients)
+    places, _, whiten, target = known
     candidates = []
     for spec in bases:
         columns = ladder.columns(name, spec, places)
@@ -139,6 +133,25 @@ def _choose(
     best = int(np.argmin([candidate.score for candidate in candidates]))
     best = min(best + beyond, len(candidates) - 1)
     return KnotChoice(name, bases[best], candidates[best].n_free, tuple(candidates))
+
+
+def determined_values(
+    basis: BasisSpec, coefficients: Numbers, covariance: Numbers, null_space: Numbers, positions_mm: Numbers
+) -> tuple[Numbers, Numbers, Numbers, Numbers] | None:
+    """Give what the data determine of a function: places (n,), functions there (n, k), W (m, n), and W f (m,).
+
+    W whitens values at the places by their covariance; None where nothing is known.
+    """
+    places = _places(positions_mm, _PLACES_OF_A_FUNCTION * basis.n_functions)
+    # What the data do not determine of the function says nothing of its shape.
+    determined = np.eye(len(coefficients)) - _onto(null_space)
+    design = basis_of(basis).evaluate(places) @ determined
+    spread, direction = np.linalg.eigh(design @ covariance @ design.T)
+    keep = spread > _RANK * max(float(spread[-1]), 0.0)
+    if not keep.any():
+        return None
+    whiten = direction[:, keep].T / np.sqrt(spread[keep])[:, None]
+    return places, design, whiten, whiten @ (design @ coefficients)
 
 
 def _onto(directions: Numbers) -> Numbers:

@@ -1,0 +1,97 @@
+"""Errors of an axis whose knots follow a wave: what repeats along an axis is an effect's, not the guideway's.
+
+The freedom of an error is chosen by the data, and many knots can follow a few waves. Whether fewer knots and one wave
+would do is told by the fit itself, as in `geoerr.fit.knots`: with f the estimate at places along the axis and V its
+covariance,
+
+    χ²(B) = min_α (f − B α)ᵀ V⁺ (f − B α),   score = χ² + ln n · (free numbers)   (Schwarz)
+
+for the knots as they are, for few knots, and for few knots with a wave of any period that the many could follow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from geoerr.bases import basis_of
+from geoerr.fit.classic import positions_by_axis, spline
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.knots import determined_values
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
+from geoerr.terms import BasisSpec, Parameter, Term
+
+# Functions of a smooth error: eight pieces follow two waves over an axis. A basis with not many more is smooth, too.
+_SMOOTH, _NOT_SMOOTH = 11, 14
+# Waves over the axis: fewer are smooth; between two that are tried a wave turns by an eighth.
+_FEWEST_WAVES, _STEP = 4.5, 0.125
+# Twice the logarithm of the evidence by which a wave has to be the better description.
+_CLEARLY = 6.0
+
+
+def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
+    """Give a fit's terms with few knots where those and a wave say the same as many; None where no error is so."""
+    positions = positions_by_axis(fitted.sightings.commanded_mm, SAME_POSITION_MM)
+    price = math.log(max(int(fitted.sightings.is_measured[fitted.solved.used].sum()), 2))
+    terms: list[Term] = []
+    first = 0
+    for term in fitted.terms:
+        own = slice(first, first + len(term.coefficients))
+        first = own.stop
+        plain = _plain(term, positions)
+        if plain is not None and _is_wave(fitted, term, own, plain, positions, price):
+            unit = term.coefficients[0].unit
+            coefficients = tuple(Parameter(f"c{number}", unit) for number in range(plain.n_functions))
+            parts = tuple(replace(part, basis=plain) for part in term.parts)
+            term = replace(term, parts=parts, coefficients=coefficients)
+        terms.append(term)
+    return None if tuple(terms) == tuple(fitted.terms) else tuple(terms)
+
+
+def _plain(term: Term, positions: dict[str, Numbers]) -> BasisSpec | None:
+    """Give the basis of a smooth error; None for a term that has hardly more, or another kind of basis."""
+    basis = term.parts[0].basis
+    if term.kind != "classic" or len(term.parts) != 1 or basis is None or basis.kind != "bspline":
+        return None
+    return None if basis.n_functions < _NOT_SMOOTH else spline(basis.axis, positions[basis.axis], _SMOOTH)
+
+
+def _is_wave(
+    fitted: Fitted, term: Term, own: slice, plain: BasisSpec, positions: dict[str, Numbers], price: float
+) -> bool:
+    basis = term.parts[0].basis
+    assert basis is not None
+    values = np.array([parameter.value for parameter in term.coefficients])
+    null_space = fitted.null_space[own]
+    known = determined_values(basis, values, fitted.covariance[own, own], null_space, positions[basis.axis])
+    if known is None:
+        return False
+    places, design, whiten, target = known
+
+    def misfit(columns: Numbers) -> tuple[float, int]:
+        # What the knots cannot follow exactly is to be compared as they would follow it.
+        along = design @ np.linalg.lstsq(design, columns, rcond=None)[0]
+        solution, _, rank, _ = np.linalg.lstsq(whiten @ along, target, rcond=1e-10)
+        left = target - whiten @ (along @ solution)
+        return float(left @ left), int(rank)
+
+    smooth = basis_of(plain).evaluate(places)
+    alone, rank = misfit(smooth)
+    waves = list(_waves(places, basis))
+    if not waves:
+        return False
+    # A period is one number more.
+    best, rank_with = min(misfit(np.concatenate([smooth, wave], axis=1)) for wave in waves)
+    with_wave = best + price * (rank_with + 1) + 2.0 * math.log(len(waves))
+    return with_wave + _CLEARLY < min(alone + price * rank, price * len(target))
+
+
+def _waves(places_mm: Numbers, basis: BasisSpec) -> Iterator[Numbers]:
+    """Give cosine and sine (n, 2) of every number of waves that knots could follow."""
+    turns = (places_mm - places_mm[0]) / np.ptp(places_mm)
+    for count in np.arange(_FEWEST_WAVES, 0.5 * (basis.n_functions - 3) + 1.0, _STEP):
+        phase = 2.0 * np.pi * count * turns
+        yield np.stack([np.cos(phase), np.sin(phase)], axis=1)
