@@ -55,8 +55,8 @@ def positioning_blocks(report: ModelReport) -> tuple[Block, ...]:
         if any(one.test.n_runs < USUAL_RUNS for one in lines):
             blocks.append(
                 Paragraph(
-                    f"The standard asks for {USUAL_RUNS} runs each way; some lines have fewer, and one run tells neither "
-                    "A nor R."
+                    f"The standard asks for {USUAL_RUNS} runs each way; some lines have fewer. "
+                    "One run tells neither A nor R."
                 )
             )
     seen = {one.line.moving for one in lines}
