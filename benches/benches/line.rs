@@ -25,7 +25,7 @@ fn points(n_lines: usize) -> Vec<[f64; 3]> {
 fn bench(criterion: &mut Criterion) {
     for threads in [1, 2] {
         let Ok(pool) = ThreadPoolBuilder::new().num_threads(threads).build() else { return };
-        for n_lines in [9, 300, 2_000] {
+        for n_lines in [9, 300, 10_000] {
             let points = points(n_lines);
             let starts: Vec<usize> = (0..n_lines).map(|line| line * POINTS_OF_A_LINE).collect();
             let mut group = criterion.benchmark_group(format!("lines of 50 points/{threads} threads"));

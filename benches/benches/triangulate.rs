@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use geoerr_core::triangulate::{PixelNoise, Pixels, Rig, triangulate};
+use geoerr_core::triangulate::{PixelNoise, Pixels, Rig, Status, triangulate, triangulate_points};
 use nalgebra::{Matrix4x3, Vector3, Vector4};
 use rayon::ThreadPoolBuilder;
 
@@ -75,6 +75,15 @@ fn bench(criterion: &mut Criterion) {
                     });
                 });
             }
+            let (mut points_mm, mut status) = (vec![[0.0; 3]; n_points], vec![Status::Ok; n_points]);
+            group.bench_function(BenchmarkId::new("points alone", n_points), |bencher| {
+                pool.install(|| {
+                    bencher.iter(|| {
+                        let seen = (black_box(&left), black_box(&right));
+                        triangulate_points(&rig, seen.0, seen.1, &mut points_mm, &mut status)
+                    })
+                });
+            });
             if threads == 1 {
                 group.bench_function(BenchmarkId::new("nalgebra QR, points only", n_points), |bencher| {
                     bencher.iter(|| -> Vec<_> {

@@ -68,7 +68,7 @@ def print_costs(n_points: int, threads: int, repeats: int) -> None:
     fitted = fit_terms(machine, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
 
     def row(step: str, seconds: tuple[float, float]) -> None:
-        print(f"{n_points:>8} {step:<42} {seconds[0]:8.3f} {seconds[1]:8.3f}", flush=True)
+        print(f"| {n_points} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
 
     (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, known), repeats)
     probes = probes_of(fitted, functions)
@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
-    print(f"{'points':>8} {'step':<42} {'wall s':>8} {'CPU s':>8}")
+    print("| points | step | wall s | CPU s |\n| --- | --- | --- | --- |")
     for n_points in arguments.points:
         print_costs(n_points, arguments.threads, arguments.repeats)
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from geoerr.error_functions import ErrorFunctions, read_errors, write_errors
     from geoerr.errors import GeoerrError
     from geoerr.fit import FitOptions, FitResult, fit_model
-    from geoerr.geometry import fit_line, fit_lines, integrate_straightness, triangulate
+    from geoerr.geometry import fit_line, fit_lines, integrate_straightness, triangulate, triangulate_points
     from geoerr.identify.joint import identify_joint
     from geoerr.identify.nine_line import analyze_nine_lines, identify_nine_line
     from geoerr.machine import Machine, read_machine
@@ -98,6 +98,7 @@ _HOMES = {
     "States": "geoerr.states",
     "trace_paths": "geoerr.verify.path_trace",
     "triangulate": "geoerr.geometry",
+    "triangulate_points": "geoerr.geometry",
     "uncertainty_budget": "geoerr.budget",
     "uncertainty_map": "geoerr.budget",
     "write_errors": "geoerr.error_functions",
@@ -155,6 +156,7 @@ __all__ = [
     "run_circular_test",
     "trace_paths",
     "triangulate",
+    "triangulate_points",
     "uncertainty_budget",
     "uncertainty_map",
     "write_errors",

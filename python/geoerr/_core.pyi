@@ -324,6 +324,13 @@ def triangulate(
     reweightings: int,
     threads: int,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
+def triangulate_points(
+    projection_left: npt.NDArray[np.float64],
+    projection_right: npt.NDArray[np.float64],
+    uv_left_px: npt.NDArray[np.float64] | npt.NDArray[np.float32],
+    uv_right_px: npt.NDArray[np.float64] | npt.NDArray[np.float32],
+    threads: int,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
 def fit_lines(
     points_mm: npt.NDArray[np.float64],
     starts: npt.NDArray[np.int64],

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,8 @@ from geoerr.errors import GeometryError, ShapeError
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+
+_DOUBLE: np.dtype[Any] = np.dtype(np.float64)
 
 
 class TriangulationStatus(IntEnum):
@@ -73,6 +75,19 @@ class Triangulated:
     points_mm: FloatArray
     covariance_mm2: FloatArray
     reprojection_px: FloatArray
+    status: npt.NDArray[np.uint8]
+
+    @property
+    def is_ok(self) -> BoolArray:
+        """(n,) True where there is a point."""
+        return np.equal(self.status, TriangulationStatus.OK)
+
+
+@dataclass(frozen=True)
+class TriangulatedPoints:
+    """Points alone: the attributes of `Triangulated` without its uncertainty."""
+
+    points_mm: FloatArray
     status: npt.NDArray[np.uint8]
 
     @property
@@ -185,6 +200,54 @@ def triangulate(
             None if cov_right_px2 is None else _array(cov_right_px2, "cov_right_px2", (None, 2, 2)),
             float(sigma_px),
             reweightings,
+            threads,
+        )
+    )
+
+
+def triangulate_points(
+    projection_left: npt.ArrayLike,
+    projection_right: npt.ArrayLike,
+    uv_left_px: npt.ArrayLike,
+    uv_right_px: npt.ArrayLike,
+    *,
+    threads: int = 0,
+) -> TriangulatedPoints:
+    """Triangulate points without their uncertainty, several times as fast as `triangulate`.
+
+    Equal noise in all pixels, and Li's rows as printed: the points of `triangulate` with `reweightings=0`.
+
+    Parameters
+    ----------
+    projection_left, projection_right : (3, 4)
+        Projection matrices, mm to px, of one common frame; scale and sign mean nothing.
+    uv_left_px, uv_right_px : (n, 2)
+        *Undistorted* pixel coordinates; row i of both is the same point. Where both are float32 they are taken as
+        they are, and lose nothing but their own rounding.
+    threads
+        Number of threads, 0 for all cores.
+
+    Returns
+    -------
+    TriangulatedPoints
+        Points and status.
+
+    Raises
+    ------
+    ShapeError
+        if an array has the wrong shape or the numbers of rows differ.
+    GeometryError
+        if a projection matrix is not finite or has no finite centre, or if the two centres coincide.
+    """
+    given_left, given_right = np.asarray(uv_left_px), np.asarray(uv_right_px)
+    is_single = given_left.dtype == given_right.dtype == np.float32
+    dtype = np.dtype(np.float32 if is_single else np.float64)
+    return TriangulatedPoints(
+        *_core.triangulate_points(
+            _array(projection_left, "projection_left", (3, 4)),
+            _array(projection_right, "projection_right", (3, 4)),
+            _array(given_left, "uv_left_px", (None, 2), dtype),
+            _array(given_right, "uv_right_px", (None, 2), dtype),
             threads,
         )
     )
@@ -368,9 +431,11 @@ def _functions(position_mm: npt.ArrayLike, values: npt.ArrayLike, name: str) -> 
     return positions, functions
 
 
-def _array(values: npt.ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:
-    """Bring an argument to contiguous float64 of a shape in which None is any number."""
-    array = np.ascontiguousarray(values, dtype=np.float64)
+def _array(
+    values: npt.ArrayLike, name: str, shape: tuple[int | None, ...], dtype: np.dtype[Any] = _DOUBLE
+) -> FloatArray:
+    """Bring an argument to contiguous numbers of a shape in which None is any number."""
+    array = np.ascontiguousarray(values, dtype=dtype)
     fits = array.ndim == len(shape) and all(
         wanted is None or wanted == found for wanted, found in zip(shape, array.shape, strict=True)
     )

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 
 from geoerr.errors import GeometryError, ShapeError
-from geoerr.geometry import TriangulationStatus, triangulate
+from geoerr.geometry import TriangulationStatus, triangulate, triangulate_points
 
 Array = npt.NDArray[np.float64]
 
@@ -169,6 +169,34 @@ def test_accepts_lists_strides_and_float32() -> None:
     # float32 rounds a pixel near 1500 by 6e-5.
     assert np.abs(single.points_mm - points).max() < 1e-3
     assert triangulate(left, right, np.empty((0, 2)), np.empty((0, 2))).points_mm.shape == (0, 3)
+
+
+def test_points_alone_are_the_points_with_their_uncertainty() -> None:
+    left, right = rig(200.0)
+    points = cloud(1000)
+    noise = np.random.default_rng(3).normal(0.0, 0.1, (2, 1000, 2))
+    uv_left, uv_right = project(left, points) + noise[0], project(right, points) + noise[1]
+    uv_right[17, 0] = np.nan
+    whole = triangulate(left, right, uv_left, uv_right, reweightings=0)
+    alone = triangulate_points(left, right, uv_left, uv_right)
+    np.testing.assert_array_equal(alone.status, whole.status)
+    assert np.isnan(alone.points_mm[17]).all()
+    assert alone.is_ok.sum() == 999
+    np.testing.assert_allclose(alone.points_mm, whole.points_mm, rtol=0.0, atol=1e-10)
+
+
+def test_points_of_single_pixels_are_those_of_the_same_doubles() -> None:
+    left, right = rig(2.0)
+    points = cloud(1000)
+    singles = [project(matrix, points).astype(np.float32) for matrix in (left, right)]
+    expected = triangulate_points(left, right, *(uv.astype(np.float64) for uv in singles))
+    found = triangulate_points(left, right, *singles)
+    assert found.points_mm.dtype == np.float64
+    np.testing.assert_array_equal(found.points_mm, expected.points_mm)
+    mixed = triangulate_points(left, right, singles[0], singles[1].astype(np.float64))
+    np.testing.assert_array_equal(mixed.points_mm, expected.points_mm)
+    strided = triangulate_points(left, right, singles[0][::2], singles[1][::2])
+    np.testing.assert_array_equal(strided.points_mm, expected.points_mm[::2])
 
 
 def test_refusals_name_the_argument() -> None:

@@ -29,7 +29,10 @@
 //! `tests/straightness.rs`: polynomials to the order of each rule, linearity, invariance to lines and to added samples on
 //! the interpolant. `tests/geometry/test_straightness.py`: SciPy, and mpmath with 50 digits.
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+
+use crate::arithmetic::{Arithmetic, Fused, Separate, two};
 
 /// Numbers below which the calling thread does all functions itself.
 const PARALLEL_ABOVE: usize = 32_768;
@@ -105,18 +108,10 @@ pub fn integrate_straightness(
     rule: Rule,
 ) -> Result<Vec<f64>, StraightnessError> {
     check(position_mm, values)?;
-    let pieces = pieces(position_mm, rule);
+    let pieces = Pieces::new(position_mm, rule);
     let line = Line::new(position_mm);
-    Ok(for_each_function(values, position_mm.len(), |function, result| {
-        let mut sum = 0.0;
-        result[0] = 0.0;
-        for (piece, value) in pieces.iter().zip(&mut result[1..]) {
-            let [w0, w1, w2] = piece.weights;
-            let [f0, f1, f2] = piece.samples.map(|index| function[index]);
-            sum += w0 * f0 + w1 * f1 + w2 * f2;
-            *value = sum;
-        }
-        line.remove(position_mm, result);
+    Ok(for_each_function(values, position_mm.len(), |functions, results| {
+        Arch::new().dispatch(Integration { pieces: &pieces, line: &line, position_mm, functions, results });
     }))
 }
 
@@ -129,9 +124,9 @@ pub fn integrate_straightness(
 pub fn remove_line(position_mm: &[f64], values: &[f64]) -> Result<Vec<f64>, StraightnessError> {
     check(position_mm, values)?;
     let line = Line::new(position_mm);
-    Ok(for_each_function(values, position_mm.len(), |function, result| {
-        result.copy_from_slice(function);
-        line.remove(position_mm, result);
+    Ok(for_each_function(values, position_mm.len(), |functions, results| {
+        results.copy_from_slice(functions);
+        Arch::new().dispatch(Removal { line: &line, position_mm, results });
     }))
 }
 
@@ -160,55 +155,187 @@ fn check(position_mm: &[f64], values: &[f64]) -> Result<(), StraightnessError> {
     Ok(())
 }
 
-/// Applies `work` to every function, in order, in parallel where that pays.
+/// Functions whose sums run side by side: one sum waits for itself at every sample.
+const FUNCTIONS: usize = 4;
+
+/// Numbers that stay in the fastest cache beside what they are made of.
+const MOST_IN_CACHE: usize = 1024;
+
+/// Lanes of a sum: two of the widest registers.
+const LANES: usize = 16;
+
+/// Applies `work` to some functions at once, in order, in parallel where that pays.
 fn for_each_function(
     values: &[f64],
     n_positions: usize,
     work: impl Fn(&[f64], &mut [f64]) + Sync,
 ) -> Vec<f64> {
-    let mut result = vec![0.0; values.len()];
-    if values.len() <= PARALLEL_ABOVE {
-        for (function, result) in values.chunks_exact(n_positions).zip(result.chunks_exact_mut(n_positions)) {
-            work(function, result);
+    let n_group = FUNCTIONS * n_positions;
+    if n_group <= MOST_IN_CACHE && (values.len() <= PARALLEL_ABOVE || rayon::current_num_threads() == 1) {
+        // Made where it stays in the cache, and written once: the result's memory is not cleared before.
+        let mut result = Vec::with_capacity(values.len());
+        let mut group = [0.0; MOST_IN_CACHE];
+        for functions in values.chunks(n_group) {
+            let results = &mut group[..functions.len()];
+            work(functions, results);
+            result.extend_from_slice(results);
         }
-    } else {
-        let rows_at_once = PARALLEL_ABOVE.div_ceil(4 * n_positions);
-        values
-            .par_chunks_exact(n_positions)
-            .zip(result.par_chunks_exact_mut(n_positions))
-            .with_min_len(rows_at_once)
-            .for_each(|(function, result)| work(function, result));
+        return result;
     }
+    let mut result = vec![0.0; values.len()];
+    values
+        .par_chunks(n_group)
+        .zip(result.par_chunks_mut(n_group))
+        .with_min_len(PARALLEL_ABOVE.div_ceil(4 * n_group))
+        .for_each(|(functions, results)| work(functions, results));
     result
 }
 
-/// One interval's integral as a weighted sum of samples; a weight of 0 where fewer than three are used.
-struct Piece {
-    samples: [usize; 3],
-    weights: [f64; 3],
+/// Integrates functions and takes their lines off.
+struct Integration<'a> {
+    pieces: &'a Pieces,
+    line: &'a Line,
+    position_mm: &'a [f64],
+    functions: &'a [f64],
+    results: &'a mut [f64],
 }
 
-fn pieces(position_mm: &[f64], rule: Rule) -> Vec<Piece> {
-    let n_intervals = position_mm.len() - 1;
-    let step_mm = |interval: usize| position_mm[interval + 1] - position_mm[interval];
-    (0..n_intervals)
-        .map(|k| match rule {
-            Rule::Simpson if n_intervals > 1 => {
-                let is_last = k + 1 == n_intervals;
-                if k % 2 == 0 && !is_last {
-                    Piece { samples: [k, k + 1, k + 2], weights: under_parabola(step_mm(k), step_mm(k + 1)) }
-                } else {
-                    // The same parabola seen from the other end.
-                    let weights = under_parabola(step_mm(k), step_mm(k - 1));
-                    Piece { samples: [k + 1, k, k - 1], weights }
+impl Integration<'_> {
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) {
+        let n_positions = self.position_mm.len();
+        for (function, result) in
+            self.functions.chunks_exact(n_positions).zip(self.results.chunks_exact_mut(n_positions))
+        {
+            result[0] = 0.0;
+            self.pieces.integrate::<A>(function, &mut result[1..]);
+        }
+        add_up(self.results, n_positions);
+        for result in self.results.chunks_exact_mut(n_positions) {
+            self.line.remove::<A>(self.position_mm, result);
+        }
+    }
+}
+
+impl WithSimd for Integration<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        if S::IS_SCALAR { self.run::<Separate>() } else { self.run::<Fused>() }
+    }
+}
+
+/// Takes the lines off functions.
+struct Removal<'a> {
+    line: &'a Line,
+    position_mm: &'a [f64],
+    results: &'a mut [f64],
+}
+
+impl Removal<'_> {
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) {
+        for result in self.results.chunks_exact_mut(self.position_mm.len()) {
+            self.line.remove::<A>(self.position_mm, result);
+        }
+    }
+}
+
+impl WithSimd for Removal<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        if S::IS_SCALAR { self.run::<Separate>() } else { self.run::<Fused>() }
+    }
+}
+
+/// Replaces the numbers of each function by their running sums.
+#[inline(always)]
+fn add_up(results: &mut [f64], n_positions: usize) {
+    let mut functions = results.chunks_exact_mut(n_positions);
+    if let (Some(a), Some(b), Some(c), Some(d), None) =
+        (functions.next(), functions.next(), functions.next(), functions.next(), functions.next())
+    {
+        let mut sums = [0.0; FUNCTIONS];
+        for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
+            for (sum, value) in sums.iter_mut().zip([a, b, c, d]) {
+                *sum += *value;
+                *value = *sum;
+            }
+        }
+        return;
+    }
+    for function in results.chunks_exact_mut(n_positions) {
+        let mut sum = 0.0;
+        for value in function {
+            sum += *value;
+            *value = sum;
+        }
+    }
+}
+
+/// Every interval's integral as a weighted sum of samples.
+enum Pieces {
+    /// Half the length of every interval.
+    Trapezoids { half_mm: Vec<f64> },
+    /// For every interval the weights of the sample before it, of its two ends, and of the sample after it.
+    Parabolas { weights_mm: [Vec<f64>; 4] },
+}
+
+impl Pieces {
+    fn new(position_mm: &[f64], rule: Rule) -> Self {
+        let n_intervals = position_mm.len() - 1;
+        let step_mm = |interval: usize| position_mm[interval + 1] - position_mm[interval];
+        if rule == Rule::Trapezoid || n_intervals == 1 {
+            return Self::Trapezoids { half_mm: (0..n_intervals).map(|k| 0.5 * step_mm(k)).collect() };
+        }
+        let mut weights_mm = std::array::from_fn(|_| vec![0.0; n_intervals]);
+        let [before, first, second, after] = &mut weights_mm;
+        for k in 0..n_intervals {
+            if k % 2 == 0 && k + 1 < n_intervals {
+                [first[k], second[k], after[k]] = under_parabola(step_mm(k), step_mm(k + 1));
+            } else {
+                // The same parabola seen from the other end.
+                [second[k], first[k], before[k]] = under_parabola(step_mm(k), step_mm(k - 1));
+            }
+        }
+        Self::Parabolas { weights_mm }
+    }
+
+    /// Each interval's integral.
+    #[inline(always)]
+    fn integrate<A: Arithmetic>(&self, function: &[f64], integrals: &mut [f64]) {
+        let n = integrals.len();
+        let (starts, ends) = (&function[..n], &function[1..]);
+        let weights_mm = match self {
+            Self::Trapezoids { half_mm } => {
+                for (((integral, half), start), end) in
+                    integrals.iter_mut().zip(half_mm).zip(starts).zip(ends)
+                {
+                    *integral = half * (start + end);
                 }
+                return;
             }
-            _ => {
-                let half = 0.5 * step_mm(k);
-                Piece { samples: [k, k + 1, k + 1], weights: [half, half, 0.0] }
-            }
-        })
-        .collect()
+            Self::Parabolas { weights_mm } => weights_mm,
+        };
+        let [before, first, second, after] = weights_mm.each_ref().map(|weights| &weights[..n]);
+        let inner = n - 1;
+        // The first interval has no sample before it, the last none after it.
+        integrals[0] = A::mul_add(first[0], starts[0], two::<A>(second[0], ends[0], after[0], ends[1]));
+        integrals[inner] = A::mul_add(
+            before[inner],
+            starts[inner - 1],
+            two::<A>(first[inner], starts[inner], second[inner], ends[inner]),
+        );
+        let weights =
+            before[1..inner].iter().zip(&first[1..inner]).zip(&second[1..inner]).zip(&after[1..inner]);
+        let samples = starts[..inner - 1].iter().zip(&starts[1..inner]).zip(&ends[1..inner]).zip(&ends[2..]);
+        for ((integral, (((wb, w0), w1), wa)), (((fb, f0), f1), fa)) in
+            integrals[1..inner].iter_mut().zip(weights).zip(samples)
+        {
+            *integral = two::<A>(*w0, *f0, *w1, *f1) + two::<A>(*wb, *fb, *wa, *fa);
+        }
+    }
 }
 
 /// Weights of three samples, `step` and then `next` apart, for the integral of their parabola over the first interval.
@@ -242,16 +369,26 @@ impl Line {
     }
 
     /// Takes slope, then first value, off one function.
-    fn remove(&self, position_mm: &[f64], values: &mut [f64]) {
+    #[inline(always)]
+    fn remove<A: Arithmetic>(&self, position_mm: &[f64], values: &mut [f64]) {
         let (first_mm, first_value) = (position_mm[0], values[0]);
-        let slope: f64 =
-            self.slope_weights.iter().zip(values.iter()).map(|(w, value)| w * (value - first_value)).sum();
+        let (weights, weights_rest) = self.slope_weights.as_chunks::<LANES>();
+        let (chunks, values_rest) = values.as_chunks::<LANES>();
+        let mut sums = [0.0; LANES];
+        for (weights, values) in weights.iter().zip(chunks) {
+            for lane in 0..LANES {
+                sums[lane] = A::mul_add(weights[lane], values[lane] - first_value, sums[lane]);
+            }
+        }
+        let rest: f64 =
+            weights_rest.iter().zip(values_rest).map(|(w, value)| w * (value - first_value)).sum();
+        let slope = sums.iter().sum::<f64>() + rest;
         if !slope.is_finite() {
             values.fill(f64::NAN);
             return;
         }
         for (value, position_mm) in values.iter_mut().zip(position_mm) {
-            *value = (*value - first_value) - slope * (position_mm - first_mm);
+            *value = A::mul_add(-slope, position_mm - first_mm, *value - first_value);
         }
     }
 }

@@ -195,6 +195,72 @@ proptest! {
     }
 }
 
+/// A line of `n_points` points with noise of a part of its length: along an axis or anywhere, near or far from the origin,
+/// in even steps or all but two of them at one end, its first point far aside or not.
+fn a_line_of_any_kind() -> impl Strategy<Value = Vec<[f64; 3]>> {
+    let direction = prop_oneof![
+        Just([1.0, 0.0, 0.0]),
+        Just([0.0, -1.0, 0.0]),
+        Just([1.0, 1.0, -1.0]),
+        prop::array::uniform3(-1.0..1.0_f64),
+    ];
+    let sizes = (-1.0..3.0_f64, -13.0..-1.0_f64, 0.0..5.0_f64);
+    (direction, sizes, 3..200_usize, 0..4_u8, 0.0..1.0_f64)
+        .prop_filter("a direction", |(direction, ..)| Vector3::from(*direction).norm() > 0.1)
+        .prop_map(|(direction, (length, noise, place), n_points, kind, seed)| {
+            let (length_mm, place_mm) = (10.0_f64.powf(length), 10.0_f64.powf(place));
+            let noise_mm = length_mm * 10.0_f64.powf(noise);
+            let unit = Vector3::from(direction).normalize();
+            (0..n_points)
+                .map(|i| {
+                    let even = i as f64 / (n_points - 1) as f64;
+                    let share = if kind == 1 && i + 2 < n_points { 1e-3 * even } else { even };
+                    let noise = [0.618_034, 0.754_878, 0.569_840]
+                        .map(|step| noise_mm * ((i as f64 * step + seed).fract() - 0.5));
+                    let aside = if kind == 2 && i == 0 { 30.0 } else { 1.0 };
+                    let start = Vector3::new(place_mm, -0.3 * place_mm, 0.7 * place_mm);
+                    (start + unit * (share * length_mm) + aside * Vector3::from(noise)).into()
+                })
+                .collect()
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Given covariances, every line is fitted by itself, from its eigenvectors and vectors of residuals; without, many at once.
+    #[test]
+    fn many_lines_at_once_are_the_lines_one_by_one(lines in prop::collection::vec(a_line_of_any_kind(), 1..12)) {
+        let starts: Vec<usize> =
+            lines.iter().scan(0, |start, line| Some(std::mem::replace(start, *start + line.len()))).collect();
+        let points = lines.concat();
+        let unit = vec![Matrix3::identity().into(); points.len()];
+        let many = fit_lines(&points, &starts, PointNoise::FromResiduals).unwrap();
+        let each = fit_lines(&points, &starts, PointNoise::Covariances(&unit)).unwrap();
+        prop_assert_eq!(&many.status, &each.status);
+        for (i, line) in lines.iter().enumerate().filter(|(i, _)| many.status[*i] == Status::Ok) {
+            let alone = fit_one(line);
+            prop_assert_eq!(alone.direction[0], many.direction[i]);
+            prop_assert_eq!(alone.rms_mm[0].to_bits(), many.rms_mm[i].to_bits());
+            let size_mm = line.iter().flatten().fold(0.0_f64, |size, x| size.max(x.abs()));
+            let length_mm = each.along_mm[starts[i]..][..line.len()].iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+            let away = |a: &[[f64; 3]], b: &[[f64; 3]]| (Vector3::from(a[i]) - Vector3::from(b[i])).norm();
+            // The gap between the eigenvalues is nearly the largest of them: the noise is a tenth of the length at most.
+            prop_assert!(away(&many.direction, &each.direction) < 20.0 * f64::EPSILON);
+            prop_assert!(away(&many.centroid_mm, &each.centroid_mm) < 4.0 * f64::EPSILON * size_mm);
+            prop_assert!((many.rms_mm[i] - each.rms_mm[i]).abs() < 4.0 * f64::EPSILON * size_mm);
+            for k in starts[i]..starts[i] + line.len() {
+                prop_assert!((many.along_mm[k] - each.along_mm[k]).abs() < 20.0 * f64::EPSILON * length_mm);
+            }
+            let n_points = line.len() as f64;
+            let variance = many.rms_mm[i].powi(2) * n_points / (2.0 * n_points - 4.0);
+            let expected = Matrix3::from(each.direction_covariance[i]) * variance;
+            let found = Matrix3::from(many.direction_covariance[i]);
+            prop_assert!((found - expected).norm() <= 1e-12 * expected.norm());
+        }
+    }
+}
+
 #[test]
 fn covariance_from_residuals_is_that_of_equal_noise() {
     let points: Vec<[f64; 3]> = references().swap_remove(0).points_mm;

@@ -225,6 +225,45 @@ fn points_alone_are_the_points_with_covariances() {
     }
 }
 
+/// Pixels in single precision are what they are as doubles: nothing is lost but their own rounding.
+#[test]
+fn single_precision_costs_its_own_rounding_only() {
+    let rig = rig("narrow_2");
+    let [left, right] = noisy_batch("narrow_2", 1001);
+    let [singles_left, singles_right] =
+        [&left, &right].map(|uv| uv.iter().map(|uv_px| uv_px.map(|x| x as f32)).collect::<Vec<_>>());
+    let [doubles_left, doubles_right] = [&singles_left, &singles_right]
+        .map(|uv| uv.iter().map(|uv_px| uv_px.map(f64::from)).collect::<Vec<_>>());
+    let (mut points_mm, mut status) = (vec![[0.0; 3]; 1001], vec![Status::Ok; 1001]);
+    triangulate_points(&rig, &singles_left, &singles_right, &mut points_mm, &mut status).unwrap();
+    let expected = points_alone(&rig, &doubles_left, &doubles_right);
+    let bits = |points: &[[f64; 3]]| points.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!((bits(&points_mm), status), (bits(&expected.0), expected.1));
+}
+
+/// Equal noise in all pixels has arithmetic of its own; covariances that say the same have not.
+#[test]
+fn a_sigma_is_the_covariances_it_stands_for() {
+    let [left, right] = noisy_batch("converging_200", 777);
+    let rig = rig("converging_200");
+    let sigma_px = 0.3;
+    let covariances = vec![[[sigma_px * sigma_px, 0.0], [0.0, sigma_px * sigma_px]]; 777];
+    for reweightings in 0..3 {
+        let [short, long] =
+            [PixelNoise::Sigma(sigma_px), PixelNoise::Covariances(&covariances)].map(|noise| {
+                let [left, right] = [&left, &right].map(|uv_px| Pixels { uv_px, noise });
+                triangulate(&rig, &left, &right, reweightings).unwrap()
+            });
+        assert_eq!(short.status, long.status);
+        for row in 0..777 {
+            assert!(distance(&short.points_mm[row], &long.points_mm[row].map(|x| [x, 0.0])) < 1e-10);
+            assert!((short.reprojection_px[row] - long.reprojection_px[row]).abs() < ROUNDING_PX);
+            let [a, b] = [&short, &long].map(|found| matrix(&found.covariance_mm2[row]));
+            assert!((a - b).norm() < 1e-11 * b.norm());
+        }
+    }
+}
+
 #[test]
 fn points_alone_do_not_depend_on_their_neighbours_or_on_threads() {
     let rig = rig("converging_200");

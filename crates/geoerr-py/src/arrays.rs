@@ -13,7 +13,20 @@ pub fn rows<'a, const K: usize>(
     array: &'a PyReadonlyArray2<'_, f64>,
     name: &str,
 ) -> Result<&'a [[f64; K]], CoreError> {
-    let refused = || CoreError::shape(format!("{name} must be a C-contiguous (n, {K}) array of float64"));
+    rows_of(array, name)
+}
+
+/// As [`rows`], of either precision.
+pub fn rows_of<'a, T: numpy::Element, const K: usize>(
+    array: &'a PyReadonlyArray2<'_, T>,
+    name: &str,
+) -> Result<&'a [[T; K]], CoreError> {
+    let refused = || {
+        CoreError::shape(format!(
+            "{name} must be a C-contiguous (n, {K}) array of float{}",
+            8 * size_of::<T>()
+        ))
+    };
     // `as_slice` would take Fortran's order too, and mix up rows and columns.
     if array.shape()[1] != K || !array.is_c_contiguous() {
         return Err(refused());

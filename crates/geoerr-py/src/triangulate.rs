@@ -1,10 +1,10 @@
 //! Binds `geoerr_core::triangulate`.
 
-use geoerr_core::triangulate::{PixelNoise, Pixels, Rig, Triangulated, triangulate};
-use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
+use geoerr_core::triangulate::{PixelNoise, Pixels, Rig, Rows, Status, triangulate_into, triangulate_points};
+use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
-use crate::arrays::{from_matrices, from_numbers, from_rows, matrices, rows};
+use crate::arrays::{from_numbers, matrices, rows, rows_of};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 
@@ -38,11 +38,7 @@ fn py_triangulate<'py>(
     reweightings: u32,
     threads: usize,
 ) -> PyResult<PointArrays<'py>> {
-    let rig = Rig::new(
-        &projection(&projection_left, "projection_left")?,
-        &projection(&projection_right, "projection_right")?,
-    )
-    .map_err(CoreError::from)?;
+    let rig = rig(&projection_left, &projection_right)?;
     let left = Pixels {
         uv_px: rows(&uv_left_px, "uv_left_px")?,
         noise: noise(cov_left_px2.as_ref(), "cov_left_px2", sigma_px)?,
@@ -51,15 +47,78 @@ fn py_triangulate<'py>(
         uv_px: rows(&uv_right_px, "uv_right_px")?,
         noise: noise(cov_right_px2.as_ref(), "cov_right_px2", sigma_px)?,
     };
-    let Triangulated { points_mm, covariance_mm2, reprojection_px, status } =
-        enter_core(py, threads, || triangulate(&rig, &left, &right, reweightings))?;
-    let status = status.into_iter().map(|status| status as u8).collect();
-    Ok((
-        from_rows(py, points_mm)?,
-        from_matrices(py, covariance_mm2)?,
-        from_numbers(py, reprojection_px),
-        from_numbers(py, status),
-    ))
+    let n_points = left.uv_px.len();
+    // NumPy asks for large pages, and a fresh page costs more than the points that fill it.
+    let points_mm = PyArray2::zeros(py, [n_points, 3], false);
+    let covariance_mm2 = PyArray3::zeros(py, [n_points, 3, 3], false);
+    let reprojection_px = PyArray1::zeros(py, n_points, false);
+    let mut status = vec![Status::Ok; n_points];
+    {
+        let (mut points, mut covariances) = (points_mm.readwrite(), covariance_mm2.readwrite());
+        let mut reprojections = reprojection_px.readwrite();
+        let rows = Rows {
+            points_mm: points.as_slice_mut()?.as_chunks_mut::<3>().0,
+            covariance_mm2: covariances.as_slice_mut()?.as_chunks_mut::<3>().0.as_chunks_mut::<3>().0,
+            reprojection_px: reprojections.as_slice_mut()?,
+            status: &mut status,
+        };
+        enter_core(py, threads, || triangulate_into(&rig, &left, &right, reweightings, rows))?;
+    }
+    Ok((points_mm, covariance_mm2, reprojection_px, from_statuses(py, status)))
+}
+
+/// Points (n, 3), status (n,).
+type PlainPointArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<u8>>);
+
+/// Two-view least squares of Li's rows as they stand, without covariance and reprojection error; pixels of either precision.
+#[pyfunction]
+#[pyo3(name = "triangulate_points")]
+fn py_triangulate_points<'py>(
+    py: Python<'py>,
+    projection_left: PyReadonlyArray2<'py, f64>,
+    projection_right: PyReadonlyArray2<'py, f64>,
+    uv_left_px: &Bound<'py, PyAny>,
+    uv_right_px: &Bound<'py, PyAny>,
+    threads: usize,
+) -> PyResult<PlainPointArrays<'py>> {
+    let rig = rig(&projection_left, &projection_right)?;
+    if let (Ok(left), Ok(right)) = (uv_left_px.cast::<PyArray2<f32>>(), uv_right_px.cast::<PyArray2<f32>>()) {
+        return plain_points(py, &rig, &left.readonly(), &right.readonly(), threads);
+    }
+    let (left, right) = (uv_left_px.extract()?, uv_right_px.extract()?);
+    plain_points::<f64>(py, &rig, &left, &right, threads)
+}
+
+fn plain_points<'py, P: Element + Copy + Into<f64>>(
+    py: Python<'py>,
+    rig: &Rig,
+    left: &PyReadonlyArray2<'py, P>,
+    right: &PyReadonlyArray2<'py, P>,
+    threads: usize,
+) -> PyResult<PlainPointArrays<'py>> {
+    let (left, right) = (rows_of(left, "uv_left_px")?, rows_of(right, "uv_right_px")?);
+    let points_mm = PyArray2::zeros(py, [left.len(), 3], false);
+    let mut status = vec![Status::Ok; left.len()];
+    {
+        let mut points = points_mm.readwrite();
+        let points = points.as_slice_mut()?.as_chunks_mut::<3>().0;
+        enter_core(py, threads, || triangulate_points(rig, left, right, points, &mut status))?;
+    }
+    Ok((points_mm, from_statuses(py, status)))
+}
+
+fn rig(
+    projection_left: &PyReadonlyArray2<'_, f64>,
+    projection_right: &PyReadonlyArray2<'_, f64>,
+) -> Result<Rig, CoreError> {
+    Ok(Rig::new(
+        &projection(projection_left, "projection_left")?,
+        &projection(projection_right, "projection_right")?,
+    )?)
+}
+
+fn from_statuses(py: Python<'_>, status: Vec<Status>) -> Bound<'_, PyArray1<u8>> {
+    from_numbers(py, status.into_iter().map(|status| status as u8).collect())
 }
 
 fn noise<'a>(
@@ -75,5 +134,6 @@ fn noise<'a>(
 
 /// Adds this file's functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_function(wrap_pyfunction!(py_triangulate, module)?)
+    module.add_function(wrap_pyfunction!(py_triangulate, module)?)?;
+    module.add_function(wrap_pyfunction!(py_triangulate_points, module)?)
 }

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from geoerr.diagnose.summary import change_html
 from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
@@ -122,6 +124,7 @@ def add_terms(
     reference: str,
     title: str,
     *,
+    known: Fitted | None = None,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
     threads: int = 0,
@@ -135,9 +138,12 @@ def add_terms(
     tables
         The measurements.
     terms
-        The effect's, with values unknown.
+        The effect's; values that they have are where the fit begins.
     reference, title
         As the history names it.
+    known
+        The fit of the model as it is to the same measurements, if there is one: it is what was before, where the same
+        rows take part.
     rig_sensitivity, rig_covariance
         As for `add_effect`.
 
@@ -147,7 +153,7 @@ def add_terms(
         where the model has the effect already.
     """
     calibration = _Calibration(rig_sensitivity, rig_covariance)
-    return _added(model, tables, terms, reference, title, calibration, threads)
+    return _added(model, tables, terms, reference, title, calibration, threads, known)
 
 
 def _added(
@@ -158,12 +164,21 @@ def _added(
     title: str,
     calibration: _Calibration,
     threads: int,
+    known: Fitted | None = None,
 ) -> Change:
     _refuse_held(model, *(term.id for term in terms))
     held = {term.id for term in own_terms(model)}
     after = _fitted(model, tables, [*own_terms(model), *terms], calibration, threads)
-    before = refit(after, [term for term in after.terms if term.id in held])
+    if known is not None and _is_of(known, held, after):
+        before = known
+    else:
+        before = refit(after, [term for term in after.terms if term.id in held])
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
+
+
+def _is_of(known: Fitted, held: set[str], after: Fitted) -> bool:
+    """Tell whether a fit is that of these terms to the rows of another one."""
+    return {term.id for term in known.terms} == held and np.array_equal(known.solved.used, after.solved.used)
 
 
 def remove_terms(

@@ -216,6 +216,8 @@ class _Summary:
 
     def diagnosis(self) -> Diagnosis:
         searched = self.searched
+        rivals = [rival.settled for one in searched.found[:1] for rival in one.rivals[:_LISTED]]
+        searched.bench.held_out.prepare([one.raw for one in (*(one.settled for one in searched.found), *rivals)])
         found = tuple(self._found(place) for place in range(len(searched.found)))
         if searched.found:
             candidates = (found[0], *self._rivals(searched.found[0]))

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from geoerr.diagnose.space import orthonormal, unseen_of_pass
+from geoerr.diagnose.space import unseen_of_pass
 from geoerr.fit.figures import figures_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import LEAST_FOLDS, folds_of
@@ -22,6 +22,8 @@ from geoerr.fit.sightings import Numbers
 
 # What is added may take this share of a direction of a pass before the pass is solved anew.
 _LEAST_LEFT = 0.01
+# Columns whose part off the others has less than this share of their square are inside already.
+_INSIDE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +48,31 @@ class HeldOutAfter:
         """Give the held-out error with columns (n, 3, k) added, whitened likewise; None where there is none."""
         key = tuple(map(id, added))
         if key not in self._known:
-            self._known[key] = (tuple(added), self._um(added))
-        return self._known[key][1]
+            self._known[key] = self._um(added)
+        return self._known[key]
+
+    def prepare(self, columns: Sequence[Numbers]) -> None:
+        """Work out at once what many columns (n, 3, k) leave; `um` then only puts them together."""
+        new = [one for one in {id(one): one for one in columns}.values() if id(one) not in self._left]
+        if not new or self.fitted.held_out.figures is None:
+            return
+        basis = self.base.reshape(-1, self.base.shape[2])
+        off = np.concatenate(new, axis=2).reshape(len(basis), -1)
+        off = off - basis @ (basis.T @ off)
+        solved = self._solved_in_passes(off)
+        ends = np.cumsum([one.shape[2] for one in new])[:-1]
+        parts = zip(new, np.split(off, ends, axis=1), np.split(solved, ends, axis=1), strict=True)
+        for one, own, own_solved in parts:
+            self._left[id(one)] = (one, own, own_solved)
 
     @cached_property
-    def _known(self) -> dict[tuple[int, ...], tuple[tuple[Numbers, ...], float | None]]:
-        """By what was added, which is kept: the search asks again for what it has added already."""
+    def _known(self) -> dict[tuple[int, ...], float | None]:
+        """By what was added: the search asks again for what it has added already."""
+        return {}
+
+    @cached_property
+    def _left(self) -> dict[int, tuple[Numbers, Numbers, Numbers]]:
+        """By columns, which are kept: what the fit leaves of them, (3 n, k), and that solved in each pass."""
         return {}
 
     def _um(self, added: Sequence[Numbers]) -> float | None:
@@ -59,21 +80,45 @@ class HeldOutAfter:
         if before.figures is None or len(self._passes) < LEAST_FOLDS:
             return None
         fitted = self.fitted
-        basis = self.base.reshape(-1, self.base.shape[2])
-        more = np.zeros((len(basis), 0))
-        if added:
-            more = np.concatenate(added, axis=2).reshape(len(basis), -1)
-            more = more - basis @ (basis.T @ more)
-            more = orthonormal(more - basis @ (basis.T @ more))
-        flat = self._residual - more @ (more.T @ self._residual)
-        columns = np.concatenate([flat[:, None], more], axis=1).reshape(*self.rows.shape, -1)
+        self.prepare(added)
+        parts = [self._left[id(one)] for one in added]
+        nothing = np.zeros((len(self._residual), 0))
+        off = np.concatenate([nothing, *(own for _, own, _ in parts)], axis=1)
+        # Orthonormal columns of it are so many of its combinations.
+        size = np.sqrt((off**2).sum(axis=0))
+        turn = np.diag(1.0 / np.where(size > 0.0, size, 1.0))
+        value, vector = np.linalg.eigh(turn @ (off.T @ off) @ turn)
+        keep = value > _INSIDE
+        turn = turn @ (vector[:, keep] / np.sqrt(value[keep]))
+        more = off @ turn
+        solved = np.concatenate([nothing, *(own for _, _, own in parts)], axis=1) @ turn
+        along = more.T @ self._residual
+        columns = np.concatenate([(self._residual - more @ along)[:, None], more], axis=1)
+        solved = np.concatenate([(self._solved_residual - solved @ along)[:, None], solved], axis=1)
+        shape = (*self.rows.shape, -1)
+        columns, solved = columns.reshape(shape), solved.reshape(shape)
         unseen = np.zeros_like(self.rows)
         for one in self._passes:
-            unseen[one.rows] = one.unseen(columns[one.rows].reshape(3 * len(one.rows), -1)).reshape(-1, 3)
+            own, own_solved = (all_[one.rows].reshape(3 * len(one.rows), -1) for all_ in (columns, solved))
+            unseen[one.rows] = one.unseen(own, own_solved).reshape(-1, 3)
         mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, unseen)
         base = fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm))
         computable = np.isfinite(before.residual_mm).all(axis=1) & fitted.solved.used
         return figures_of(fitted.sightings, base, computable).headline_um
+
+    def _solved_in_passes(self, columns: Numbers) -> Numbers:
+        """Give (I − Q Qᵀ)⁻¹ times the rows of each pass, of columns (3 n, k); 0 in a pass that owns a direction."""
+        shaped = columns.reshape(*self.rows.shape, -1)
+        result = np.zeros_like(shaped)
+        for one in self._passes:
+            result[one.rows] = one.solved(shaped[one.rows].reshape(3 * len(one.rows), -1)).reshape(
+                -1, *shaped.shape[1:]
+            )
+        return result.reshape(columns.shape)
+
+    @cached_property
+    def _solved_residual(self) -> Numbers:
+        return self._solved_in_passes(self._residual[:, None])[:, 0]
 
     @cached_property
     def _residual(self) -> Numbers:
@@ -108,10 +153,9 @@ class _Pass:
         factor, info = linalg.lapack.dpotrf(np.eye(len(small)) - small, lower=1)
         return (factor, True) if info == 0 and float(np.diag(factor).min()) ** 2 > _LEAST_LEFT else None
 
-    def unseen(self, columns: Numbers) -> Numbers:
-        """Give (I − Q Qᵀ − q qᵀ)⁻¹ r for columns (3 m, 1 + k): r, then q, by Woodbury's identity."""
+    def unseen(self, columns: Numbers, solved: Numbers) -> Numbers:
+        """Give (I − Q Qᵀ − q qᵀ)⁻¹ r for columns (3 m, 1 + k), r and then q, and those solved (Woodbury)."""
         if self._factor is not None:
-            solved = self._solved(self._factor, columns)
             if columns.shape[1] == 1:
                 return np.asarray(solved[:, 0])
             inside = np.eye(columns.shape[1] - 1) - columns[:, 1:].T @ solved[:, 1:]
@@ -123,7 +167,11 @@ class _Pass:
                 )
         return unseen_of_pass(np.concatenate([self.own, columns[:, 1:]], axis=1), columns[:, 0])
 
-    def _solved(self, factor: tuple[Numbers, bool], columns: Numbers) -> Numbers:
+    def solved(self, columns: Numbers) -> Numbers:
+        """Give (I − Q Qᵀ)⁻¹ times columns (3 m, k); 0 where the pass owns a direction."""
+        if self._factor is None:
+            return np.zeros_like(columns)
         if len(self.own) <= self.own.shape[1]:
-            return np.asarray(linalg.cho_solve(factor, columns, check_finite=False))
-        return np.asarray(columns + self.own @ linalg.cho_solve(factor, self.own.T @ columns, check_finite=False))
+            return np.asarray(linalg.cho_solve(self._factor, columns, check_finite=False))
+        inside = linalg.cho_solve(self._factor, self.own.T @ columns, check_finite=False)
+        return np.asarray(columns + self.own @ inside)

@@ -98,7 +98,13 @@ def leave_out(
     order = np.flatnonzero(used)
     order = np.ascontiguousarray(order[np.argsort(fold[order], kind="stable")], dtype=np.int64)
     numbers, starts = np.unique(fold[order], return_index=True)
-    own = [_own_unknowns(sightings, np.flatnonzero((fold == number) & used), used, shared) for number in numbers]
+    acts = np.zeros((len(sightings), 0), dtype=bool)
+    if shared is not None:
+        acts = ((shared != 0.0) & sightings.is_measured[:, :, None]).any(axis=1) & used[:, None]
+    n_acting = acts.sum(axis=0)
+    own = [
+        _own_unknowns(sightings, np.flatnonzero((fold == number) & used), used, acts, n_acting) for number in numbers
+    ]
     whitened, spread, is_determined = problem.leave_out(
         state, solution, residual_mm, order, starts.astype(np.int64), np.array(own, dtype=np.int64), threads
     )
@@ -134,10 +140,13 @@ def projected_rows(
     return result
 
 
-def _own_unknowns(sightings: Sightings, rows: np.ndarray, used: np.ndarray, shared: Numbers | None) -> int:
+def _own_unknowns(
+    sightings: Sightings, rows: np.ndarray, used: np.ndarray, acts: np.ndarray, n_acting: np.ndarray
+) -> int:
     """Count unknowns that act in these rows only: frames of sessions and shared unknowns that lie wholly in them.
 
-    One that moves no measured component, as the turn of a frame about the one line of its points, is none.
+    One that moves no measured component, as the turn of a frame about the one line of its points, is none. `acts`
+    (n, p) tells where a shared unknown acts, `n_acting` (p,) in how many rows.
     """
     inside = np.bincount(sightings.session[rows], minlength=len(sightings.sessions))
     whole = np.bincount(sightings.session[used], minlength=len(sightings.sessions))
@@ -145,10 +154,8 @@ def _own_unknowns(sightings: Sightings, rows: np.ndarray, used: np.ndarray, shar
         _frame_unknowns(sightings, rows[sightings.session[rows] == number])
         for number in np.flatnonzero((inside > 0) & (inside == whole))
     )
-    if shared is not None:
-        acts = (np.abs(shared) * sightings.is_measured[:, :, None]).max(axis=1) > 0.0
-        count += int((acts[rows].any(axis=0) & (acts[rows].sum(axis=0) == acts[used].sum(axis=0))).sum())
-    return count
+    n_here = acts[rows].sum(axis=0)
+    return count + int(((n_here > 0) & (n_here == n_acting)).sum())
 
 
 def _frame_unknowns(sightings: Sightings, rows: np.ndarray) -> int:

@@ -21,6 +21,8 @@ from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
 _SETTLED = 1e-4
 # While gross rows are looked for: smaller ones make no row gross.
 _NEARLY_SETTLED = 0.03
+# After a correction of so little of its standard error, steps with the triangle that there is lead near the minimum.
+_NEAR = 0.3
 _MAX_STEPS = 40
 _MAX_ROUNDS = 12
 # Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
@@ -292,21 +294,25 @@ def _gauss_newton(
     residual = problem.residuals(state, threads)
     if of_all is None:
         triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
-        solution = triangle.solve(gauge, threads)
+        unheld = triangle.solve(gauge, threads)
     else:
-        triangle, solution = of_all.triangle, of_all.solution
+        triangle, unheld = of_all.triangle, of_all.solution
+    solution = unheld
     converged, steps = False, 0
+    # Of standard errors: the last step, and all steps since the triangle was made.
+    moved = moved_in_all = 0.0
     settled = _SETTLED if of_all is None else _NEARLY_SETTLED
     cost = _cost(problem, residual, row_scale, _held(problem, state, prior))
     while not converged and steps < _MAX_STEPS:
-        if steps and not is_linear:
+        if not is_linear:
             design_state = state
-            triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
-            solution = triangle.solve(gauge, threads)
+            if moved > _NEAR or moved < settled < moved_in_all:
+                triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
+                unheld, moved_in_all = triangle.solve(gauge, threads), 0.0
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
             gradient -= prior.T @ _held(problem, state, prior)
-        solution, step = _step_inside(triangle, solution, gauge, gradient, state, ranges, limits, threads)
+        solution, step = _step_inside(triangle, unheld, gauge, gradient, state, ranges, limits, threads)
         spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
         share = float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0))
         longest = factor = 1.0 if ranges is None else ranges.share_inside(state, step)
@@ -321,8 +327,12 @@ def _gauss_newton(
             factor *= 0.5
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
-        # A step cut short by the end of a range is not small: the next one goes on along the end.
-        converged = factor * share < settled and (factor < longest or longest == 1.0)
+        moved = factor * share
+        moved_in_all += moved
+        # A step cut short by the end of a range is not small: the next one goes on along the end. The triangle is to
+        # be that of the minimum.
+        is_there = is_linear or moved_in_all < 2.0 * settled
+        converged = moved < settled and is_there and (factor < longest or longest == 1.0)
     return _Iterated(state, solution, triangle, residual, problem.whitened(residual), converged, steps)
 
 

@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from geoerr.diagnose import Change, Comparison, Diagnosis, compare, diagnose
-from geoerr.diagnose.change import add_effect, remove_terms
+from geoerr.diagnose import Change, Comparison, Diagnosis, Finding, compare, diagnose
+from geoerr.diagnose.change import add_effect, add_terms, remove_terms
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.effects import catalogue, load_effects
 from geoerr.errors import GeoerrError, InputFileError
-from geoerr.fit import FitOptions, fit_model
+from geoerr.fit import FitOptions, Fitted, fit_model
 from geoerr.measurements import Measurements, read_measurements
 from geoerr.model import Model, load_model
 from geoerr.observations import CircularTest, Observations
@@ -133,9 +133,17 @@ def find_missing(session: Session) -> None:
 def add(session: Session, reference: str) -> None:
     """Add an effect and fit again."""
     model, data, effects = session.model, session.data, session.own_effects
+    found, known = _found(session, reference), _own_fit(session)
 
     def work(_: Advance) -> Callable[[], None]:
-        change = add_effect(model, *_fittable(data), reference=reference, effects=effects, threads=session.threads)
+        tables, threads = _fittable(data), session.threads
+        if found is None:
+            change = add_effect(model, *tables, reference=reference, effects=effects, threads=threads)
+        else:
+            # The search has found its form, and where its inner parameters are.
+            change = add_terms(
+                model, tables, [found.term], reference, found.effect.title, known=known, threads=threads
+            )
         return _step_of_change(session, f"+ {reference}", change)
 
     session.begin(f"adding {reference}", MISSING, work)
@@ -264,6 +272,20 @@ def select(session: Session, rows: np.ndarray | None) -> None:
     """Mark rows in all pictures; None marks none."""
     with session.lock:
         session.selected = None if rows is None or not rows.any() else np.asarray(rows, dtype=bool)
+
+
+def _found(session: Session, reference: str) -> Finding | None:
+    """Give what the search found of that name."""
+    diagnosis = session.diagnosis
+    if not isinstance(diagnosis, Diagnosis):
+        return None
+    return next((one for one in (*diagnosis.found, *diagnosis.candidates) if str(one.reference) == reference), None)
+
+
+def _own_fit(session: Session) -> Fitted | None:
+    """Give the fit of the model that is looked at, where it was fitted to these measurements."""
+    seen = session.seen
+    return seen.comparison.fitted if seen is not None and seen.comparison.freedom == "own" else None
 
 
 def _fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:

@@ -6,9 +6,9 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::fast::{self, Seen, State};
+use super::fast::{self, Noise, Own, Seen, State, Unit};
 use super::pair::Pair;
-use super::{PixelNoise, Pixels};
+use super::{PixelNoise, Pixels, Rows};
 use crate::arithmetic::{Arithmetic, Fused, Separate};
 
 /// Rows that are done together: what is worked out for them stays in the fastest cache.
@@ -19,8 +19,11 @@ type Column = [f64; CHUNK];
 
 const ZEROS: Column = [0.0; CHUNK];
 
+/// A standard deviation whose square can be multiplied in afterwards.
+const COMMON_SIGMA_PX: std::ops::Range<f64> = 1e-50..1e50;
+
 /// What one camera saw of a chunk.
-pub(super) struct ChunkView {
+struct ChunkView {
     /// From the camera's origin.
     x: [Column; 2],
     /// c00, c01, c11.
@@ -28,63 +31,76 @@ pub(super) struct ChunkView {
 }
 
 impl ChunkView {
-    pub(super) fn new() -> Self {
-        Self { x: [ZEROS; 2], covariance_px2: [ZEROS; 3] }
+    const EMPTY: Self = Self { x: [ZEROS; 2], covariance_px2: [ZEROS; 3] };
+
+    /// Takes the pixels of a chunk; `uv_px` has one row at least, and the last one fills it up.
+    #[inline(always)]
+    fn take_pixels(&mut self, uv_px: &[[f64; 2]], origin_px: &[f64; 2]) {
+        let [u, v] = &mut self.x;
+        for ((uv_px, u), v) in uv_px.iter().zip(u.iter_mut()).zip(v.iter_mut()) {
+            *u = uv_px[0] - origin_px[0];
+            *v = uv_px[1] - origin_px[1];
+        }
+        for column in &mut self.x {
+            fill_up(column, uv_px.len());
+        }
     }
 
-    /// Takes the rows from `first` on, `n_rows` of them.
-    pub(super) fn take(&mut self, seen: &Pixels<'_>, origin_px: &[f64; 2], first: usize, n_rows: usize) {
-        for row in 0..CHUNK {
-            let uv_px = &seen.uv_px[first + row.min(n_rows - 1)];
-            for axis in 0..2 {
-                self.x[axis][row] = uv_px[axis] - origin_px[axis];
-            }
-        }
-        match seen.noise {
+    #[inline(always)]
+    fn take_noise(&mut self, noise: &PixelNoise<'_>) {
+        match noise {
             PixelNoise::Sigma(sigma_px) => {
                 self.covariance_px2 = [[sigma_px * sigma_px; CHUNK], ZEROS, [sigma_px * sigma_px; CHUNK]];
             }
             PixelNoise::Covariances(covariances) => {
-                for row in 0..CHUNK {
-                    let c = &covariances[first + row.min(n_rows - 1)];
-                    self.covariance_px2[0][row] = c[0][0];
-                    self.covariance_px2[1][row] = 0.5 * (c[0][1] + c[1][0]);
-                    self.covariance_px2[2][row] = c[1][1];
+                let [c00, c01, c11] = &mut self.covariance_px2;
+                for (((c, c00), c01), c11) in
+                    covariances.iter().zip(c00.iter_mut()).zip(c01.iter_mut()).zip(c11)
+                {
+                    *c00 = c[0][0];
+                    *c01 = 0.5 * (c[0][1] + c[1][0]);
+                    *c11 = c[1][1];
+                }
+                for column in &mut self.covariance_px2 {
+                    fill_up(column, covariances.len());
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn row(&self, row: usize) -> Seen {
-        Seen { x: [0, 1].map(|i| self.x[i][row]), c: [0, 1, 2].map(|i| self.covariance_px2[i][row]) }
+    fn x(&self, row: usize) -> [f64; 2] {
+        [self.x[0][row], self.x[1][row]]
+    }
+
+    #[inline(always)]
+    fn noise(&self, row: usize) -> Own {
+        Own([0, 1, 2].map(|i| self.covariance_px2[i][row]))
     }
 }
 
-/// What was found of a chunk.
-pub(super) struct ChunkFound {
-    pub point_mm: [Column; 3],
-    /// xx, xy, xz, yy, yz, zz.
-    pub covariance_mm2: [Column; 6],
-    pub reprojection_px: Column,
-    /// 0 where the careful path has to answer.
-    pub is_good: [u64; CHUNK],
+/// Repeats the last of the first `n_rows` numbers.
+#[inline(always)]
+fn fill_up(column: &mut Column, n_rows: usize) {
+    if n_rows < CHUNK {
+        let last = column[n_rows - 1];
+        column[n_rows..].fill(last);
+    }
+}
+
+/// What is worked out of a chunk, column by column.
+struct Columns {
     depth_mm: Column,
     residual_px: [Column; 2],
+    point_mm: [Column; 3],
+    /// xx, xy, xz, yy, yz, zz.
+    covariance_mm2: [Column; 6],
+    reprojection_px: Column,
+    /// 0 where the careful path has to answer.
+    is_good: [u64; CHUNK],
 }
 
-impl ChunkFound {
-    pub(super) fn new() -> Self {
-        Self {
-            point_mm: [ZEROS; 3],
-            covariance_mm2: [ZEROS; 6],
-            reprojection_px: ZEROS,
-            is_good: [0; CHUNK],
-            depth_mm: ZEROS,
-            residual_px: [ZEROS; 2],
-        }
-    }
-
+impl Columns {
     #[inline(always)]
     fn state(&self, row: usize) -> State {
         State { depth_mm: self.depth_mm[row], residual_px: [0, 1].map(|i| self.residual_px[i][row]) }
@@ -97,59 +113,144 @@ impl ChunkFound {
             self.residual_px[i][row] = state.residual_px[i];
         }
     }
-}
 
-/// Points, covariances and reprojection errors of a chunk.
-pub(super) fn solve_chunk(
-    pair: &Pair,
-    left: &ChunkView,
-    right: &ChunkView,
-    reweightings: u32,
-    found: &mut ChunkFound,
-) {
-    Arch::new().dispatch(Everything { pair, left, right, reweightings, found });
-}
-
-struct Everything<'a> {
-    pair: &'a Pair,
-    left: &'a ChunkView,
-    right: &'a ChunkView,
-    reweightings: u32,
-    found: &'a mut ChunkFound,
-}
-
-impl Everything<'_> {
+    /// Writes the first rows into the result.
     #[inline(always)]
-    fn run<A: Arithmetic>(self) {
-        let Self { left, right, reweightings, found, .. } = self;
-        // A copy of its own: the compiler need not expect the results to overwrite it.
-        let pair = *self.pair;
-        for row in 0..CHUNK {
-            let (state, are_apart) = fast::start::<A>(&pair, &left.row(row), &right.row(row));
-            found.set_state(row, &state);
-            found.is_good[row] = u64::from(are_apart);
+    fn store(&self, rows: &mut Rows<'_>) {
+        let [x, y, z] = &self.point_mm;
+        for (((p, x), y), z) in rows.points_mm.iter_mut().zip(x).zip(y).zip(z) {
+            *p = [*x, *y, *z];
         }
-        for _ in 0..reweightings {
-            for row in 0..CHUNK {
-                let state = fast::step::<A>(&pair, &left.row(row), &right.row(row), &found.state(row));
-                found.set_state(row, &state);
-            }
+        for (row, c) in rows.covariance_mm2.iter_mut().enumerate().take(CHUNK) {
+            let [xx, xy, xz, yy, yz, zz] = [0, 1, 2, 3, 4, 5].map(|i| self.covariance_mm2[i][row]);
+            *c = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
         }
-        for row in 0..CHUNK {
-            let all = fast::finish::<A>(&pair, &left.row(row), &right.row(row), &found.state(row));
-            for i in 0..3 {
-                found.point_mm[i][row] = all.point_mm[i];
-            }
-            for i in 0..6 {
-                found.covariance_mm2[i][row] = all.covariance_mm2[i];
-            }
-            found.reprojection_px[row] = all.reprojection_px;
-            found.is_good[row] &= u64::from(all.is_good);
+        for (reprojection_px, found) in rows.reprojection_px.iter_mut().zip(&self.reprojection_px) {
+            *reprojection_px = *found;
         }
     }
 }
 
-impl WithSimd for Everything<'_> {
+/// Room for the work on chunks, made once for many of them.
+pub(super) struct Workspace {
+    left: ChunkView,
+    right: ChunkView,
+    columns: Columns,
+}
+
+impl Workspace {
+    pub(super) fn new() -> Self {
+        Self {
+            left: ChunkView::EMPTY,
+            right: ChunkView::EMPTY,
+            columns: Columns {
+                depth_mm: ZEROS,
+                residual_px: [ZEROS; 2],
+                point_mm: [ZEROS; 3],
+                covariance_mm2: [ZEROS; 6],
+                reprojection_px: ZEROS,
+                is_good: [0; CHUNK],
+            },
+        }
+    }
+
+    /// Points, covariances and reprojection errors of up to [`CHUNK`] rows; 0 for each that the careful path has to answer.
+    pub(super) fn solve(
+        &mut self,
+        pair: &Pair,
+        left: &Pixels<'_>,
+        right: &Pixels<'_>,
+        reweightings: u32,
+        rows: &mut Rows<'_>,
+    ) -> &[u64] {
+        let n_rows = rows.points_mm.len();
+        Arch::new().dispatch(Everything { workspace: self, pair, left, right, reweightings, rows });
+        &self.columns.is_good[..n_rows]
+    }
+}
+
+struct Everything<'a, 'rows> {
+    workspace: &'a mut Workspace,
+    pair: &'a Pair,
+    left: &'a Pixels<'a>,
+    right: &'a Pixels<'a>,
+    reweightings: u32,
+    rows: &'a mut Rows<'rows>,
+}
+
+impl Everything<'_, '_> {
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) {
+        let Workspace { left, right, columns } = self.workspace;
+        // A copy of its own: the compiler need not expect the results to overwrite it.
+        let pair = *self.pair;
+        left.take_pixels(self.left.uv_px, &pair.left_origin_px);
+        right.take_pixels(self.right.uv_px, &pair.right_origin_px);
+        match (self.left.noise, self.right.noise) {
+            (PixelNoise::Sigma(sigma_px), PixelNoise::Sigma(other_px))
+                if sigma_px == other_px && COMMON_SIGMA_PX.contains(&sigma_px) =>
+            {
+                columns.fill::<A, Unit>(
+                    &pair,
+                    self.reweightings,
+                    sigma_px * sigma_px,
+                    |row| Seen { x: left.x(row), noise: Unit },
+                    |row| Seen { x: right.x(row), noise: Unit },
+                );
+            }
+            (noise_left, noise_right) => {
+                left.take_noise(&noise_left);
+                right.take_noise(&noise_right);
+                columns.fill::<A, Own>(
+                    &pair,
+                    self.reweightings,
+                    1.0,
+                    |row| Seen { x: left.x(row), noise: left.noise(row) },
+                    |row| Seen { x: right.x(row), noise: right.noise(row) },
+                );
+            }
+        }
+        columns.store(self.rows);
+    }
+}
+
+impl Columns {
+    /// `variance` is what the noise is a multiple of.
+    #[inline(always)]
+    fn fill<A: Arithmetic, N: Noise>(
+        &mut self,
+        pair: &Pair,
+        reweightings: u32,
+        variance: f64,
+        left: impl Fn(usize) -> Seen<N>,
+        right: impl Fn(usize) -> Seen<N>,
+    ) {
+        for row in 0..CHUNK {
+            let (state, are_apart) = fast::start::<A, N>(pair, &left(row), &right(row));
+            self.set_state(row, &state);
+            self.is_good[row] = u64::from(are_apart);
+        }
+        for _ in 0..reweightings {
+            for row in 0..CHUNK {
+                let state = fast::step::<A, N>(pair, &left(row), &right(row), &self.state(row));
+                self.set_state(row, &state);
+            }
+        }
+        for row in 0..CHUNK {
+            let all = fast::finish::<A, N>(pair, &left(row), &right(row), &self.state(row));
+            for i in 0..3 {
+                self.point_mm[i][row] = all.point_mm[i];
+            }
+            for i in 0..6 {
+                self.covariance_mm2[i][row] = all.covariance_mm2[i] * variance;
+            }
+            self.reprojection_px[row] = all.reprojection_px;
+            self.is_good[row] &= u64::from(all.is_good);
+        }
+    }
+}
+
+impl WithSimd for Everything<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
@@ -158,30 +259,30 @@ impl WithSimd for Everything<'_> {
 }
 
 /// Points of a chunk with equal noise in all pixels and no reweighting; whether all rows are good, and which.
-pub(super) fn solve_points(
+pub(super) fn solve_points<P: Copy + Into<f64>>(
     pair: &Pair,
-    left_px: &[[f64; 2]; CHUNK],
-    right_px: &[[f64; 2]; CHUNK],
+    left_px: &[[P; 2]; CHUNK],
+    right_px: &[[P; 2]; CHUNK],
     points_mm: &mut [[f64; 3]; CHUNK],
 ) -> [u64; CHUNK] {
     Arch::new().dispatch(PointsOnly { pair, left_px, right_px, points_mm })
 }
 
-struct PointsOnly<'a> {
+struct PointsOnly<'a, P> {
     pair: &'a Pair,
-    left_px: &'a [[f64; 2]; CHUNK],
-    right_px: &'a [[f64; 2]; CHUNK],
+    left_px: &'a [[P; 2]; CHUNK],
+    right_px: &'a [[P; 2]; CHUNK],
     points_mm: &'a mut [[f64; 3]; CHUNK],
 }
 
-impl PointsOnly<'_> {
+impl<P: Copy + Into<f64>> PointsOnly<'_, P> {
     #[inline(always)]
     fn run<A: Arithmetic>(self) -> [u64; CHUNK] {
         let pair = *self.pair;
         let mut is_good = [0; CHUNK];
         let rows = self.left_px.iter().zip(self.right_px).zip(self.points_mm);
         for (((left_px, right_px), point_mm), is_good) in rows.zip(&mut is_good) {
-            let (found_mm, good) = fast::point::<A>(&pair, left_px, right_px);
+            let (found_mm, good) = fast::point::<A>(&pair, &left_px.map(P::into), &right_px.map(P::into));
             *point_mm = found_mm;
             *is_good = u64::from(good);
         }
@@ -189,7 +290,7 @@ impl PointsOnly<'_> {
     }
 }
 
-impl WithSimd for PointsOnly<'_> {
+impl<P: Copy + Into<f64>> WithSimd for PointsOnly<'_, P> {
     type Output = [u64; CHUNK];
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> [u64; CHUNK] {

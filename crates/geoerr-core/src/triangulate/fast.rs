@@ -62,11 +62,53 @@ pub(super) fn point<A: Arithmetic>(pair: &Pair, left_px: &[f64; 2], right_px: &[
     (point_mm, is_good)
 }
 
-/// One view of a point: its pixel from the camera's origin and the pixel's covariance (c00, c01, c11).
+/// Noise of one pixel: what multiplies with it, so that equal noise costs nothing.
+pub(super) trait Noise: Copy {
+    /// `C Σ`.
+    fn spread<A: Arithmetic>(&self, c: &[[f64; 2]; 2]) -> [[f64; 2]; 2];
+
+    /// c00, c01, c11.
+    fn covariance(&self) -> [f64; 3];
+}
+
+/// 1 px² in u and v.
 #[derive(Clone, Copy)]
-pub(super) struct Seen {
+pub(super) struct Unit;
+
+impl Noise for Unit {
+    #[inline(always)]
+    fn spread<A: Arithmetic>(&self, c: &[[f64; 2]; 2]) -> [[f64; 2]; 2] {
+        *c
+    }
+
+    #[inline(always)]
+    fn covariance(&self) -> [f64; 3] {
+        [1.0, 0.0, 1.0]
+    }
+}
+
+/// A pixel's own covariance.
+#[derive(Clone, Copy)]
+pub(super) struct Own(pub [f64; 3]);
+
+impl Noise for Own {
+    #[inline(always)]
+    fn spread<A: Arithmetic>(&self, c: &[[f64; 2]; 2]) -> [[f64; 2]; 2] {
+        let s = &self.0;
+        c.map(|row| [two::<A>(row[0], s[0], row[1], s[1]), two::<A>(row[0], s[1], row[1], s[2])])
+    }
+
+    #[inline(always)]
+    fn covariance(&self) -> [f64; 3] {
+        self.0
+    }
+}
+
+/// One view of a point: its pixel from the camera's origin and the pixel's noise.
+#[derive(Clone, Copy)]
+pub(super) struct Seen<N> {
     pub x: [f64; 2],
-    pub c: [f64; 3],
+    pub noise: N,
 }
 
 /// A point as the left camera has it: its depth, and what the measured left pixel is off its image.
@@ -87,12 +129,12 @@ pub(super) struct Found {
 
 /// Li's rows weighted by the pixels' covariances, and whether the rays are well apart.
 #[inline(always)]
-pub(super) fn start<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen) -> (State, bool) {
+pub(super) fn start<A: Arithmetic, N: Noise>(pair: &Pair, left: &Seen<N>, right: &Seen<N>) -> (State, bool) {
     let a = parallax::<A>(pair, &left.x, &right.x);
     let b = offset::<A>(pair, &right.x);
     let c = coupling::<A>(pair, &right.x);
-    let cs = spread::<A>(&c, &left.c);
-    let w = weight::<A>(&c, &cs, 1.0, &right.c);
+    let cs = left.noise.spread::<A>(&c);
+    let w = weight::<A>(&c, &cs, 1.0, &right.noise.covariance());
     let g = adjugate_times::<A>(&w, &a);
     let along = two::<A>(g[0], b[0], g[1], b[1]);
     let depth_mm = along / two::<A>(g[0], a[0], g[1], a[1]);
@@ -119,7 +161,7 @@ struct Linear {
 }
 
 #[inline(always)]
-fn linearise<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, state: &State) -> Linear {
+fn linearise<A: Arithmetic, N: Noise>(pair: &Pair, left: &Seen<N>, right: &Seen<N>, state: &State) -> Linear {
     let image = [left.x[0] - state.residual_px[0], left.x[1] - state.residual_px[1]];
     let measured = parallax::<A>(pair, &image, &right.x);
     let third = 1.0 + affine::<A>(&pair.rest[2], &image);
@@ -130,17 +172,22 @@ fn linearise<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, state: &Stat
     let a = [0, 1].map(|i| A::mul_add(-residual_right_px[i], third, measured[i]));
     let c = coupling::<A>(pair, &[right.x[0] - residual_right_px[0], right.x[1] - residual_right_px[1]]);
     let ratio = state.depth_mm * inverse;
-    let cs = spread::<A>(&c, &left.c);
-    let w = weight::<A>(&c, &cs, ratio * ratio, &right.c);
+    let cs = left.noise.spread::<A>(&c);
+    let w = weight::<A>(&c, &cs, ratio * ratio, &right.noise.covariance());
     let g = adjugate_times::<A>(&w, &a);
     Linear { image, residual_right_px, depth_right_mm, a, c, ratio, cs, w, g }
 }
 
 /// One Gauss–Newton step of the pixel residuals.
 #[inline(always)]
-pub(super) fn step<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, state: &State) -> State {
+pub(super) fn step<A: Arithmetic, N: Noise>(
+    pair: &Pair,
+    left: &Seen<N>,
+    right: &Seen<N>,
+    state: &State,
+) -> State {
     let Linear { residual_right_px, depth_right_mm, a, c, ratio, cs, g, .. } =
-        linearise::<A>(pair, left, right, state);
+        linearise::<A, N>(pair, left, right, state);
     let r = &state.residual_px;
     let b = [0, 1].map(|i| A::mul_add(ratio, two::<A>(c[i][0], r[0], c[i][1], r[1]), residual_right_px[i]));
     let inverse = 1.0 / two::<A>(g[0], a[0], g[1], a[1]);
@@ -160,9 +207,14 @@ pub(super) fn step<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, state:
 /// With `τ = −(d/d'²) Σ Cᵀ W⁻¹ a` what the left image moves by per depth, and `P` its covariance at a given depth, the
 /// homogeneous pixel `(d x, d)` has the covariance `d'²/(aᵀ W⁻¹ a) · w wᵀ + d² P` with `w = (x + d τ, 1)`.
 #[inline(always)]
-pub(super) fn finish<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, state: &State) -> Found {
+pub(super) fn finish<A: Arithmetic, N: Noise>(
+    pair: &Pair,
+    left: &Seen<N>,
+    right: &Seen<N>,
+    state: &State,
+) -> Found {
     let Linear { image, residual_right_px, depth_right_mm, a, c, ratio, cs, w, g } =
-        linearise::<A>(pair, left, right, state);
+        linearise::<A, N>(pair, left, right, state);
     let n = &pair.world_from_left;
     let depth_mm = state.depth_mm;
     let y = [depth_mm * image[0], depth_mm * image[1]];
@@ -176,7 +228,7 @@ pub(super) fn finish<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, stat
     let lean = ratio * ratio * inverse;
     let moved = [0, 1].map(|j| A::mul_add(-lean, two::<A>(cs[0][j], g[0], cs[1][j], g[1]), image[j]));
     let ray = [0, 1, 2].map(|i| A::mul_add(n[i][0], moved[0], A::mul_add(n[i][1], moved[1], n[i][2])));
-    let p = left_covariance::<A>(&c, ratio * ratio, &left.c, &right.c);
+    let p = left_covariance::<A, N>(&c, ratio * ratio, &left.noise, &right.noise);
     let scale = depth_mm * depth_mm * inverse;
     let np = [0, 1, 2].map(|i| {
         [two::<A>(n[i][0], p[0], n[i][1], p[1]) * scale, two::<A>(n[i][0], p[1], n[i][1], p[2]) * scale]
@@ -190,8 +242,8 @@ pub(super) fn finish<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, stat
         two::<A>(r[0], r[0], r[1], r[1]) + two::<A>(r_right[0], r_right[0], r_right[1], r_right[1]);
     let is_good = (depth_mm > 0.0)
         & (depth_right_mm > 0.0)
-        & is_proper(&left.c)
-        & is_proper(&right.c)
+        & is_proper(&left.noise.covariance())
+        & is_proper(&right.noise.covariance())
         & is_proper(&w)
         & is_point(&point_mm)
         & ((covariance_mm2[0] + covariance_mm2[3] + covariance_mm2[5]) < f64::INFINITY);
@@ -200,14 +252,15 @@ pub(super) fn finish<A: Arithmetic>(pair: &Pair, left: &Seen, right: &Seen, stat
 
 /// `det(W)` times the left image's covariance at a given depth, as 00, 01, 11: a sum of positive matrices.
 #[inline(always)]
-fn left_covariance<A: Arithmetic>(
+fn left_covariance<A: Arithmetic, N: Noise>(
     c: &[[f64; 2]; 2],
     ratio_squared: f64,
-    left: &[f64; 3],
-    right: &[f64; 3],
+    left: &N,
+    right: &N,
 ) -> [f64; 3] {
     let adjugate = [[c[1][1], -c[0][1]], [-c[1][0], c[0][0]]];
-    let spread = spread::<A>(&adjugate, right);
+    let spread = right.spread::<A>(&adjugate);
+    let [left, right] = [left.covariance(), right.covariance()];
     let [from_left, from_right] = [left, right].map(|c| A::mul_add(c[0], c[2], -(c[1] * c[1])));
     let gain = ratio_squared * from_left;
     [(0, 0, left[0]), (0, 1, left[1]), (1, 1, left[2])].map(|(i, j, own)| {
@@ -223,12 +276,6 @@ fn left_covariance<A: Arithmetic>(
 #[inline(always)]
 fn is_proper(c: &[f64; 3]) -> bool {
     (c[0] > 0.0) & (c[2] > 0.0) & (c[0] * c[2] - c[1] * c[1] > 1e-9 * (c[0] * c[2]))
-}
-
-/// `C Σ`.
-#[inline(always)]
-fn spread<A: Arithmetic>(c: &[[f64; 2]; 2], s: &[f64; 3]) -> [[f64; 2]; 2] {
-    c.map(|row| [two::<A>(row[0], s[0], row[1], s[1]), two::<A>(row[0], s[1], row[1], s[2])])
 }
 
 /// `Σ' + factor · (C Σ) Cᵀ` as 00, 01, 11.

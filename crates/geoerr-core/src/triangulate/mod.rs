@@ -39,7 +39,7 @@ use rayon::prelude::*;
 
 pub use self::rig::Rig;
 
-use self::batch::{CHUNK, ChunkFound, ChunkView, solve_chunk, solve_points};
+use self::batch::{CHUNK, Workspace, solve_points};
 use self::lanes::{Lanes, WIDTH};
 use self::point::{Sight, Solution, solve};
 
@@ -155,6 +155,19 @@ pub struct Pixels<'a> {
     pub noise: PixelNoise<'a>,
 }
 
+/// Memory for points with their uncertainty, one row for each pair of pixels; see [`Triangulated`].
+#[derive(Debug)]
+pub struct Rows<'a> {
+    /// Points in the frame of the projection matrices.
+    pub points_mm: &'a mut [[f64; 3]],
+    /// Covariance of each point.
+    pub covariance_mm2: &'a mut [[[f64; 3]; 3]],
+    /// Root mean square over the two views of the distance from measured to reprojected pixel.
+    pub reprojection_px: &'a mut [f64],
+    /// Why a row has no point.
+    pub status: &'a mut [Status],
+}
+
 /// Points with their uncertainty; a row without a point is NaN and its `status` says why.
 #[derive(Clone, Debug)]
 pub struct Triangulated {
@@ -200,22 +213,48 @@ pub fn triangulate(
     reweightings: u32,
 ) -> Result<Triangulated, TriangulateError> {
     let n_points = left.uv_px.len();
-    check_length("the right pixels", right.uv_px.len(), n_points)?;
-    check_noise("the left covariances", &left.noise, n_points)?;
-    check_noise("the right covariances", &right.noise, n_points)?;
     let mut result = Triangulated {
         points_mm: vec![[0.0; 3]; n_points],
         covariance_mm2: vec![[[0.0; 3]; 3]; n_points],
         reprojection_px: vec![0.0; n_points],
         status: vec![Status::Ok; n_points],
     };
-    let blocks = result
+    let rows = Rows {
+        points_mm: &mut result.points_mm,
+        covariance_mm2: &mut result.covariance_mm2,
+        reprojection_px: &mut result.reprojection_px,
+        status: &mut result.status,
+    };
+    triangulate_into(rig, left, right, reweightings, rows)?;
+    Ok(result)
+}
+
+/// As [`triangulate`], into memory that the caller has.
+///
+/// # Errors
+/// As [`triangulate`].
+pub fn triangulate_into(
+    rig: &Rig,
+    left: &Pixels<'_>,
+    right: &Pixels<'_>,
+    reweightings: u32,
+    rows: Rows<'_>,
+) -> Result<(), TriangulateError> {
+    let n_points = left.uv_px.len();
+    check_length("the right pixels", right.uv_px.len(), n_points)?;
+    check_noise("the left covariances", &left.noise, n_points)?;
+    check_noise("the right covariances", &right.noise, n_points)?;
+    check_length("the array of points", rows.points_mm.len(), n_points)?;
+    check_length("the array of covariances", rows.covariance_mm2.len(), n_points)?;
+    check_length("the array of reprojection errors", rows.reprojection_px.len(), n_points)?;
+    check_length("the array of statuses", rows.status.len(), n_points)?;
+    let blocks = rows
         .points_mm
         .par_chunks_mut(BLOCK)
-        .zip(result.covariance_mm2.par_chunks_mut(BLOCK))
-        .zip(result.reprojection_px.par_chunks_mut(BLOCK))
-        .zip(result.status.par_chunks_mut(BLOCK))
-        .map(|(((points_mm, covariance_mm2), reprojection_px), status)| Block {
+        .zip(rows.covariance_mm2.par_chunks_mut(BLOCK))
+        .zip(rows.reprojection_px.par_chunks_mut(BLOCK))
+        .zip(rows.status.par_chunks_mut(BLOCK))
+        .map(|(((points_mm, covariance_mm2), reprojection_px), status)| Rows {
             points_mm,
             covariance_mm2,
             reprojection_px,
@@ -224,14 +263,16 @@ pub fn triangulate(
         .enumerate();
     let blocks =
         if n_points <= PARALLEL_ABOVE { blocks.with_min_len(PARALLEL_ABOVE) } else { blocks.with_min_len(1) };
-    blocks.for_each(|(index, mut block)| block.fill(rig, left, right, index * BLOCK, reweightings));
-    Ok(result)
+    blocks.for_each_init(Workspace::new, |workspace, (index, mut block)| {
+        block.fill(rig, left, right, index * BLOCK, reweightings, workspace);
+    });
+    Ok(())
 }
 
 /// Points alone, with equal noise in all pixels: Li's rows as they stand, as [`triangulate`] solves them with no
 /// reweighting, without covariance and reprojection error and many times as fast.
 ///
-/// Fills `points_mm` and `status`, one row for each pair of pixels.
+/// Fills `points_mm` and `status`, one row for each pair of pixels. Pixels may be `f32`: the arithmetic is that of `f64`.
 ///
 /// # Errors
 /// [`TriangulateError::LengthsDiffer`]; a bad row is NaN and has a [`Status`].
@@ -248,10 +289,10 @@ pub fn triangulate(
 /// assert!((points_mm[0][0] - 40.0).abs() < 1e-10 && (points_mm[0][2] - 800.0).abs() < 1e-10);
 /// # Ok::<(), geoerr_core::triangulate::TriangulateError>(())
 /// ```
-pub fn triangulate_points(
+pub fn triangulate_points<P: Copy + Sync + Into<f64>>(
     rig: &Rig,
-    left_px: &[[f64; 2]],
-    right_px: &[[f64; 2]],
+    left_px: &[[P; 2]],
+    right_px: &[[P; 2]],
     points_mm: &mut [[f64; 3]],
     status: &mut [Status],
 ) -> Result<(), TriangulateError> {
@@ -275,10 +316,10 @@ pub fn triangulate_points(
     Ok(())
 }
 
-fn fill_points(
+fn fill_points<P: Copy + Into<f64>>(
     rig: &Rig,
-    left_px: &[[f64; 2]],
-    right_px: &[[f64; 2]],
+    left_px: &[[P; 2]],
+    right_px: &[[P; 2]],
     points_mm: &mut [[f64; 3]],
     status: &mut [Status],
 ) {
@@ -310,18 +351,20 @@ fn fill_points(
 }
 
 /// Fills the rows of a chunk for which the fast kernel does not answer.
-fn fill_points_carefully(
+fn fill_points_carefully<P: Copy + Into<f64>>(
     rig: &Rig,
-    left_px: &[[f64; 2]],
-    right_px: &[[f64; 2]],
+    left_px: &[[P; 2]],
+    right_px: &[[P; 2]],
     is_good: &[u64],
     points_mm: &mut [[f64; 3]],
     status: &mut [Status],
 ) {
-    let [left, right] = [left_px, right_px].map(|uv_px| Pixels { uv_px, noise: PixelNoise::Sigma(1.0) });
+    let [left_px, right_px] =
+        [left_px, right_px].map(|rows| rows.iter().map(|uv_px| uv_px.map(P::into)).collect::<Vec<_>>());
+    let [left, right] = [&left_px, &right_px].map(|uv_px| Pixels { uv_px, noise: PixelNoise::Sigma(1.0) });
     let open: Vec<usize> = (0..is_good.len()).filter(|&row| is_good[row] == 0).collect();
     for rows in open.chunks(WIDTH) {
-        solve_carefully(rig, &left, &right, 0, rows, 0, |row, found, solution, lane| {
+        solve_carefully(rig, &left, &right, rows, 0, |row, found, solution, lane| {
             status[row] = found;
             points_mm[row] =
                 solution.point_mm.map(|value| if found == Status::Ok { value.0[lane] } else { f64::NAN });
@@ -341,53 +384,48 @@ fn check_noise(what: &'static str, noise: &PixelNoise<'_>, n_points: usize) -> R
     }
 }
 
-/// Output rows of one block.
-struct Block<'a> {
-    points_mm: &'a mut [[f64; 3]],
-    covariance_mm2: &'a mut [[[f64; 3]; 3]],
-    reprojection_px: &'a mut [f64],
-    status: &'a mut [Status],
-}
-
-impl Block<'_> {
+impl Rows<'_> {
     /// Fills the block whose first row is row `first` of the batch.
-    fn fill(&mut self, rig: &Rig, left: &Pixels<'_>, right: &Pixels<'_>, first: usize, reweightings: u32) {
-        let (mut seen_left, mut seen_right) = (ChunkView::new(), ChunkView::new());
-        let mut found = ChunkFound::new();
-        let n_rows = self.points_mm.len();
-        for offset in (0..n_rows).step_by(CHUNK) {
-            let n_used = CHUNK.min(n_rows - offset);
-            seen_left.take(left, &rig.pair.left_origin_px, first + offset, n_used);
-            seen_right.take(right, &rig.pair.right_origin_px, first + offset, n_used);
-            solve_chunk(&rig.pair, &seen_left, &seen_right, reweightings, &mut found);
-            for row in 0..n_used {
-                self.points_mm[offset + row] = std::array::from_fn(|i| found.point_mm[i][row]);
-                let [xx, xy, xz, yy, yz, zz] = std::array::from_fn(|i| found.covariance_mm2[i][row]);
-                self.covariance_mm2[offset + row] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-            }
-            self.reprojection_px[offset..offset + n_used].copy_from_slice(&found.reprojection_px[..n_used]);
-            if found.is_good[..n_used].contains(&0) {
-                self.fill_carefully(rig, left, right, first, offset, &found.is_good[..n_used], reweightings);
-            }
-        }
-    }
-
-    /// Fills the rows of a chunk for which the fast kernels do not answer.
-    #[expect(clippy::too_many_arguments, reason = "where the chunk is, and what it is made of")]
-    fn fill_carefully(
+    fn fill(
         &mut self,
         rig: &Rig,
         left: &Pixels<'_>,
         right: &Pixels<'_>,
         first: usize,
-        offset: usize,
+        reweightings: u32,
+        workspace: &mut Workspace,
+    ) {
+        self.status.fill(Status::Ok);
+        let n_rows = self.points_mm.len();
+        for offset in (0..n_rows).step_by(CHUNK) {
+            let chunk = offset..n_rows.min(offset + CHUNK);
+            let [left_chunk, right_chunk] =
+                [left, right].map(|seen| seen.part(first + chunk.start..first + chunk.end));
+            let mut rows = Rows {
+                points_mm: &mut self.points_mm[chunk.clone()],
+                covariance_mm2: &mut self.covariance_mm2[chunk.clone()],
+                reprojection_px: &mut self.reprojection_px[chunk.clone()],
+                status: &mut self.status[chunk],
+            };
+            let is_good = workspace.solve(&rig.pair, &left_chunk, &right_chunk, reweightings, &mut rows);
+            if is_good.contains(&0) {
+                rows.fill_carefully(rig, &left_chunk, &right_chunk, is_good, reweightings);
+            }
+        }
+    }
+
+    /// Fills the rows of a chunk for which the fast kernels do not answer.
+    fn fill_carefully(
+        &mut self,
+        rig: &Rig,
+        left: &Pixels<'_>,
+        right: &Pixels<'_>,
         is_good: &[u64],
         reweightings: u32,
     ) {
-        let open: Vec<usize> =
-            (0..is_good.len()).filter(|&row| is_good[row] == 0).map(|row| offset + row).collect();
+        let open: Vec<usize> = (0..is_good.len()).filter(|&row| is_good[row] == 0).collect();
         for rows in open.chunks(WIDTH) {
-            solve_carefully(rig, left, right, first, rows, reweightings, |row, status, solution, lane| {
+            solve_carefully(rig, left, right, rows, reweightings, |row, status, solution, lane| {
                 let is_ok = status == Status::Ok;
                 let or_nan = |value: Lanes| if is_ok { value.0[lane] } else { f64::NAN };
                 self.status[row] = status;
@@ -400,18 +438,17 @@ impl Block<'_> {
     }
 }
 
-/// The careful path for up to [`WIDTH`] rows, counted from row `first` of the batch; each is given to `store`.
+/// The careful path for up to [`WIDTH`] rows; each is given to `store`.
 fn solve_carefully(
     rig: &Rig,
     left: &Pixels<'_>,
     right: &Pixels<'_>,
-    first: usize,
     rows: &[usize],
     reweightings: u32,
     mut store: impl FnMut(usize, Status, &Solution, usize),
 ) {
     // Lanes beyond the end repeat the last row and are not stored.
-    let lanes: [usize; WIDTH] = std::array::from_fn(|lane| first + rows[lane.min(rows.len() - 1)]);
+    let lanes: [usize; WIDTH] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)]);
     let (seen_left, seen_right) = (left.sight(&lanes), right.sight(&lanes));
     let solution = solve(rig, &seen_left, &seen_right, reweightings);
     for (lane, &row) in rows.iter().enumerate() {
@@ -420,6 +457,15 @@ fn solve_carefully(
 }
 
 impl Pixels<'_> {
+    /// The pixels of consecutive rows.
+    fn part(&self, rows: std::ops::Range<usize>) -> Self {
+        let noise = match self.noise {
+            PixelNoise::Sigma(sigma_px) => PixelNoise::Sigma(sigma_px),
+            PixelNoise::Covariances(all) => PixelNoise::Covariances(&all[rows.clone()]),
+        };
+        Self { uv_px: &self.uv_px[rows], noise }
+    }
+
     /// Pixels and covariances of the given rows.
     #[inline(always)]
     fn sight(&self, rows: &[usize; WIDTH]) -> Sight {

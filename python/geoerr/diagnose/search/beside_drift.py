@@ -64,28 +64,33 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
     tops = best_of_each(calm, [(one.what, [next(scanned) for _ in one.what.shapes]) for one in like])
     clear = sorted((one for one, _ in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
-    # Without a drift more is seen of each than beside one: what is not enough there is not looked at further.
-    enough = max(looked.candidates[0].evidence, 0.0 if is_offset else least)
-    clear = [one for one in clear[:_MOST_LIKE_DRIFT] if one.evidence > enough]
+    judged = {id(one.what): one for one in looked.candidates}
+
+    def enough(one: Judged) -> float:
+        of_passes = is_offset and _is_of_direction(one.what)
+        return max(judged[id(one.what)].evidence, 0.0 if of_passes else least)
+
+    # Without a drift more is seen of each than beside one: what is not enough there, or less than the best, is not
+    # looked at further.
+    most = looked.candidates[0].evidence
+    clear = [one for one in clear[:_MOST_LIKE_DRIFT] if one.evidence > max(most, enough(one))]
     if not clear:
         return looked
     without = sums.fit(restricted=False, start=bench.noise).log_likelihood
-    judged = {id(one.what): one for one in looked.candidates}
     for one in clear:
         # A drift forgives no jump at the wrong moment: the time is found first.
         columns = scanner.raw_columns(settle(calm, scanner, one).shapes, 0)
         noise = bench.sums([*added, columns]).fit(restricted=False, start=bench.noise)
         gain = max(2.0 * (noise.log_likelihood - without), 0.0)
-        of_passes = is_offset and _is_of_direction(one.what)
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
-        if of_passes:
+        if is_offset and _is_of_direction(one.what):
             found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
         p_value = looked.p_value_of(found)
         if n_asked and _is_asked_for(one.what):
             p_value = min(p_value, n_asked * math.exp(-found))
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
-        if evidence > max(judged[id(one.what)].evidence, 0.0 if of_passes else least):
+        if evidence > enough(one):
             judged[id(one.what)] = replace(
                 one, gain=gain, surprise=found, evidence=evidence, p_value=p_value, noise=noise
             )

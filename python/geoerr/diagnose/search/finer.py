@@ -6,12 +6,14 @@ slow wave along an axis may be no more than what too few splines left of a smoot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from geoerr.bases import basis_of
+from geoerr.diagnose.candidates import Formulas, wave_along
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search.bench import Bench
@@ -25,12 +27,15 @@ from geoerr.terms import BasisSpec, Term
 _PARTS = (2, 4)
 # Of what leaves a smaller share than this, the model does most already; what gains this share of it does as much.
 _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
+# So many waves over an axis are no smooth error of it.
+_MANY_WAVES = 5.0
 
 
 def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | None:
-    """Give columns (n, 3, k) of an error of an axis with more knots, if they have more evidence than what is claimed.
+    """Give columns (n, 3, k) of errors of an axis with more knots, if they have more evidence than what is claimed.
 
-    Of what the model does most already, it is enough that they do as much, and are worth their freedom.
+    Of what the model does most already, it is enough that they do as much, and predict better; but many waves along
+    an axis are no smooth error, however many knots follow them.
 
     Parameters
     ----------
@@ -40,21 +45,44 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | Non
     axis = _axis_of(claim)
     if axis is None:
         return None
-    ways = [
-        (term, finer)
-        for term in bench.fitted.terms
-        for finer in _finer(term, axis)
-        if isinstance(claim.what, Probe) or set(term.channels) & set(_term_of(claim).channels)
-    ]
-    is_own = claim.share < _MOSTLY_OWN
+    ways = list(_ways(bench, claim, axis))
+    is_own = claim.share < _MOSTLY_OWN and _n_waves(bench, claim) < _MANY_WAVES
     best, most = None, 0.0 if is_own else claim.evidence
-    for term, finer in ways:
-        columns = _columns(bench, term, finer)
+    for way in ways:
+        columns = np.concatenate([_columns(bench, term, finer) for term, finer in way], axis=2)
         _, root, gain = estimate(looked.space, columns)
-        evidence = float(evidence_of(looked.space, gain, np.array(root.shape[1]), len(ways)))
-        if evidence > most and (not is_own or float(gain) >= _AS_MUCH * claim.gain):
-            best, most = columns, evidence
+        rank = root.shape[1]
+        if is_own:
+            # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
+            worth = 0.5 * float(gain) - rank - math.log(len(ways))
+            is_enough = float(gain) >= _AS_MUCH * claim.gain
+        else:
+            worth, is_enough = float(evidence_of(looked.space, gain, np.array(rank), len(ways))), True
+        if is_enough and worth > most:
+            best, most = columns, worth
     return best
+
+
+def _ways(bench: Bench, claim: Judged, axis: str) -> Iterator[tuple[tuple[Term, BasisSpec], ...]]:
+    """Give terms with finer bases that may do what is claimed: each alone, and all that it acts on together."""
+    channels = None if isinstance(claim.what, Probe) else set(_term_of(claim).channels)
+    terms = [term for term in bench.fitted.terms if channels is None or channels & {*term.channels}]
+    own = [(term, finer) for term in terms if (finer := tuple(_finer(term, axis)))]
+    for term, finer in own:
+        for basis in finer:
+            yield ((term, basis),)
+    if channels is not None and len(own) > 1:
+        for place in range(len(_PARTS)):
+            yield tuple((term, finer[place]) for term, finer in own)
+
+
+def _n_waves(bench: Bench, claim: Judged) -> float:
+    """Give the number of waves over the places that were measured; 0 of what is no wave."""
+    if isinstance(claim.what, Probe):
+        return 0.0
+    inner = claim.shapes.trials[claim.trial]
+    wave = wave_along(Formulas(bench.functions, _term_of(claim)), _term_of(claim), inner)
+    return 0.0 if wave is None else float(np.ptp(wave[1])) / inner[wave[0]]
 
 
 def _axis_of(claim: Judged) -> str | None:

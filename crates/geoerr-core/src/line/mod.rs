@@ -20,6 +20,9 @@
 //! from the matrix: the eigenvector is corrected by `Σ t d⊥ / λ` (a power step, whose ratio `λ₂/λ₁` is 10⁻⁶ or less for
 //! anything that looks like a line), and the residuals are summed as vectors, because `trace S − λ₁` would cancel.
 //!
+//! Lines of three points and more that look like a line are fitted in groups, from moments about their chords (`fast`): a
+//! tenth of the time, and no less accurate, because what is small there was never large.
+//!
 //! # Uncertainty
 //! With `δp_i` the errors of the points, first order and exact in the shape of the cloud:
 //! `δv = E (λ I − M)⁻¹ Σ_i (t_i Eᵀ + s_i vᵀ) δp_i`; the centroid's error drops out.
@@ -28,11 +31,15 @@
 //! Li et al. 2023, §4.3 (lines 1–9 are fitted by total least squares); Golub & Van Loan 2013, §6.3 and Eq. 8.1.7.
 //!
 //! # Verified
-//! `tests/line.rs`: 50-digit references beside nalgebra's SVD, invariances by property tests, bitwise equality over thread
-//! counts, finite differences of the covariance. `tests/geometry/test_line.py`: SVD by NumPy, Monte-Carlo covariance.
+//! `tests/line.rs`: 50-digit references beside nalgebra's SVD, invariances by property tests, many lines at once against
+//! lines one by one, bitwise equality over thread counts, finite differences of the covariance. `tests/geometry/test_line.py`: SVD by NumPy, Monte-Carlo covariance.
+
+mod fast;
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 use rayon::prelude::*;
+
+use self::fast::{Clouds, GROUP, fit_group};
 
 /// Points below which the calling thread does all lines itself.
 const PARALLEL_ABOVE: usize = 16_384;
@@ -150,37 +157,106 @@ pub fn fit_lines(
     noise: PointNoise<'_>,
 ) -> Result<FittedLines, LineError> {
     check(points_mm.len(), starts, &noise)?;
-    let mut along_mm = vec![f64::NAN; points_mm.len()];
-    let lines: Vec<Result<Line, Status>> = {
-        let jobs = cut(&mut along_mm, starts);
-        let fit = |(start, along_mm): (usize, &mut [f64])| {
-            let range = start..start + along_mm.len();
-            let covariances = match noise {
-                PointNoise::Covariances(all) => Some(&all[range.clone()]),
-                PointNoise::FromResiduals => None,
-            };
-            fit_line(&points_mm[range], covariances, along_mm)
-        };
-        if points_mm.len() <= PARALLEL_ABOVE {
-            jobs.into_iter().map(fit).collect()
-        } else {
-            jobs.into_par_iter().map(fit).collect()
+    let n_lines = starts.len();
+    let mut fitted = FittedLines {
+        centroid_mm: vec![[0.0; 3]; n_lines],
+        direction: vec![[0.0; 3]; n_lines],
+        rms_mm: vec![0.0; n_lines],
+        direction_covariance: vec![[[0.0; 3]; 3]; n_lines],
+        along_mm: vec![0.0; points_mm.len()],
+        status: vec![Status::Ok; n_lines],
+    };
+    let first_starts: Vec<usize> = starts.iter().step_by(GROUP).copied().collect();
+    let groups = cut(&mut fitted.along_mm, &first_starts)
+        .into_par_iter()
+        .zip(starts.par_chunks(GROUP))
+        .zip(fitted.centroid_mm.par_chunks_mut(GROUP))
+        .zip(fitted.direction.par_chunks_mut(GROUP))
+        .zip(fitted.rms_mm.par_chunks_mut(GROUP))
+        .zip(fitted.direction_covariance.par_chunks_mut(GROUP))
+        .zip(fitted.status.par_chunks_mut(GROUP))
+        .map(|((((((along, starts), centroid_mm), direction), rms_mm), direction_covariance), status)| {
+            Group {
+                end: along.0 + along.1.len(),
+                starts,
+                along_mm: along.1,
+                centroid_mm,
+                direction,
+                rms_mm,
+                direction_covariance,
+                status,
+            }
+        });
+    let least_groups = if points_mm.len() <= PARALLEL_ABOVE { n_lines.max(1) } else { 1 };
+    groups
+        .with_min_len(least_groups)
+        .for_each_init(Clouds::new, |clouds, mut group| group.fill(points_mm, noise, clouds));
+    Ok(fitted)
+}
+
+/// Output rows of some neighbouring lines.
+struct Group<'a> {
+    /// Behind the last line's points.
+    end: usize,
+    starts: &'a [usize],
+    along_mm: &'a mut [f64],
+    centroid_mm: &'a mut [[f64; 3]],
+    direction: &'a mut [[f64; 3]],
+    rms_mm: &'a mut [f64],
+    direction_covariance: &'a mut [[[f64; 3]; 3]],
+    status: &'a mut [Status],
+}
+
+impl Group<'_> {
+    fn range(&self, line: usize) -> std::ops::Range<usize> {
+        self.starts[line]..self.starts.get(line + 1).copied().unwrap_or(self.end)
+    }
+
+    /// Fits the lines together, and one by one those for which that does not answer.
+    fn fill(&mut self, points_mm: &[[f64; 3]], noise: PointNoise<'_>, clouds: &mut Clouds) {
+        let mut is_open = [true; GROUP];
+        if let PointNoise::FromResiduals = noise {
+            let mut lines: [&[[f64; 3]]; GROUP] = [&[]; GROUP];
+            for (line, points) in lines.iter_mut().enumerate().take(self.starts.len()) {
+                *points = &points_mm[self.range(line)];
+            }
+            let found = fit_group(&lines[..self.starts.len()], clouds, self.along_mm);
+            for (line, found) in found.iter().enumerate() {
+                if let Some(found) = found {
+                    self.centroid_mm[line] = found.centroid_mm;
+                    self.direction[line] = found.direction;
+                    self.rms_mm[line] = found.rms_mm;
+                    self.direction_covariance[line] = found.direction_covariance;
+                    is_open[line] = false;
+                }
+            }
         }
-    };
-    let numbers = |of: fn(&Line) -> [f64; 3]| {
-        lines.iter().map(|line| line.as_ref().map_or([f64::NAN; 3], of)).collect::<Vec<_>>()
-    };
-    Ok(FittedLines {
-        centroid_mm: numbers(|line| line.centroid_mm.into()),
-        direction: numbers(|line| line.direction.into()),
-        rms_mm: lines.iter().map(|line| line.as_ref().map_or(f64::NAN, |line| line.rms_mm)).collect(),
-        direction_covariance: lines
-            .iter()
-            .map(|line| line.as_ref().map_or([[f64::NAN; 3]; 3], |line| line.direction_covariance.into()))
-            .collect(),
-        along_mm,
-        status: lines.iter().map(|line| line.as_ref().err().copied().unwrap_or(Status::Ok)).collect(),
-    })
+        for line in (0..self.starts.len()).filter(|&line| is_open[line]) {
+            self.fill_carefully(line, points_mm, noise);
+        }
+    }
+
+    fn fill_carefully(&mut self, line: usize, points_mm: &[[f64; 3]], noise: PointNoise<'_>) {
+        let range = self.range(line);
+        let covariances = match noise {
+            PointNoise::Covariances(all) => Some(&all[range.clone()]),
+            PointNoise::FromResiduals => None,
+        };
+        let offset = self.starts[0];
+        let along_mm = &mut self.along_mm[range.start - offset..range.end - offset];
+        let fitted = fit_line(&points_mm[range], covariances, along_mm);
+        if fitted.is_err() {
+            along_mm.fill(f64::NAN);
+        }
+        self.status[line] = fitted.as_ref().err().copied().unwrap_or(Status::Ok);
+        let fitted = fitted.ok();
+        let fitted = fitted.as_ref();
+        self.centroid_mm[line] = fitted.map_or([f64::NAN; 3], |line| line.centroid_mm.into());
+        self.direction[line] = fitted.map_or([f64::NAN; 3], |line| line.direction.into());
+        self.rms_mm[line] = fitted.map_or(f64::NAN, |line| line.rms_mm);
+        self.direction_covariance[line] =
+            fitted.map_or([[f64::NAN; 3]; 3], |line| line.direction_covariance.into());
+    }
 }
 
 fn check(n_points: usize, starts: &[usize], noise: &PointNoise<'_>) -> Result<(), LineError> {

@@ -1,0 +1,154 @@
+"""G-code from a file through the model of 21 tables to a file, by the bench `gcode_stream`.
+
+The program is written here: closed walls of short moves, rectilinear infill of long ones, extrusion, travels,
+comments. Where the environment's GEOERR_TEST_DATA names a folder with programs of slicers (`gcode/slicers`), those
+are measured too.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import random
+import re
+import resource
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from race import Costs, Reached, table
+
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", Path(__file__).parents[2] / "target"))
+BINARY = TARGET / "release" / "gcode_stream"
+AIM_MB_PER_S = 300.0
+SLICED = {
+    "CuraEngine, spiral, relative E": "curaengine413_ender3_spiralize_relE.gcode",
+    "PrusaSlicer, absolute E": "prusaslicer250_marlin2_absE.gcode",
+}
+MAIN = "walls and infill"
+IN_THE_WAY = (
+    "Reading, solving and writing take about a third each of a program of short moves, and run at the same time. "
+    "What stands between them and a loop that reads numbers, inverts a matrix and prints is spread evenly: the "
+    "words of a line and their places, the frame twice, the exact sum of extrusion, the choice of words to write. "
+    "Long moves cost what their crossings of knots cost."
+)
+
+
+def program(n_bytes: int) -> str:
+    """Layers of three round walls of 220 moves and one infill of lines of 50 mm, in places drawn by a fixed seed."""
+    draw = random.Random(1)
+    parts = ["G21\nG90\nM83\nG28\nG1 Z5 F1200\nG1 X100 Y100 F6000\n"]
+    size, layer = len(parts[0]), 0
+    while size < n_bytes:
+        z = 0.2 + 0.2 * (layer % 900)
+        lines = [f";LAYER:{layer}", f"G1 Z{z:.2f} F720"]
+        x0, y0 = 60 + 120 * draw.random(), 60 + 120 * draw.random()
+        for wall in range(3):
+            at = [(30 - 0.45 * wall + 3 * math.sin(5 * turn)) for turn in (2 * math.pi * k / 220 for k in range(221))]
+            corners = [
+                (x0 + r * math.cos(2 * math.pi * k / 220), y0 + r * math.sin(2 * math.pi * k / 220))
+                for k, r in enumerate(at)
+            ]
+            lines += [
+                "G1 E-.8 F2400",
+                f"G0 X{corners[0][0]:.3f} Y{corners[0][1]:.3f} F9000",
+                "G1 E.8 F2400",
+                "G1 F1800",
+            ]
+            lines += [
+                f"G1 X{x:.3f} Y{y:.3f} E{0.0333 * math.dist((x, y), before):.5f}"
+                for before, (x, y) in itertools.pairwise(corners)
+            ]
+        lines += [f"G0 X{x0 - 25:.3f} Y{y0 - 25:.3f} F9000", "G1 F3600"]
+        for k in range(100):
+            side, y = x0 + (25 if k % 2 == 0 else -25), y0 - 25 + 0.5 * k
+            lines += [f"G1 X{side:.3f} Y{y:.3f} E1.66500", f"G1 X{side:.3f} Y{y + 0.5:.3f} E.01665"]
+        text = "\n".join(lines) + "\n"
+        parts.append(text)
+        size += len(text)
+        layer += 1
+    return "".join(parts)
+
+
+def run(source: Path, target: Path, threads: int) -> tuple[float, float, float]:
+    """Give processor seconds, wall seconds as the program says, and its largest memory in MB."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [str(BINARY), str(source), str(target), "tables", "klipper"]
+    environment = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
+    largest_kb = 0
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
+        # What the system tells after a process has ended counts the memory of the one that started it.
+        status = Path(f"/proc/{process.pid}/status")
+        while process.poll() is None:
+            found = re.search(r"VmHWM:\s*(\d+) kB", status.read_text()) if status.exists() else None
+            largest_kb = max(largest_kb, int(found[1]) if found else 0)
+            time.sleep(0.005)
+        said = process.stdout.read() if process.stdout else ""
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = re.search(r"([0-9.]+) s", said)
+    if process.returncode != 0 or seconds is None:
+        raise RuntimeError(f"{BINARY.name} ended with {process.returncode} and said {said!r}")
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return cpu, float(seconds[1]), largest_kb / 1024.0
+
+
+def cost(source: Path, target: Path, *, threads: int, repeats: int) -> tuple[float, float, float]:
+    """Give the medians of several runs."""
+    runs = [run(source, target, threads) for _ in range(repeats)]
+    cpu, wall, memory = (statistics.median(column) for column in zip(*runs, strict=True))
+    return cpu, wall, memory
+
+
+def measure(sizes_mb: tuple[int, ...], repeats: int) -> tuple[str, Costs, list[Reached]]:
+    """Give the text of the results, the costs against size, and rows for the summary."""
+    costs = Costs("G-code", "byte")
+    rows: list[list[str]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "out.gcode"
+        cases: dict[str, Path] = {}
+        for megabytes in sizes_mb:
+            cases[f"{MAIN}, {megabytes} MB"] = Path(folder) / f"{megabytes}.gcode"
+            cases[f"{MAIN}, {megabytes} MB"].write_text(program(megabytes * 1_000_000))
+        data = os.environ.get("GEOERR_TEST_DATA")
+        if data:
+            sliced = {name: Path(data) / "gcode" / "slicers" / file for name, file in SLICED.items()}
+            cases |= {name: path for name, path in sliced.items() if path.exists()}
+        for name, source in cases.items():
+            n_bytes = source.stat().st_size
+            cpu, _, memory = cost(source, target, threads=1, repeats=repeats)
+            cpu_two, wall, _ = cost(source, target, threads=2, repeats=repeats)
+            if name.startswith(MAIN):
+                costs.add(n_bytes, {"geoerr, one thread": cpu, "geoerr, two threads": cpu_two})
+                last = (name, n_bytes / wall / 1e6, n_bytes / cpu / 1e6, memory)
+            rows.append(
+                [
+                    name,
+                    f"{n_bytes / 1e6:.1f}",
+                    f"{n_bytes / cpu / 1e6:.0f}",
+                    f"{n_bytes / wall / 1e6:.0f}",
+                    f"{memory:.0f}",
+                ]
+            )
+    name, two_threads, one_thread, memory = last
+    summary = [
+        Reached(
+            path=f"G-code, {name}",
+            reached=f"{two_threads:.0f} MB/s on two threads",
+            aim=f"{AIM_MB_PER_S:.0f}",
+            share_of_aim=two_threads / AIM_MB_PER_S,
+            accuracy=f"{one_thread:.0f} MB per processor second on one thread; {memory:.0f} MB of memory",
+            in_the_way=IN_THE_WAY,
+        )
+    ]
+    heads = ["program", "MB", "MB per CPU s, one thread", "MB/s, two threads, wall", "memory, MB"]
+    note = (
+        "Full model of 21 tables with an entry each 10 mm, corrections of up to 1.5 mm, tolerance 5 µm. Ends are "
+        "within half a printed digit and paths within the tolerance, which `cargo bench -p geoerr-bench --bench "
+        "gcode` asserts.\n\n"
+    )
+    return note + table(heads, rows), costs, summary
