@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from geoerr.states import States, identify_states
     from geoerr.verify.ballbar import run_circular_test
     from geoerr.verify.path import compare_paths
+    from geoerr.verify.path_trace import trace_paths
     from geoerr.vision.calibrate import calibrate, calibrate_from_corners
     from geoerr.vision.measure import measure
     from geoerr.vision.rig import Rig, read_rig, write_rig
@@ -95,6 +96,7 @@ _HOMES = {
     "rig_sensitivity": "geoerr.vision.sensitivity",
     "run_circular_test": "geoerr.verify.ballbar",
     "States": "geoerr.states",
+    "trace_paths": "geoerr.verify.path_trace",
     "triangulate": "geoerr.geometry",
     "triangulate_points": "geoerr.geometry",
     "uncertainty_budget": "geoerr.budget",
@@ -152,6 +154,7 @@ __all__ = [
     "read_session",
     "rig_sensitivity",
     "run_circular_test",
+    "trace_paths",
     "triangulate",
     "triangulate_points",
     "uncertainty_budget",

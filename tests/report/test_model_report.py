@@ -134,6 +134,9 @@ def test_figures_of_the_standards_are_those_that_were_put_in(full: parts.ModelRe
     assert [one.before[0].circle.plane for one in full.circles] == ["XY", "YZ", "ZX"]
     length_mm = float(np.linalg.norm([400.0, 300.0, 200.0]))
     assert full.diagonals["PPP"].reversal_um == pytest.approx(1e3 * PLAY_MM * 400.0 / length_mm, abs=1.0)
+    for test in (*full.predicted_lines.values(), *full.diagonals.values()):
+        assert test.known_to_um is not None
+        assert 0.0 < test.known_to_um < 5.0
     assert full.diagonal_systematic_um == max(one.systematic_um for one in full.diagonals.values())
 
 

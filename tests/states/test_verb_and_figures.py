@@ -15,7 +15,6 @@ from geoerr.cli.main import app
 from geoerr.machine import write_machine
 from geoerr.model import load_model
 from geoerr.observations import Observations, write_observations
-from geoerr.report.figures import difference_curves, difference_map, state_curves
 from geoerr.states import States
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "hot_and_cold.md"
@@ -23,7 +22,7 @@ NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
 def test_every_state_has_its_curve(states: States) -> None:
-    figure = state_curves(states)
+    figure = states.plot_errors()
     lines = [trace for trace in figure.data if trace.mode == "lines" and trace.fill is None]
     assert len(lines) == 18 * len(states.states)
     assert {trace.name for trace in lines} == {"20 °C", "60 °C", "120 °C"}
@@ -33,7 +32,7 @@ def test_every_state_has_its_curve(states: States) -> None:
 
 def test_the_difference_is_drawn_with_its_bands(states: States) -> None:
     difference = states.difference(20.0, 120.0)
-    figure = difference_curves(difference)
+    figure = difference.plot_errors()
     beyond = sum(one.p_value < 0.05 for name, one in difference.by_name.items() if one.position_mm.size)
     drawn = [trace for trace in figure.data if trace.legendgroup == "beyond chance" and trace.fill is None]
     assert len(drawn) == beyond
@@ -42,7 +41,7 @@ def test_the_difference_is_drawn_with_its_bands(states: States) -> None:
 
 def test_the_map_marks_what_is_within_chance(states: States) -> None:
     volume = states.difference(20.0, 60.0).volume(4)
-    figure = difference_map(volume)
+    figure = volume.plot_map()
     crosses = [trace for trace in figure.data if trace.type == "scatter" and trace.marker.symbol == "x-thin"]
     heights = np.unique(volume.position_mm[:, 2])[[0, 2, 3]]
     shown = np.isin(volume.position_mm[:, 2], heights) & ~volume.is_beyond

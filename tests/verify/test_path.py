@@ -15,6 +15,7 @@ from geoerr.error_functions import write_errors
 from geoerr.errors import GcodeError, InputFileError
 from geoerr.machine import write_machine
 from geoerr.verify.path import compare_paths
+from geoerr.verify.path_trace import trace_paths
 
 PROGRAM = """G28
 G1 X20 Y20 Z5 F3000
@@ -49,6 +50,20 @@ def test_before_is_the_error_of_the_model(tmp_path):
     assert result.path_mm == pytest.approx(300.0)
     assert (result.max_error_um_after, result.rms_um_after) == (result.max_error_um_before, result.rms_um_before)
     assert (result.moves_in, result.moves_compared, result.moves_not_compared) == (2, 1, 1)
+
+
+def test_a_trace_has_the_error_where_it_is(tmp_path):
+    """The same scale error: along X it grows with the distance travelled, and the picture shows it."""
+    program = written(tmp_path, "G1 X0 Y0 Z0\nG1 X300\n")
+    trace = trace_paths(model({"EXX": lambda q: 1e-3 * q}), program, program)
+    assert trace.result.max_error_um_before == pytest.approx(300.0, abs=1e-6)
+    assert trace.distance_mm[-1] == pytest.approx(300.0)
+    np.testing.assert_allclose(trace.before_mm, 1e-3 * trace.distance_mm, atol=1e-3)
+    np.testing.assert_array_equal(trace.before_mm, trace.after_mm)
+    figure = trace.plot_error(0.005)
+    assert figure.data[0].name.endswith("300.0 µm")
+    assert "tolerance 5.00 µm" in figure.data[2].name
+    assert "largest error, µm" in trace._repr_html_()
 
 
 def test_a_corrected_program_follows_its_path(tmp_path):

@@ -162,6 +162,18 @@ def test_the_work_side_counts_as_seen_from_the_work() -> None:
     assert figures.up_um[-1] - figures.up_um[0] == pytest.approx(4.5)
 
 
+def test_a_target_that_stands_still_tells_no_positioning() -> None:
+    """X carries the tool: a target on the work, and one on the base, see nothing of it."""
+    machine = Machine.from_chain("wYbXZt", (400.0, 300.0, 200.0))
+    x = np.tile(np.concatenate([TARGETS_MM, TARGETS_MM[::-1]]), 3)
+    carrier = ["tool"] * 10 + ["work"] * 10 + ["base"] * 10
+    seen = np.where(np.array(carrier) == "tool", x, 0.0)
+    columns = {"x": x, "y": 0.0 * x, "z": 0.0 * x, "mx": seen, "my": 0.0 * x, "mz": 0.0 * x}
+    columns |= {"dir_x": np.tile(np.repeat([1.0, -1.0], 5), 3)}
+    observations = observations_from_columns(columns | {"carrier": carrier, "target": carrier})  # type: ignore[arg-type]
+    assert [(line.target, line.moving) for line in straight_lines(machine, observations)] == [("tool", "x")]
+
+
 @pytest.mark.real_data
 def test_a_run_of_a_slide_by_the_standard(real_data: Path) -> None:
     """Five targets, five cycles, both ways: the figures against NumPy on the table itself."""

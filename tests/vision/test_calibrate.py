@@ -99,6 +99,12 @@ def test_the_simulated_rig_is_found(simulated: Path, calibration: Calibration) -
     assert calibration.rig.image_size == IMAGE_SIZE
 
 
+def test_its_views_are_drawn_in_one_call(calibration: Calibration) -> None:
+    figure = calibration.plot_views()
+    left = [view.left_rms_px for view in calibration.per_view]
+    assert any(len(bars.y) >= len(left) and np.allclose(bars.y[: len(left)], left) for bars in figure.data)
+
+
 def test_a_volume_keeps_its_shape(simulated: Path, calibration: Calibration) -> None:
     """Points seen through the true rig, measured with the found one, after a rigid fit."""
     truth = true_rig(simulated)

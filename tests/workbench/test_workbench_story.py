@@ -170,8 +170,9 @@ def test_a_program_is_corrected_and_its_path_is_better(tmp_path: Path) -> None:
     corrected = session.program
     assert corrected.corrected_name == "part-corrected.gcode"
     assert corrected.content != PROGRAM
-    assert corrected.path.rms_um_after < 0.2 * corrected.path.rms_um_before
-    assert len(corrected.distance_mm) == len(corrected.before_mm) == len(corrected.after_mm)
+    trace = corrected.trace
+    assert trace.result.rms_um_after < 0.2 * trace.result.rms_um_before
+    assert len(trace.distance_mm) == len(trace.before_mm) == len(trace.after_mm)
     assert "Download part-corrected.gcode" in texts(wiring.panels(session)["program"])
     actions.compensate(session, "bad.gcode", b"G2 X10 Y10 I5 J5\n", Wish({}))
     session.job.wait(60.0)

@@ -124,7 +124,7 @@ def _lines_of(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> Ite
 
 
 def _line(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> StraightLine | None:
-    """Read rows as one line; None where they are on none, or its deviation was not measured."""
+    """Read rows as one line; None where they are on none, nothing moved, or its deviation was not measured."""
     sightings = fitted.sightings
     q_mm = sightings.commanded_mm[rows]
     span = np.ptp(q_mm, axis=0)
@@ -143,15 +143,20 @@ def _line(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> Straigh
     is_seen = np.asarray(sightings.is_measured[rows][:, moves].all(axis=1))
     if not is_seen.any():
         return None
+    moving = "".join(axis for axis, is_moving in zip(AXES, moves, strict=True) if is_moving)
+    carrier = CARRIERS[int(sightings.carrier[rows[0]])]
+    # A target that the axes do not carry stands still, whatever they do.
+    if carrier != "relative" and any(fitted.machine.side(axis) != carrier for axis in moving):
+        return None
     # A target on the work goes the other way than the tool as seen from it.
-    sign = -1.0 if CARRIERS[int(sightings.carrier[rows[0]])] == "work" else 1.0
+    sign = -1.0 if carrier == "work" else 1.0
     senses = sightings.directions[rows][:, moves] * np.sign(unit[moves])
     agree = (senses == senses[:, :1]).all(axis=1)
     line = StraightLine(
         session=sightings.sessions[int(sightings.session[rows[0]])],
         line=named.line[rows[0]],
         target=named.target[rows[0]],
-        moving="".join(axis for axis, is_moving in zip(AXES, moves, strict=True) if is_moving),
+        moving=moving,
         start_mm=start,
         end_mm=end,
         offset_mm=sightings.offset_mm[rows[0]],

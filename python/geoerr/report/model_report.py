@@ -455,6 +455,9 @@ def _line_document(one: MeasuredLine) -> dict[str, Any]:
 
 
 def thinned(lines: Sequence[MeasuredLine], most: int) -> tuple[MeasuredLine, ...]:
-    """Give the lines with most targets, in the order in which they were measured."""
-    by_size = np.argsort([-len(one.test.position_mm) for one in lines], kind="stable")[:most]
-    return tuple(lines[place] for place in sorted(by_size.tolist()))
+    """Give about as many lines of each axis, those with most targets, in the order in which they were measured."""
+    by_axes: dict[str, list[int]] = {}
+    for place in np.argsort([-len(one.test.position_mm) for one in lines], kind="stable").tolist():
+        by_axes.setdefault(lines[place].line.moving, []).append(place)
+    kept = [place for places in by_axes.values() for place in places[: max(most // len(by_axes), 1)]]
+    return tuple(lines[place] for place in sorted(kept))

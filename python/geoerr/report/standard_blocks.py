@@ -53,7 +53,12 @@ def positioning_blocks(report: ModelReport) -> tuple[Block, ...]:
             Paragraph(_LETTERS),
         ]
         if any(one.test.n_runs < USUAL_RUNS for one in lines):
-            blocks.append(Paragraph(f"The standard asks for {USUAL_RUNS} runs each way; some lines have fewer."))
+            blocks.append(
+                Paragraph(
+                    f"The standard asks for {USUAL_RUNS} runs each way; some lines have fewer. "
+                    "One run tells neither A nor R."
+                )
+            )
     seen = {one.line.moving for one in lines}
     rest = {axis.upper(): test for axis, test in report.predicted_lines.items() if axis not in seen}
     if rest:

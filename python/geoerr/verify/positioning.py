@@ -237,7 +237,8 @@ def predict_positioning(
             along_line = covariance[:, moves][:, :, moves]
             variances.append(np.einsum("a,nab,b->n", unit[moves], along_line, unit[moves]))
     nothing = np.full(n_targets, np.nan)
-    std_um = np.sqrt(np.max(variances, axis=0)) * _UM_PER_MM if variances else None
+    # Where the gauge fixes the error its variance is 0, to rounding; NaN, not determined, stays.
+    std_um = np.sqrt(np.maximum(np.max(variances, axis=0), 0.0)) * _UM_PER_MM if variances else None
     return PositioningTest(along, means[0], means[1], nothing, nothing, n_runs=0, prediction_std_um=std_um)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from dash import dcc, html
 
 from geoerr.model.program_conditions import needed_conditions
-from geoerr.report.figures import path_error, variable_label
+from geoerr.report.figures import variable_label
 from geoerr.workbench.actions import PROGRAM
 from geoerr.workbench.parts import button, figure_row, problem, section, sentence, um
 from geoerr.workbench.pictures import in_panel
@@ -91,7 +91,7 @@ def program_result(session: Session) -> list[Any]:
     corrected = session.program
     if corrected is None:
         return parts
-    path, result = corrected.path, corrected.result
+    path, result = corrected.trace.result, corrected.result
     rows = [
         html.Tr([html.Td(), html.Th("before", scope="col"), html.Th("after", scope="col")]),
         _pair("largest error", um(path.max_error_um_before), um(path.max_error_um_after)),
@@ -141,5 +141,5 @@ def _pair(name: str, before: str, after: str) -> Any:
 
 
 def _path(corrected: CorrectedProgram) -> Any:
-    figure = path_error(corrected.distance_mm, corrected.before_mm, corrected.after_mm)
+    figure = corrected.trace.plot_error()
     return in_panel(figure, "path", margin={"l": 62, "r": 10, "t": 26, "b": 44})

@@ -15,7 +15,7 @@ from geoerr.errors import GeoerrError, InputFileError
 from geoerr.model import Model
 from geoerr.model.program_conditions import needed_conditions
 from geoerr.model.worth import well_known
-from geoerr.verify.path import PathResult, PathSamples, compare_paths
+from geoerr.verify.path_trace import PathTrace, trace_paths
 
 Numbers = npt.NDArray[np.float64]
 
@@ -30,10 +30,8 @@ class CorrectedProgram:
         Of the program that was dropped.
     content
         The corrected one.
-    result, path
+    result, trace
         What was done to it, and how far the tool is from the programmed path.
-    distance_mm, before_mm, after_mm : (n,)
-        Travelled, and distance from the programmed path there.
     model_name
         The step whose model corrected it.
     """
@@ -41,10 +39,7 @@ class CorrectedProgram:
     name: str
     content: bytes
     result: CompensationResult
-    path: PathResult
-    distance_mm: Numbers
-    before_mm: Numbers
-    after_mm: Numbers
+    trace: PathTrace
     model_name: str
 
     @property
@@ -89,7 +84,6 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
         on_unsupported="pass" if wish.passes_unsupported else "refuse",
         outside_measured="hold" if wish.holds_outside else "refuse",
     )
-    samples: list[PathSamples] = []
     with tempfile.TemporaryDirectory() as folder:
         # Messages name the program as the person does.
         before, after = Path(folder) / name, Path(folder) / f"corrected-{name}"
@@ -99,19 +93,9 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
         except GeoerrError as error:
             raise GeoerrError(str(error).replace(f"{folder}/", "")) from error
         known, _, rest = well_known(model, at)
-        path = compare_paths(known, before, after, at=rest, work_offset_mm=offset, on_samples=samples.append)
+        trace = trace_paths(known, before, after, at=rest, work_offset_mm=offset)
         corrected = after.read_bytes()
-    weight = _joined([one.weight_mm for one in samples])
-    return CorrectedProgram(
-        name,
-        corrected,
-        result,
-        path,
-        np.cumsum(weight),
-        _joined([one.before_mm for one in samples]),
-        _joined([one.after_mm for one in samples]),
-        model_name,
-    )
+    return CorrectedProgram(name, corrected, result, trace, model_name)
 
 
 def conditions_of(model: Model, typed: Mapping[str, str]) -> dict[str, float]:
@@ -158,7 +142,3 @@ def work_offset_mm(text: str) -> tuple[float, float, float]:
             "the program's zero", f"{text!r} is not three numbers", remedy="write x, y, z in mm: 0, 0, 0"
         ) from None
     return x, y, z
-
-
-def _joined(parts: list[Numbers]) -> Numbers:
-    return np.concatenate(parts) if parts else np.zeros(0)
