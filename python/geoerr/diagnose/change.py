@@ -26,8 +26,10 @@ from geoerr.fit import (
     result_of,
     sightings_of,
 )
-from geoerr.fit.additions import additions
+from geoerr.fit.additions import additions, usual_terms
+from geoerr.fit.empirical import is_empirical
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.wavy import without_waves
 from geoerr.model import HistoryEntry, Model
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term, parse_effect_reference
@@ -102,12 +104,15 @@ def add_effect(
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     _refuse_held(model, str(parse_effect_reference(reference)))
     calibration = _Calibration(rig_sensitivity, rig_covariance)
+    sightings = sightings_of(*tables)
+    like = () if is_empirical(reference) else usual_terms(*known.resolve(reference), model.machine, sightings)
+    own = _own_beside(model, tables, like, calibration, threads)
 
     def fit(more: Sequence[Term]) -> Fitted:
-        return _fitted(model, tables, [*own_terms(model), *more], calibration, threads)
+        return _fitted(model, tables, [*own.terms, *more], calibration, threads)
 
-    found = additions([reference], known, model.machine, sightings_of(*tables), "none", fit, way)[0]
-    return _added(model, tables, found.terms, found.reference, found.title, calibration, threads)
+    found = additions([reference], known, model.machine, sightings, "none", fit, way)[0]
+    return _added(model, tables, own, found.terms, found.reference, found.title, calibration, threads)
 
 
 def _refuse_held(model: Model, *names: str) -> None:
@@ -153,27 +158,58 @@ def add_terms(
         where the model has the effect already.
     """
     calibration = _Calibration(rig_sensitivity, rig_covariance)
-    return _added(model, tables, terms, reference, title, calibration, threads, known)
+    own = _own_beside(model, tables, terms, calibration, threads, known)
+    return _added(model, tables, own, terms, reference, title, calibration, threads)
+
+
+@dataclass(frozen=True, eq=False)
+class _Own:
+    """A model's own terms as they stand beside an effect, and the fit of the model as it is, where it is known."""
+
+    terms: Sequence[Term]
+    fitted: Fitted | None
+
+
+def _own_beside(
+    model: Model,
+    tables: Sequence[Observations | CircularTest],
+    terms: Sequence[Term],
+    calibration: _Calibration,
+    threads: int,
+    fitted: Fitted | None = None,
+) -> _Own:
+    """Give a model's own terms, with few knots where many would share with an effect what it explains."""
+    own = own_terms(model)
+    shared = {one.id for one in own if any(_may_be_followed(one, term) for term in terms)}
+    if not shared:
+        return _Own(own, fitted)
+    fitted = fitted or _fitted(model, tables, own, calibration, threads)
+    few = {term.id: term for term in without_waves(fitted) or () if term.id in shared}
+    return _Own([few.get(one.id, one) for one in own], fitted)
 
 
 def _added(
     model: Model,
     tables: Sequence[Observations | CircularTest],
+    own: _Own,
     terms: Sequence[Term],
     reference: str,
     title: str,
     calibration: _Calibration,
     threads: int,
-    known: Fitted | None = None,
 ) -> Change:
     _refuse_held(model, *(term.id for term in terms))
-    held = {term.id for term in own_terms(model)}
-    after = _fitted(model, tables, [*own_terms(model), *terms], calibration, threads)
-    if known is not None and _is_of(known, held, after):
-        before = known
-    else:
-        before = refit(after, [term for term in after.terms if term.id in held])
+    after = _fitted(model, tables, [*own.terms, *terms], calibration, threads)
+    before = own.fitted
+    if before is None or not _is_of(before, {term.id for term in own.terms}, after):
+        before = refit(after, own_terms(model))
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
+
+
+def _may_be_followed(own: Term, added: Term) -> bool:
+    """Tell whether an error of an axis acts where an effect of that axis's position alone does."""
+    basis = own.parts[0].basis
+    return basis is not None and set(added.variables) == {basis.axis} and bool({*own.channels} & {*added.channels})
 
 
 def _is_of(known: Fitted, held: set[str], after: Fitted) -> bool:

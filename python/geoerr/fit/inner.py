@@ -43,8 +43,10 @@ _ALIKE = 0.7
 _DEEPEST = 16
 # Rows by which neighbours are compared: a cosine by chance is 1/√512.
 _ROWS_TO_COMPARE = 512
-# Columns whose part beyond the fit is below this share of them are inside it already.
-_INSIDE = 1e-6
+# Values that are tried between the neighbours of the best one.
+_CLOSER = 17
+# Columns of which the fit leaves a smaller share are its own: what they gain there is no sign of them.
+_INSIDE = 2e-3
 # Moments of a jump that are tried at once; of more, every so manieth, and then all about the best.
 _MOST_MOMENTS = 1024
 # Numbers of one block of trials: 16 MB.
@@ -67,7 +69,7 @@ def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, f
     beyond = _Beyond(fitted, candidate, threads)
     moments = _moments(candidate, term)
     every = -(-len(moments) // _MOST_MOMENTS)
-    trials = (
+    trials: list[tuple[float, ...]] = (
         [(moment,) for moment in moments[::every]]
         if moments
         else list(itertools.product(*_grids(candidate, term.inner)))
@@ -77,9 +79,24 @@ def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, f
         first = max(int(np.argmax(gains)) - 1, 0) * every
         trials = [(moment,) for moment in moments[first : first + 2 * every + 1]]
         gains = beyond.gains(trials)
+    trials, gains = _closer(beyond, trials, gains)
     best = int(np.argmax(gains))
     inner = tuple(replace(p, value=v) for p, v in zip(term.inner, trials[best], strict=True))
     return replace(term, inner=inner), float(gains[best])
+
+
+def _closer(
+    beyond: _Beyond, trials: list[tuple[float, ...]], gains: Numbers
+) -> tuple[list[tuple[float, ...]], Numbers]:
+    """Look between the neighbours of the best trial of one parameter: forms are compared by their best."""
+    varied = [place for place, values in enumerate(zip(*trials, strict=True)) if len(set(values)) > 1]
+    if len(varied) != 1:
+        return trials, gains
+    (place,) = varied
+    best = int(np.argmax(gains))
+    low, high = (trials[min(max(at, 0), len(trials) - 1)][place] for at in (best - 1, best + 1))
+    between = [(*trials[best][:place], float(v), *trials[best][place + 1 :]) for v in np.linspace(low, high, _CLOSER)]
+    return [*trials, *between], np.concatenate([gains, beyond.gains(between)])
 
 
 class _Candidate:

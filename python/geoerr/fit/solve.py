@@ -23,6 +23,8 @@ _SETTLED = 1e-4
 _NEARLY_SETTLED = 0.03
 # After a correction of so little of its standard error, steps with the triangle that there is lead near the minimum.
 _NEAR = 0.3
+# While each is so much shorter than the one before.
+_SHORTER = 0.3
 _MAX_STEPS = 40
 _MAX_ROUNDS = 12
 # Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
@@ -299,14 +301,14 @@ def _gauss_newton(
         triangle, unheld = of_all.triangle, of_all.solution
     solution = unheld
     converged, steps = False, 0
-    # Of standard errors: the last step, and all steps since the triangle was made.
-    moved = moved_in_all = 0.0
+    # Of standard errors: the last step and the one before it, and all steps since the triangle was made.
+    moved = moved_before = moved_in_all = 0.0
     settled = _SETTLED if of_all is None else _NEARLY_SETTLED
     cost = _cost(problem, residual, row_scale, _held(problem, state, prior))
     while not converged and steps < _MAX_STEPS:
         if not is_linear:
             design_state = state
-            if moved > _NEAR or moved < settled < moved_in_all:
+            if moved > min(_NEAR, _SHORTER * moved_before) or moved < settled < moved_in_all:
                 triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
                 unheld, moved_in_all = triangle.solve(gauge, threads), 0.0
         gradient = problem.gradient(design_state, residual, row_scale, threads)
@@ -327,7 +329,7 @@ def _gauss_newton(
             factor *= 0.5
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
-        moved = factor * share
+        moved, moved_before = factor * share, moved
         moved_in_all += moved
         # A step cut short by the end of a range is not small: the next one goes on along the end. The triangle is to
         # be that of the minimum.
