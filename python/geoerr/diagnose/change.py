@@ -29,7 +29,7 @@ from geoerr.fit import (
 from geoerr.fit.additions import additions, usual_terms
 from geoerr.fit.empirical import is_empirical
 from geoerr.fit.sightings import Numbers
-from geoerr.fit.wavy import without_waves
+from geoerr.fit.wavy import may_be_followed, without_waves
 from geoerr.model import HistoryEntry, Model
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term, parse_effect_reference
@@ -180,7 +180,7 @@ def _own_beside(
 ) -> _Own:
     """Give a model's own terms, with few knots where many would share with an effect what it explains."""
     own = own_terms(model)
-    shared = {one.id for one in own if any(_may_be_followed(one, term) for term in terms)}
+    shared = {one.id for one in own if any(may_be_followed(one, term) for term in terms)}
     if not shared:
         return _Own(own, fitted)
     fitted = fitted or _fitted(model, tables, own, calibration, threads)
@@ -204,12 +204,6 @@ def _added(
     if before is None or not _is_of(before, {term.id for term in own.terms}, after):
         before = refit(after, own_terms(model))
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
-
-
-def _may_be_followed(own: Term, added: Term) -> bool:
-    """Tell whether an error of an axis acts where an effect of that axis's position alone does."""
-    basis = own.parts[0].basis
-    return basis is not None and set(added.variables) == {basis.axis} and bool({*own.channels} & {*added.channels})
 
 
 def _is_of(known: Fitted, held: set[str], after: Fitted) -> bool:

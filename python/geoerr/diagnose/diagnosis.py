@@ -14,6 +14,7 @@ from geoerr.diagnose.advice import advise
 from geoerr.diagnose.answer import Answer, Verdict, held_out_um
 from geoerr.diagnose.between_passes import BetweenPasses, between_passes
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
+from geoerr.diagnose.few_knots import searched_beside_knots
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.probes import Probe
@@ -29,7 +30,6 @@ from geoerr.fit import Fitted
 from geoerr.fit import refit as fit_again
 from geoerr.fit.empirical import curve_of, empirical_term
 from geoerr.fit.sightings import Numbers
-from geoerr.fit.wavy import without_waves
 from geoerr.model import Model
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import EMPIRICAL, EffectReference, Term
@@ -194,10 +194,7 @@ def diagnose(
     # A model that is held has its terms outside the fit.
     is_held = comparison is not None and comparison.freedom == "held"
     held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
-    plain = without_waves(fitted)
-    if plain is not None:
-        fitted = fit_again(fitted, plain)
-    searched = search(fitted, known, present=held, threads=threads)
+    fitted, searched = searched_beside_knots(fitted, lambda fit: search(fit, known, present=held, threads=threads))
     advance(2, _STEPS)
     found = diagnosis_of(fitted, searched, known, comparison)
     advance(_STEPS, _STEPS)

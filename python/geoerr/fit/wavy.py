@@ -51,6 +51,12 @@ def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
     return None if tuple(terms) == tuple(fitted.terms) else tuple(terms)
 
 
+def may_be_followed(own: Term, effect: Term) -> bool:
+    """Tell whether an error of an axis acts where an effect of that axis's position alone does."""
+    basis = own.parts[0].basis
+    return basis is not None and set(effect.variables) == {basis.axis} and bool({*own.channels} & {*effect.channels})
+
+
 def _plain(term: Term, positions: dict[str, Numbers]) -> BasisSpec | None:
     """Give the basis of a smooth error; None for a term that has hardly more, or another kind of basis."""
     basis = term.parts[0].basis

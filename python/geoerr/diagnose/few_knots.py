@@ -1,0 +1,26 @@
+"""A search beside few knots, where many may have followed a wave; it counts where it names one.
+
+That knots follow a wave is told by the fit alone, which knows nothing of offsets, drifts and missing effects: what it
+takes for a wave may be any of these. Only the search can say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geoerr.diagnose.search import Searched
+from geoerr.fit import Fitted, refit
+from geoerr.fit.wavy import may_be_followed, without_waves
+
+
+def searched_beside_knots(fitted: Fitted, run: Callable[[Fitted], Searched]) -> tuple[Fitted, Searched]:
+    """Give what a search finds, and the fit that was searched: with few knots if it names a wave that many followed."""
+    plain = without_waves(fitted)
+    if plain is not None:
+        few = refit(fitted, plain)
+        searched = run(few)
+        changed = [after for before, after in zip(fitted.terms, plain, strict=True) if after != before]
+        terms = [one.settled.term for one in searched.found if one.settled.term is not None]
+        if any(may_be_followed(own, term) for own in changed for term in terms):
+            return few, searched
+    return fitted, run(fitted)
