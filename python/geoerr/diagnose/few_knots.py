@@ -15,6 +15,7 @@ from geoerr.fit.wavy import may_be_followed, without_waves
 
 def searched_beside_knots(fitted: Fitted, run: Callable[[Fitted], Searched]) -> tuple[Fitted, Searched]:
     """Give what a search finds, and the fit that was searched: with few knots where it names what many followed."""
+    plain = without_waves(fitted)
     if plain is not None:
         few = refit(fitted, plain)
         searched = run(few)
