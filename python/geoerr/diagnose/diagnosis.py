@@ -44,6 +44,8 @@ Progress = Callable[[int, int], None]
 _LISTED = 8
 # Candidates that a sentence names.
 _SPOKEN = 3
+# A search that chance seldom equals has found something, also where nothing is worth its numbers.
+_NO_CHANCE = 1e-3
 # A correlation that is worth a word.
 _ALIAS = 0.5
 # The catalogue has one half of the family-wise level, probes the other.
@@ -98,7 +100,13 @@ class Diagnosis(Answer):
             return f"an effect is missing, and these data cannot tell which: {names}{also}{more}"
         if self.unknown is not None:
             return self.unknown.sentence
-        return f"nothing is missing that these data could show: {sure_words(self.p_value)}"
+        chance = sure_words(self.p_value)
+        if self.p_value is not None and self.p_value <= _NO_CHANCE:
+            return (
+                "nothing can be named, though what is left is more than chance "
+                f"({chance.partition(': ')[2]}): more passes would show what it is"
+            )
+        return f"nothing is missing that these data could show: {chance}"
 
     def plot_worth(self) -> go.Figure:
         """Draw what each candidate is worth, and the held-out error without it and with it."""
