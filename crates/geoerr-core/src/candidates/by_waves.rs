@@ -21,6 +21,8 @@ const LEAST_SEEN: f64 = 1e-3;
 /// What waves of one family are multiplied with, summed at all their harmonics.
 pub(super) struct WaveOperands<'a, T> {
     family: &'a Family,
+    /// Rows of one place.
+    moments: Moments,
     /// Harmonics that are used, rising.
     harmonics: Vec<usize>,
     /// Channels that are used, rising; by harmonic: cosine's and sine's products with basis, residual and draws.
@@ -62,7 +64,8 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
                 Some(([one, two], sums))
             })
             .collect();
-        Self { family, harmonics, channels, together }
+        let moments = Moments::of_column(&family.turns, &scene.runs);
+        Self { family, moments, harmonics, channels, together }
     }
 
     /// Sums everything that a tile needs.
@@ -135,10 +138,9 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
             .map(|&(place, kind)| kind * harmonics.len() + own.partition_point(|&one| one < place))
             .collect();
         let channels = tile.channels();
-        let moments = Moments::of_column(&self.family.turns, &scene.runs);
         let units: Vec<(usize, usize, Vec<T>)> = (channels.iter().enumerate())
             .flat_map(|(number, &(channel, _, _))| {
-                let moments = &moments;
+                let moments = &self.moments;
                 (scene.components(channel))
                     .map(move |c| (number, c, scene.unit(channel, c, moments, 0..moments.len())))
             })
@@ -148,7 +150,7 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
         in_wide_registers(
             #[inline(always)]
             || {
-                for (moment, &row) in moments.first_rows().iter().enumerate() {
+                for (moment, &row) in self.moments.first_rows().iter().enumerate() {
                     let turn = self.family.turns[row];
                     if !turn.is_finite() {
                         continue;

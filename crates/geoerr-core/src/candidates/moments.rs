@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use super::group::Group;
 use super::scene::Run;
 use super::sources::{Formula, Numbering, Source, Sources};
 use crate::expression::Rows;
@@ -81,20 +82,50 @@ struct Columns {
     is_of_moments: Vec<bool>,
 }
 
+impl Columns {
+    /// Nothing of a column that is not wanted.
+    fn of(columns: &[&[f64]], is_wanted: &[bool], moments: &Moments) -> Self {
+        let (values, is_of_moments) = (columns.iter().zip(is_wanted))
+            .map(|(column, &is_wanted)| {
+                let at = |moments: &Moments| moments.first_rows().iter().map(|&row| column[row]).collect();
+                let values = if is_wanted { at(moments) } else { Vec::new() };
+                (values, is_wanted && moments.has_one_value(column))
+            })
+            .unzip();
+        Self { values, is_of_moments }
+    }
+}
+
 impl<'a> AtMoments<'a> {
-    /// Takes the rows of one time together; `None` where that saves little.
-    pub(super) fn new(sources: &'a Sources<'_>, runs: &[Run]) -> Option<Self> {
+    /// Takes the rows of one time together, for what some groups ask for; `None` where that saves little.
+    pub(super) fn new(
+        sources: &'a Sources<'_>,
+        runs: &[Run],
+        groups: &[Group],
+        numbering: &Numbering,
+    ) -> Option<Self> {
         let moments = Moments::of_column(sources.rows.t?, runs);
         if moments.len() as f64 > WORTHWHILE * sources.rows.n_rows as f64 {
             return None;
         }
-        let at = |columns: &[&[f64]]| Columns {
-            values: (columns.iter())
-                .map(|column| moments.first_rows().iter().map(|&row| column[row]).collect())
-                .collect(),
-            is_of_moments: columns.iter().map(|column| moments.has_one_value(column)).collect(),
-        };
-        let (variables, series, given) = (at(sources.rows.variables), at(sources.series), at(sources.given));
+        let (mut series, mut given) = (vec![false; sources.series.len()], vec![false; sources.given.len()]);
+        for &function in groups.iter().flat_map(|group| &group.functions) {
+            match numbering.source(function) {
+                Source::Formula(formula, _) => {
+                    if let Some([_, followed]) = sources.formulas[formula].series {
+                        series[followed] = true;
+                    }
+                }
+                Source::Given(one) => given[one] = true,
+                Source::Product(product) => {
+                    sources.products[product].iter().for_each(|&one| given[one] = true)
+                }
+            }
+        }
+        let variables =
+            Columns::of(sources.rows.variables, &vec![true; sources.rows.variables.len()], &moments);
+        let series = Columns::of(sources.series, &series, &moments);
+        let given = Columns::of(sources.given, &given, &moments);
         let (formulas, products) = (sources.formulas, sources.products);
         Some(Self { moments, variables, series, given, formulas, products })
     }

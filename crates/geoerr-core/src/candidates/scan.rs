@@ -66,7 +66,7 @@ pub fn scan<T: Real + FftNum>(
         (Vec::new(), vec![None; n_formulas])
     };
     let rows = Moments::of_rows(&scene.runs);
-    let at_moments = AtMoments::new(sources, &scene.runs);
+    let at_moments = AtMoments::new(sources, &scene.runs, groups, &numbering);
     let tiles = tiles_of(groups, |functions| {
         let place = |formula: usize| match (&wave_of[formula], lattice_of[formula]) {
             (Some(wave), _) => Place::Waves(wave.family),
