@@ -109,6 +109,8 @@ def add_effect(
     own = _own_beside(model, tables, like, calibration, threads)
 
     def fit(more: Sequence[Term]) -> Fitted:
+        if not more and own.fitted is not None and not own.has_fewer_knots:
+            return own.fitted
         return _fitted(model, tables, [*own.terms, *more], calibration, threads)
 
     found = additions([reference], known, model.machine, sightings, "none", fit, way)[0]
@@ -168,6 +170,7 @@ class _Own:
 
     terms: Sequence[Term]
     fitted: Fitted | None
+    has_fewer_knots: bool = False
 
 
 def _own_beside(
@@ -185,7 +188,7 @@ def _own_beside(
         return _Own(own, fitted)
     fitted = fitted or _fitted(model, tables, own, calibration, threads)
     few = {term.id: term for term in without_waves(fitted) or () if term.id in shared}
-    return _Own([few.get(one.id, one) for one in own], fitted)
+    return _Own([few.get(one.id, one) for one in own], fitted, bool(few))
 
 
 def _added(

@@ -19,7 +19,7 @@ def searched_beside_knots(fitted: Fitted, run: Callable[[Fitted], Searched]) -> 
     if plain is not None:
         few = refit(fitted, plain)
         searched = run(few)
-        changed = [after for before, after in zip(fitted.terms, plain, strict=True) if after != before]
+        changed = [before for before, after in zip(fitted.terms, plain, strict=True) if after != before]
         terms = [one.settled.term for one in searched.found if one.settled.term is not None]
         if any(may_be_followed(own, term) for own in changed for term in terms):
             return few, searched

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from geoerr.diagnose.space import unseen_of_pass
+from geoerr.diagnose.space import INSIDE, independent, unseen_of_pass
 from geoerr.fit.figures import figures_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import LEAST_FOLDS, folds_of
@@ -22,8 +22,6 @@ from geoerr.fit.sightings import Numbers
 
 # What is added may take this share of a direction of a pass before the pass is solved anew.
 _LEAST_LEFT = 0.01
-# Columns whose part off the others has less than this share of their square are inside already.
-_INSIDE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +82,7 @@ class HeldOutAfter:
         parts = [self._left[id(one)] for one in added]
         nothing = np.zeros((len(self._residual), 0))
         off = np.concatenate([nothing, *(own for _, own, _ in parts)], axis=1)
-        # Orthonormal columns of it are so many of its combinations.
-        size = np.sqrt((off**2).sum(axis=0))
-        turn = np.diag(1.0 / np.where(size > 0.0, size, 1.0))
-        value, vector = np.linalg.eigh(turn @ (off.T @ off) @ turn)
-        keep = value > _INSIDE
-        turn = turn @ (vector[:, keep] / np.sqrt(value[keep]))
+        turn = independent(off.T @ off, INSIDE)
         more = off @ turn
         solved = np.concatenate([nothing, *(own for _, _, own in parts)], axis=1) @ turn
         along = more.T @ self._residual

@@ -23,7 +23,7 @@ from geoerr import _core
 from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.null import N_DRAWS
-from geoerr.diagnose.space import Channels, Space
+from geoerr.diagnose.space import Channels, Space, independent, lengths
 from geoerr.fit.sightings import Numbers
 
 # Directions of which the model leaves a smaller share are the model's own: nothing can be said of them. The core's.
@@ -164,7 +164,7 @@ def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
 def not_determined(space: Space, raw: Numbers) -> np.ndarray:
     """Tell which coefficients (k,) of columns (n, 3, k) the model can take over, in part at least: any will do."""
     gram, inside = _products(space, space.noise.whiten(raw).reshape(-1, raw.shape[2]))
-    size = _sizes(gram)
+    size = lengths(gram)
     value, vector = np.linalg.eigh((gram - inside.T @ inside) / np.outer(size, size))
     # A direction is open as far as what is left of its columns is less than a share of what they are.
     whole = np.einsum("ij,ik,kj->j", vector, gram / np.outer(size, size), vector)
@@ -177,18 +177,9 @@ def _products(space: Space, whitened: Numbers) -> tuple[Numbers, Numbers]:
     return whitened.T @ whitened, space.basis.reshape(len(whitened), -1).T @ whitened
 
 
-def _sizes(gram: Numbers) -> Numbers:
-    """Give the lengths of columns (k,) by their products; 1 for a column that is 0."""
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    return np.where(size > 0.0, size, 1.0)
-
-
 def _root(gram: Numbers, inside: Numbers) -> Numbers:
     """Give F (k, m) from products of whitened columns with each other (k, k) and with the model's basis (r, k)."""
-    size = _sizes(gram)
-    value, vector = np.linalg.eigh(gram / np.outer(size, size))
-    kept = value > _DEPENDENT * len(gram)
-    unit = vector[:, kept] / size[:, None] / np.sqrt(value[kept])
+    unit = independent(gram, _DEPENDENT * len(gram))
     owned = inside @ unit
     share, turn = np.linalg.eigh(np.eye(unit.shape[1]) - owned.T @ owned)
     seen = share > OWNED

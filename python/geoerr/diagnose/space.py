@@ -29,7 +29,7 @@ _SEED = 20_210_917
 # A direction of a pass that the rest determines by less than this share is the pass's own, and says nothing.
 _OWN = 1e-3
 # Columns whose part off the others has less than this share of their square are inside already. The core's.
-_INSIDE = 1e-9
+INSIDE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,9 +181,26 @@ def beyond(basis: Numbers, columns: Numbers) -> Numbers:
     own = columns / np.where(size > 0.0, size, 1.0)
     own = own - basis @ (basis.T @ own)
     value, vector = np.linalg.eigh(own.T @ own)
-    keep = value > _INSIDE
+    keep = value > INSIDE
     own = own @ (vector[:, keep] / np.sqrt(value[keep]))
     return orthonormal(own - basis @ (basis.T @ own))
+
+
+def independent(gram: Numbers, least: float) -> Numbers:
+    """Give the combinations (k, m) of columns that are orthonormal, from products of the columns with each other.
+
+    Directions that hold less than a share of the columns' squares are left out.
+    """
+    size = lengths(gram)
+    value, vector = np.linalg.eigh(gram / np.outer(size, size))
+    kept = value > least
+    return np.asarray(vector[:, kept] / size[:, None] / np.sqrt(value[kept]))
+
+
+def lengths(gram: Numbers) -> Numbers:
+    """Give the lengths of columns (k,) by their products with each other; 1 for a column that is 0."""
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    return np.where(size > 0.0, size, 1.0)
 
 
 def unseen_residual(basis: Numbers, residual: Numbers, pass_number: np.ndarray, n_passes: int) -> Numbers:

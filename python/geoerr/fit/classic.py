@@ -89,10 +89,14 @@ def _function(machine: Machine, name: str, basis: BasisSpec, follows_tangent: bo
         side = 1.0 if machine.side(basis.axis) == "tool" else -1.0
         integral = replace(basis, is_tangent_integral=True)
         parts.append(Part(straight, basis=integral, factor=side * sign))
-    unit = "rad" if is_angular(name) else "mm"
-    coefficients = tuple(Parameter(f"c{number}", unit) for number in range(basis.n_functions))
     title = f"{title_of(name)} ({LI_NAMES[name]})"
-    return Term(name, title, "classic", None, basis.axis, None, tuple(parts), coefficients)
+    return Term(name, title, "classic", None, basis.axis, None, tuple(parts), coefficients_of(name, basis))
+
+
+def coefficients_of(name: str, basis: BasisSpec) -> tuple[Parameter, ...]:
+    """Give the coefficients of an error function on a basis, values unknown."""
+    unit = "rad" if is_angular(name) else "mm"
+    return tuple(Parameter(f"c{number}", unit) for number in range(basis.n_functions))
 
 
 def _squareness(channel: str) -> Term:

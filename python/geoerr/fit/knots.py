@@ -29,7 +29,7 @@ _PLACES_OF_A_FUNCTION = 4
 # error, and intervals hold the truth in 87 % of cases instead of 95; two coefficients more make them honest for a
 # tenth of the certainty (validation/joint.md).
 _BEYOND_THE_BEST = 2
-# Eigenvalues of V below this share of the largest are directions of the gauge, or round-off.
+# Eigenvalues of V, and singular values, below this share of the largest are directions of the gauge, or round-off.
 _RANK = 1e-10
 
 
@@ -126,13 +126,18 @@ def _choose(
     candidates = []
     for spec in bases:
         columns = ladder.columns(name, spec, places)
-        solution, _, rank, _ = np.linalg.lstsq(whiten @ columns, target, rcond=1e-10)
-        misfit = target - whiten @ (columns @ solution)
-        chi_squared = float(misfit @ misfit)
-        candidates.append(Candidate(int(rank), chi_squared, chi_squared + 2.0 * int(rank)))
+        chi_squared, rank = misfit(whiten @ columns, target)
+        candidates.append(Candidate(rank, chi_squared, chi_squared + 2.0 * rank))
     best = int(np.argmin([candidate.score for candidate in candidates]))
     best = min(best + beyond, len(candidates) - 1)
     return KnotChoice(name, bases[best], candidates[best].n_free, tuple(candidates))
+
+
+def misfit(columns: Numbers, target: Numbers) -> tuple[float, int]:
+    """Give χ² of a target (m,) against whitened columns (m, k), and their rank."""
+    solution, _, rank, _ = np.linalg.lstsq(columns, target, rcond=_RANK)
+    left = target - columns @ solution
+    return float(left @ left), int(rank)
 
 
 def determined_values(

@@ -18,11 +18,11 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.bases import basis_of
-from geoerr.fit.classic import positions_by_axis, spline
+from geoerr.fit.classic import coefficients_of, positions_by_axis, spline
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.knots import determined_values
+from geoerr.fit.knots import determined_values, misfit
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
-from geoerr.terms import BasisSpec, Parameter, Term
+from geoerr.terms import BasisSpec, Term
 
 # Functions of a smooth error: eight pieces follow two waves over an axis. A basis with not many more is smooth, too.
 _SMOOTH, _NOT_SMOOTH = 11, 14
@@ -37,60 +37,52 @@ def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
     positions = positions_by_axis(fitted.sightings.commanded_mm, SAME_POSITION_MM)
     price = math.log(max(int(fitted.sightings.is_measured[fitted.solved.used].sum()), 2))
     terms: list[Term] = []
-    first = 0
-    for term in fitted.terms:
-        own = slice(first, first + len(term.coefficients))
-        first = own.stop
-        plain = _plain(term, positions)
-        if plain is not None and _is_wave(fitted, term, own, plain, positions, price):
-            unit = term.coefficients[0].unit
-            coefficients = tuple(Parameter(f"c{number}", unit) for number in range(plain.n_functions))
-            parts = tuple(replace(part, basis=plain) for part in term.parts)
-            term = replace(term, parts=parts, coefficients=coefficients)
+    for term, own in zip(fitted.terms, fitted.compiled.coefficient_slices, strict=True):
+        basis = _many_knots(term)
+        if basis is not None:
+            plain = spline(basis.axis, positions[basis.axis], _SMOOTH)
+            if _is_wave(fitted, term, own, basis, plain, positions[basis.axis], price):
+                parts = tuple(replace(part, basis=plain) for part in term.parts)
+                term = replace(term, parts=parts, coefficients=coefficients_of(term.id, plain))
         terms.append(term)
     return None if tuple(terms) == tuple(fitted.terms) else tuple(terms)
 
 
 def may_be_followed(own: Term, effect: Term) -> bool:
-    """Tell whether an error of an axis acts where an effect of that axis's position alone does."""
-    basis = own.parts[0].basis
+    """Tell whether an error of an axis has many knots and acts where an effect of its position alone does."""
+    basis = _many_knots(own)
     return basis is not None and set(effect.variables) == {basis.axis} and bool({*own.channels} & {*effect.channels})
 
 
-def _plain(term: Term, positions: dict[str, Numbers]) -> BasisSpec | None:
-    """Give the basis of a smooth error; None for a term that has hardly more, or another kind of basis."""
+def _many_knots(term: Term) -> BasisSpec | None:
+    """Give the basis of an error with clearly more knots than a smooth one; None for another kind of term."""
     basis = term.parts[0].basis
     if term.kind != "classic" or len(term.parts) != 1 or basis is None or basis.kind != "bspline":
         return None
-    return None if basis.n_functions < _NOT_SMOOTH else spline(basis.axis, positions[basis.axis], _SMOOTH)
+    return None if basis.n_functions < _NOT_SMOOTH else basis
 
 
 def _is_wave(
-    fitted: Fitted, term: Term, own: slice, plain: BasisSpec, positions: dict[str, Numbers], price: float
+    fitted: Fitted, term: Term, own: slice, basis: BasisSpec, plain: BasisSpec, positions_mm: Numbers, price: float
 ) -> bool:
-    basis = term.parts[0].basis
-    assert basis is not None
     values = np.array([parameter.value for parameter in term.coefficients])
     null_space = fitted.null_space[own]
-    known = determined_values(basis, values, fitted.covariance[own, own], null_space, positions[basis.axis])
+    known = determined_values(basis, values, fitted.covariance[own, own], null_space, positions_mm)
     if known is None:
         return False
     places, design, whiten, target = known
 
-    def misfit(columns: Numbers) -> tuple[float, int]:
+    def by(columns: Numbers) -> tuple[float, int]:
         # What the knots cannot follow exactly is to be compared as they would follow it.
-        along = design @ np.linalg.lstsq(design, columns, rcond=None)[0]
-        solution, _, rank, _ = np.linalg.lstsq(whiten @ along, target, rcond=1e-10)
-        left = target - whiten @ (along @ solution)
-        return float(left @ left), int(rank)
+        return misfit(whiten @ (design @ np.linalg.lstsq(design, columns, rcond=None)[0]), target)
 
     smooth = basis_of(plain).evaluate(places)
-    alone, rank = misfit(smooth)
+    alone, rank = by(smooth)
     waves = list(_waves(places, basis))
     if not waves:
         return False
     # A period is one number more.
-    best, rank_with = min(misfit(np.concatenate([smooth, wave], axis=1)) for wave in waves)
+    best, rank_with = min(by(np.concatenate([smooth, wave], axis=1)) for wave in waves)
     with_wave = best + price * (rank_with + 1) + 2.0 * math.log(len(waves))
     return with_wave + _CLEARLY < min(alone + price * rank, price * len(target))
 

@@ -15,6 +15,7 @@ from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import Scanned, Scanner, estimate, not_determined
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
+from geoerr.terms import Term
 
 # Family-wise: one half for the catalogue, the other for probes.
 ALPHA = 0.05
@@ -138,7 +139,12 @@ def is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
 def freedom_of(judged: Judged) -> int:
     """Give the number of values that a candidate is free in."""
     term = judged.shapes.term
-    return judged.rank if term is None else len(term.coefficients) + sum(is_free(one) for one in term.inner)
+    return judged.rank if term is None else freedom_of_term(term)
+
+
+def freedom_of_term(term: Term) -> int:
+    """Give the number of coefficients and free inner parameters."""
+    return len(term.coefficients) + sum(is_free(one) for one in term.inner)
 
 
 def price_of(judged: Judged) -> float:

@@ -10,11 +10,10 @@ from geoerr.diagnose.candidates import Candidate
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.best_form import in_best_form
 from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, first_to_pass, variables_of
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found
-from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.diagnose.search.settle import Settled
 from geoerr.diagnose.search.uneven import Uneven, columns_along, explained_by, most_uneven
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import displacement_um
@@ -56,8 +55,7 @@ def is_a_remainder(found: Sequence[Found], settled: Settled) -> bool:
 
 def is_impostor(
     bench: Bench,
-    looked: Round,
-    best: Judged | None,
+    best: tuple[Judged, Settled] | None,
     probe: Judged,
     added: Sequence[Numbers],
     candidates: Sequence[Candidate],
@@ -70,17 +68,14 @@ def is_impostor(
     """
     if best is None:
         return True
-    if probe.evidence <= best.evidence + CLEARLY_BETTER or best.gain >= _MOST_OF_IT * probe.gain:
+    name, settled = best
+    if probe.evidence <= name.evidence + CLEARLY_BETTER or name.gain >= _MOST_OF_IT * probe.gain:
         return False
-    best = in_best_form(bench, looked, best, added)
-    if probe.evidence <= best.evidence + CLEARLY_BETTER or best.gain >= _MOST_OF_IT * probe.gain:
-        return False
-    settled = settle(looked.space, looked.scanner, best)
     if _is_only_uneven(settled, _NEARLY_ALL * probe.gain):
         return False
     space = bench.space([*added, settled.raw])
-    second = first_to_pass(look(bench, space, [c for c in candidates if c is not best.what], []).candidates, level)
-    evidence = best.evidence + (0.0 if second is None else second.evidence)
+    second = first_to_pass(look(bench, space, [c for c in candidates if c is not name.what], []).candidates, level)
+    evidence = name.evidence + (0.0 if second is None else second.evidence)
     return evidence < probe.evidence
 
 

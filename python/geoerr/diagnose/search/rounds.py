@@ -108,7 +108,8 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             unknown = _nameless(looked, uneven[0])
             aside = [unknown.settled.raw, uneven[1].raw]
             continue
-        if probe is not None and is_impostor(bench, looked, best, probe, added, candidates, level):
+        formed = None if best is None else in_best_form(bench, looked, best, added)
+        if probe is not None and is_impostor(bench, formed, probe, added, candidates, level):
             wrong = misnamed(found, probe)
             if wrong is not None:
                 found = [one for one in found if one is not wrong]
@@ -118,10 +119,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             aside = [unknown.settled.raw]
             found = not_taken_back(bench, found, unknown)
             continue
-        if best is None or len(found) >= MOST_EFFECTS:
+        if formed is None or len(found) >= MOST_EFFECTS:
             break
-        best = in_best_form(bench, looked, best, added)
-        settled = settle(looked.space, looked.scanner, best)
+        best, settled = formed
         if is_a_remainder(found, settled) or not _helps(bench, settled, best, added):
             candidates = [one for one in candidates if one is not best.what]
             continue

@@ -22,6 +22,10 @@ _MOST_STEPS, _SHARES, _NO_MORE = 12, (1.0, 0.5, 0.25, 0.125), 1e-3
 # Standard errors around a value within which it is looked for again.
 _REACH = 4.0
 
+# Coefficients (k,), their gain, and columns with derivatives by free inner parameters: as measured (n, 3, k + free),
+# and whitened off the model (3 n, k + free).
+Derived = tuple[Numbers, float, Numbers, Numbers]
+
 
 @dataclass(frozen=True, eq=False)
 class Settled:
@@ -79,13 +83,7 @@ def resettle(space: Space, scanner: Scanner, settled: Settled) -> Settled:
     """
     term = settled.term
     assert term is not None
-    bounds = {}
-    for place, one in enumerate(term.inner):
-        if not one.std > 0.0:
-            continue
-        low, high = _range(one)
-        reach = _REACH * one.std
-        bounds[place] = (max(low, one.value - reach), min(high, one.value + reach))
+    bounds = {place: around(one, one.value, one.std) for place, one in enumerate(term.inner) if one.std > 0.0}
     inner = list(settled.shapes.trials[0])
     return _settled(space, scanner, settled.shapes, inner, bounds, _REFINEMENTS)
 
@@ -108,11 +106,9 @@ def settle_at(space: Space, scanner: Scanner, settled: Settled, place: int, valu
     """Estimate an effect again with an inner parameter near another value of the same certainty, in frequency."""
     assert settled.term is not None
     parameter = settled.term.inner[place]
-    low, high = _range(parameter)
-    reach = _REACH * parameter.std * (value / parameter.value) ** 2
     inner = list(settled.shapes.trials[0])
     inner[place] = value
-    bounds = {place: (max(low, value - reach), min(high, value + reach))}
+    bounds = {place: around(parameter, value, parameter.std * (value / parameter.value) ** 2)}
     return _settled(space, scanner, settled.shapes, inner, bounds, _REFINEMENTS)
 
 
@@ -146,10 +142,11 @@ def _settled(
             best = int(np.argmax(scanner.exact(at(trials)).gain))
             inner[place] = points[best]
             bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
+    found = _with_derivatives(space, scanner, term, at, inner)
     if refinements and len(bounds) > 1:
-        inner = _along_valley(space, scanner, term, at, inner)
+        inner, found = _along_valley(space, scanner, term, at, inner, found)
     shapes = at([inner])
-    coefficients, gain, joined, beyond = _with_derivatives(space, scanner, term, at, inner)
+    coefficients, gain, joined, beyond = found
     free = [place for place, one in enumerate(term.inner) if is_free(one)]
     size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
     covariance = np.linalg.pinv(beyond.T @ beyond / np.outer(size, size), rcond=1e-9) / np.outer(size, size)
@@ -171,11 +168,8 @@ def _with_derivatives(
     term: Term,
     at: Callable[[Sequence[Sequence[float]]], Shapes],
     inner: Sequence[float],
-) -> tuple[Numbers, float, Numbers, Numbers]:
-    """Give a term's coefficients (k,), their gain, and its columns with the derivatives by free inner parameters.
-
-    The columns as measured, (n, 3, k + free), and whitened off the model, (3 n, k + free).
-    """
+) -> Derived:
+    """Estimate a term at inner values, and give it with its derivatives by those that are free."""
     raw = scanner.raw_columns(at([inner]), 0)
     coefficients, _, gain = estimate(space, raw)
     parts = [raw]
@@ -197,7 +191,8 @@ def _along_valley(
     term: Term,
     at: Callable[[Sequence[Sequence[float]]], Shapes],
     inner: Sequence[float],
-) -> list[float]:
+    found: Derived,
+) -> tuple[list[float], Derived]:
     """Follow all inner parameters together to where the gain is largest (Gauss & Newton, the step halved if need be).
 
     One after the other they stop in a valley that runs between them.
@@ -205,7 +200,7 @@ def _along_valley(
     best = list(inner)
     free = [place for place, one in enumerate(term.inner) if is_free(one)]
     for _ in range(_MOST_STEPS):
-        coefficients, gain, _, beyond = _with_derivatives(space, scanner, term, at, best)
+        coefficients, gain, _, beyond = found
         size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
         step = np.linalg.lstsq(beyond / size, space.residual.reshape(-1), rcond=1e-6)[0] / size
         trials = []
@@ -220,7 +215,8 @@ def _along_valley(
         if gains[most] <= gain + _NO_MORE:
             break
         best = trials[most]
-    return best
+        found = _with_derivatives(space, scanner, term, at, best)
+    return best, found
 
 
 def _visible_um(space: Space, displacement: Numbers) -> float:
@@ -231,6 +227,12 @@ def _range(parameter: Parameter) -> tuple[float, float]:
     assert parameter.low is not None
     assert parameter.high is not None
     return parameter.low, parameter.high
+
+
+def around(parameter: Parameter, value: float, std: float) -> tuple[float, float]:
+    """Give the bounds within a few standard errors of a value, inside the parameter's range."""
+    low, high = _range(parameter)
+    return max(low, value - _REACH * std), min(high, value + _REACH * std)
 
 
 def neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
