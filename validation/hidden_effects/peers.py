@@ -183,14 +183,16 @@ def one_by_one(problem: Problem) -> str | None:
         start = dict(zip((one.name for one in term.inner), form.shapes.trials[form.trial], strict=True))
         parameters = lmfit.Parameters()
         for one in inner:
-            parameters.add(one.name, min(max(start[one.name], one.low), one.high), min=one.low, max=one.high)
+            # A name of its own: `lambda` is a word of Python's.
+            value = min(max(start[one.name], one.low), one.high)
+            parameters.add(f"inner_{one.name}", value, min=one.low, max=one.high)
         first = _columns_at(problem, form, start)
         solved = np.linalg.lstsq(first, problem.residual, rcond=1e-8)[0]
         for place, value in enumerate(solved):
             parameters.add(f"c{place}", float(value))
 
         def left(values: Any, form: Form = form, start: dict[str, float] = start, k: int = len(solved)) -> Array:
-            at = start | {name: values[name].value for name in values if name in start}
+            at = start | {name: values[f"inner_{name}"].value for name in start if f"inner_{name}" in values}
             coefficients = np.array([values[f"c{place}"].value for place in range(k)])
             return problem.residual - _columns_at(problem, form, at) @ coefficients
 

@@ -47,7 +47,7 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | Non
         return None
     ways = list(_ways(bench, claim, axis))
     is_own = claim.share < _MOSTLY_OWN and _n_waves(bench, claim) < _MANY_WAVES
-    best, most = None, 0.0 if is_own else claim.evidence
+    best, most = None, 0.0 if is_own else max(claim.evidence, 0.0)
     for way in ways:
         columns = np.concatenate([_columns(bench, term, finer) for term, finer in way], axis=2)
         _, root, gain = estimate(looked.space, columns)

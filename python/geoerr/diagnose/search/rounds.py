@@ -13,7 +13,7 @@ from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
 from geoerr.diagnose.search.best_form import in_best_form
 from geoerr.diagnose.search.finer import finer_functions
-from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, simplest_to_pass
+from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, is_admissible, simplest_to_pass
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.nameless import (
     acts_elsewhere,
@@ -35,6 +35,8 @@ MOST_EFFECTS = 6
 _FURTHER = 0.2
 # Less sure than this, a name has to help where the fit did not see the data.
 _SURE = 1e-3
+# What chance does no more often than this is missing, also where it gains less than its many numbers cost (Schwarz).
+_NO_CHANCE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +100,8 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
         best = first_to_pass(looked.candidates, level)
         probe = simplest_to_pass(looked.probes, level) if unknown is None else None
+        if best is None and probe is None and not found and unknown is None:
+            best, probe = _no_chance(looked)
         more = _finer(bench, looked, best, probe)
         if more is not None:
             finer.append(more)
@@ -134,6 +138,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
             break
         settled = at_likeliest_period(looked.space, looked.scanner, settled)
         others = [one for one in looked.candidates if one.what is not best.what]
+        if best.evidence <= 0.0:
+            # Its rivals are what chance does not explain either, and their numbers cost as much.
+            others.sort(key=lambda one: -one.surprise)
         found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])
@@ -142,6 +149,13 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     beside = [*finer, *aside]
     together = tuple(_together(bench, found, beside, looked))
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside))
+
+
+def _no_chance(looked: Round) -> tuple[Judged | None, Judged | None]:
+    """Give the best name and the best probe that chance does not explain, whatever their numbers cost."""
+    names = (one for one in looked.candidates if one.p_value <= _NO_CHANCE)
+    best = next((one for one in names if is_admissible(looked.space, looked.scanner, one)), None)
+    return best, next((one for one in looked.probes if one.p_value <= _NO_CHANCE), None)
 
 
 def _finer(bench: Bench, looked: Round, best: Judged | None, probe: Judged | None) -> Numbers | None:
@@ -155,8 +169,8 @@ def _nameless(looked: Round, probe: Judged) -> Found:
 
 
 def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers]) -> bool:
-    """Tell whether a name that is only just sure lowers the held-out error."""
-    if best.p_value < _SURE:
+    """Tell whether a name that is only just sure, or gains less than its numbers cost, lowers the held-out error."""
+    if best.p_value < _SURE and best.evidence > 0.0:
         return True
     before, after = bench.held_out.um(added), bench.held_out.um([*added, settled.raw])
     return before is None or after is None or after < before
