@@ -10,7 +10,7 @@ import numpy as np
 from geoerr.cli.fit_text import counted
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Named, Unknown
-from geoerr.diagnose.words import listed, sure_words, um_words
+from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
 from geoerr.fit.empirical import Curve
 
 WIDTH = 80
@@ -88,7 +88,7 @@ def _figures(diagnosis: Diagnosis) -> Iterator[str]:
         texts.append(f"noise {um_words(noise)} as stated")
     yield from narrow(f"error now: {', '.join(texts)}")
     if diagnosis.found or diagnosis.unknown is not None:
-        yield from narrow(f"that nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}")
+        yield from narrow(f"that nothing is missing: {chance_words(diagnosis.p_value)}")
 
 
 def _finding(finding: Finding, number: str) -> Iterator[str]:

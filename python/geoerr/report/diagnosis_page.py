@@ -8,7 +8,7 @@ from pathlib import Path
 from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Unknown
-from geoerr.diagnose.words import sure_words
+from geoerr.diagnose.words import chance_words
 from geoerr.effects import Effect
 from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
@@ -26,7 +26,7 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     """Say the verdict, how sure it is, and what error there is now."""
     sentence = diagnosis.sentence
     sentences = [f"{sentence[0].upper()}{sentence[1:]}."]
-    chance = sure_words(diagnosis.p_value).partition(": ")[2]
+    chance = chance_words(diagnosis.p_value)
     if chance not in sentence:
         sentences.append(f"That nothing is missing: {chance}.")
     for name, value in (("Held out", diagnosis.held_out_rmse_um), ("Noise floor", diagnosis.noise_floor_um)):
@@ -48,7 +48,7 @@ def circle_diagnosis_sentences(diagnosis: CircleDiagnosis) -> list[str]:
     shares = diagnosis.shares
     return [
         f"{len(diagnosis.found)} causes found; the verdict is {diagnosis.verdict}.",
-        f"That nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}.",
+        f"That nothing is missing: {chance_words(diagnosis.p_value)}.",
         f"The trace is {style.text_um(shares.total**0.5)} rms, its causes {style.text_um(shares.explained**0.5)}, "
         f"unexplained {style.text_um(shares.rest**0.5)}, noise {style.text_um(diagnosis.noise_um)}.",
         *diagnosis.notes,
