@@ -12,7 +12,7 @@ from geoerr.diagnose.words import chance_words
 from geoerr.effects import Effect
 from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
 
 
@@ -106,10 +106,8 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
     if diagnosis.unknown is not None:
         sections.append(Section("What has no name", _unknown(diagnosis, diagnosis.unknown)))
     if diagnosis.between_passes.stands_out:
-        text = f"{diagnosis.between_passes.words()}."
-        sections.append(
-            Section("What does not come back from pass to pass", (Paragraph(text[0].upper() + text[1:]),))
-        )
+        text = as_sentence(diagnosis.between_passes.words())
+        sections.append(Section("What does not come back from pass to pass", (text,)))
     if diagnosis.not_offered:
         sections.append(_not_offered(diagnosis.not_offered))
     return sections
