@@ -12,6 +12,7 @@ from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Named, Unknown
 from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
 from geoerr.fit.empirical import Curve
+from geoerr.summaries import by_reason
 
 WIDTH = 80
 _MEANINGS = {
@@ -223,12 +224,9 @@ def not_offered_lines(not_offered: Sequence[tuple[str, str]], *, verbose: bool) 
     """Give what was not looked for, grouped by the reason."""
     if not not_offered:
         return
-    reasons: dict[str, list[str]] = {}
-    for name, why in not_offered:
-        reasons.setdefault(why, []).append(name)
     yield ""
     yield f"not looked for ({counted(len(not_offered), 'effect')}):"
-    ordered = sorted(reasons.items(), key=lambda item: -len(item[1]))
+    ordered = sorted(by_reason(not_offered).items(), key=lambda item: -len(item[1]))
     for why, names in ordered if verbose else ordered[:_MOST_REASONS]:
         shown = names if verbose or len(names) <= _MOST_EFFECTS else [*names[:_MOST_EFFECTS], "..."]
         yield from narrow(f"{', '.join(shown)}: {why}", "  ")

@@ -14,6 +14,7 @@ from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
+from geoerr.summaries import by_reason
 
 
 def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Provenance) -> None:
@@ -115,10 +116,7 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
 
 def _not_offered(reasons: Sequence[tuple[str, str]]) -> Section:
     """Name what was not looked for, by the reason."""
-    by_reason: dict[str, list[str]] = {}
-    for effect, why in reasons:
-        by_reason.setdefault(why, []).append(effect)
-    rows = tuple((why, ", ".join(effects)) for why, effects in by_reason.items())
+    rows = tuple((why, ", ".join(effects)) for why, effects in by_reason(reasons).items())
     return Section("What was not looked for", (Table("By the reason", ("why", "effects"), rows),))
 
 

@@ -27,6 +27,7 @@ from geoerr.model.conditions import REFERENCE, is_temperature
 from geoerr.model.program_conditions import approach_conditions, needed_conditions
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report.figures import Stage, stages_of
+from geoerr.summaries import by_reason
 from geoerr.verify.ballbar import (
     CircularTestResult,
     circle_of_first_run,
@@ -152,10 +153,7 @@ class ModelReport:
     @property
     def left_out_by_reason(self) -> dict[str, tuple[str, ...]]:
         """What is not there, by the reason."""
-        found: dict[str, tuple[str, ...]] = {}
-        for one in self.left_out:
-            found[one.why] = (*found.get(one.why, ()), one.section)
-        return found
+        return by_reason((one.section, one.why) for one in self.left_out)
 
     @property
     def diagonal_systematic_um(self) -> float | None:
