@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 from fused_loops import fit_lines_loop
-from race import Costs, Reached, race, rate, table
+from race import Costs, Reached, best_peer, race, rate, table
 
 from geoerr.geometry import fit_lines
 
@@ -115,8 +115,7 @@ def measure(sizes: tuple[int, ...], seconds: float) -> tuple[str, Costs, list[Re
         for name, value in sorted(at_main.items(), key=lambda item: item[1])
     ]
     heads = ["path", "ns/point", "M points/s", "time, geoerr = 1", "of the limit", "direction, rms error, rad"]
-    peers = {name: value for name, value in at_main.items() if not name.startswith(("geoerr", "limit"))}
-    best = min(peers, key=lambda name: peers[name])
+    best = best_peer(at_main)
     svd = "NumPy, batched SVD"
     each_ns = 1e9 * at_main[OURS] / n_points
     summary = [
@@ -126,8 +125,8 @@ def measure(sizes: tuple[int, ...], seconds: float) -> tuple[str, Costs, list[Re
             aim=f"{AIM_NS:.0f}",
             share_of_aim=AIM_NS / each_ns,
             accuracy=f"direction {errors[OURS]:.0e} rad; SVD {errors[svd]:.0e}",
-            peer=f"{best}: {1e9 * peers[best] / n_points:.2f}",
-            times_peer=peers[best] / at_main[OURS],
+            peer=f"{best}: {1e9 * at_main[best] / n_points:.2f}",
+            times_peer=at_main[best] / at_main[OURS],
             share_of_limit=limit / at_main[OURS],
             in_the_way=IN_THE_WAY,
         )

@@ -38,6 +38,11 @@ def race(paths: Mapping[str, Callable[[], object]], seconds: float) -> dict[str,
     return {name: statistics.median(values) for name, values in samples.items()}
 
 
+def best_peer(seconds: Mapping[str, float]) -> str:
+    """Name the fastest path that is neither geoerr's nor a limit."""
+    return min((name for name in seconds if not name.startswith(("geoerr", "limit"))), key=lambda name: seconds[name])
+
+
 @dataclass
 class Costs:
     """Processor nanoseconds an item against the number of items, for each path; of one kind of work."""

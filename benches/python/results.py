@@ -9,6 +9,7 @@ installed are left out. `--quick` takes few sizes and rounds, for a look that is
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
 import subprocess
@@ -17,8 +18,17 @@ from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-# Read when NumPy and the core are loaded. The last two keep memory that was given back for the next call, for all
-# paths alike: else every other result would be made in pages that the kernel has to clear first.
+import lines
+import markers
+import programs
+import straightness
+import triangulation
+from plot import plot
+from race import Costs, Reached, table
+
+# Read when NumPy and the core are loaded: the script begins again with them. The last two keep memory that was given
+# back for the next call, for all paths alike: else every other result would be made in pages that the kernel has to
+# clear first.
 SETTINGS = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
@@ -27,19 +37,6 @@ SETTINGS = {
     "MALLOC_TRIM_THRESHOLD_": str(1 << 40),
     "MALLOC_MMAP_THRESHOLD_": str(1 << 30),
 }
-if __name__ == "__main__" and any(os.environ.get(name) != value for name, value in SETTINGS.items()):
-    os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **SETTINGS})
-
-import argparse  # noqa: E402
-
-import lines  # noqa: E402
-import markers  # noqa: E402
-import programs  # noqa: E402
-import straightness  # noqa: E402
-import triangulation  # noqa: E402
-from plot import plot  # noqa: E402
-from race import Costs, Reached, table  # noqa: E402
-
 FOLDER = Path(__file__).parents[1]
 CONDITIONS = """\
 Written by `python benches/python/results.py`. Medians of processor seconds, every path in turn in the same rounds;
@@ -105,6 +102,8 @@ def shortfalls(summary: Sequence[Reached]) -> str:
 
 def main() -> None:
     """Measure and write."""
+    if any(os.environ.get(name) != value for name, value in SETTINGS.items()):
+        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **SETTINGS})
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few sizes and rounds")
     parser.add_argument("--to", type=Path, default=FOLDER, help="folder of RESULTS.md and cost.svg")

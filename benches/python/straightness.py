@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 from fused_loops import integrate_loop
-from race import Costs, Reached, race, rate, table
+from race import Costs, Reached, best_peer, race, rate, table
 from scipy.integrate import cumulative_simpson, cumulative_trapezoid
 from scipy.signal import detrend
 
@@ -116,12 +116,7 @@ def measure(sizes: tuple[int, ...], seconds: float) -> tuple[str, Costs, list[Re
     heads = ["path", "M samples/s", "time, geoerr's trapezoid = 1", "of the limit", "rms error, nm"]
     summary = []
     for path, rule in OURS.items():
-        peers = {
-            name: value
-            for name, value in at_main.items()
-            if rule in name and not name.startswith(("geoerr", "limit"))
-        }
-        best = min(peers, key=lambda name: peers[name])
+        best = best_peer({name: value for name, value in at_main.items() if rule in name})
         reached = n_samples / at_main[path] / 1e6
         summary.append(
             Reached(
@@ -130,8 +125,8 @@ def measure(sizes: tuple[int, ...], seconds: float) -> tuple[str, Costs, list[Re
                 aim=f"{AIM_M_PER_S[path]:.0f}",
                 share_of_aim=reached / AIM_M_PER_S[path],
                 accuracy=f"{errors[path]:.2g} nm rms; {best} {errors[best]:.2g}",
-                peer=f"{best}: {rate(n_samples, peers[best])}",
-                times_peer=peers[best] / at_main[path],
+                peer=f"{best}: {rate(n_samples, at_main[best])}",
+                times_peer=at_main[best] / at_main[path],
                 share_of_limit=limit / at_main[path],
                 in_the_way=IN_THE_WAY,
             )

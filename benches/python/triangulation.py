@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from fused_loops import triangulate_loop
-from race import Costs, Reached, race, rate, table
+from race import Costs, Reached, best_peer, race, rate, table
 
 from geoerr.geometry import triangulate, triangulate_points
 
@@ -211,12 +211,9 @@ def measure(sizes: tuple[int, ...], seconds: float) -> tuple[str, Costs, list[Re
     summary = []
     for path, aim in ((POINTS, AIM_M_PER_S), (COVARIANCE, AIM_WITH_COVARIANCE_M_PER_S)):
         reached = MAIN_SIZE / at_main[path] / 1e6
-        peers = {
-            name: value
-            for name, value in at_main.items()
-            if not name.startswith(("geoerr", "limit")) and ("covariance" in name) == ("covariance" in path)
-        }
-        best = min(peers, key=lambda name: peers[name])
+        has_covariance = "covariance" in path
+        alike = {name: value for name, value in at_main.items() if ("covariance" in name) == has_covariance}
+        best = best_peer(alike)
         same_points = best.removesuffix(", with covariance")
         summary.append(
             Reached(
@@ -225,8 +222,8 @@ def measure(sizes: tuple[int, ...], seconds: float) -> tuple[str, Costs, list[Re
                 aim=f"{aim:.0f}",
                 share_of_aim=reached / aim,
                 accuracy=f"{worst[path]:.1f} × QR's error at worst; peer {worst[same_points]:.0f} ×",
-                peer=f"{best}: {rate(MAIN_SIZE, peers[best])}",
-                times_peer=peers[best] / at_main[path],
+                peer=f"{best}: {rate(MAIN_SIZE, at_main[best])}",
+                times_peer=at_main[best] / at_main[path],
                 share_of_limit=limit / at_main[path],
                 in_the_way=IN_THE_WAY[path],
             )

@@ -1,9 +1,12 @@
-"""What an object shows of itself in a notebook: heading, sentences, small tables; all texts escaped, no scripts."""
+"""What an object shows of itself in a notebook: heading, sentences, small tables; all texts escaped, no scripts.
+
+The texts of numbers, spans and reasons serve pages and terminals as well.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 
 # Rows of a table that are shown; a notebook's cell is no report.
@@ -52,3 +55,11 @@ def number_text(value: float | None, digits: int = 2) -> str:
 def span_text(low: float, high: float) -> str:
     """Write a range, or the one number that it is."""
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def by_reason(names_and_reasons: Iterable[tuple[str, str]]) -> dict[str, tuple[str, ...]]:
+    """Group names by the reason given for each; reasons and names in the order in which they come."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name, why in names_and_reasons:
+        found[why] = (*found.get(why, ()), name)
+    return found

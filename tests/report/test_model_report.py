@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 import geoerr
 from geoerr.cli.main import app
@@ -55,7 +55,7 @@ def measured() -> geoerr.Observations:
     columns = {"repeat": table[:, 0], "temp_bed": bed, "t": 5.0 * np.arange(len(q))}
     columns |= dict(zip(("x", "y", "z", "mx", "my", "mz"), np.hstack([q, seen]).T, strict=True))
     columns |= {f"dir_{axis}": d[:, place] for place, axis in enumerate("xyz")}
-    return observations_from_columns(columns | {"carrier": ["relative"] * len(q), "line": names})  # type: ignore[arg-type]
+    return observations_from_columns(columns | {"carrier": ["relative"] * len(q), "line": names})
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def full(folder: Path) -> parts.ModelReport:
     return model_report(model, geoerr.read_observations(folder / "points.csv"))
 
 
-def run(folder: Path, *words: str):  # type: ignore[no-untyped-def]
+def run(folder: Path, *words: str) -> Result:
     known = {path.name: str(path) for path in folder.iterdir()}
     return CliRunner().invoke(app, ["report", *(known.get(word, word) for word in words)])
 

@@ -135,7 +135,7 @@ def test_lines_of_measured_points_are_found_whatever_they_are_called() -> None:
     columns = dict(zip(("x", "y", "z", "mx", "my", "mz"), np.hstack([q, turned]).T, strict=True))
     columns |= {f"dir_{axis}": np.where(np.ptp(q, axis=0)[place] > 0, sense, 0.0) for place, axis in enumerate("xyz")}
     names = ["a"] * 40 + ["a"] * 20 + ["stray"]
-    observations = observations_from_columns(columns | {"carrier": ["relative"] * len(q), "line": names})  # type: ignore[arg-type]
+    observations = observations_from_columns(columns | {"carrier": ["relative"] * len(q), "line": names})
     found = {line.moving: line for line in straight_lines(MACHINE, observations)}
     assert {"x", "z"} <= set(found)
     figures = positioning_test(found["x"].position_mm, found["x"].deviation_um, found["x"].direction)
@@ -155,7 +155,7 @@ def test_the_work_side_counts_as_seen_from_the_work() -> None:
         "mx": -x * (1.0 + 1e-4),
         "dir_x": np.repeat([1.0, -1.0], 5),
     }
-    observations = observations_from_columns(columns | {"carrier": ["work"] * 10})  # type: ignore[arg-type]
+    observations = observations_from_columns(columns | {"carrier": ["work"] * 10})
     (line,) = straight_lines(machine, observations)
     figures = positioning_test(line.position_mm, line.deviation_um, line.direction)
     assert figures is not None
@@ -170,7 +170,7 @@ def test_a_target_that_stands_still_tells_no_positioning() -> None:
     seen = np.where(np.array(carrier) == "tool", x, 0.0)
     columns = {"x": x, "y": 0.0 * x, "z": 0.0 * x, "mx": seen, "my": 0.0 * x, "mz": 0.0 * x}
     columns |= {"dir_x": np.tile(np.repeat([1.0, -1.0], 5), 3)}
-    observations = observations_from_columns(columns | {"carrier": carrier, "target": carrier})  # type: ignore[arg-type]
+    observations = observations_from_columns(columns | {"carrier": carrier, "target": carrier})
     assert [(line.target, line.moving) for line in straight_lines(machine, observations)] == [("tool", "x")]
 
 

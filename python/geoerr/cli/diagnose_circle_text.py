@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from geoerr.cli.diagnose_text import alias_lines, narrow, not_offered_lines, remedy_lines
 from geoerr.cli.fit_text import counted
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
-from geoerr.diagnose.words import listed, sure_words, um_words
+from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
 
 _MOST_OTHERS = 5
 _NAME_WIDTH = 34
@@ -29,7 +29,7 @@ def circle_diagnosis_lines(
         f"noise {um_words(diagnosis.noise_um)}"
     )
     if diagnosis.found or diagnosis.unknown is not None:
-        yield from narrow(f"that nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}")
+        yield from narrow(f"that nothing is missing: {chance_words(diagnosis.p_value)}")
     for number, cause in enumerate(diagnosis.ranked, start=1):
         yield ""
         yield from _cause(cause, f"{number}. ")

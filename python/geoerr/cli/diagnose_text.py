@@ -10,8 +10,9 @@ import numpy as np
 from geoerr.cli.fit_text import counted
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Named, Unknown
-from geoerr.diagnose.words import listed, sure_words, um_words
+from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
 from geoerr.fit.empirical import Curve
+from geoerr.summaries import by_reason
 
 WIDTH = 80
 _MEANINGS = {
@@ -88,7 +89,7 @@ def _figures(diagnosis: Diagnosis) -> Iterator[str]:
         texts.append(f"noise {um_words(noise)} as stated")
     yield from narrow(f"error now: {', '.join(texts)}")
     if diagnosis.found or diagnosis.unknown is not None:
-        yield from narrow(f"that nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}")
+        yield from narrow(f"that nothing is missing: {chance_words(diagnosis.p_value)}")
 
 
 def _finding(finding: Finding, number: str) -> Iterator[str]:
@@ -223,12 +224,9 @@ def not_offered_lines(not_offered: Sequence[tuple[str, str]], *, verbose: bool) 
     """Give what was not looked for, grouped by the reason."""
     if not not_offered:
         return
-    reasons: dict[str, list[str]] = {}
-    for name, why in not_offered:
-        reasons.setdefault(why, []).append(name)
     yield ""
     yield f"not looked for ({counted(len(not_offered), 'effect')}):"
-    ordered = sorted(reasons.items(), key=lambda item: -len(item[1]))
+    ordered = sorted(by_reason(not_offered).items(), key=lambda item: -len(item[1]))
     for why, names in ordered if verbose else ordered[:_MOST_REASONS]:
         shown = names if verbose or len(names) <= _MOST_EFFECTS else [*names[:_MOST_EFFECTS], "..."]
         yield from narrow(f"{', '.join(shown)}: {why}", "  ")

@@ -24,6 +24,7 @@ from geoerr.fit.sightings import Sightings
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
 from geoerr.model.fit_words import lack_of_fit_words
+from geoerr.summaries import by_reason
 from geoerr.terms import Parameter, Term
 
 WIDTH = 96
@@ -213,9 +214,6 @@ def with_std(value: float, std: float | None) -> str:
 
 def not_determined_rows(items: Iterable[NotDetermined]) -> Iterator[str]:
     """Give what the data do not determine, grouped by reason."""
-    reasons: dict[str, list[str]] = {}
-    for item in items:
-        li = LI_NAMES.get(item.name)
-        reasons.setdefault(item.why, []).append(item.name if li is None else f"{item.name} ({li})")
-    for why, names in reasons.items():
+    with_li = {name: f"{name} ({li})" for name, li in LI_NAMES.items()}
+    for why, names in by_reason((with_li.get(item.name, item.name), item.why) for item in items).items():
         yield from wrapped(f"{', '.join(names)}: {why}")

@@ -13,7 +13,7 @@ from geoerr.machine import AXES
 from geoerr.report import figures
 from geoerr.report.ballbar import circular_test_blocks
 from geoerr.report.error_tables import error_function_table, not_determined, share_within_95, squareness_table
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
 
 _UM_PER_MM = 1e3
@@ -82,7 +82,7 @@ def write_demo_report(path: str | Path, result: DemoResult, provenance: Provenan
                 error_function_table(errors, truth),
                 squareness_table(errors, truth),
                 *not_determined(errors),
-                *(Paragraph(note[0].upper() + note[1:] + ".") for note in errors.notes),
+                *map(as_sentence, errors.notes),
             ),
         ),
         Section(
@@ -214,10 +214,7 @@ def _workpiece_rows(result: DemoResult) -> tuple[tuple[str, str, str, str], ...]
 def _camera_blocks(result: DemoResult) -> tuple[Block, ...]:
     return (
         Figure(figures.calibration_quality(result.calibration), "Reprojection error of each board view"),
-        *(
-            Paragraph(note[0].upper() + note[1:] + ".")
-            for note in (*result.calibration.notes, *result.measured.notes)
-        ),
+        *map(as_sentence, (*result.calibration.notes, *result.measured.notes)),
         Figure(
             figures.measurement_residuals(result.measured.observations),
             "Stated uncertainty of the measured points, noise of the pictures alone",

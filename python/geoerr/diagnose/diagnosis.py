@@ -21,7 +21,7 @@ from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, search, settle
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
-from geoerr.diagnose.words import listed, sure_words
+from geoerr.diagnose.words import chance_words, listed, sure_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
@@ -100,13 +100,12 @@ class Diagnosis(Answer):
             return f"an effect is missing, and these data cannot tell which: {names}{also}{more}"
         if self.unknown is not None:
             return self.unknown.sentence
-        chance = sure_words(self.p_value)
         if self.p_value is not None and self.p_value <= _NO_CHANCE:
             return (
                 "nothing can be named, though what is left is more than chance "
-                f"({chance.partition(': ')[2]}): more passes would show what it is"
+                f"({chance_words(self.p_value)}): more passes would show what it is"
             )
-        return f"nothing is missing that these data could show: {chance}"
+        return f"nothing is missing that these data could show: {sure_words(self.p_value)}"
 
     def plot_worth(self) -> go.Figure:
         """Draw what each candidate is worth, and the held-out error without it and with it."""

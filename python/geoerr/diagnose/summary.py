@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from geoerr.diagnose.words import sure_words
+from geoerr.diagnose.words import chance_words
 from geoerr.fit import figures_document
 from geoerr.model.fit_words import FIGURES
 from geoerr.summaries import facts_html, number_text, sentences_html, summary_html, table_html
 
 if TYPE_CHECKING:
-    from geoerr.diagnose.answer import Answer
     from geoerr.diagnose.change import Change
     from geoerr.diagnose.circles.diagnosis import CircleDiagnosis
     from geoerr.diagnose.comparison import Comparison
@@ -56,7 +55,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     """Show the verdict, what was found with its worth, and the nearest candidates."""
     facts = {
         "verdict": diagnosis.verdict,
-        "that nothing is missing": _chance(diagnosis),
+        "that nothing is missing": chance_words(diagnosis.p_value),
         "held out": f"{number_text(diagnosis.held_out_rmse_um)} µm",
         "noise floor": f"{number_text(diagnosis.noise_floor_um)} µm",
     }
@@ -95,7 +94,7 @@ def circle_diagnosis_html(diagnosis: CircleDiagnosis) -> str:
     ]
     return summary_html(
         "Diagnosis of circular tests",
-        facts_html({"verdict": diagnosis.verdict, "that nothing is missing": _chance(diagnosis)}),
+        facts_html({"verdict": diagnosis.verdict, "that nothing is missing": chance_words(diagnosis.p_value)}),
         table_html(("part", "cause", "worth, µm"), causes),
         table_html(("run", "plane", "G (ISO 230-4), µm", "rest, µm"), runs),
     )
@@ -109,10 +108,6 @@ def change_html(change: Change) -> str:
     history = () if change.result.model.record is None else change.result.model.record.history
     told = [f"{history[-1].action} {history[-1].reference}: {history[-1].title}"] if history else []
     return summary_html("Change", sentences_html(*told), table_html(("", "before", "after"), rows))
-
-
-def _chance(diagnosis: Answer) -> str:
-    return sure_words(diagnosis.p_value).partition(": ")[2]
 
 
 def _p_text(p_value: float) -> str:

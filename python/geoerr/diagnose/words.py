@@ -87,13 +87,18 @@ def is_at_an_end(parameter: Parameter) -> bool:
 def sure_words(p_value: float) -> str:
     """Say how sure that is, and what the probability means."""
     name = next((words for most, words in _SURE if p_value < most), "not beyond chance")
+    return f"{name}: {chance_words(p_value)}"
+
+
+def chance_words(p_value: float) -> str:
+    """Say what a probability means: in how many searches of noise as much is found."""
     if p_value < _LEAST_P:
-        return f"{name}: chance does as much in fewer than one search of a billion"
+        return "chance does as much in fewer than one search of a billion"
     if p_value >= 0.995:
-        return f"{name}: chance does as much in every search"
+        return "chance does as much in every search"
     if p_value >= 0.1:
-        return f"{name}: chance does as much in {round(100.0 * p_value)} of 100 searches (p = {p_value:.2g})"
-    return f"{name}: chance does as much in one search of {counted_words(1.0 / p_value)} (p = {p_value:.2g})"
+        return f"chance does as much in {round(100.0 * p_value)} of 100 searches (p = {p_value:.2g})"
+    return f"chance does as much in one search of {counted_words(1.0 / p_value)} (p = {p_value:.2g})"
 
 
 def counted_words(count: float) -> str:

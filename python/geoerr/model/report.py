@@ -16,6 +16,7 @@ from geoerr.machine import AXES
 from geoerr.model.fit_words import FIGURES, fit_sentences, other_figures
 from geoerr.model.groups import POSITIONING
 from geoerr.model.parameters import Correlation
+from geoerr.summaries import by_reason
 from geoerr.terms import Parameter, Term
 
 if TYPE_CHECKING:
@@ -177,12 +178,9 @@ def _not_determined(model: Model) -> Iterator[str]:
     record = model.record
     assert record is not None
     also = model.error_functions().not_determined if model.has_values else ()
-    by_reason: dict[str, list[str]] = {}
-    for item in (*record.not_determined, *also):
-        names = by_reason.setdefault(item.why, [])
-        if item.name not in names:
-            names.append(item.name)
-    for why, names in by_reason.items():
+    # The record and the tables may name the same thing.
+    named = dict.fromkeys((item.name, item.why) for item in (*record.not_determined, *also))
+    for why, names in by_reason(named).items():
         yield from _wrapped(f"{', '.join(names)}: {why}")
     directions = record.null_space.shape[1]
     if directions:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from geoerr.machine import AXES
 from geoerr.model.fit_words import FIGURES
-from geoerr.summaries import facts_html, number_text, sentences_html, span_text, summary_html, table_html
+from geoerr.summaries import by_reason, facts_html, number_text, sentences_html, span_text, summary_html, table_html
 
 if TYPE_CHECKING:
     from geoerr.model.model import Model
@@ -67,10 +67,8 @@ def record_parts(record: FitRecord) -> str:
         for name, words in FIGURES.items()
         if name in record.figures and not math.isnan(record.figures[name])
     }
-    by_reason: dict[str, list[str]] = {}
-    for item in record.not_determined:
-        by_reason.setdefault(item.why, []).append(item.name)
-    unknown = [(", ".join(names), why) for why, names in by_reason.items()]
+    reasons = by_reason((item.name, item.why) for item in record.not_determined)
+    unknown = [(", ".join(names), why) for why, names in reasons.items()]
     return facts_html(facts) + table_html(("not determined", "why"), unknown) + _steps(record.history)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from geoerr.report.figures import circular_test
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.page import Block, Figure, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
 from geoerr.verify.ballbar import CircularTestResult, Trace
 
@@ -46,7 +46,7 @@ def circular_test_blocks(result: CircularTestResult) -> tuple[Block, ...]:
         blocks.append(
             Table("Measured runs, µm", ("run", "points", "measured", "predicted", "rms difference"), _runs(result))
         )
-    blocks.extend(Paragraph(sentence[0].upper() + sentence[1:] + ".") for sentence in result.notes)
+    blocks += map(as_sentence, result.notes)
     if result.set_aside:
         rows = tuple((str(problem.row), problem.column, problem.problem) for problem in result.set_aside)
         blocks.append(Table("Rows set aside", ("row", "column", "reason"), rows))

@@ -8,12 +8,13 @@ from pathlib import Path
 from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Unknown
-from geoerr.diagnose.words import sure_words
+from geoerr.diagnose.words import chance_words
 from geoerr.effects import Effect
 from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
+from geoerr.summaries import by_reason
 
 
 def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Provenance) -> None:
@@ -26,7 +27,7 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     """Say the verdict, how sure it is, and what error there is now."""
     sentence = diagnosis.sentence
     sentences = [f"{sentence[0].upper()}{sentence[1:]}."]
-    chance = sure_words(diagnosis.p_value).partition(": ")[2]
+    chance = chance_words(diagnosis.p_value)
     if chance not in sentence:
         sentences.append(f"That nothing is missing: {chance}.")
     for name, value in (("Held out", diagnosis.held_out_rmse_um), ("Noise floor", diagnosis.noise_floor_um)):
@@ -48,7 +49,7 @@ def circle_diagnosis_sentences(diagnosis: CircleDiagnosis) -> list[str]:
     shares = diagnosis.shares
     return [
         f"{len(diagnosis.found)} causes found; the verdict is {diagnosis.verdict}.",
-        f"That nothing is missing: {sure_words(diagnosis.p_value).partition(': ')[2]}.",
+        f"That nothing is missing: {chance_words(diagnosis.p_value)}.",
         f"The trace is {style.text_um(shares.total**0.5)} rms, its causes {style.text_um(shares.explained**0.5)}, "
         f"unexplained {style.text_um(shares.rest**0.5)}, noise {style.text_um(diagnosis.noise_um)}.",
         *diagnosis.notes,
@@ -106,10 +107,8 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
     if diagnosis.unknown is not None:
         sections.append(Section("What has no name", _unknown(diagnosis, diagnosis.unknown)))
     if diagnosis.between_passes.stands_out:
-        text = f"{diagnosis.between_passes.words()}."
-        sections.append(
-            Section("What does not come back from pass to pass", (Paragraph(text[0].upper() + text[1:]),))
-        )
+        text = as_sentence(diagnosis.between_passes.words())
+        sections.append(Section("What does not come back from pass to pass", (text,)))
     if diagnosis.not_offered:
         sections.append(_not_offered(diagnosis.not_offered))
     return sections
@@ -117,10 +116,7 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
 
 def _not_offered(reasons: Sequence[tuple[str, str]]) -> Section:
     """Name what was not looked for, by the reason."""
-    by_reason: dict[str, list[str]] = {}
-    for effect, why in reasons:
-        by_reason.setdefault(why, []).append(effect)
-    rows = tuple((why, ", ".join(effects)) for why, effects in by_reason.items())
+    rows = tuple((why, ", ".join(effects)) for why, effects in by_reason(reasons).items())
     return Section("What was not looked for", (Table("By the reason", ("why", "effects"), rows),))
 
 

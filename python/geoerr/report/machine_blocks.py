@@ -12,7 +12,7 @@ from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.fit_words import FIGURES, fit_sentences
 from geoerr.report.figures.labels import variable_label
-from geoerr.report.page import Block, Paragraph, Table
+from geoerr.report.page import Block, Paragraph, Table, as_sentence
 
 _FRAMES = {
     "free": "any pose, fitted",
@@ -90,7 +90,7 @@ def data_blocks(comparison: Comparison) -> tuple[Block, ...]:
         left_out.append(("gross errors: noise does not reach so far", str(outliers)))
     if left_out:
         blocks.append(Table("Rows that took no part", ("why", "rows"), tuple(left_out)))
-    blocks += [Paragraph(f"{note[0].upper()}{note[1:]}.") for note in sightings.notes]
+    blocks += map(as_sentence, sightings.notes)
     return tuple(blocks)
 
 
@@ -103,7 +103,7 @@ def record_blocks(model: Model) -> tuple[Block, ...]:
     blocks: list[Block] = [
         Paragraph(f"The model was fitted to {record.n_rows} rows, {record.n_outliers} left out as gross{digest}.")
     ]
-    blocks += [Paragraph(f"{one[0].upper()}{one[1:]}.") for one in fit_sentences(record.figures, record.noise)]
+    blocks += map(as_sentence, fit_sentences(record.figures, record.noise))
     rows = tuple(
         (words, "not computable" if math.isnan(record.figures[name]) else f"{record.figures[name]:.2f}")
         for name, words in FIGURES.items()

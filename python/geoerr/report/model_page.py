@@ -23,7 +23,7 @@ from geoerr.report.error_tables import error_function_table, not_determined, squ
 from geoerr.report.figures import error_curves, error_fall, error_field, style
 from geoerr.report.machine_blocks import data_blocks, effect_blocks, machine_blocks, record_blocks
 from geoerr.report.model_report import ModelReport, Stated, model_report
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_one, write_report
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_one, as_sentence, write_report
 from geoerr.report.provenance import Provenance, provenance_of_call
 from geoerr.report.standard_blocks import circle_blocks, diagonal_blocks, positioning_blocks
 
@@ -183,7 +183,7 @@ def _error_blocks(report: ModelReport) -> tuple[Block, ...]:
         Figure(error_curves(report.errors), caption),
         error_function_table(report.errors),
         squareness_table(report.errors),
-        *(Paragraph(f"{note[0].upper()}{note[1:]}.") for note in report.errors.notes),
+        *map(as_sentence, report.errors.notes),
     )
 
 

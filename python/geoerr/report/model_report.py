@@ -27,6 +27,7 @@ from geoerr.model.conditions import REFERENCE, is_temperature
 from geoerr.model.program_conditions import approach_conditions, needed_conditions
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report.figures import Stage, stages_of
+from geoerr.summaries import by_reason
 from geoerr.verify.ballbar import (
     CircularTestResult,
     circle_of_first_run,
@@ -141,8 +142,7 @@ class ModelReport:
     @property
     def prediction_conditions(self) -> Stated:
         """What a prediction at a place is given: the conditions, and that it was reached from below, at rest."""
-        known = {name: value for name, value in self.at.items() if name in self.model.conditions}
-        return {**approach_conditions(self.model), **known}
+        return _at_a_place(self.model, self.at)
 
     @property
     def not_determined(self) -> tuple[str, ...]:
@@ -152,10 +152,7 @@ class ModelReport:
     @property
     def left_out_by_reason(self) -> dict[str, tuple[str, ...]]:
         """What is not there, by the reason."""
-        found: dict[str, tuple[str, ...]] = {}
-        for one in self.left_out:
-            found[one.why] = (*found.get(one.why, ()), one.section)
-        return found
+        return by_reason((one.section, one.why) for one in self.left_out)
 
     @property
     def diagonal_systematic_um(self) -> float | None:
@@ -373,13 +370,9 @@ def _predictions(
     dict[str, PositioningTest],
 ]:
     """Predict all that the model can say of the machine under these conditions."""
-    constants = {name: value for name, value in stated.items() if name in model.conditions}
+    constants = _followed(model, stated)
     if not model.has_values or model.is_nominal:
-        why = (
-            _NO_ERRORS
-            if model.has_values
-            else "some of the model's parameters have no value yet: fit it to measurements"
-        )
+        why = _NO_ERRORS if model.has_values else _NO_VALUES
         for section in (ERRORS, FIELD, POSITIONING, DIAGONALS):
             parts.lack(section, why)
         if not model.has_values or not measured:
@@ -406,7 +399,7 @@ def _predictions(
         parts.lack(POSITIONING, why)
     try:
         low, high = usable_range_mm(model)
-        model.error_mm([(low + high) / 2.0], at={**approach_conditions(model), **constants})
+        model.error_mm([(low + high) / 2.0], at=_at_a_place(model, stated))
     except GeoerrError as error:
         for section in (FIELD, POSITIONING, DIAGONALS):
             parts.refused(section, error)
@@ -435,9 +428,18 @@ def _budget(
     subject: FitResult | Model = model
     if comparison is not None and comparison.freedom == "own" and comparison.fitted is not None:
         subject = FitResult(model, comparison.fitted)
-    constants = {name: value for name, value in stated.items() if name in model.conditions}
-    budget = parts.tried(BUDGET, lambda: uncertainty_budget(subject, at={**approach_conditions(model), **constants}))
+    budget = parts.tried(BUDGET, lambda: uncertainty_budget(subject, at=_at_a_place(model, stated)))
     return budget, None if budget is None else parts.tried(BUDGET, lambda: uncertainty_map(budget))
+
+
+def _followed(model: Model, stated: Stated) -> Stated:
+    """Give the stated conditions that the model follows."""
+    return {name: value for name, value in stated.items() if name in model.conditions}
+
+
+def _at_a_place(model: Model, stated: Stated) -> Stated:
+    """Give what a prediction at a place is given: as reached from below, at rest, but for what is stated."""
+    return {**approach_conditions(model), **_followed(model, stated)}
 
 
 def _line_document(one: MeasuredLine) -> dict[str, Any]:

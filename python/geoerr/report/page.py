@@ -72,6 +72,11 @@ def as_one(title: str, parts: Sequence[Section], *before: Block) -> Section:
     return Section(title, (*before, *(block for part in parts for block in (Heading(part.title), *part.blocks))))
 
 
+def as_sentence(note: str) -> Paragraph:
+    """Make a paragraph of a note: notes begin small and end without a full stop."""
+    return Paragraph(f"{note[0].upper()}{note[1:]}.")
+
+
 def write_report(
     path: str | Path, title: str, summary: Sequence[str], sections: Sequence[Section], provenance: Provenance
 ) -> None:

@@ -9,13 +9,13 @@ from geoerr.machine import AXES
 from geoerr.report.ballbar import circular_test_blocks
 from geoerr.report.figures import positioning_curves, predicted_circles, style
 from geoerr.report.model_report import MeasuredLine, ModelReport, thinned
-from geoerr.report.page import NOT_DETERMINED, Block, Figure, Heading, Paragraph, Table
+from geoerr.report.page import NOT_DETERMINED, Block, Figure, Heading, Paragraph, Table, as_sentence
+from geoerr.summaries import number_text
 from geoerr.verify.ballbar import CircularTestResult
 from geoerr.verify.positioning import USUAL_RUNS, PositioningTest
 
 _MOST_LINES = 12
 _MOST_DRAWN = 6
-_UNKNOWN = "–"
 _LETTERS = (
     "A accuracy, E systematic deviation, M range of the mean of both ways, R repeatability, B largest reversal, all "
     "of both ways; arrows: one way. Deviations are those of the point that was looked at."
@@ -30,7 +30,7 @@ def circle_blocks(results: Sequence[CircularTestResult]) -> tuple[Block, ...]:
         caption = "Radial deviation round a circle in each plane, as the model has it, both ways round."
         blocks += [Figure(predicted_circles([one.before for one in predicted]), caption), _circle_table(predicted)]
         notes = dict.fromkeys(note for one in predicted for note in one.notes)
-        blocks += [Paragraph(f"{note[0].upper()}{note[1:]}.") for note in notes]
+        blocks += map(as_sentence, notes)
         open_ones = predicted[0].assumed_zero
         if open_ones:
             blocks.append(Paragraph(f"Not determined, and taken as 0 here: {', '.join(open_ones)}."))
@@ -165,9 +165,8 @@ def _predicted_table(tests: Mapping[str, PositioningTest]) -> Table:
 
 
 def _known_to(test: PositioningTest) -> str:
-    if test.known_to_um is None:
-        return _UNKNOWN
-    return NOT_DETERMINED if math.isnan(test.known_to_um) else _um(test.known_to_um)
+    known_um = test.known_to_um
+    return NOT_DETERMINED if known_um is not None and math.isnan(known_um) else _um(known_um)
 
 
 def _figure(title: str, lines: Sequence[MeasuredLine], subtitle: str) -> Figure:
@@ -206,4 +205,4 @@ def _count(lines: Sequence[MeasuredLine], shown: Sequence[MeasuredLine]) -> str:
 
 
 def _um(value: float | None) -> str:
-    return _UNKNOWN if value is None else f"{value:.1f}".replace("-", "−")
+    return number_text(value, 1)
