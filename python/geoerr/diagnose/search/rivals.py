@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,8 +64,12 @@ class Rival:
     contains: bool
 
 
-def rivals_of(looked: Round, first: Judged, best: Settled, others: Sequence[Judged]) -> list[Rival]:
+def rivals_of(looked: Round, first: Judged, best: Settled) -> list[Rival]:
     """Look closely at the next best candidates."""
+    others = [one for one in looked.candidates if one.what is not first.what]
+    if first.evidence <= 0.0:
+        # Its rivals are what chance does not explain either, and their numbers cost as much.
+        others.sort(key=lambda one: -one.surprise)
     found = []
     for other in others[:_CLOSELY]:
         alike = correlation(best, other, looked.scanner)

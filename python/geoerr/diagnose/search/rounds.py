@@ -98,10 +98,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
         first = first or looked
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
-        best = first_to_pass(looked.candidates, level)
-        probe = simplest_to_pass(looked.probes, level) if unknown is None else None
-        if best is None and probe is None and not found and unknown is None:
-            best, probe = _no_chance(looked)
+        best, probe = _claims(looked, level, found, unknown)
         more = _finer(bench, looked, best, probe)
         if more is not None:
             finer.append(more)
@@ -137,11 +134,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         if unknown is not None and not acts_elsewhere(looked.space, settled, unknown.judged):
             break
         settled = at_likeliest_period(looked.space, looked.scanner, settled)
-        others = [one for one in looked.candidates if one.what is not best.what]
-        if best.evidence <= 0.0:
-            # Its rivals are what chance does not explain either, and their numbers cost as much.
-            others.sort(key=lambda one: -one.surprise)
-        found.append(Found(best, settled, tuple(rivals_of(looked, best, settled, others)), looked))
+        found.append(Found(best, settled, tuple(rivals_of(looked, best, settled)), looked))
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])
         taken = {id(one.judged.what) for one in found}
@@ -151,8 +144,14 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside))
 
 
-def _no_chance(looked: Round) -> tuple[Judged | None, Judged | None]:
-    """Give the best name and the best probe that chance does not explain, whatever their numbers cost."""
+def _claims(
+    looked: Round, level: float, found: Sequence[Found], unknown: Found | None
+) -> tuple[Judged | None, Judged | None]:
+    """Give the best name and the best probe that pass; in a first look what is no chance passes at any cost."""
+    best = first_to_pass(looked.candidates, level)
+    probe = simplest_to_pass(looked.probes, level) if unknown is None else None
+    if best is not None or probe is not None or found or unknown is not None:
+        return best, probe
     names = (one for one in looked.candidates if one.p_value <= _NO_CHANCE)
     best = next((one for one in names if is_admissible(looked.space, looked.scanner, one)), None)
     return best, next((one for one in looked.probes if one.p_value <= _NO_CHANCE), None)
