@@ -108,16 +108,17 @@ def problem_of(looked: Round, fitted: Fitted, *, with_noise_model: bool) -> Prob
     blocks, forms, at = [], [], 0
     for judged in looked.candidates:
         for shapes in judged.what.shapes:
-            for trial in _some_trials(shapes):
-                raw = looked.scanner.raw_columns(shapes, trial)
-                whole = np.linalg.norm(whiten(raw).reshape(len(flat), -1), axis=0)
-                own = project(raw)
-                left = np.linalg.norm(own, axis=0)
-                seen = left**2 > OWNED * np.maximum(whole, 1e-300) ** 2
-                if seen.any():
-                    blocks.append((own[:, seen] / left[seen]).astype(np.float64))
-                    forms.append(Form(str(judged.what.reference), shapes, trial, slice(at, at + int(seen.sum()))))
-                    at += int(seen.sum())
+            trials = _some_trials(shapes)
+            whole = whiten(np.concatenate([looked.scanner.raw_columns(shapes, trial) for trial in trials], axis=2))
+            whole = whole.reshape(len(flat), -1)
+            own = (whole - flat @ (flat.T @ whole))[counts]
+            left = np.linalg.norm(own, axis=0)
+            seen = left**2 > OWNED * np.maximum(np.linalg.norm(whole, axis=0), 1e-300) ** 2
+            blocks.append(own[:, seen] / left[seen])
+            for trial, kept in zip(trials, seen.reshape(len(trials), -1).sum(axis=1).tolist(), strict=True):
+                if kept:
+                    forms.append(Form(str(judged.what.reference), shapes, trial, slice(at, at + kept)))
+                    at += kept
     return Problem(
         residual.reshape(-1)[counts] - (flat @ (flat.T @ residual.reshape(-1)))[counts],
         np.concatenate(blocks, axis=1),
