@@ -1,6 +1,6 @@
 """Hidden effects beside general-purpose tools: who stays silent, who names what, who says that there is no name.
 
-    python -m validation.hidden_effects.peers [--nulls 3] [--singles 1] [--unlisted 1] [--rows 10000] [-o FILE.md]
+    python -m validation.hidden_effects.peers [--nulls 3] [--singles 1] [--unlisted 1] [--every 1] [-o FILE.md]
 
 Needs scikit-learn and lmfit, which geoerr does not. The peers are given the hard part done: residual and columns of
 geoerr's own candidates (every form at trial values of its inner parameters) in units of their standard deviations,
@@ -28,6 +28,7 @@ import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -294,11 +295,13 @@ def _peer_outcome(line: dict[str, Any], found: str | None) -> str:
     return "right" if found == line["truth"][0]["name"] else "wrong"
 
 
-def sample(n_nulls: int, n_singles: int, n_unlisted: int) -> Iterator[Set]:
-    """Give some of the study's sets of each kind."""
+def sample(n_nulls: int, n_singles: int, n_unlisted: int, every: int) -> Iterator[Set]:
+    """Give some of the study's sets of each kind; of those with an effect every so many-th."""
     yield from (one for one in sets_of("nulls", n_nulls) if one.cell in NULL_NOISES)
-    yield from (one for one in sets_of("single", n_singles) if one.strength_um in SINGLE_STRENGTHS_UM)
-    yield from (one for one in sets_of("unlisted", n_unlisted) if one.strength_um in UNLISTED_STRENGTHS_UM)
+    singles = (one for one in sets_of("single", n_singles) if one.strength_um in SINGLE_STRENGTHS_UM)
+    yield from islice(singles, 0, None, every)
+    unlisted = (one for one in sets_of("unlisted", n_unlisted) if one.strength_um in UNLISTED_STRENGTHS_UM)
+    yield from islice(unlisted, 0, None, every)
 
 
 def tables(lines: Sequence[dict[str, Any]]) -> str:
@@ -333,6 +336,7 @@ def main() -> None:
     parser.add_argument("--nulls", type=int, default=5, help="sets of each of six noises")
     parser.add_argument("--singles", type=int, default=1, help="sets of each kind of effect at 2 and 4 µm")
     parser.add_argument("--unlisted", type=int, default=1, help="sets of each effect that the catalogue lacks, 4 µm")
+    parser.add_argument("--every", type=int, default=1, help="only every so many-th set with an effect")
     parser.add_argument("--rows", type=int, default=10_000)
     parser.add_argument("--peer", action="append", choices=[*PEERS], help="all, if not given")
     parser.add_argument("--development", action="store_true", help="seeds to develop with, not those of the study")
@@ -342,7 +346,7 @@ def main() -> None:
     lines = [json.loads(text) for text in given.resume.read_text().splitlines()] if given.resume.exists() else []
     known = {line["key"] for line in lines}
     with given.resume.open("a", encoding="utf-8") as file:
-        for one in sample(given.nulls, given.singles, given.unlisted):
+        for one in sample(given.nulls, given.singles, given.unlisted, given.every):
             if one.key in known:
                 continue
             try:
