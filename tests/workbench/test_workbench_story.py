@@ -98,10 +98,18 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
 
 def test_regions_come_worst_first(learned: Session) -> None:
     learned.view.look = "region"
-    table = wiring.pictures(learned, "")["regions"]
-    learned.view.look = "length"
+    shown = wiring.pictures(learned, "")
+    table = shown["regions"].children[1]
     sizes = [float(texts(row.children[1])) for row in table.children[1].children]
     assert sizes == sorted(sizes, reverse=True)
+    # Strokes of means, each of which marks the rows of its region.
+    means = shown["volume"].data[0]
+    assert len(means.x) == 3 * len(sizes)
+    told = means.customdata[0]
+    wiring.mark(learned, "volume", {"points": [{"customdata": told.tolist()}]})
+    assert learned.selected.sum() == learned.seen.comparison.regions[int(told[-1])].n == int(told[7])
+    wiring.mark(learned, "none", "")
+    learned.view.look = "length"
 
 
 def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> None:
@@ -117,6 +125,18 @@ def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> N
     assert dict(session.step.effects) == {"backlash:x": "Backlash of the drive"}
     wiring.do(session, "refer", "1")
     assert session.reference == 1
+    session.view.look = "difference"
+    drawn = wiring.pictures(session, "")
+    model, reference = session.model, session.steps[1].model
+    at_mm, told_um = drawn["volume"].data[0].customdata[:, :3], drawn["volume"].data[0].customdata[:, 3:]
+    known = np.isfinite(at_mm).all(axis=1)
+    at = {name: 1.0 if name.startswith("d_") else 0.0 for name in model.conditions}
+    difference_mm = model.error_mm(at_mm[known], at=at) - reference.error_mm(at_mm[known])
+    assert told_um[known] == pytest.approx(1e3 * difference_mm, abs=1e-9)
+    wiring.do(session, "refer", str(session.current))
+    assert "the reference" in wiring.pictures(session, "")["volume"].layout.annotations[0].text
+    wiring.do(session, "refer", "1")
+    session.view.look = "length"
     assert "−" in texts(wiring.panels(session)["given"])
     wiring.do(session, "undo", "")
     settle(session)

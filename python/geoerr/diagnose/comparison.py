@@ -194,9 +194,14 @@ class Comparison:
         return drawn("residual_over", self, over, color_by)
 
     def plot_volume(
-        self, look: Literal["length", "magnitude", "direction"] = "length", exaggeration: float = 1.0
+        self, look: Literal["length", "magnitude", "direction", "region"] = "length", exaggeration: float = 1.0
     ) -> go.Figure:
-        """Draw every residual at its place: strokes coloured by length or direction, or dots of its magnitude."""
+        """Draw every residual at its place: strokes coloured by length or direction, or dots of its magnitude.
+
+        By region: the mean of each box of the volume beside its spread.
+        """
+        if look == "region":
+            return drawn("residual_of_regions", self, exaggeration=exaggeration)
         return drawn("residual_in_volume", self, look, exaggeration)
 
     def plot_regions(self) -> go.Figure:

@@ -731,6 +731,10 @@ class Model:
         """Draw where the machine puts the points of a grid over its volume, errors magnified."""
         return drawn("model_field", self, at)
 
+    def plot_difference(self, reference: Model, *, at: Conditions | None = None) -> go.Figure:
+        """Draw what this model says of the volume beyond another one of the same machine, magnified."""
+        return drawn("model_difference", self, reference, at)
+
     def plot_circles(self, *, at: Conditions | None = None) -> go.Figure:
         """Draw a circle in each plane, both ways round (ISO 230-4), about the middle of the volume."""
         return drawn("model_circles", self, at)

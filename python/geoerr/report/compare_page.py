@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from geoerr.diagnose import Comparison, LengthComparison, Part, Trend
-from geoerr.report.figures import residuals, style, variable_label
+from geoerr.report.figures import residual_of_regions, residuals, style, variable_label
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
 from geoerr.report.provenance import Provenance
 
@@ -80,6 +80,7 @@ def _sections_of_points(comparison: Comparison, document: Mapping[str, Any]) -> 
         where: tuple[Block, ...] = (
             Figure(residuals.residual_vectors(comparison), "Residuals at their commanded positions, by length."),
             Figure(residuals.residual_directions(comparison), "The same by direction: clusters are what is missing."),
+            Figure(residual_of_regions(comparison), "By region of the volume: mean, and ± one standard deviation."),
             Figure(residuals.residual_by_region(comparison), "Mean, spread and number of rows by region."),
         )
         sections.append(Section("Where it is off", where))

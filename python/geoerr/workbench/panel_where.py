@@ -70,8 +70,8 @@ def _volume_figure(view: View) -> Any:
             html.Div(
                 dcc.Graph(id="volume", config=_VOLUME_CONFIG, responsive=True), id="volume-frame", className="picture"
             ),
-            html.Div(id="regions", className="picture regions", hidden=True),
             html.Figcaption(id="volume-caption"),
+            html.Div(id="regions", className="regions", hidden=True),
         ]
     )
 
@@ -117,11 +117,16 @@ def regions_table(seen: Seen) -> Any:
         )
         for number, region in ranked
     ]
-    return html.Table([html.Thead(html.Tr([html.Th(text, scope="col") for text in head])), html.Tbody(rows)])
+    table = html.Table([html.Thead(html.Tr([html.Th(text, scope="col") for text in head])), html.Tbody(rows)])
+    return html.Details(
+        [html.Summary(f"{len(ranked)} regions in figures, worst first: mean and below it spread, µm"), table]
+    )
 
 
 def _span(region: Region) -> str:
-    spans = [f"{low:.0f}–{high:.0f}" for low, high in zip(region.low_mm, region.high_mm, strict=True)]
+    spans = [
+        f"{low:.0f} … {high:.0f}".replace("-", "−") for low, high in zip(region.low_mm, region.high_mm, strict=True)
+    ]
     return " · ".join(spans)
 
 

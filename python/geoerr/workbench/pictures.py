@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -11,8 +11,10 @@ import plotly.graph_objects as go
 from dash import Patch
 
 from geoerr.diagnose import Comparison, Component
-from geoerr.report.figures import residual_against, style
-from geoerr.report.figures.error_field import grid_traces
+from geoerr.model import Model
+from geoerr.report.figures import residual_against, residual_of_regions, style
+from geoerr.report.figures.error_field import field_difference, grid_traces
+from geoerr.report.figures.regions import magnification_of_means
 from geoerr.report.figures.residuals import of_component
 from geoerr.report.figures.style import Numbers
 from geoerr.report.figures.volume import Look, Volume, marked_strokes, places_mm, residual_volume, volume_of
@@ -31,7 +33,7 @@ _EYE = {"x": 1.75, "y": -2.05, "z": 1.2}
 _MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
 _FEED_MM_MIN = 1000.0
 
-# Looks that are drawn in the volume; the table by region has the arrows beside it.
+# Looks that draw every row.
 _DRAWN: dict[str, Look] = {look: look for look in get_args(Look)}
 
 
@@ -44,19 +46,31 @@ class Picture:
 
 
 def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
-    """Draw the volume: residuals as the view asks for, marked rows, what would be explained, the grid."""
+    """Draw the volume: what the view asks for, marked rows, what would be explained, the grid."""
     view = session.view
-    look = _DRAWN.get(view.look, "length")
     volume = _volume(session, seen)
     if not len(volume.rows):
         return Picture(_empty("circular tests have no place in the volume: see the residual beside"), "")
-    figure = residual_volume(volume, look)
+    looks = {"region": _means, "difference": _difference}
+    drawn = looks.get(view.look, _residuals)(session, seen, volume)
+    figure, caption = drawn.figure, drawn.caption
+    if not figure.data:
+        return drawn
     figure.add_traces(
         [
-            _marked(seen.comparison, session.selected, volume),
+            _marked(seen.comparison, session.selected, volume, view.look),
             _explained(seen.comparison, explained_um, volume),
         ]
     )
+    if view.shows_shape and view.look in _DRAWN:
+        caption += _add_shape(figure, session)
+    ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}
+    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", camera_eye=_EYE)
+    return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)
+
+
+def _residuals(session: Session, seen: Seen, volume: Volume) -> Picture:
+    look = _DRAWN[session.view.look]
     caption = (
         f"Measured minus predicted at {len(volume.rows):,} of {len(seen.comparison.points.sightings):,} rows, "
         f"drawn {volume.magnification:,.0f} times as long."
@@ -65,11 +79,33 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     )
     if look == "direction":
         caption += " Colour: where it points (hue in the XY plane; light +Z, dark −Z); clusters are no chance."
-    if view.shows_shape:
-        caption += _add_shape(figure, session)
-    ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}
-    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", camera_eye=_EYE)
-    return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)
+    return Picture(residual_volume(volume, look), caption)
+
+
+def _means(session: Session, seen: Seen, volume: Volume) -> Picture:
+    figure = residual_of_regions(seen.comparison, exaggeration=session.view.exaggeration)
+    return Picture(
+        figure,
+        f"Mean residual of each region, drawn {volume.magnification:,.0f} times as long; cross: ± spread; colour: "
+        "rms. A mean that is not 0 is an error that the model lacks. Click one to mark its rows.",
+    )
+
+
+def _difference(session: Session, _: Seen, __: Volume) -> Picture:
+    reference = session.steps[session.reference]
+    if session.reference == session.current:
+        return Picture(_empty("this model is the reference ★: look at another one, or choose another ★"), "")
+    at = _conditions(session, session.model, reference.model)
+    if at is None:
+        return Picture(_empty("the models need conditions: state them under “Correct a program”"), "")
+    figure, magnification = field_difference(
+        session.model, reference.model, exaggeration=session.view.exaggeration, at=at
+    )
+    return Picture(
+        figure,
+        f"What this model says beyond ★ {session.reference + 1}. {reference.name}: coloured grid, differences "
+        f"{magnification:,.0f} times as large; grey grid: no difference.{_stated(session)}",
+    )
 
 
 def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
@@ -103,7 +139,7 @@ def marks(session: Session, seen: Seen) -> tuple[Patch, Patch]:
     """Give what a new mark changes in the two pictures, and nothing else of them."""
     volume = _volume(session, seen)
     in_volume, in_residual = Patch(), Patch()
-    trace = _marked(seen.comparison, session.selected, volume)
+    trace = _marked(seen.comparison, session.selected, volume, session.view.look)
     for axis in "xyz":
         in_volume["data"][_MARKED][axis] = _plain(trace[axis])
     for place, rows in enumerate(_selected_points(seen, session.selected, session.view.variable)):
@@ -155,15 +191,24 @@ def in_panel(figure: go.Figure, revision: str, *, margin: dict[str, int]) -> go.
 
 
 def _volume(session: Session, seen: Seen) -> Volume:
-    return volume_of(seen.comparison, exaggeration=session.view.exaggeration, most_points=MOST_POINTS)
+    view = session.view
+    volume = volume_of(seen.comparison, exaggeration=view.exaggeration, most_points=MOST_POINTS)
+    if view.look != "region":
+        return volume
+    # What would be explained is drawn as long as the means are.
+    return replace(volume, magnification=view.exaggeration * magnification_of_means(seen.comparison))
 
 
-def _marked(comparison: Comparison, selected: Rows | None, volume: Volume) -> go.Scatter3d:
+def _marked(comparison: Comparison, selected: Rows | None, volume: Volume, look: str) -> go.Scatter3d:
     rows = np.zeros(0, dtype=np.int64) if selected is None else np.flatnonzero(selected)
     error = np.where(comparison.points.sightings.is_measured, comparison.residual_mm, 0.0)
-    return marked_strokes(
-        places_mm(comparison)[rows], error[rows], volume.magnification, style.VERMILLION, "marked", most=MOST_MARKED
+    # Beside means and differences only the places: a row's own residual is no part of those.
+    is_stroke = look in _DRAWN
+    magnification = volume.magnification if is_stroke else 0.0
+    trace = marked_strokes(
+        places_mm(comparison)[rows], error[rows], magnification, style.VERMILLION, "marked", most=MOST_MARKED
     )
+    return trace if is_stroke else trace.update(mode="markers", marker={"size": 1.5, "color": style.VERMILLION})
 
 
 def _explained(comparison: Comparison, explained_um: Numbers | None, volume: Volume) -> go.Scatter3d:
@@ -179,18 +224,33 @@ def _add_shape(figure: go.Figure, session: Session) -> str:
     model = session.model
     if model.is_nominal:
         return ""
-    stated = conditions_of(model, session.view.conditions)
-    motion = {name: value for name in model.conditions if (value := _motion(name)) is not None}
-    at: dict[str, npt.ArrayLike | str] = {**motion, **stated}
-    if not set(model.conditions) <= set(at):
+    at = _conditions(session, model)
+    if at is None:
         return " The machine's shape needs conditions: state them under “Correct a program”."
     traces, magnification = grid_traces(model, exaggeration=session.view.exaggeration, at=at)
     nominal, bent = traces
     bent.line = {"color": style.SKY, "width": 3}
     figure.add_traces([nominal, bent])
+    return (
+        f" Blue grid: the machine's shape as the model has it, errors {magnification:,.0f} times as large."
+        f"{_stated(session)}"
+    )
+
+
+def _conditions(session: Session, *models: Model) -> dict[str, npt.ArrayLike | str] | None:
+    """Give the conditions that models need: motion as usual, the rest as stated; None where one is wanting."""
+    names = {name for model in models for name in model.conditions}
+    at: dict[str, npt.ArrayLike | str] = {name: value for name in names if (value := _motion(name)) is not None}
+    for model in models:
+        at |= conditions_of(model, session.view.conditions)
+    return at if names <= set(at) else None
+
+
+def _stated(session: Session) -> str:
+    """Say at which conditions."""
+    stated = conditions_of(session.model, session.view.conditions)
     told = ", ".join(f"{name} {value:g}" for name, value in stated.items())
-    where = f" at {told}" if told else ""
-    return f" Blue grid: the machine's shape as the model has it{where}, errors {magnification:,.0f} times as large."
+    return f" At {told}." if told else ""
 
 
 def _motion(name: str) -> float | None:

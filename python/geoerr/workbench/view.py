@@ -7,7 +7,10 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 # Views of the volume, as mrcal's users know them, to what a person reads.
-LOOKS = {"length": "arrows", "magnitude": "size", "direction": "direction", "region": "by region"}
+LOOKS = {
+    **{"length": "arrows", "magnitude": "size", "direction": "direction"},
+    **{"region": "regions", "difference": "to ★"},
+}
 # Powers of two around the exaggeration that draws the largest error as about a tenth of the volume.
 LEAST_POWER, LARGEST_POWER = -3, 3
 

@@ -26,7 +26,7 @@ from geoerr.workbench.pictures import (
     volume_picture,
 )
 from geoerr.workbench.program import Wish
-from geoerr.workbench.session import Session
+from geoerr.workbench.session import Rows, Seen, Session
 
 # Actions of buttons to the panel in which a refusal is shown.
 PLACES = {
@@ -96,7 +96,7 @@ def panels(session: Session) -> dict[str, Any]:
 
 
 def pictures(session: Session, shown: str) -> dict[str, Any]:
-    """Give both pictures, or the table of regions in place of the first."""
+    """Give both pictures, and of regions their table."""
     with session.lock:
         seen = session.seen
         is_by_region = session.view.look == "region"
@@ -112,17 +112,13 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
             }
         explained = what_is_shown(session, shown)
         residual = residual_picture(session, seen, explained)
-        volume = None if is_by_region else volume_picture(session, seen, explained)
-        by_region = (
-            "Regions of the volume, worst first, in µm. Bold: mean, below it the spread. A mean that is not 0 is an "
-            "error that the model lacks; few rows: hardly looked there."
-        )
+        volume = volume_picture(session, seen, explained)
         return {
-            "volume": no_update if volume is None else volume.figure,
+            "volume": volume.figure,
             "residual": residual.figure,
             "regions": regions_table(seen) if is_by_region else None,
             "is_by_region": is_by_region,
-            "captions": (by_region if volume is None else volume.caption, residual.caption),
+            "captions": (volume.caption, residual.caption),
             "marked": marked_words(session),
         }
 
@@ -141,9 +137,7 @@ def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[A
         if has_box:
             rows = rows_in_box(seen, session.view.variable, what["range"])
         elif source == "volume" and what:
-            told = what["points"][0].get("customdata") or []
-            # The last number that a stroke tells is its row; the grid tells none.
-            rows = rows_of_pass(seen, int(told[6])) if len(told) > 6 else session.selected
+            rows = _rows_of_stroke(session, seen, what["points"][0].get("customdata") or [])
         elif source == "region":
             rows = rows_of_region(seen, int(what))
         actions.select(session, rows)
@@ -152,6 +146,13 @@ def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[A
         if source != "residual":
             in_residual["layout"]["selections"] = []
         return in_volume, in_residual, marked_words(session)
+
+
+def _rows_of_stroke(session: Session, seen: Seen, told: Sequence[Any]) -> Rows | None:
+    """Give what a stroke in the volume stands for: its last number is its region, or its row; a grid tells none."""
+    if len(told) <= 6:
+        return session.selected
+    return rows_of_region(seen, int(told[-1])) if session.view.look == "region" else rows_of_pass(seen, int(told[-1]))
 
 
 def wire(app: Dash, session: Session) -> None:
@@ -237,7 +238,7 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             "volume": Output("volume", "figure"),
             "residual": Output("residual", "figure"),
             "regions": Output("regions", "children"),
-            "hidden": (Output("volume-frame", "hidden"), Output("regions", "hidden")),
+            "hidden": Output("regions", "hidden"),
             "captions": (Output("volume-caption", "children"), Output("residual-caption", "children")),
             "marked": Output("marked", "children"),
         },
@@ -260,7 +261,7 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             view.color_by = color if color in session.seen.variables else ""
         found = pictures(session, shown)
         is_by_region = found.pop("is_by_region")
-        return found | {"hidden": (is_by_region, not is_by_region)}
+        return found | {"hidden": not is_by_region}
 
     @app.callback(
         Output("volume", "figure", allow_duplicate=True),

@@ -12,6 +12,7 @@ from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_li
 from geoerr.report.figures.of_model import (
     model_circles,
     model_diagonals,
+    model_difference,
     model_errors,
     model_fall,
     model_field,
@@ -19,6 +20,7 @@ from geoerr.report.figures.of_model import (
 )
 from geoerr.report.figures.path import path_error
 from geoerr.report.figures.positioning import positioning_curves
+from geoerr.report.figures.regions import residual_of_regions
 from geoerr.report.figures.residuals import (
     residual_against,
     residual_by_region,
@@ -52,6 +54,7 @@ __all__ = [
     "measurement_residuals",
     "model_circles",
     "model_diagonals",
+    "model_difference",
     "model_errors",
     "model_fall",
     "model_field",
@@ -65,6 +68,7 @@ __all__ = [
     "residual_directions",
     "residual_histogram",
     "residual_in_volume",
+    "residual_of_regions",
     "residual_over",
     "residual_vectors",
     "stages_of",

@@ -86,6 +86,56 @@ def error_field(
     return figure
 
 
+def field_difference(
+    model: Model, reference: Model, *, exaggeration: float = 1.0, at: Conditions | None = None, n_lines: int = 5
+) -> tuple[go.Figure, float]:
+    """Draw what a model says of the volume beyond another one, as a deformed grid; give the magnification too.
+
+    Parameters
+    ----------
+    model, reference
+        Of one machine; the grid is where the reference puts the volume, drawn straight.
+    exaggeration
+        Times the magnification that draws the largest difference as about a tenth of the shortest edge.
+    at
+        Conditions that either model needs.
+
+    Returns
+    -------
+    figure, magnification
+        Two traces: the differences, coloured by length, and the straight grid.
+    """
+    low, high = usable_range_mm(model)
+    lines = _lines_on_faces(low, high, n_lines)
+    nodes = lines.reshape(-1, 3)
+    difference = model.error_mm(nodes, at=_asked(at, model)) - reference.error_mm(nodes, at=_asked(at, reference))
+    largest = float(np.linalg.norm(difference, axis=1).max())
+    magnification = exaggeration * _magnification(low, high, largest)
+    straight, bent = _grid(lines, difference.reshape(lines.shape), magnification, largest, shows_scale=True)
+    figure = go.Figure([bent, straight])
+    style.finish(
+        figure,
+        "Difference of two models over the volume",
+        f"{_sizes(difference)}; magnified {magnification:,.0f} times; grey: no difference",
+        _HEIGHT_PX,
+        bottom_px=10,
+    )
+    figure.update_scenes(
+        xaxis_title_text="X, mm",
+        yaxis_title_text="Y, mm",
+        zaxis_title_text="Z, mm",
+        aspectmode="data",
+        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+    )
+    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
+    return figure, magnification
+
+
+def _asked(at: Conditions | None, model: Model) -> Conditions:
+    """Give those conditions that a model follows."""
+    return {name: value for name, value in (at or {}).items() if name in model.conditions}
+
+
 def _ranges(low_mm: Numbers, high_mm: Numbers) -> dict[str, object]:
     """Give both scenes the same axes, with room for the drawn errors, so that the boxes compare."""
     room = 1.1 * _LARGEST_DRAWN * float((high_mm - low_mm).min())
@@ -96,8 +146,12 @@ def _ranges(low_mm: Numbers, high_mm: Numbers) -> dict[str, object]:
 
 
 def _panel_title(name: str, error: Numbers) -> str:
+    return f"<b>{name}</b>: {_sizes(error)}"
+
+
+def _sizes(error: Numbers) -> str:
     length = np.linalg.norm(error, axis=1) * style.UM_PER_MM
-    return f"<b>{name}</b>: largest {style.text_um(length.max())}, rms {style.text_um(np.sqrt(np.mean(length**2)))}"
+    return f"largest {style.text_um(length.max())}, rms {style.text_um(np.sqrt(np.mean(length**2)))}"
 
 
 def grid_traces(

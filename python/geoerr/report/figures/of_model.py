@@ -12,7 +12,7 @@ from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import approach_conditions
 from geoerr.report.figures.circle import predicted_circles
 from geoerr.report.figures.error_curves import error_curves
-from geoerr.report.figures.error_field import error_field
+from geoerr.report.figures.error_field import error_field, field_difference
 from geoerr.report.figures.fall import error_fall, stages_of
 from geoerr.report.figures.positioning import positioning_curves
 from geoerr.verify.ballbar import middle_circle, predict_trace
@@ -28,6 +28,12 @@ def model_errors(model: Model, truth: ErrorFunctions | None = None, at: Conditio
 def model_field(model: Model, at: Conditions | None = None) -> go.Figure:
     """Draw the error over the volume; of motion, what is not stated is as when reached from below, at rest."""
     return error_field(model, at={**approach_conditions(model), **(at or {})})
+
+
+def model_difference(model: Model, reference: Model, at: Conditions | None = None) -> go.Figure:
+    """Draw what a model says of the volume beyond another one; what is not stated as for `model_field`."""
+    stated = {**approach_conditions(reference), **approach_conditions(model), **(at or {})}
+    return field_difference(model, reference, at=stated)[0]
 
 
 def model_circles(model: Model, at: Conditions | None = None) -> go.Figure:

@@ -127,7 +127,7 @@ def marked_strokes(
 ) -> go.Scatter3d:
     """Draw thick strokes of one colour over the others: rows that were chosen, or what an effect would explain."""
     kept = style.thinned(np.ones(len(at_mm), dtype=bool), most)
-    line = _polyline(at_mm[kept], at_mm[kept] + magnification * moved_mm[kept])
+    line = polyline(at_mm[kept], at_mm[kept] + magnification * moved_mm[kept])
     return go.Scatter3d(
         x=line[:, 0],
         y=line[:, 1],
@@ -166,7 +166,7 @@ def _colors(volume: Volume, look: Look) -> dict[str, object]:
 
 
 def _strokes(volume: Volume, colors: dict[str, object]) -> go.Scatter3d:
-    line = _polyline(volume.at_mm, volume.at_mm + volume.magnification * volume.error_mm)
+    line = polyline(volume.at_mm, volume.at_mm + volume.magnification * volume.error_mm)
     shown = colors["color"]
     each = [name for name in shown for _ in range(3)] if isinstance(shown, list) else np.repeat(np.asarray(shown), 3)
     return go.Scatter3d(
@@ -212,7 +212,7 @@ def _told(volume: Volume) -> Numbers:
     return np.column_stack([volume.at_mm, volume.error_mm * style.UM_PER_MM, volume.rows])
 
 
-def _polyline(begin: Numbers, end: Numbers) -> Numbers:
+def polyline(begin: Numbers, end: Numbers) -> Numbers:
     """Join strokes from (n, 3) to (n, 3) into one line (3 n, 3) with NaN between them."""
     strokes = np.full((len(begin), 3, 3), np.nan)
     strokes[:, 0], strokes[:, 1] = begin, end
