@@ -447,6 +447,12 @@ def wave_along(formulas: Formulas, term: Term, inner: Sequence[float]) -> tuple[
     return (place, values) if is_wave(columns_at, values[rows], term.inner[place]) else None
 
 
+def n_waves(functions: Functions, term: Term, inner: Sequence[float]) -> float:
+    """Give the number of waves of a term over all that was measured; 0 of what is no wave."""
+    wave = wave_along(Formulas(functions, term), term, inner)
+    return 0.0 if wave is None else float(np.ptp(wave[1])) / inner[wave[0]]
+
+
 def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:
     """Give moments of a jump, midway between rows that are evenly apart in number.
 

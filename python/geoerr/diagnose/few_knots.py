@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from geoerr.diagnose.candidates import n_waves
 from geoerr.diagnose.search import Searched
 from geoerr.fit import Fitted, refit
-from geoerr.fit.wavy import may_be_followed, without_waves
+from geoerr.fit.wavy import MANY_WAVES, may_be_followed, without_waves
+from geoerr.terms import Term
 
 
 def searched_beside_knots(fitted: Fitted, run: Callable[[Fitted], Searched]) -> tuple[Fitted, Searched]:
@@ -21,6 +23,11 @@ def searched_beside_knots(fitted: Fitted, run: Callable[[Fitted], Searched]) -> 
         searched = run(few)
         changed = [before for before, after in zip(fitted.terms, plain, strict=True) if after != before]
         terms = [one.settled.term for one in searched.found if one.settled.term is not None]
-        if any(may_be_followed(own, term) for own in changed for term in terms):
+        if any(may_be_followed(own, term) and _is_many(searched, term) for own in changed for term in terms):
             return few, searched
     return fitted, run(fitted)
+
+
+def _is_many(searched: Searched, term: Term) -> bool:
+    """Tell whether a term is so many waves that no smooth error is like it."""
+    return n_waves(searched.bench.functions, term, [one.value for one in term.inner]) >= MANY_WAVES

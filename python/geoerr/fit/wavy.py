@@ -26,8 +26,10 @@ from geoerr.terms import BasisSpec, Term
 
 # Functions of a smooth error: eight pieces follow two waves over an axis. A basis with not many more is smooth, too.
 _SMOOTH, _NOT_SMOOTH = 11, 14
-# Waves over the axis: fewer are smooth; between two that are tried a wave turns by an eighth.
-_FEWEST_WAVES, _STEP = 4.5, 0.125
+# So many waves over an axis are no smooth error of it, however many knots follow them.
+MANY_WAVES = 5.0
+# Between two that are tried a wave turns by an eighth.
+_STEP = 0.125
 # Twice the logarithm of the evidence by which a wave has to be the better description.
 _CLEARLY = 6.0
 
@@ -90,6 +92,6 @@ def _is_wave(
 def _waves(places_mm: Numbers, basis: BasisSpec) -> Iterator[Numbers]:
     """Give cosine and sine (n, 2) of every number of waves that knots could follow."""
     turns = (places_mm - places_mm[0]) / np.ptp(places_mm)
-    for count in np.arange(_FEWEST_WAVES, 0.5 * (basis.n_functions - 3) + 1.0, _STEP):
+    for count in np.arange(MANY_WAVES, 0.5 * (basis.n_functions - 3) + 1.0, _STEP):
         phase = 2.0 * np.pi * count * turns
         yield np.stack([np.cos(phase), np.sin(phase)], axis=1)

@@ -13,13 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.bases import basis_of
-from geoerr.diagnose.candidates import Formulas, wave_along
+from geoerr.diagnose.candidates import n_waves
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, evidence_of, variables_of
 from geoerr.diagnose.search.look import Round
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.wavy import MANY_WAVES
 from geoerr.machine import AXES
 from geoerr.terms import BasisSpec, Term
 
@@ -27,8 +28,6 @@ from geoerr.terms import BasisSpec, Term
 _PARTS = (2, 4)
 # Of what leaves a smaller share than this, the model does most already; what gains this share of it does as much.
 _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
-# So many waves over an axis are no smooth error of it.
-_MANY_WAVES = 5.0
 
 
 def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | None:
@@ -46,7 +45,7 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | Non
     if axis is None:
         return None
     ways = list(_ways(bench, claim, axis))
-    is_own = claim.share < _MOSTLY_OWN and _n_waves(bench, claim) < _MANY_WAVES
+    is_own = claim.share < _MOSTLY_OWN and _n_waves(bench, claim) < MANY_WAVES
     best, most = None, 0.0 if is_own else max(claim.evidence, 0.0)
     for way in ways:
         columns = np.concatenate([_columns(bench, term, finer) for term, finer in way], axis=2)
@@ -80,9 +79,7 @@ def _n_waves(bench: Bench, claim: Judged) -> float:
     """Give the number of waves over the places that were measured; 0 of what is no wave."""
     if isinstance(claim.what, Probe):
         return 0.0
-    inner = claim.shapes.trials[claim.trial]
-    wave = wave_along(Formulas(bench.functions, _term_of(claim)), _term_of(claim), inner)
-    return 0.0 if wave is None else float(np.ptp(wave[1])) / inner[wave[0]]
+    return n_waves(bench.functions, _term_of(claim), claim.shapes.trials[claim.trial])
 
 
 def _axis_of(claim: Judged) -> str | None:
