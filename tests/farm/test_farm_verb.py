@@ -24,8 +24,8 @@ def geoerr_farm(farm: Path, *more: str, status: int = 0) -> str:
 def test_every_machine_has_a_line_and_every_failure_a_reason(farm: Path, right_bytes: dict[str, bytes]) -> None:
     (farm / "mill-1/programs/corner.gcode").write_text("G21\nG90\nG0 X10 Y10 Z20\nG1 X999\n")
     lines = geoerr_farm(farm, "--threads", "1", status=1).splitlines()
-    assert lines[0] == "mill-0  diagnose: missing: backlash:x; 1 of 1 programs corrected"
-    assert lines[1] == "mill-1  diagnose: missing: backlash:x; 0 of 1 programs corrected"
+    assert lines[0] == "mill-0  missing: backlash:x; 1 of 1 programs corrected"
+    assert lines[1] == "mill-1  missing: backlash:x; 0 of 1 programs corrected"
     assert lines[3].endswith("; 2 of 2 programs corrected")
     assert lines[5] == "failed:"
     assert lines[6].startswith(f"  {farm}/mill-1/programs/corner.gcode:4: ")

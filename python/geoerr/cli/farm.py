@@ -158,7 +158,7 @@ def _machine_words(outcomes: tuple[Outcome, ...]) -> str:
     steps = [one for one in outcomes if one.step != "compensate"]
     parts = []
     if steps:
-        parts.append(f"{steps[-1].step} failed" if steps[-1].error else f"{steps[-1].step}: {steps[-1].says}")
+        parts.append(f"{steps[-1].step} failed" if steps[-1].error else steps[-1].says)
     if programs:
         corrected = sum(one.error is None for one in programs)
         parts.append(f"{corrected} of {len(programs)} programs corrected")

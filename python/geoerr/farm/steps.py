@@ -7,7 +7,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from geoerr.diagnose import Verdict
 from geoerr.effects import load_catalogue, load_effects
+from geoerr.errors import InputFileError
 from geoerr.farm.folders import MODELS, TABLES, bytes_of
 from geoerr.farm.outcome import StepResult
 from geoerr.farm.recipe import Recipe, Step
@@ -19,6 +21,13 @@ from geoerr.model import load_model, write_model
 # The farm is what runs side by side.
 _THREADS = 1
 _OBSERVATIONS = "observations.csv"
+# What stands before the names.
+_VERDICTS: dict[Verdict, str] = {
+    "missing": "missing: ",
+    "ambiguous": "missing, or something that looks alike: ",
+    "unknown": "missing: something without a name",
+    "nothing-missing": "nothing missing",
+}
 
 
 class Bench:
@@ -96,6 +105,12 @@ def _measure(bench: Bench) -> list[StepResult]:
     from geoerr.vision.session import read_session
 
     assert bench.session is not None
+    if not bench.session.is_dir():
+        raise InputFileError(
+            bench.session,
+            "the worker cannot see this folder",
+            remedy="measure on the computer that has the pictures, or share their disk",
+        )
     session = read_session(bench.session)
     rig, written = bench.folder / "rig.json", [_OBSERVATIONS]
     if not rig.is_file():
@@ -152,7 +167,7 @@ def _diagnose(bench: Bench) -> list[StepResult]:
         found = diagnose(model, *measured.tables, effects=own, threads=_THREADS, **bench.calibration)
     write_json(bench.folder / "diagnosis.json", null_for_nan(found.to_document()))
     names = ", ".join(str(one.reference) for one in found.found)
-    return bench.result("diagnose", found.verdict + (f": {names}" if names else ""), "diagnosis.json")
+    return bench.result("diagnose", _VERDICTS[found.verdict] + names, "diagnosis.json")
 
 
 def _compensate(bench: Bench) -> list[StepResult]:
