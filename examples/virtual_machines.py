@@ -1,7 +1,7 @@
 """Machines that stand in for yours: `python examples/virtual_machines.py NAME FOLDER` writes what one shows.
 
 Each has errors that we know because we put them in, by arithmetic that a page can hold and geoerr has no part in.
-The names: circles, warm-mill, spool-printer, laser.
+The names: circles, warm-mill, spool-printer, laser, printers.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ material = "steel"
 range = [0.0, 300.0]
 material = "steel"
 """
+SQUARE = "G21\nG90\nG0 X50 Y50 Z20\nG1 X350 Y50 F1200\nG1 X350 Y350\nG1 X50 Y350\nG1 X50 Y50\n"
 # x, y and z of the two ends of the lines that `warm-mill` and `spool-printer` are measured on.
 LINES = {
     "x front": ((0, 50, 40), (400, 50, 40)),
@@ -125,11 +126,31 @@ def laser(folder: Path) -> None:
     _write_table(folder / "laser.csv", names, rows)
 
 
+def printers(folder: Path) -> None:
+    """Write a dozen printers, a folder each, with a program each; 2 µm of noise.
+
+    X of the n-th is 10 n µm/m too long, and every third has 8 + n µm of play. The seventh's table lost its columns.
+    """
+    for n in range(1, 13):
+        own = folder / f"printer-{n:02d}"
+        (own / "programs").mkdir(parents=True, exist_ok=True)
+        rng = np.random.default_rng(n)
+        q, d, line, repeat = _there_and_back(2)
+        error = np.zeros_like(q)
+        error[:, 0] = 10e-6 * n * q[:, 0] - (0.5e-3 * (8 + n) * d[:, 0] if n % 3 == 0 else 0.0)
+        _write_machine(own, own.name, "wZbXYt")
+        seen = q + error + rng.normal(0.0, 2e-3, q.shape)
+        _write_points(own / "observations.csv", line, repeat, q, d, seen, t=8.0 * np.arange(len(q)))
+        (own / "programs" / "square.gcode").write_text(SQUARE, encoding="utf-8")
+    (folder / "printer-07" / "observations.csv").write_text("line,repeat,x,y,z\n", encoding="utf-8")
+
+
 MAKERS: dict[str, Callable[[Path], None]] = {
     "circles": circles,
     "warm-mill": warm_mill,
     "spool-printer": spool_printer,
     "laser": laser,
+    "printers": printers,
 }
 
 

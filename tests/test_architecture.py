@@ -44,11 +44,12 @@ ALLOWED: dict[str, set[str]] = {
     "compensate": MODEL,
     "verify": MODEL,
     "simulate": TABLES | {"vision.patterns", "vision.images"},
+    "farm": MODEL | {"vision", "fit", "identify", "diagnose", "compensate", "measurements"},
     "report": MODEL | WORK,
     "demo": MODEL | WORK | {"report"},
     "workbench": MODEL | WORK | {"measurements", "report"},
     "__main__": {"cli"},
-    "cli": MODEL | WORK | {"measurements", "report", "demo", "workbench"},
+    "cli": MODEL | WORK | {"measurements", "report", "demo", "workbench", "farm"},
 }
 
 
@@ -142,3 +143,13 @@ def test_dash_lives_in_the_workbench_only() -> None:
         if any(name.split(".")[0] in ("dash", "flask", "werkzeug") for name in imported_modules(path))
     }
     assert users == {"workbench"}
+
+
+def test_dask_is_met_by_the_command_line_only() -> None:
+    """The farm asks for `submit` and knows no engine by its name."""
+    users = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in sources()
+        if any(name.split(".")[0] in ("dask", "distributed") for name in imported_modules(path))
+    }
+    assert users == {"cli/farm.py"}

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from geoerr.equations import error_equations
     from geoerr.error_functions import ErrorFunctions, read_errors, write_errors
     from geoerr.errors import GeoerrError
+    from geoerr.farm import Recipe, run_farm
     from geoerr.fit import FitOptions, FitResult, fit_model
     from geoerr.geometry import fit_line, fit_lines, integrate_straightness, triangulate, triangulate_points
     from geoerr.identify.joint import identify_joint
@@ -92,9 +93,11 @@ _HOMES = {
     "read_observations": "geoerr.observations",
     "read_rig": "geoerr.vision.rig",
     "read_session": "geoerr.vision.session",
+    "Recipe": "geoerr.farm",
     "Rig": "geoerr.vision.rig",
     "rig_sensitivity": "geoerr.vision.sensitivity",
     "run_circular_test": "geoerr.verify.ballbar",
+    "run_farm": "geoerr.farm",
     "States": "geoerr.states",
     "trace_paths": "geoerr.verify.path_trace",
     "triangulate": "geoerr.geometry",
@@ -120,6 +123,7 @@ __all__ = [
     "Machine",
     "Model",
     "Observations",
+    "Recipe",
     "Rig",
     "States",
     "__version__",
@@ -154,6 +158,7 @@ __all__ = [
     "read_session",
     "rig_sensitivity",
     "run_circular_test",
+    "run_farm",
     "trace_paths",
     "triangulate",
     "triangulate_points",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import tempfile
 import tomllib
@@ -50,6 +51,15 @@ def write_text(path: str | Path, text: str) -> None:
 def to_json(document: Any) -> str:
     """Turn a document into geoerr's one form of JSON: two spaces, keys as given, no NaN, a final newline."""
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def null_for_nan(document: Any) -> Any:
+    """Give a document with null where a number is not computable."""
+    if isinstance(document, dict):
+        return {key: null_for_nan(value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [null_for_nan(value) for value in document]
+    return None if isinstance(document, float) and not math.isfinite(document) else document
 
 
 def write_json(path: str | Path, document: Any) -> None:

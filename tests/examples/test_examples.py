@@ -13,9 +13,16 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SECONDS = 60
 # What the others share.
 SHARED = "virtual_machines.py"
+ON_DASK = {"farm_on_a_cluster.py"}
 # Example to what it has to say: what was put in is found, and what has to be refused is refused.
 SAYS = {
     "circle_diagnosed.py": ["(servo-mismatch:xy)", "(squareness:xy)", "(backlash:x)", "\n    none above 0.8"],
+    "farm_on_a_cluster.py": [
+        "a worker is killed when 6 printers have a model",
+        "44 files, the same bytes",
+        "printer-12  missing: backlash:x",
+        "printer-07/observations.csv:1: ",
+    ],
     "folder_of_programs.sh": ["corner.gcode  ", "inches.ngc  ", "refused: programs/too-far.gcode:4: "],
     "how_sure.py": ["passes that were left out", "condition temp_bed                  3 °C"],
     "laser_run.py": ["(5 was put in)", "EXY: the y axis never moved"],
@@ -40,6 +47,8 @@ def test_every_example_has_something_to_say_and_a_line_in_the_table() -> None:
 
 @pytest.mark.parametrize("name", scripts())
 def test_it_runs_and_says_so(name: str, tmp_path: Path) -> None:
+    if name in ON_DASK:
+        pytest.importorskip("distributed")
     programs = tmp_path / "bin"
     programs.mkdir()
     for program, arguments in (("geoerr", " -m geoerr"), ("python", "")):

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, null_for_nan, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, print_json
 from geoerr.cli.program_options import At, conditions, triple
 
 _EXAMPLES = (
@@ -55,6 +55,7 @@ def budget(
     By propagation (GUM): the parameters' covariance, conditions, and how corrections are carried out.
     """
     from geoerr.budget import Implementation, budget_text, uncertainty_budget, uncertainty_map
+    from geoerr.files import null_for_nan
     from geoerr.model import load_model
     from geoerr.model.program_conditions import approach_conditions
     from geoerr.report.provenance import provenance_of_command

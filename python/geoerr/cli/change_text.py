@@ -10,9 +10,10 @@ import typer
 
 from geoerr.cli.fit_document import fit_document
 from geoerr.cli.fit_text import figure_rows, parameter_rows, quality_in_words, wrapped
-from geoerr.cli.options import note, null_for_nan, print_json
+from geoerr.cli.options import note, print_json
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
+from geoerr.files import null_for_nan
 from geoerr.fit.result import CALIBRATION_UNKNOWNS
 from geoerr.model import HistoryEntry, Model, write_model
 

@@ -41,9 +41,6 @@ class OutsideMeasured(StrEnum):
     HOLD = "hold"
 
 
-# Twelve digits tell any two models of a workshop apart.
-_MODEL_NAME_DIGITS = 12
-
 _EXAMPLES = (
     "geoerr compensate errors.json part.gcode -o part-corrected.gcode",
     "geoerr compensate model.json part.gcode -o part-90.gcode --at temp_bed=90 --work-offset 50,50,0",
@@ -92,8 +89,7 @@ def compensate(
     """Rewrite the program IN so that the machine of MODEL follows the path that IN means."""
     if as_json and str(output) == "-":
         raise typer.BadParameter("--json has standard output for itself", param_hint="-o -")
-    from geoerr.compensate.program import CompensationOptions, compensate_program
-    from geoerr.files import digest
+    from geoerr.compensate.program import CompensationOptions, compensate_program, name_of_model
     from geoerr.model import load_model
     from geoerr.report.provenance import provenance_of_command
 
@@ -121,7 +117,7 @@ def compensate(
             output,
             options,
             at=given,
-            model_name=digest(model)[:_MODEL_NAME_DIGITS],
+            model_name=name_of_model(model),
             threads=threads,
             on_progress=lambda n_bytes: advance(n_bytes, max(size, n_bytes)),
         )

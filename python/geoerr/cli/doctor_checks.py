@@ -31,7 +31,10 @@ LIBRARIES = {
     "typer": "typer",
 }
 # Extra of geoerr to what it brings, and what for.
-EXTRAS = {"workbench": ("dash", "dash", "geoerr workbench")}
+EXTRAS = {
+    "workbench": ("dash", "dash", "geoerr workbench"),
+    "cluster": ("distributed", "distributed", "geoerr farm --scheduler"),
+}
 _TABLES = (".csv", ".parquet")
 # Half of a nanometre: what a command may be off from the exact inverse.
 _SELF_TEST_MM = 5e-7

@@ -22,7 +22,6 @@ from geoerr.cli.options import (
     examples,
     files_given,
     note,
-    null_for_nan,
     print_json,
 )
 from geoerr.cli.progress import progress_bar
@@ -82,6 +81,7 @@ def fit(
     from geoerr.cli.fit_document import fit_document
     from geoerr.cli.fit_outcome import FitOutcome, outcome_lines, outlier_places, print_notes
     from geoerr.effects import load_catalogue
+    from geoerr.files import null_for_nan
     from geoerr.fit import FitOptions, fit_model
     from geoerr.machine import read_machine
     from geoerr.measurements import read_measurements

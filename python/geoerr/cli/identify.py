@@ -19,7 +19,6 @@ from geoerr.cli.options import (
     examples,
     files_given,
     note,
-    null_for_nan,
     print_json,
 )
 from geoerr.cli.progress import progress_bar
@@ -85,6 +84,7 @@ def identify(
         )
     from geoerr.cli.identify_text import identification_lines, print_notes
     from geoerr.error_functions import write_errors
+    from geoerr.files import null_for_nan
     from geoerr.identify import NineLineResult, analyze_nine_lines
     from geoerr.identify.joint import JointResult, identify_joint
     from geoerr.machine import read_machine

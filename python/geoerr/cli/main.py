@@ -34,6 +34,7 @@ VERBS = {
     "workbench": "All of this on a local page, with a mouse.",
     "budget": "How uncertain a prediction is, and a compensated part.",
     "compensate": "Rewrite a program for the machine that runs it.",
+    "farm": "Many machines in one call, here or on a cluster.",
     "verify": "Prove a correction: circle, workpiece, path.",
     "simulate": "Photograph a virtual machine into a session folder.",
     "target": "Plates and boards to print, true to scale.",

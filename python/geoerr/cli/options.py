@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -65,15 +64,6 @@ def print_json(document: Any) -> None:
     sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def null_for_nan(document: Any) -> Any:
-    """Give a document with null where a number is not computable."""
-    if isinstance(document, dict):
-        return {key: null_for_nan(value) for key, value in document.items()}
-    if isinstance(document, list | tuple):
-        return [null_for_nan(value) for value in document]
-    return None if isinstance(document, float) and not math.isfinite(document) else document
-
-
 def note(text: str, quiet: bool) -> None:
     """Say something to the person at the terminal: standard error, so that results can be piped."""
     if not quiet:
@@ -98,6 +88,8 @@ def print_result(
     document: dict[str, Any], *, report: Path | None, set_aside: Sequence[RowProblem], provenance: Provenance
 ) -> None:
     """Print a result with where it comes from and what it could not use."""
+    from geoerr.files import null_for_nan
+
     sources = {
         "report": None if report is None else str(report),
         "set_aside": [str(problem) for problem in set_aside],

@@ -19,7 +19,6 @@ from geoerr.cli.options import (
     examples,
     note,
     note_set_aside,
-    null_for_nan,
     print_json,
 )
 from geoerr.cli.progress import progress_bar
@@ -54,6 +53,7 @@ def states_verb(
     threads: Threads = 0,
 ) -> None:
     """How a machine differs between temperatures, and one model for all of them."""
+    from geoerr.files import null_for_nan
     from geoerr.machine import read_machine
     from geoerr.model import write_model
     from geoerr.observations import read_observations

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program
+from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program, name_of_model
 from geoerr.error_functions import ErrorFunctions, write_errors
-from geoerr.files import digest, write_json
+from geoerr.files import write_json
 from geoerr.identify import NineLineResult, analyze_nine_lines
 from geoerr.model import Model
 from geoerr.simulate.nine_lines import NineLines, nine_line_plan
@@ -147,7 +147,7 @@ def run_demo(directory: str | Path, stage: Stage, seed: int = 1, threads: int = 
             shutil.copyfile(source, program)
         options = CompensationOptions(tolerance_mm=TOLERANCE_MM)
         compensation = compensate_program(
-            model, program, corrected, options, model_name=digest(folder / "errors.json")[:12], threads=threads
+            model, program, corrected, options, model_name=name_of_model(folder / "errors.json"), threads=threads
         )
     with stage("proving the correction on the true machine"):
         path = compare_paths(true_machine, program, corrected)

@@ -1,0 +1,165 @@
+"""`geoerr farm`: many machines in one call, on the cores of this computer or on a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from geoerr.cli.compensate import OnUnsupported
+from geoerr.cli.fit import ComponentsChoice
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
+from geoerr.cli.program_options import At, Firmware, Home, WorkOffset, conditions, triple
+from geoerr.cli.progress import progress_bar
+from geoerr.errors import GeoerrError
+
+if TYPE_CHECKING:
+    from geoerr.farm import Farm, Outcome
+    from geoerr.farm.engine import FarmExecutor
+
+
+class StepChoice(StrEnum):
+    """Steps of a farm."""
+
+    MEASURE = "measure"
+    IDENTIFY = "identify"
+    FIT = "fit"
+    DIAGNOSE = "diagnose"
+    COMPENSATE = "compensate"
+
+
+_CONNECTION_S = 30
+
+_EXAMPLES = (
+    "geoerr farm FARM -o RESULTS",
+    "geoerr farm FARM -o RESULTS --do fit --do compensate --components 12 --add backlash:x",
+    "geoerr farm FARM -o RESULTS --scheduler tcp://farm:8786 --json > results.json",
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("farm", epilog=examples(*_EXAMPLES))(farm)
+
+
+def farm(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FARM",
+            help="Folder of machines' folders, or of one machine: machine.toml, measurements or a session, model.json"
+            " where there is one, programs.",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results, a folder a machine.")],
+    do: Annotated[
+        list[StepChoice] | None,
+        typer.Option("--do", help="A step; may be repeated. Else all that a machine's folder has something for."),
+    ] = None,
+    components: Annotated[
+        ComponentsChoice, typer.Option("--components", help="Classic errors to fit: 21, 12 (no angles), or none.")
+    ] = ComponentsChoice.LI,
+    add: Annotated[
+        list[str] | None,
+        typer.Option("--add", metavar="ID[:AXIS][@COVARIATE]", help="An effect to fit along; may be repeated."),
+    ] = None,
+    at: At = None,
+    work_offset: WorkOffset = "0,0,0",
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", help="Largest distance of the tool from the programmed path, mm.")
+    ] = 0.005,
+    on_unsupported: Annotated[
+        OnUnsupported,
+        typer.Option("--on-unsupported", help="A line that is not corrected: refuse the program, or pass the line."),
+    ] = OnUnsupported.REFUSE,
+    home: Home = None,
+    firmware: Firmware = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Address of a Dask scheduler, whose workers do the work.")
+    ] = None,
+    as_json: JsonFlag = False,
+    quiet: QuietFlag = False,
+    threads: Threads = 0,
+) -> None:
+    """Identify, diagnose and compensate many machines at once; one failure never stops the rest.
+
+    Exit status 1 where something failed; all the rest is done. --threads is the number of processes, of one thread
+    each.
+    """
+    from geoerr.compensate.program import CompensationOptions
+    from geoerr.farm import STEPS, Recipe, run_farm
+    from geoerr.report.provenance import provenance_of_command
+
+    recipe = Recipe(
+        steps=tuple(step for step in STEPS if not do or step in do),
+        components=components.value,
+        effects=tuple(add or ()),
+        at=conditions(at),
+        options=CompensationOptions(
+            work_offset_mm=triple(work_offset, "--work-offset"),
+            tolerance_mm=tolerance,
+            home_mm=None if home is None else triple(home, "--home"),
+            firmware=None if firmware is None else firmware.value,
+            on_unsupported=on_unsupported.value,
+        ),
+    )
+    with ExitStack() as stack:
+        executor = None if scheduler is None else stack.enter_context(_connected(scheduler))
+        advance = stack.enter_context(progress_bar("farm", quiet))
+        done = run_farm(folder, output, recipe, executor=executor, workers=threads, on_progress=advance)
+    if as_json:
+        provenance = provenance_of_command([])
+        print_json({"output": str(output), **done.to_document(), "provenance": provenance.to_document()})
+    else:
+        for line in _lines(done):
+            typer.echo(line)
+        note(f"results: {output}", quiet)
+    if done.failures:
+        raise typer.Exit(1)
+
+
+@contextmanager
+def _connected(scheduler: str) -> Iterator[FarmExecutor]:
+    """Give the workers of a Dask scheduler as an executor."""
+    try:
+        from distributed import Client
+    except ModuleNotFoundError as error:
+        raise GeoerrError("a cluster needs Dask\nhint: pip install 'geoerr[cluster]'") from error
+    try:
+        client = Client(scheduler, timeout=_CONNECTION_S)
+    except (OSError, ValueError) as error:
+        raise GeoerrError(
+            f"{scheduler}: no Dask scheduler answers: {error}\nhint: start one with `dask scheduler`, and workers"
+        ) from error
+    with client:
+        yield client.get_executor()
+
+
+def _lines(done: Farm) -> list[str]:
+    """Say of each machine what it lacks and how many programs were corrected; then what failed, and why."""
+    by_machine = done.by_machine
+    width = max(map(len, by_machine), default=0)
+    lines = [f"{name:<{width}}  {_machine_words(outcomes)}" for name, outcomes in by_machine.items()]
+    if done.failures:
+        lines += ["", "failed:"]
+        # A table that cannot be read is what two steps say.
+        reasons = dict.fromkeys(str(one.error) for one in done.failures)
+        lines += [f"  {line}" for reason in reasons for line in reason.splitlines()]
+    n_failed = len({one.machine for one in done.failures})
+    return [*lines, "", f"{len(by_machine)} machines, {n_failed} of them with a failure"]
+
+
+def _machine_words(outcomes: tuple[Outcome, ...]) -> str:
+    programs = [one for one in outcomes if one.step == "compensate"]
+    steps = [one for one in outcomes if one.step != "compensate"]
+    parts = []
+    if steps:
+        parts.append(f"{steps[-1].step} failed" if steps[-1].error else steps[-1].says)
+    if programs:
+        corrected = sum(one.error is None for one in programs)
+        parts.append(f"{corrected} of {len(programs)} programs corrected")
+    return "; ".join(parts)

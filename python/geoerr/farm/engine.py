@@ -1,0 +1,141 @@
+"""Jobs through any executor: a job that is lost is a result, and what is under way is bounded."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import get_context
+from queue import SimpleQueue
+from typing import Any, Protocol
+
+from geoerr.farm.job import Job, work
+from geoerr.farm.outcome import StepResult
+
+# What jobs under way may carry, all together: a farm of any size fits a caller's memory.
+MOST_CARRIED_BYTES = 1 << 30
+
+# What became of a job: its results, or why there are none.
+Finished = list[StepResult] | Exception
+
+
+class FarmFuture(Protocol):
+    """What is asked of an executor's future."""
+
+    def result(self) -> Any:
+        """Give the result, or raise what went wrong."""
+
+    def add_done_callback(self, fn: Callable[[Any], Any], /) -> Any:
+        """Call a function with the future when it is done."""
+
+
+class FarmExecutor(Protocol):
+    """What is asked of an executor: those of `concurrent.futures` have it, and Dask's `Client` has."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
+        """Take a call; give its future."""
+
+
+def finished_by(
+    executor: FarmExecutor, jobs: Iterable[Job], most_jobs: float = float("inf")
+) -> Iterator[tuple[Job, Finished]]:
+    """Give each job with what became of it, as they are ready.
+
+    Parameters
+    ----------
+    executor
+        Who works.
+    jobs
+        Taken one by one as there is room, so that they may be made then.
+    most_jobs
+        Under way at once.
+    """
+    waiting = iter(jobs)
+    ready: SimpleQueue[tuple[Job, FarmFuture]] = SimpleQueue()
+    n_jobs = n_bytes = 0
+    while True:
+        while n_jobs == 0 or (n_jobs < most_jobs and n_bytes < MOST_CARRIED_BYTES):
+            job = next(waiting, None)
+            if job is None:
+                break
+            try:
+                future = executor.submit(work, job)
+            except Exception as error:
+                yield job, error
+                continue
+            n_jobs += 1
+            n_bytes += job.n_bytes
+            future.add_done_callback(partial(_put, ready, job))
+        if n_jobs == 0:
+            return
+        job, done = ready.get()
+        n_jobs -= 1
+        n_bytes -= job.n_bytes
+        try:
+            finished: Finished = done.result()
+        except Exception as error:
+            finished = error
+        yield job, finished
+
+
+def _put(ready: SimpleQueue[tuple[Job, FarmFuture]], job: Job, future: FarmFuture) -> None:
+    ready.put((job, future))
+
+
+def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job, Finished]]:
+    """Give each job with what became of it, by processes of this computer: one a core, of one thread each.
+
+    A process that dies takes the pool and all that it had along. Those jobs are done again, each in a process of its
+    own, so that only the one that kills its process is lost; the others go on in a new pool.
+    """
+    n_workers = n_workers or _cores()
+    waiting = iter(jobs)
+    while True:
+        lost: list[Job] = []
+        with _pool(n_workers) as pool:
+            for job, finished in finished_by(pool, _until(waiting, lost), most_jobs=2 * n_workers):
+                if isinstance(finished, BrokenExecutor):
+                    lost.append(job)
+                else:
+                    yield job, finished
+        if not lost:
+            return
+        for job in lost:
+            with _pool(1) as own:
+                yield from finished_by(own, [job])
+
+
+def _until(waiting: Iterator[Job], lost: list[Job]) -> Iterator[Job]:
+    """Give jobs as long as none is lost."""
+    while not lost:
+        job = next(waiting, None)
+        if job is None:
+            return
+        yield job
+
+
+@contextmanager
+def _pool(n_workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Open a pool whose processes begin anew: threads of libraries do not survive a fork."""
+    before = os.environ.get("OPENBLAS_NUM_THREADS")
+    # Read by NumPy when a process loads it: a pool of threads in each would take the cores from the others.
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    pool = ProcessPoolExecutor(n_workers, mp_context=get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+        if before is None:
+            del os.environ["OPENBLAS_NUM_THREADS"]
+        else:
+            os.environ["OPENBLAS_NUM_THREADS"] = before
+
+
+def _cores() -> int:
+    # Linux can give a process fewer cores than there are.
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,130 @@
+"""A machine's folder: what in it is the machine, its measurements, its model, its programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from geoerr.errors import InputFileError
+from geoerr.files import refusing_unreadable
+
+TABLES = (".csv", ".parquet")
+PROGRAMS = (".gcode", ".gco", ".g", ".nc", ".ngc", ".tap", ".cnc")
+# Best first: what a model is read from.
+MODELS = ("model.json", "errors.json")
+# What belongs to the pictures of a session, and is no measurement.
+_OF_SESSION = ("frames.csv",)
+_OTHERS = ("machine.toml", "rig.json", "effects.toml")
+
+
+@dataclass(frozen=True)
+class FarmFolder:
+    """What a machine's folder holds, by names relative to it.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    inputs
+        machine.toml, rig.json, effects.toml (effects of the user's own), where they are.
+    model
+        model.json or errors.json that was given; None where it is to be made.
+    tables
+        Measured points and circular tests, in the order of their names.
+    programs
+        In the folder by their suffix; everything in its folder `programs`.
+    is_session
+        Whether it has pictures to be measured: session.toml, and no measurements yet.
+    """
+
+    path: Path
+    inputs: tuple[str, ...]
+    model: str | None
+    tables: tuple[str, ...]
+    programs: tuple[str, ...]
+    is_session: bool
+
+    @property
+    def name(self) -> str:
+        """The machine's name in results."""
+        return self.path.resolve().name
+
+    def carried(self, names: Sequence[str]) -> dict[str, bytes]:
+        """Give files as bytes.
+
+        Raises
+        ------
+        InputFileError
+            for a file that cannot be read.
+        """
+        return bytes_of({name: self.path / name for name in names})
+
+
+def bytes_of(files: Mapping[str, Path]) -> dict[str, bytes]:
+    """Give the bytes of files; refuse one that cannot be read by its name."""
+    carried = {}
+    for name, path in files.items():
+        with refusing_unreadable(path):
+            carried[name] = path.read_bytes()
+    return carried
+
+
+def read_folder(path: Path) -> FarmFolder:
+    """Look into a machine's folder.
+
+    Raises
+    ------
+    InputFileError
+        for a folder that is none, or has nothing of a machine.
+    """
+    files = sorted(one.name for one in _listed(path) if one.is_file() and not one.name.startswith("."))
+    beneath = path / "programs"
+    below = sorted(one.name for one in _listed(beneath) if one.is_file()) if beneath.is_dir() else []
+    tables = tuple(name for name in files if name.lower().endswith(TABLES) and name not in _OF_SESSION)
+    folder = FarmFolder(
+        path,
+        tuple(name for name in _OTHERS if name in files),
+        next((name for name in MODELS if name in files), None),
+        tables,
+        (
+            *(name for name in files if name.lower().endswith(PROGRAMS)),
+            *(f"programs/{name}" for name in below if not name.startswith(".")),
+        ),
+        is_session="session.toml" in files and not tables,
+    )
+    if folder.model is None and not folder.tables and not folder.is_session:
+        raise InputFileError(
+            path,
+            "holds neither measurements nor a model",
+            remedy="put machine.toml and measurements (.csv, .parquet), session.toml, or model.json there",
+        )
+    return folder
+
+
+def machine_paths(farm: Path) -> list[Path]:
+    """Give the machines' folders: those in `farm`, by name; or `farm`, where it is the folder of one machine.
+
+    Raises
+    ------
+    InputFileError
+        where there is no folder.
+    """
+    files = {one.name for one in _listed(farm)}
+    if files & {"machine.toml", "session.toml", *MODELS}:
+        return [farm]
+    found = sorted(one for one in _listed(farm) if one.is_dir() and not one.name.startswith("."))
+    if not found:
+        raise InputFileError(farm, "holds no folders of machines", remedy="make one for each machine")
+    return found
+
+
+def _listed(path: Path) -> list[Path]:
+    try:
+        return list(path.iterdir())
+    except FileNotFoundError as error:
+        raise InputFileError(path, "no such folder", remedy="check the name") from error
+    except NotADirectoryError as error:
+        raise InputFileError(path, "is a file, a folder is needed") from error
+    except PermissionError as error:
+        raise InputFileError(path, "cannot be read: permission denied") from error

@@ -1,0 +1,94 @@
+"""What travels to a worker and what it does there: files as bytes in, files as bytes out, failures as texts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from geoerr import __version__
+from geoerr.errors import GeoerrError
+from geoerr.farm.outcome import StepResult
+from geoerr.farm.recipe import Recipe, Step
+
+
+@dataclass(frozen=True)
+class Job:
+    """Steps that one worker does with one machine.
+
+    Attributes
+    ----------
+    machine
+        Name of the machine's folder.
+    folder
+        The folder as the caller names it: what messages name.
+    steps
+        In this order; what follows a step that failed and needs it is left out.
+    recipe
+        How they are done.
+    files
+        What they are done with, by name: as bytes, for a worker may have no disk in common with the caller.
+    program
+        Which of them `compensate` corrects.
+    session
+        Absolute path of a folder of pictures; gigabytes stay where they are, and the worker has to see that disk.
+    version
+        Of the geoerr that asks: another one might write other bytes.
+    """
+
+    machine: str
+    folder: str
+    steps: tuple[Step, ...]
+    recipe: Recipe
+    files: Mapping[str, bytes]
+    program: str | None = None
+    session: str | None = None
+    version: str = __version__
+
+    @cached_property
+    def n_bytes(self) -> int:
+        """What it carries."""
+        return sum(map(len, self.files.values()))
+
+
+def work(job: Job) -> list[StepResult]:
+    """Do a job, on one thread; whatever goes wrong is a result."""
+    from geoerr.farm.steps import DONE_BY, Bench
+
+    if job.version != __version__:
+        error = (
+            f"{job.folder}: the worker has geoerr {__version__}, the call came from {job.version}\n"
+            "hint: install the same version on all workers"
+        )
+        return [StepResult(job.steps[0], job.program, error=error)]
+    results: list[StepResult] = []
+    with TemporaryDirectory(prefix="geoerr-farm-") as name:
+        # Messages name the caller's files, not the copies.
+        said_as = {name: job.folder}
+        bench = Bench(Path(name), job.recipe, job.program, None if job.session is None else Path(job.session))
+        if job.session is not None:
+            said_as[job.session] = job.folder
+        try:
+            bench.lay_out(job.files)
+        except OSError as error:
+            return [StepResult(job.steps[0], job.program, error=_told(job, error, said_as))]
+        for step in job.steps:
+            try:
+                results += DONE_BY[step](bench)
+            except (KeyboardInterrupt, SystemExit):
+                raise
+            except BaseException as error:  # A panic of the core is no Exception.
+                results.append(StepResult(step, job.program, error=_told(job, error, said_as)))
+                if step in ("measure", "fit"):
+                    break
+    return results
+
+
+def _told(job: Job, error: BaseException, said_as: Mapping[str, str]) -> str:
+    """Say what went wrong as the command line does; of what geoerr does not refuse itself, say also its kind."""
+    text = str(error) if isinstance(error, GeoerrError) else f"{job.folder}: {type(error).__name__}: {error}"
+    for there, here in said_as.items():
+        text = text.replace(there, here)
+    return text

@@ -1,0 +1,82 @@
+"""What became of each machine of a farm: results and failures alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one step with one machine.
+
+    Attributes
+    ----------
+    machine
+        Name of its folder.
+    step
+        One of `geoerr.farm.STEPS`, or `read` where the folder could not be used.
+    program
+        The program that was corrected, as its folder names it; None with other steps.
+    files
+        What was written, below the output's folder.
+    says
+        The result in a sentence; empty where it failed.
+    error
+        Why it failed: file, place and remedy; None where it did not.
+    """
+
+    machine: str
+    step: str
+    program: str | None = None
+    files: tuple[str, ...] = ()
+    says: str = ""
+    error: str | None = None
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as plain values, for `--json`."""
+        return {**vars(self), "files": list(self.files)}
+
+
+@dataclass(frozen=True)
+class Farm:
+    """What became of a farm.
+
+    Attributes
+    ----------
+    outcomes
+        Of each machine, step and program: in the order of the input, whoever was ready first.
+    """
+
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def failures(self) -> tuple[Outcome, ...]:
+        """What failed."""
+        return tuple(one for one in self.outcomes if one.error is not None)
+
+    @property
+    def by_machine(self) -> dict[str, tuple[Outcome, ...]]:
+        """The outcomes of each machine."""
+        names = dict.fromkeys(one.machine for one in self.outcomes)
+        return {name: tuple(one for one in self.outcomes if one.machine == name) for name in names}
+
+    def to_document(self) -> dict[str, Any]:
+        """Give it as plain values, for `--json`."""
+        return {
+            "machines": len(self.by_machine),
+            "machines_with_failures": len({one.machine for one in self.failures}),
+            "outcomes": [one.to_document() for one in self.outcomes],
+        }
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """What a worker hands back of a step: files as bytes, for it may have no disk in common with the caller."""
+
+    step: str
+    program: str | None = None
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    says: str = ""
+    error: str | None = None

@@ -1,0 +1,220 @@
+"""A farm from folders to folders: models first, then programs, whoever does the work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from pathlib import Path
+
+from geoerr.errors import GeoerrError, InputFileError
+from geoerr.farm.engine import FarmExecutor, Finished, finished_by, finished_here
+from geoerr.farm.folders import MODELS, FarmFolder, bytes_of, machine_paths, read_folder
+from geoerr.farm.job import Job
+from geoerr.farm.outcome import Farm, Outcome
+from geoerr.farm.recipe import STEPS, Recipe, Step
+from geoerr.files import whole_or_absent
+
+# Called with what is done and the total: machines and programs.
+Progress = Callable[[int, int], None]
+
+
+def run_farm(
+    machines: str | Path | Sequence[str | Path],
+    output: str | Path,
+    recipe: Recipe | None = None,
+    *,
+    executor: FarmExecutor | None = None,
+    workers: int = 0,
+    on_progress: Progress = lambda done, total: None,
+) -> Farm:
+    """Identify, diagnose and compensate many machines at once; one failure never stops the rest.
+
+    >>> if __name__ == "__main__":  # doctest: +SKIP
+    ...     farm = geoerr.run_farm("farm", "results")
+    >>> farm = geoerr.run_farm("farm", "results", executor=Client("tcp://farm:8786").get_executor())  # doctest: +SKIP
+
+    Parameters
+    ----------
+    machines
+        A folder of machines' folders, or those folders. Each holds `machine.toml`, measurements (`.csv`, `.parquet`)
+        or a session with pictures, programs (`*.gcode`, `*.nc` ..., and all in `programs`); a `model.json` or
+        `errors.json` in it is taken as it is, `rig.json` and `effects.toml` (the user's own effects) take part.
+    output
+        Folder for the results, a folder each: `observations.csv`, `rig.json`, `errors.json`, `model.json`,
+        `diagnosis.json`, and programs under their own names. Each file is whole or absent.
+    recipe
+        What is done with each; None for everything that its folder has something for.
+    executor
+        Any with `submit` as in `concurrent.futures`; None for a process on each core of this computer, which wants
+        the call behind `if __name__ == "__main__":` in a script. Files travel as bytes, so that workers need no disk
+        in common with the caller; only pictures stay where they are.
+    workers
+        Processes where no executor is given; 0 for one a core. Neither it nor the executor changes a byte.
+    on_progress
+        Called with the number of machines and programs that are done, and of all.
+
+    Raises
+    ------
+    InputFileError
+        where there is no farm, two machines have the same name, or a result would replace an input.
+    """
+    run = _Run(Path(output), recipe or Recipe(), executor, workers, on_progress)
+    return run.farm(_paths(machines))
+
+
+def _paths(machines: str | Path | Sequence[str | Path]) -> list[Path]:
+    if isinstance(machines, str | Path):
+        return machine_paths(Path(machines))
+    return [Path(one) for one in machines]
+
+
+class _Run:
+    """One call: outcomes by machine and program, in the order of the input."""
+
+    def __init__(
+        self, output: Path, recipe: Recipe, executor: FarmExecutor | None, workers: int, on_progress: Progress
+    ) -> None:
+        self.output, self.recipe, self.executor, self.workers = output, recipe, executor, workers
+        self.on_progress = on_progress
+        # Of a machine's own steps (None), and of each of its programs.
+        self.outcomes: dict[tuple[str, str | None], list[Outcome]] = {}
+        # Where a machine's programs find its model; those whose model could not be made are not among them.
+        self.models: dict[str, Path] = {}
+        self.n_done = self.n_all = 0
+
+    def farm(self, paths: Sequence[Path]) -> Farm:
+        """Do everything."""
+        self._check(paths)
+        folders = [folder for path in paths if (folder := self._read(path)) is not None]
+        # Folders that could not be read have their outcome already.
+        self.n_all, self.n_done = len(self.outcomes), sum(map(bool, self.outcomes.values()))
+        self.on_progress(self.n_done, self.n_all)
+        self._do(self._model_jobs(folders))
+        self._do(self._program_jobs(folders))
+        for folder in folders:
+            if not any(self.outcomes[folder.name, program] for program in (None, *self._programs(folder))):
+                self.outcomes[folder.name, None] = [Outcome(folder.name, "read", says="nothing to do")]
+        return Farm(tuple(one for outcomes in self.outcomes.values() for one in outcomes))
+
+    def _check(self, paths: Sequence[Path]) -> None:
+        names: dict[str, Path] = {}
+        for path in paths:
+            name = path.resolve().name
+            if name in names:
+                raise InputFileError(
+                    path, f"has the name of {names[name]}", remedy="results go by the folder's name: rename one"
+                )
+            names[name] = path
+            if (self.output / name).resolve() == path.resolve():
+                raise InputFileError(
+                    self.output, "results would stand among the inputs", remedy="name another folder for the results"
+                )
+
+    def _read(self, path: Path) -> FarmFolder | None:
+        name = path.resolve().name
+        self.outcomes[name, None] = []
+        try:
+            folder = read_folder(path)
+        except GeoerrError as error:
+            self.outcomes[name, None] = [Outcome(name, "read", error=str(error))]
+            return None
+        self.outcomes |= {(name, program): [] for program in self._programs(folder)}
+        return folder
+
+    def _programs(self, folder: FarmFolder) -> tuple[str, ...]:
+        return folder.programs if "compensate" in self.recipe.steps else ()
+
+    def _model_jobs(self, folders: Iterable[FarmFolder]) -> Iterator[Job]:
+        """Make the job of each machine: everything but its programs."""
+        for folder in folders:
+            if folder.model is not None:
+                self.models[folder.name] = folder.path / folder.model
+            possible: set[Step] = {"diagnose"} if folder.model else {"identify", "fit", "diagnose"}
+            steps: list[Step] = [step for step in STEPS if step in possible and step in self.recipe.steps]
+            if folder.is_session and "measure" in self.recipe.steps:
+                steps.insert(0, "measure")
+            elif not folder.tables:
+                steps = []
+            given = () if folder.model is None else (folder.model,)
+            yield from self._job(folder, tuple(steps), (*folder.inputs, *folder.tables, *given))
+
+    def _program_jobs(self, folders: Iterable[FarmFolder]) -> Iterator[Job]:
+        """Make the job of each program, with the model from where it was written."""
+        for folder in folders:
+            for program in self._programs(folder):
+                model = self.models.get(folder.name)
+                if model is None:
+                    self._ended(folder.name, program, [_without_model(folder, program)])
+                    continue
+                yield from self._job(folder, ("compensate",), (program,), program)
+
+    def _job(
+        self, folder: FarmFolder, steps: tuple[Step, ...], names: tuple[str, ...], program: str | None = None
+    ) -> Iterator[Job]:
+        """Make one job; what cannot be read is an outcome, and nothing to do is none."""
+        if not steps:
+            self._ended(folder.name, program, [])
+            return
+        files = {name: folder.path / name for name in names}
+        if program is not None:
+            model = self.models[folder.name]
+            files[model.name] = model
+        try:
+            carried = bytes_of(files)
+        except (GeoerrError, OSError) as error:
+            self._ended(folder.name, program, [Outcome(folder.name, steps[0], program, error=str(error))])
+            return
+        session = str(folder.path.resolve()) if steps[0] == "measure" else None
+        yield Job(folder.name, str(folder.path), steps, self.recipe, carried, program, session)
+
+    def _do(self, jobs: Iterator[Job]) -> None:
+        finished = finished_here(jobs, self.workers) if self.executor is None else finished_by(self.executor, jobs)
+        for job, became in finished:
+            self._ended(job.machine, job.program, self._written(job, became))
+
+    def _ended(self, machine: str, program: str | None, outcomes: list[Outcome]) -> None:
+        self.outcomes[machine, program] = outcomes
+        self.n_done += 1
+        self.on_progress(self.n_done, self.n_all)
+
+    def _written(self, job: Job, became: Finished) -> list[Outcome]:
+        """Write what a job brought; give what became of it."""
+        if isinstance(became, Exception):
+            return [Outcome(job.machine, job.steps[0], job.program, error=_lost(job, became))]
+        outcomes = []
+        for result in became:
+            try:
+                files = tuple(self._write(job.machine, name, content) for name, content in result.files.items())
+                error = result.error
+            except (GeoerrError, OSError) as refused:
+                files, error = (), str(refused)
+            says = "" if error else result.says
+            outcomes.append(Outcome(job.machine, result.step, result.program, files, says, error))
+        made = {name for one in outcomes for name in one.files}
+        if not any(one.error for one in outcomes if one.step in ("measure", "fit")):
+            model = next((name for name in MODELS if f"{job.machine}/{name}" in made), None)
+            if model is not None:
+                self.models[job.machine] = self.output / job.machine / model
+        return outcomes
+
+    def _write(self, machine: str, name: str, content: bytes) -> str:
+        path = self.output / machine / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_or_absent(path) as temporary:
+            temporary.write_bytes(content)
+        return f"{machine}/{name}"
+
+
+def _without_model(folder: FarmFolder, program: str) -> Outcome:
+    error = (
+        f"{folder.path / program}: there is no model to correct it by\n"
+        "hint: see why the machine has none, or put model.json into its folder"
+    )
+    return Outcome(folder.name, "compensate", program, error=error)
+
+
+def _lost(job: Job, error: Exception) -> str:
+    """Say why a job has no results."""
+    about = job.folder if job.program is None else f"{job.folder}/{job.program}"
+    why = "its process died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
+    return f"{about}: no result came back: {why}\nhint: give it more memory, or fewer workers to share it"

@@ -1,0 +1,101 @@
+"""Workers that die: nothing hangs, nothing else is lost, and the bytes are the same."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import active_children, get_context
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_farm import RECIPE, contents
+
+import geoerr
+from geoerr.farm.engine import finished_here
+from geoerr.farm.job import Job, work
+
+pytestmark = pytest.mark.timeout(120)
+
+
+class Killer(Job):
+    """A job whose worker ends as it takes it, as one without memory does."""
+
+    def __reduce__(self) -> tuple[Callable[[int], Any], tuple[int]]:
+        return os._exit, (9,)
+
+
+class KillOnce:
+    """Kills a worker when the second job is done, and never again."""
+
+    def __init__(self, pids: Callable[[], list[int]]) -> None:
+        self.pids = pids
+        self.killed: int | None = None
+
+    def __call__(self, done: int, total: int) -> None:
+        if done >= 2 and self.killed is None:
+            self.killed = self.pids()[0]
+            os.kill(self.killed, signal.SIGKILL)
+
+
+def children() -> list[int]:
+    return [child.pid for child in active_children() if child.pid is not None]
+
+
+def test_a_process_that_is_killed_changes_nothing(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    kill = KillOnce(children)
+    done = geoerr.run_farm(farm, farm.parent / "out", RECIPE, workers=2, on_progress=kill)
+    assert kill.killed is not None
+    assert not done.failures
+    assert contents(farm.parent / "out") == right_bytes
+
+
+def test_only_the_job_that_kills_its_process_is_lost(farm: Path) -> None:
+    program = {"model.json": b"", "part.gcode": b""}
+    good = Job("mill", "mill", ("compensate",), RECIPE, program, "part.gcode")
+    jobs = [replace(good, machine=f"mill-{n}") for n in range(12)]
+    jobs[3] = Killer("killer", "killer", ("compensate",), RECIPE, program, "part.gcode")
+    finished = {job.machine: became for job, became in finished_here(jobs, 2)}
+    assert isinstance(finished.pop("killer"), BrokenExecutor)
+    # An empty model is refused in words: that is a result.
+    assert len(finished) == 11
+    assert all(isinstance(one, list) and "model.json" in str(one[0].error) for one in finished.values())
+
+
+def test_a_pool_that_breaks_is_an_outcome_for_what_it_had(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    """A caller's own pool is not opened again: what it had, and what it did not take any more, is named."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        done = geoerr.run_farm(farm, farm.parent / "out", RECIPE, executor=pool, on_progress=KillOnce(children))
+    assert done.failures
+    assert list(done.by_machine) == ["mill-0", "mill-1", "mill-2", "mill-3"]
+    told = [str(one.error) for one in done.failures]
+    assert any("its process died" in text for text in told)
+    assert all("\nhint: " in text for text in told)
+    assert contents(farm.parent / "out").items() <= right_bytes.items()
+
+
+def test_another_version_is_refused_by_the_worker() -> None:
+    job = Job("mill", "farm/mill", ("fit",), RECIPE, {}, version="0.0.0")
+    (result,) = work(job)
+    assert "the call came from 0.0.0" in str(result.error)
+
+
+@pytest.mark.parametrize("is_killed", [False, True])
+def test_a_cluster_writes_the_same_bytes(farm: Path, right_bytes: dict[str, bytes], is_killed: bool) -> None:
+    """Dask is the engine that is tested: it does a lost worker's jobs again by itself."""
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        kill = KillOnce(lambda: list(client.run(os.getpid).values()))
+        # The client itself has all that a farm asks for, too.
+        executor = client.get_executor() if is_killed else client
+        on_progress = kill if is_killed else lambda done, total: None
+        done = geoerr.run_farm(farm, farm.parent / "out", RECIPE, executor=executor, on_progress=on_progress)
+    assert (kill.killed is not None) == is_killed
+    assert not done.failures
+    assert contents(farm.parent / "out") == right_bytes

@@ -1,0 +1,130 @@
+"""Whoever does the work, the bytes are those of the functions called one by one; a failure is a result."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from small_farm import RECIPE, contents
+
+import geoerr
+from geoerr.compensate.program import name_of_model
+from geoerr.farm import Recipe, Step
+from geoerr.files import read_json
+
+
+def results(farm: Path, recipe: Recipe = RECIPE, workers: int = 2) -> tuple[geoerr.farm.Farm, dict[str, bytes]]:
+    output = farm.parent / "out"
+    with ThreadPoolExecutor(workers) as threads:
+        return geoerr.run_farm(farm, output, recipe, executor=threads), contents(output)
+
+
+def test_one_machine_is_what_the_functions_write(farm: Path, right_bytes: dict[str, bytes], tmp_path: Path) -> None:
+    machine, observations = geoerr.read_machine(farm / "mill-3/machine.toml"), farm / "mill-3/observations.csv"
+    fitted = geoerr.fit_model(
+        machine, geoerr.read_observations(observations), components="none", effects=("scale:x",)
+    )
+    geoerr.write_model(tmp_path / "model.json", fitted.model)
+    assert right_bytes["mill-3/model.json"] == (tmp_path / "model.json").read_bytes()
+    name = name_of_model(tmp_path / "model.json")
+    geoerr.compensate_program(fitted.model, farm / "mill-3/square.nc", tmp_path / "square.nc", model_name=name)
+    assert right_bytes["mill-3/square.nc"] == (tmp_path / "square.nc").read_bytes()
+    assert {path for path in right_bytes if path.startswith("mill-3/")} == {
+        "mill-3/model.json",
+        "mill-3/diagnosis.json",
+        "mill-3/programs/corner.gcode",
+        "mill-3/square.nc",
+    }
+
+
+def test_each_machine_is_told_what_it_lacks(farm: Path) -> None:
+    done, _ = results(farm)
+    assert [(one.machine, one.step, one.program) for one in done.by_machine["mill-3"]] == [
+        ("mill-3", "fit", None),
+        ("mill-3", "diagnose", None),
+        ("mill-3", "compensate", "square.nc"),
+        ("mill-3", "compensate", "programs/corner.gcode"),
+    ]
+    assert list(done.by_machine) == ["mill-0", "mill-1", "mill-2", "mill-3"]
+    for outcomes in done.by_machine.values():
+        assert "backlash:x" in outcomes[1].says
+    assert read_json(farm.parent / "out/mill-3/diagnosis.json")["found"][0]["effect"] == "backlash"
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_threads_write_the_same_bytes(farm: Path, right_bytes: dict[str, bytes], workers: int) -> None:
+    done, written = results(farm, workers=workers)
+    assert not done.failures
+    assert written == right_bytes
+
+
+def test_processes_of_this_computer_write_the_same_bytes(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    seen: list[tuple[int, int]] = []
+    done = geoerr.run_farm(farm, farm.parent / "out", RECIPE, workers=2, on_progress=lambda *now: seen.append(now))
+    assert not done.failures
+    assert contents(farm.parent / "out") == right_bytes
+    assert seen == [(n, 9) for n in range(10)]
+
+
+def test_bad_files_among_good_ones_are_named_and_stop_nothing(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    (farm / "mill-0/observations.csv").write_text("line,x\n")
+    (farm / "mill-1/machine.toml").write_text("[machine\n")
+    (farm / "mill-2/programs/arc.gcode").write_text("G21\nG90\nG0 X10 Y10 Z10\nG2 X90 Y90 I40 J40\n")
+    (farm / "empty").mkdir()
+    done, written = results(farm)
+    errors = {(one.machine, one.step, one.program): str(one.error) for one in done.failures}
+    assert set(errors) == {
+        ("empty", "read", None),
+        ("mill-0", "fit", None),
+        ("mill-0", "compensate", "programs/corner.gcode"),
+        ("mill-1", "fit", None),
+        ("mill-1", "compensate", "programs/corner.gcode"),
+        ("mill-2", "compensate", "programs/arc.gcode"),
+    }
+    # The caller's files are named, not the copies that a worker has.
+    assert errors["mill-0", "fit", None].startswith(f"{farm}/mill-0/observations.csv:1: ")
+    assert errors["mill-1", "fit", None].startswith(f"{farm}/mill-1/machine.toml: ")
+    assert errors["mill-2", "compensate", "programs/arc.gcode"].startswith(f"{farm}/mill-2/programs/arc.gcode:4: ")
+    assert all("\nhint: " in text for key, text in errors.items() if key != ("mill-1", "fit", None))
+    assert written == {name: right_bytes[name] for name in right_bytes if name.startswith(("mill-2/", "mill-3/"))}
+
+
+def test_a_model_that_is_given_is_used_and_not_made_again(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    (farm / "mill-0/model.json").write_bytes(right_bytes["mill-0/model.json"])
+    done, written = results(farm / "mill-0")
+    assert [one.step for one in done.outcomes] == ["diagnose", "compensate"]
+    assert written == {name: right_bytes[name] for name in ("mill-0/diagnosis.json", "mill-0/programs/corner.gcode")}
+
+
+def test_an_old_model_in_the_results_corrects_nothing(farm: Path) -> None:
+    """Where the fit fails now, what an earlier call wrote is not the model."""
+    results(farm / "mill-0")
+    (farm / "mill-0/observations.csv").write_text("line,x\n")
+    done, _ = results(farm / "mill-0")
+    assert [one.step for one in done.failures] == ["fit", "compensate"]
+
+
+def test_errors_of_points_are_identified(farm: Path) -> None:
+    done, written = results(farm / "mill-0", Recipe(steps=("identify",)))
+    assert set(written) == {"mill-0/errors.json"}
+    assert [one.step for one in done.outcomes] == ["identify"]
+
+
+def test_what_is_meant_wrongly_is_refused_before_anything_is_done(farm: Path) -> None:
+    with pytest.raises(geoerr.GeoerrError, match="no step 'fitt'"):
+        Recipe(steps=("fitt",))  # type: ignore[arg-type]  # the point of the test
+    with pytest.raises(geoerr.GeoerrError, match="among the inputs"):
+        geoerr.run_farm(farm, farm)
+    with pytest.raises(geoerr.GeoerrError, match="has the name of"):
+        geoerr.run_farm([farm / "mill-0", farm / "mill-0"], farm.parent / "out")
+    with pytest.raises(geoerr.GeoerrError, match="no such folder"):
+        geoerr.run_farm(farm / "nowhere", farm.parent / "out")
+    assert not (farm.parent / "out").exists()
+
+
+def test_a_step_that_a_folder_has_nothing_for_is_left_out(farm: Path) -> None:
+    steps: tuple[Step, ...] = ("measure",)
+    done, written = results(farm / "mill-0", Recipe(steps=steps))
+    assert [(one.says, one.error) for one in done.outcomes] == [("nothing to do", None)]
+    assert not written

@@ -1,0 +1,53 @@
+"""`geoerr farm`: a line a machine, what failed and why, one document with `--json`, and a cluster by its address."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from small_farm import contents
+
+OPTIONS = ("--do", "fit", "--do", "diagnose", "--do", "compensate", "--components", "none", "--add", "scale:x")
+
+
+def geoerr_farm(farm: Path, *more: str, status: int = 0) -> str:
+    command = [sys.executable, "-m", "geoerr", "farm", str(farm), "-o", str(farm.parent / "out"), *OPTIONS, *more]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == status, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout
+
+
+def test_every_machine_has_a_line_and_every_failure_a_reason(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    (farm / "mill-1/programs/corner.gcode").write_text("G21\nG90\nG0 X10 Y10 Z20\nG1 X999\n")
+    lines = geoerr_farm(farm, "--threads", "1", status=1).splitlines()
+    assert lines[0] == "mill-0  missing: backlash:x; 1 of 1 programs corrected"
+    assert lines[1] == "mill-1  missing: backlash:x; 0 of 1 programs corrected"
+    assert lines[3].endswith("; 2 of 2 programs corrected")
+    assert lines[5] == "failed:"
+    assert lines[6].startswith(f"  {farm}/mill-1/programs/corner.gcode:4: ")
+    assert lines[7].startswith("  hint: ")
+    assert lines[-1] == "4 machines, 1 of them with a failure"
+    missing = {"mill-1/programs/corner.gcode"}
+    assert contents(farm.parent / "out") == {k: v for k, v in right_bytes.items() if k not in missing}
+
+
+def test_a_cluster_is_given_by_its_address(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        document = json.loads(geoerr_farm(farm, "--scheduler", cluster.scheduler_address, "--json"))
+    assert document["machines"] == 4
+    assert document["machines_with_failures"] == 0
+    first = document["outcomes"][0]
+    assert first.pop("says").endswith(" µm, 90 rows")
+    assert first == {
+        "machine": "mill-0",
+        "step": "fit",
+        "program": None,
+        "files": ["mill-0/model.json"],
+        "error": None,
+    }
+    assert contents(farm.parent / "out") == right_bytes
