@@ -24,6 +24,7 @@ from geoerr.workbench.job import Advance
 from geoerr.workbench.own_effect import OwnFormula, own_effect
 from geoerr.workbench.program import Wish, correct
 from geoerr.workbench.session import Seen, Session, Trial
+from geoerr.workbench.told import told_of
 
 # Panels in which a failure is shown.
 DATA: Final = "data"
@@ -120,10 +121,11 @@ def find_missing(session: Session) -> None:
             found = diagnose_circles(model, *data.circles, effects=effects, threads=session.threads)
         else:
             found = diagnose(model, *data.tables, effects=effects, progress=advance, threads=session.threads)
+        told = told_of(found, effects)
 
         def apply() -> None:
             with session.lock:
-                session.diagnosis = found
+                session.diagnosis, session.told = found, told
 
         return apply
 
@@ -325,7 +327,8 @@ def _look(session: Session, seen: Seen | None) -> None:
     if seen is None:
         session.selected = None
         return
-    session.view.settle(tuple(seen.variables), seen.by_worth)
+    worst_first = sorted(seen.circles, key=lambda run: -run.measured.circular_deviation_mm)
+    session.view.settle(tuple(seen.variables), seen.by_worth, seen.looks, [run.name for run in worst_first])
     if session.selected is not None and len(session.selected) != len(seen.comparison.points.sightings):
         session.selected = None
 

@@ -85,7 +85,8 @@ def _model(session: Session) -> list[Any]:
         html.Ul(effects, className="files") if effects else None,
         html.Div(
             [
-                button("Fit the 21 errors", "fit", "21", off=busy or not can_fit, is_main=step.model.is_nominal,
+                button("Fit the 21 errors", "fit", "21", off=busy or not can_fit,
+                       is_main=step.model.is_nominal and not session.has_circles_only,
                        title="Positioning, straightness and angles of three axes, and squareness"),
                 button("12, no angles", "fit", "12", off=busy or not can_fit,
                        title="Positioning, straightness and squareness only"),
