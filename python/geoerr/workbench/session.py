@@ -20,6 +20,7 @@ from geoerr.errors import GeoerrError
 from geoerr.fit.sightings import Numbers
 from geoerr.measurements import Measurements
 from geoerr.model import Model
+from geoerr.workbench.calibration import Calibration
 from geoerr.workbench.circles import CircleRun, circle_runs
 from geoerr.workbench.history import Step
 from geoerr.workbench.inputs import InputFile
@@ -87,8 +88,8 @@ class Session:
         File that it is written to after every change of models or data; None where it lives in memory only.
     version, sight
         Grow with every change, and with every change of what the pictures show.
-    files, measured, own_effects
-        What was given.
+    files, measured, own_effects, calibration
+        What was given; the calibration's uncertainty takes part in every fit and search.
     steps, current, reference
         The models, which of them is looked at, and which the others are compared with.
     seen, diagnosis, told, trial, selected, program
@@ -109,6 +110,7 @@ class Session:
     files: list[InputFile] = field(default_factory=list)
     measured: Measurements | None = None
     own_effects: tuple[Effect, ...] = ()
+    calibration: Calibration = field(default_factory=Calibration)
     steps: list[Step] = field(default_factory=list)
     current: int = 0
     reference: int = 0
