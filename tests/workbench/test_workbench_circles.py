@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,8 @@ from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
+from geoerr.workbench.store import session_document
+from geoerr.workbench.told import Told
 
 PORT = 8125
 WORST = "bar 2000, counter-clockwise, 2000 mm/min"
@@ -142,6 +145,13 @@ def test_a_cause_is_added_and_the_circle_of_the_model_follows(tmp_path: Path) ->
     session.view.run = WORST
     _, measured, model, _ = wiring.pictures(session, "")["volume"].data
     assert np.std(np.asarray(measured.r) - np.asarray(model.r)) < 0.5 * np.std(measured.r)
+
+
+def test_the_causes_are_kept_with_the_session(diagnosed: Session) -> None:
+    document = json.loads(json.dumps(session_document(diagnosed)))
+    told = Told.from_document(document["diagnosis"])
+    assert told == diagnosed.told
+    assert any(card.apart for card in told.cards)
 
 
 def test_circles_that_cannot_be_diagnosed_say_why_where_it_was_asked(tmp_path: Path) -> None:

@@ -92,7 +92,9 @@ def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: 
                 session.calibration = calibration
                 session.steps, session.current = steps, max(current, 0)
                 session.reference = session.reference if keeps else 0
+                told = session.told if keeps else None
                 session.forget_step()
+                session.told = told
                 session.program = None
                 _look(session, seen)
                 words = calibration_words(files, measured, calibration, steps[current].model if steps else None)

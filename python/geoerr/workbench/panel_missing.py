@@ -18,6 +18,10 @@ from geoerr.workbench.told import Card, Told
 
 # Axis, and each bar.
 _BARS_PX = (44, 26)
+_KEPT = (
+    "Kept from the saved session, in words. Look again to see in the pictures what each would explain, and for the "
+    "report."
+)
 _AS_IT_IS = ("Value", "Certainty", "Looks like it", "These runs cannot tell it from")
 
 
@@ -129,6 +133,7 @@ def _answer(session: Session) -> list[Any]:
     return [
         html.P(sentence(told.verdict), className="verdict"),
         *(html.P(text, className="why") for text in told.sentences),
+        html.P(_KEPT, className="why") if diagnosis is None else None,
         _causes_graph(diagnosis) if isinstance(diagnosis, CircleDiagnosis) else None,
         *(_card(one, session) for one in told.cards),
         _others(told, session),

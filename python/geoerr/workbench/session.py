@@ -94,7 +94,7 @@ class Session:
         The models, which of them is looked at, and which the others are compared with.
     seen, diagnosis, told, trial, selected, program
         What belongs to the current model: None until it was asked for. `told` is what the page says of a diagnosis;
-        a saved session has it again without the diagnosis itself. `selected` is (n,),
+        a saved session has it again, without the diagnosis itself. `selected` is (n,),
         and `is_marked_by_box` tells whether the box over the residual chose it.
     problems
         Panel to the message that it shows.
