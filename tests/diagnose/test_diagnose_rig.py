@@ -56,7 +56,7 @@ def test_a_rig_that_does_not_serve_is_refused_alike(tmp_path: Path, verb: str) -
     write_rig(tmp_path / "rig.json", rig)
     refused = CliRunner().invoke(app, arguments).exception
     assert isinstance(refused, InputFileError)
-    assert "states no covariance, which --rig is for" in str(refused)
+    assert "states no covariance" in str(refused)
     write_rig(tmp_path / "rig.json", replace(rig, covariance=np.eye(len(rig.parameter_names))))
     refused = CliRunner().invoke(app, arguments).exception
     assert isinstance(refused, GeometryError)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from pathlib import Path
 
@@ -234,6 +235,49 @@ def test_a_saved_session_is_the_same_again(tmp_path: Path) -> None:
     table = tmp_path / "observations.csv"
     table.write_bytes(table.read_bytes() + b"\n")
     with pytest.raises(InputFileError, match="has changed"):
+        begin_session([], saved)
+
+
+def test_a_saved_session_says_again_what_is_missing_and_what_it_takes_to_see_it(tmp_path: Path) -> None:
+    saved = tmp_path / "session.json"
+    session = loaded(tmp_path, saved)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    wiring.do(session, "diagnose", "")
+    settle(session)
+    again = begin_session([], saved, threads=1)
+    settle(again)
+    assert again.told == session.told
+    before, after = (texts(wiring.panels(one)["missing"]) for one in (session, again))
+    kept = "Kept from the saved session, in words."
+    assert kept not in before
+    assert kept in after
+    for words in ("Backlash of the drive", "Value:", "Certainty:", "To do:"):
+        assert after.count(words) == before.count(words) > 0, words
+    # Nothing is drawn of what is not there, and no button promises it.
+    assert what_is_shown(again, "backlash:x") is None
+    assert "Show" in before
+    assert "Show" not in after
+    wiring.do(again, "add", "backlash:x")
+    settle(again)
+    assert again.step.name == "+ backlash:x"
+    assert again.told is None
+    assert "diagnosis" in json.loads(saved.read_text())
+    assert json.loads(saved.read_text())["diagnosis"] is None
+
+
+def test_a_session_from_before_diagnoses_were_kept_is_read_and_a_damaged_one_refused(tmp_path: Path) -> None:
+    saved = tmp_path / "session.json"
+    session = loaded(tmp_path, saved)
+    wiring.do(session, "refer", "0")
+    document = json.loads(saved.read_text())
+    del document["diagnosis"]
+    saved.write_text(json.dumps(document))
+    again = begin_session([], saved, threads=1)
+    settle(again)
+    assert again.told is None
+    saved.write_text(json.dumps(document | {"diagnosis": {"verdict": "fine"}}))
+    with pytest.raises(InputFileError, match="is damaged"):
         begin_session([], saved)
 
 

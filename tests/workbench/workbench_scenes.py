@@ -1,4 +1,4 @@
-"""A machine with play in x, measured along lines: a table and a machine on disk, and sessions over them."""
+"""A machine with play in x, measured along lines or by a ball bar: files on disk, and sessions over them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ LENGTH_MM = 300.0
 PLAY_UM = 24.0
 NOISE_UM = 2.0
 N_LINES, N_POINTS = 40, 12
+CIRCLE_MM, BOW_UM, CIRCLE_NOISE_UM, CIRCLE_POINTS = 100.0, 5.0, 0.4, 180
 PROGRAM = b"G21\nG90\nG1 X50 Y50 Z50 F2000\nG1 X250 Y50\nG1 X250 Y250\nG1 X50 Y250\nG1 X50 Y50\nM30\n"
 
 
@@ -49,6 +50,25 @@ def write_scene(folder: Path) -> tuple[Path, Path]:
     write_machine(folder / "machine.toml", machine)
     write_observations(folder / "observations.csv", observations_from_columns(columns))
     return folder / "machine.toml", folder / "observations.csv"
+
+
+def circle_table(turn: float = 1.0, seed: int = 3) -> bytes:
+    """Give circular tests of a machine with play in x and a bow of x: both senses at two feeds.
+
+    `turn` is the part of a whole turn that is run.
+    """
+    rng = np.random.default_rng(seed)
+    rows = ["line,x,y,z,r,dir,feed"]
+    for sense, feed in ((1, 500), (-1, 500), (1, 2000), (-1, 2000)):
+        angle = sense * (0.01 + np.linspace(0.0, 2.0 * np.pi * turn, CIRCLE_POINTS, endpoint=False))
+        cos, sin = np.cos(angle), np.sin(angle)
+        # To first order the radius moves by the error along it.
+        along_x, along_y = 0.5 * PLAY_UM * np.sign(sense * sin), BOW_UM * (1.0 - cos**2)
+        radius_um = along_x * cos + along_y * sin + CIRCLE_NOISE_UM * rng.normal(size=len(angle))
+        for a, b, um in zip(cos, sin, radius_um, strict=True):
+            x, y, r = 150.0 + CIRCLE_MM * a, 150.0 + CIRCLE_MM * b, CIRCLE_MM + 1e-3 * um
+            rows.append(f"bar {feed},{x:.7f},{y:.7f},20,{r:.7f},{sense},{feed}")
+    return ("\n".join(rows) + "\n").encode()
 
 
 def loaded(folder: Path, saved_in: Path | None = None) -> Session:

@@ -13,7 +13,7 @@ import argparse
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -135,30 +135,23 @@ def tell(story: Story, url: str, program: Path) -> None:
     story.shoot("reloaded", is_whole=True)
 
 
-def main() -> int:
-    """Run the story at each size, with a server of its own."""
+def walk(files: Sequence[Path], out: Path, browser_path: str | None, tell_it: Callable[[Story, str], None]) -> int:
+    """Tell a story at each size, with a server of its own that was given the files; 1 where anything went wrong."""
     from playwright.sync_api import sync_playwright
 
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("machine", type=Path)
-    parser.add_argument("observations", type=Path)
-    parser.add_argument("program", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     problems: list[str] = []
     with sync_playwright() as playwright:
         for width_px, height_px in SIZES:
-            command = [sys.executable, "-u", "-m", "geoerr", "workbench", str(given.machine), str(given.observations)]
-            server = subprocess.Popen([*command, "--no-open", "--quiet"], stdout=subprocess.PIPE, text=True)
+            command = [sys.executable, "-u", "-m", "geoerr", "workbench", *map(str, files), "--no-open", "--quiet"]
+            server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
             try:
                 assert server.stdout is not None
                 url = server.stdout.readline().strip()
-                browser = playwright.chromium.launch(executable_path=given.browser, args=FLAGS)
+                browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
                 page = browser.new_page(viewport={"width": width_px, "height": height_px})
-                story = Story(page, given.out, width_px)
-                tell(story, url, given.program)
+                story = Story(page, out, width_px)
+                tell_it(story, url)
                 problems += [f"asked another host: {one}" for one in story.outside] + story.errors
                 browser.close()
             finally:
@@ -167,6 +160,19 @@ def main() -> int:
     for problem in problems:
         print(f"problem: {problem}", file=sys.stderr)
     return 1 if problems else 0
+
+
+def main() -> int:
+    """Run the story."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("machine", type=Path)
+    parser.add_argument("observations", type=Path)
+    parser.add_argument("program", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
+    given = parser.parse_args()
+    files = [given.machine, given.observations]
+    return walk(files, given.out, given.browser, lambda story, url: tell(story, url, given.program))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from geoerr.cli.diagnose_text import alias_lines, narrow, not_offered_lines, remedy_lines
 from geoerr.cli.fit_text import counted
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
-from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
+from geoerr.diagnose.words import chance_words, um_words
 
 _MOST_OTHERS = 5
 _NAME_WIDTH = 34
@@ -20,7 +20,7 @@ def circle_diagnosis_lines(
     machine = diagnosis.fitted.machine
     yield from narrow(f"{machine.name} ({machine.chain}): {counted(len(diagnosis.runs), 'circular run')}")
     yield ""
-    sentence = circle_sentence(diagnosis)
+    sentence = diagnosis.sentence
     yield from narrow(f"{sentence[0].upper()}{sentence[1:]}.")
     shares = diagnosis.shares
     yield from narrow(
@@ -45,21 +45,6 @@ def circle_diagnosis_lines(
         yield ""
         yield "to add the first and see the error fall:"
         yield f"  {command} {diagnosis.ranked[0].reference}{options} -o model2.json"
-
-
-def circle_sentence(diagnosis: CircleDiagnosis) -> str:
-    """Say the verdict in a sentence."""
-    causes = [
-        f"{cause.effect.title[0].lower()}{cause.effect.title[1:]} ({cause.reference})" for cause in diagnosis.ranked
-    ]
-    more = "" if diagnosis.unknown is None else "; and there is more, which no known cause explains"
-    if diagnosis.verdict == "missing":
-        return f"the circle is off by {listed(causes)}{more}"
-    if diagnosis.verdict == "ambiguous":
-        return f"the circle is off by {listed(causes)}, some of which these runs cannot tell from others{more}"
-    if diagnosis.unknown is not None:
-        return diagnosis.unknown.words()
-    return f"nothing is wrong that these runs could show: {sure_words(diagnosis.p_value)}"
 
 
 def _cause(cause: Cause, number: str) -> Iterator[str]:

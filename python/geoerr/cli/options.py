@@ -142,16 +142,7 @@ def calibration(rig: Path | None, points: Observations | None) -> tuple[Any, Any
     """
     if rig is None or points is None:
         return None, None
-    # OpenCV comes with these: only a verb that was given a rig pays for it.
-    from geoerr.vision.rig import read_rig
-    from geoerr.vision.sensitivity import rig_sensitivity
+    # OpenCV comes with it: only a verb that was given a rig pays for it.
+    from geoerr.vision.sensitivity import calibration_of_points
 
-    described = read_rig(rig)
-    if described.covariance is None:
-        raise InputFileError(
-            rig,
-            "states no covariance, which --rig is for",
-            column="covariance",
-            remedy="calibrate again with `geoerr calibrate`, or leave --rig out",
-        )
-    return rig_sensitivity(described, points), described.covariance
+    return calibration_of_points(rig, points)

@@ -12,7 +12,8 @@ from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, pri
 
 _EXAMPLES = (
     "geoerr workbench machine.toml observations.csv",
-    "geoerr workbench model.json observations.csv own.toml --session work.json --no-open",
+    "geoerr workbench machine.toml circle.csv",
+    "geoerr workbench model.json observations.csv rig.json own.toml --session work.json --no-open",
 )
 
 
@@ -26,7 +27,7 @@ def workbench(
         list[Path] | None,
         typer.Argument(
             metavar="[FILE]...",
-            help="machine.toml or model.json, measured points, circular tests, own effects, in any order.",
+            help="machine.toml or model.json, measured points, circular tests, own effects, rig.json, in any order.",
         ),
     ] = None,
     session: Annotated[

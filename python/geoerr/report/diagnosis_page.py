@@ -46,9 +46,9 @@ def write_circle_diagnosis_page(path: str | Path, diagnosis: CircleDiagnosis, pr
 
 def circle_diagnosis_sentences(diagnosis: CircleDiagnosis) -> list[str]:
     """Say what was found on the circles, how sure that is, and how much of the trace it is."""
-    shares = diagnosis.shares
+    shares, sentence = diagnosis.shares, diagnosis.sentence
     return [
-        f"{len(diagnosis.found)} causes found; the verdict is {diagnosis.verdict}.",
+        f"{sentence[0].upper()}{sentence[1:]}.",
         f"That nothing is missing: {chance_words(diagnosis.p_value)}.",
         f"The trace is {style.text_um(shares.total**0.5)} rms, its causes {style.text_um(shares.explained**0.5)}, "
         f"unexplained {style.text_um(shares.rest**0.5)}, noise {style.text_um(diagnosis.noise_um)}.",

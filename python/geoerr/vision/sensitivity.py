@@ -8,15 +8,16 @@ calibration leaves uncertain, with all the correlations between points.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.errors import GeometryError
+from geoerr.errors import GeometryError, InputFileError
 from geoerr.geometry import triangulate
 from geoerr.observations import Observations
 from geoerr.vision.camera import project_jacobian
-from geoerr.vision.rig import Rig
+from geoerr.vision.rig import Rig, read_rig
 from geoerr.vision.rotation import cross_matrix
 
 Array = npt.NDArray[np.float64]
@@ -96,9 +97,31 @@ def rig_sensitivity(rig: Rig, observations: Observations) -> Array:
     pixels = observations.numbers("u_left", "v_left", "u_right", "v_right")
     if len(pixels) and not np.isfinite(pixels).all(axis=1).any():
         raise GeometryError(
-            "the observations have no pixels (u_left v_left u_right v_right): how they depend on the rig is unknown"
+            "the observations have no pixels (u_left v_left u_right v_right): how they depend on the rig is unknown\n"
+            "hint: `geoerr measure` writes them; without them leave the rig out"
         )
     return sensitivity_of_points(rig, points_from_pixels(rig, pixels))
+
+
+def calibration_of_points(rig: Path, observations: Observations) -> tuple[Array, Array]:
+    """Read how sure a calibration is: how it moves the points, (n, 3, p), and its covariance, (p, p).
+
+    Raises
+    ------
+    InputFileError
+        for a rig whose file states no covariance.
+    GeometryError
+        where the points have no pixels.
+    """
+    described = read_rig(rig)
+    if described.covariance is None:
+        raise InputFileError(
+            rig,
+            "states no covariance: how sure the calibration is, is not known",
+            column="covariance",
+            remedy="calibrate again with `geoerr calibrate`, or leave the rig out",
+        )
+    return rig_sensitivity(described, observations), described.covariance
 
 
 def sensitivity_of_points(rig: Rig, points_mm: Array) -> Array:

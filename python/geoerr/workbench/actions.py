@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,12 +18,14 @@ from geoerr.fit import FitOptions, Fitted, fit_model
 from geoerr.measurements import Measurements, read_measurements
 from geoerr.model import Model, load_model
 from geoerr.observations import CircularTest, Observations
+from geoerr.workbench.calibration import Calibration, calibration_of, calibration_words
 from geoerr.workbench.history import Step, figures_of_step, lineage
-from geoerr.workbench.inputs import InputFile, dropped
+from geoerr.workbench.inputs import ONE_OF_A_KIND, InputFile, dropped
 from geoerr.workbench.job import Advance
 from geoerr.workbench.own_effect import OwnFormula, own_effect
 from geoerr.workbench.program import Wish, correct
 from geoerr.workbench.session import Seen, Session, Trial
+from geoerr.workbench.told import told_of
 
 # Panels in which a failure is shown.
 DATA: Final = "data"
@@ -36,9 +38,10 @@ _MOST_NOTES = 5
 def take_files(session: Session, files: Sequence[InputFile], *, is_restored: bool = False) -> None:
     """Take more files: tables add to the measurements, effects to the catalogue, and a model begins a new story."""
     together = {one.name: one for one in (*session.files, *files)}
-    if any(one.kind == "model" for one in files):
-        newest = next(one for one in reversed(files) if one.kind == "model")
-        together = {name: one for name, one in together.items() if one.kind != "model" or one is newest}
+    for kind in ONE_OF_A_KIND:
+        newest = next((one for one in reversed(files) if one.kind == kind), None)
+        if newest is not None:
+            together = {name: one for name, one in together.items() if one.kind != kind or one is newest}
     read_again(
         session, tuple(together.values()), is_new_model=any(one.kind == "model" for one in files), keeps=is_restored
     )
@@ -64,6 +67,7 @@ def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: 
         measured = read_measurements(tables, with_lengths=True) if tables else None
         effects = tuple(effect for one in files if one.kind == "effects" for effect in load_effects(one.path))
         catalogue().extended(effects, "effects")
+        calibration = calibration_of(files, measured)
         advance(1, 3)
         steps = list(session.steps)
         models = [one for one in files if one.kind == "model"]
@@ -76,7 +80,7 @@ def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: 
         current = min(session.current, len(steps) - 1) if keeps or not is_new_model else 0
         comparison = None
         if steps and measured is not None:
-            comparison = compare(steps[current].model, *measured.tables, *measured.lengths, threads=session.threads)
+            comparison = _compared(session, steps[current].model, measured, calibration)
             steps[current] = replace(steps[current], figures=figures_of_step(comparison))
         advance(2, 3)
         seen = None if comparison is None else Seen.of(comparison)
@@ -85,12 +89,16 @@ def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: 
         def apply() -> None:
             with session.lock:
                 session.files, session.measured, session.own_effects = list(files), measured, effects
+                session.calibration = calibration
                 session.steps, session.current = steps, max(current, 0)
                 session.reference = session.reference if keeps else 0
+                told = session.told if keeps else None
                 session.forget_step()
+                session.told = told
                 session.program = None
                 _look(session, seen)
-                session.notes = _notes(measured, comparison)
+                words = calibration_words(files, measured, calibration, steps[current].model if steps else None)
+                session.notes = (*words, *_notes(measured, comparison))
 
         return apply
 
@@ -103,7 +111,9 @@ def fit_classic(session: Session, components: str) -> None:
     options = FitOptions(components="12" if components == "12" else "21", threads=session.threads)
 
     def work(advance: Advance) -> Callable[[], None]:
-        fitted = fit_model(model.machine, *_fittable(data), options=options, on_progress=advance)
+        fitted = fit_model(
+            model.machine, *_fittable(data), options=options, on_progress=advance, **_calibration(session)
+        )
         seen = Seen.of(Comparison(fitted.model, "own", fitted.fitted))
         return lambda: _take_step(session, f"{components} errors fitted", fitted.model, seen)
 
@@ -119,11 +129,19 @@ def find_missing(session: Session) -> None:
         if data.points is None:
             found = diagnose_circles(model, *data.circles, effects=effects, threads=session.threads)
         else:
-            found = diagnose(model, *data.tables, effects=effects, progress=advance, threads=session.threads)
+            found = diagnose(
+                model,
+                *data.tables,
+                effects=effects,
+                progress=advance,
+                threads=session.threads,
+                **_calibration(session),
+            )
+        told = told_of(found, effects)
 
         def apply() -> None:
             with session.lock:
-                session.diagnosis = found
+                session.diagnosis, session.told = found, told
 
         return apply
 
@@ -138,11 +156,20 @@ def add(session: Session, reference: str) -> None:
     def work(_: Advance) -> Callable[[], None]:
         tables, threads = _fittable(data), session.threads
         if found is None:
-            change = add_effect(model, *tables, reference=reference, effects=effects, threads=threads)
+            change = add_effect(
+                model, *tables, reference=reference, effects=effects, threads=threads, **_calibration(session)
+            )
         else:
             # The search has found its form, and where its inner parameters are.
             change = add_terms(
-                model, tables, [found.term], reference, found.effect.title, known=known, threads=threads
+                model,
+                tables,
+                [found.term],
+                reference,
+                found.effect.title,
+                known=known,
+                threads=threads,
+                **_calibration(session),
             )
         return _step_of_change(session, f"+ {reference}", change)
 
@@ -154,7 +181,7 @@ def remove(session: Session, reference: str) -> None:
     model, data = session.model, session.data
 
     def work(_: Advance) -> Callable[[], None]:
-        change = remove_terms(model, _fittable(data), reference, threads=session.threads)
+        change = remove_terms(model, _fittable(data), reference, threads=session.threads, **_calibration(session))
         return _step_of_change(session, f"− {reference}", change)
 
     session.begin(f"removing {reference}", DATA, work)
@@ -174,7 +201,7 @@ def show(session: Session, number: int) -> None:
 
     def work(advance: Advance) -> Callable[[], None]:
         advance(0, 1)
-        comparison = compare(step.model, *data.tables, *data.lengths, threads=session.threads)
+        comparison = _compared(session, step.model, data, session.calibration)
         seen = Seen.of(comparison)
         advance(1, 1)
 
@@ -220,6 +247,7 @@ def try_formula(session: Session, typed: OwnFormula) -> None:
             reference=typed.reference,
             effects=(*others, effect),
             threads=session.threads,
+            **_calibration(session),
         )
 
         def apply() -> None:
@@ -288,6 +316,15 @@ def _own_fit(session: Session) -> Fitted | None:
     return seen.comparison.fitted if seen is not None and seen.comparison.freedom == "own" else None
 
 
+def _calibration(session: Session) -> dict[str, Any]:
+    """Give the calibration's uncertainty as every fit and search takes it."""
+    return vars(session.calibration)
+
+
+def _compared(session: Session, model: Model, data: Measurements, calibration: Calibration) -> Comparison:
+    return compare(model, *data.tables, *data.lengths, threads=session.threads, **vars(calibration))
+
+
 def _fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
     if not data.tables:
         raise InputFileError(
@@ -325,7 +362,8 @@ def _look(session: Session, seen: Seen | None) -> None:
     if seen is None:
         session.selected = None
         return
-    session.view.settle(tuple(seen.variables), seen.by_worth)
+    worst_first = sorted(seen.circles, key=lambda run: -run.measured.circular_deviation_mm)
+    session.view.settle(tuple(seen.variables), seen.by_worth, seen.looks, [run.name for run in worst_first])
     if session.selected is not None and len(session.selected) != len(seen.comparison.points.sightings):
         session.selected = None
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from geoerr.diagnose import Diagnosis
+from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.explained import explained_um
 from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.fit.sightings import Numbers
 from geoerr.report.figures.style import UM_PER_MM
+from geoerr.workbench.circles import cause_um
 from geoerr.workbench.session import Session
 
 # Stands for the own effect that was tried.
@@ -16,13 +18,18 @@ TRIAL = "own formula"
 
 
 def what_is_shown(session: Session, name: str | None) -> Numbers | None:
-    """Give the displacement (n, 3) µm; None where nothing is pointed at, or it is not known row by row."""
+    """Give the displacement (n, 3) µm, a radius in the first component.
+
+    None where nothing is pointed at, or it is not known row by row.
+    """
     seen = session.seen
     if not name or seen is None:
         return None
     if name == TRIAL:
         return _of_trial(session)
     diagnosis = session.diagnosis
+    if isinstance(diagnosis, CircleDiagnosis):
+        return cause_um(diagnosis, name, seen.comparison.points.sightings)
     if not isinstance(diagnosis, Diagnosis):
         return None
     things: list[Finding | Unknown] = [*diagnosis.found, *diagnosis.candidates]

@@ -12,7 +12,9 @@ from typing import Any, Literal
 from geoerr.errors import InputFileError
 from geoerr.files import digest, refusing_unreadable
 
-Kind = Literal["model", "measurements", "effects"]
+Kind = Literal["model", "measurements", "effects", "rig"]
+# Of these the newest stands for the earlier ones.
+ONE_OF_A_KIND: tuple[Kind, ...] = ("model", "rig")
 _TABLES = (".csv", ".parquet")
 
 
@@ -47,7 +49,9 @@ class InputFile:
 
 
 def kind_of_file(path: Path) -> Kind:
-    """Tell by its content what a file is: a table is measurements, a `.toml` with effects effects, else a model.
+    """Tell by its content what a file is.
+
+    A table is measurements, a `.toml` with effects effects, a `.json` with two cameras a rig; anything else a model.
 
     Raises
     ------
@@ -59,6 +63,8 @@ def kind_of_file(path: Path) -> Kind:
         return "measurements"
     with refusing_unreadable(path):
         content = path.read_bytes()
+    if suffix == ".json" and b'"K_left"' in content:
+        return "rig"
     return "effects" if suffix == ".toml" and b"[[effect]]" in content else "model"
 
 

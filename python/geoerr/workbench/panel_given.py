@@ -7,6 +7,7 @@ from typing import Any
 from dash import dcc, html
 
 from geoerr.workbench.actions import DATA
+from geoerr.workbench.inputs import Kind
 from geoerr.workbench.parts import button, difference_um, figure_row, problem, section, um
 from geoerr.workbench.session import Session
 
@@ -18,6 +19,14 @@ _FIGURES = (
         "The same on passes that the fit did not see",
     ),
 )
+
+
+_KINDS: dict[Kind, str] = {
+    "measurements": "measurements",
+    "effects": "own effects",
+    "model": "model",
+    "rig": "calibration of the cameras",
+}
 
 
 def given_panel(session: Session) -> list[Any]:
@@ -49,13 +58,15 @@ def upload() -> Any:
 def _files(session: Session) -> list[Any]:
     parts: list[Any] = []
     for one in session.files:
-        kind = {"measurements": "measurements", "effects": "own effects", "model": "model"}[one.kind]
+        kind = _KINDS[one.kind]
         away = None if one.kind == "model" else button("×", "put-away", one.name, title=f"Do without {one.name}")
         parts.append(html.Li([html.Span([html.B(one.name), f" {kind}"]), away]))
     if session.measured is not None and session.seen is not None:
         sightings = session.seen.comparison.points.sightings
         told = f"{len(sightings):,} rows in {sightings.n_passes:,} passes"
         parts.append(html.Li(told, className="why"))
+    if session.calibration.is_given:
+        parts.append(html.Li("The calibration's uncertainty takes part in every fit and search.", className="why"))
     notes = html.Details(
         [html.Summary(f"{len(session.notes)} notes"), html.Ul([html.Li(one) for one in session.notes])]
     )
@@ -85,7 +96,8 @@ def _model(session: Session) -> list[Any]:
         html.Ul(effects, className="files") if effects else None,
         html.Div(
             [
-                button("Fit the 21 errors", "fit", "21", off=busy or not can_fit, is_main=step.model.is_nominal,
+                button("Fit the 21 errors", "fit", "21", off=busy or not can_fit,
+                       is_main=step.model.is_nominal and not session.has_circles_only,
                        title="Positioning, straightness and angles of three axes, and squareness"),
                 button("12, no angles", "fit", "12", off=busy or not can_fit,
                        title="Positioning, straightness and squareness only"),

@@ -6,28 +6,32 @@ from typing import Any
 
 from dash import dcc, html
 
-from geoerr.diagnose import Diagnosis, Finding, Unknown
 from geoerr.diagnose.circles import CircleDiagnosis
-from geoerr.diagnose.findings import Named
-from geoerr.diagnose.words import sure_words, um_words
-from geoerr.effects import Effect, catalogue
 from geoerr.fit.figures import ErrorFigures
 from geoerr.workbench.actions import MISSING, OWN
 from geoerr.workbench.explained import TRIAL
 from geoerr.workbench.own_effect import CHANNELS
 from geoerr.workbench.parts import button, problem, section, sentence, um
+from geoerr.workbench.pictures import in_panel
 from geoerr.workbench.session import Session
+from geoerr.workbench.told import Card, Told
 
-_MOST_ALIKE = 4
+# Axis, and each bar.
+_BARS_PX = (44, 26)
+_KEPT = (
+    "Kept from the saved session, in words. Look again to see in the pictures what each would explain, and for the "
+    "report."
+)
+_AS_IT_IS = ("Value", "Certainty", "Looks like it", "These runs cannot tell it from")
 
 
 def missing_panel(session: Session) -> list[Any]:
     """Make the panel."""
     ready = session.step is not None and session.measured is not None and bool(session.measured.tables)
     search = button(
-        "Look for what is missing" if session.diagnosis is None else "Look again",
+        "Look for what is missing" if session.told is None else "Look again",
         "diagnose",
-        is_main=session.diagnosis is None and ready and not session.model.is_nominal,
+        is_main=session.told is None and ready and (session.has_circles_only or not session.model.is_nominal),
         off=session.is_busy or not ready,
     )
     return [
@@ -119,139 +123,90 @@ def _headline(figures: ErrorFigures | None) -> float | None:
 
 
 def _answer(session: Session) -> list[Any]:
-    diagnosis = session.diagnosis
-    if diagnosis is None:
+    told = session.told
+    if told is None:
         said = "A search over all known effects, and over curves without a name. It takes 5 to 30 seconds."
+        if session.has_circles_only:
+            said = "Causes of circular tests, ranked by what each is worth. It takes a few seconds."
         return [html.P(said, className="why")]
-    if isinstance(diagnosis, CircleDiagnosis):
-        cards = [_circle_card(number, one, session) for number, one in enumerate(diagnosis.ranked, start=1)]
-        text = "Causes found on the circles." if cards else "Nothing is missing that these circles could show."
-        return [html.P(text, className="verdict"), *cards]
+    diagnosis = session.diagnosis
     return [
-        html.P(sentence(diagnosis.sentence), className="verdict"),
-        *_cards(diagnosis, session),
-        *_not_offered(diagnosis),
+        html.P(sentence(told.verdict), className="verdict"),
+        *(html.P(text, className="why") for text in told.sentences),
+        html.P(_KEPT, className="why") if diagnosis is None else None,
+        _causes_graph(diagnosis) if isinstance(diagnosis, CircleDiagnosis) else None,
+        *(_card(one, session) for one in told.cards),
+        _others(told, session),
+        _not_offered(told),
     ]
 
 
-def _cards(diagnosis: Diagnosis, session: Session) -> list[Any]:
-    found = {str(one.reference) for one in diagnosis.found}
-    parts = [_card(one, _rank(number, one, diagnosis), session) for number, one in enumerate(diagnosis.found)]
-    tied = [one for one in diagnosis.tied[1:] if str(one.reference) not in found]
-    parts += [_card(one, "looks the same in these data", session) for one in tied]
-    if diagnosis.unknown is not None:
-        parts.append(_unknown_card(diagnosis.unknown, session))
-    known = found | {str(one.reference) for one in tied}
-    others = [one for one in diagnosis.candidates if str(one.reference) not in known]
-    if others:
-        why = "looked at, and not needed" if diagnosis.found else "not beyond chance"
-        parts.append(
-            html.Details(
-                [html.Summary(f"{len(others)} more, {why}"), *(_card(one, why, session) for one in others)],
-                open=not diagnosis.found,
-            )
-        )
-    return parts
-
-
-def _rank(number: int, one: Finding, diagnosis: Diagnosis) -> str:
-    if len(diagnosis.tied) > 1 and one is diagnosis.found[0]:
-        return "found, but not told apart from others"
-    return "found first" if number == 0 else "found beside the others"
-
-
-def _card(one: Finding, rank: str, session: Session) -> Any:
-    name = str(one.reference)
-    held = one.held_out
-    is_in = session.step is not None and name in {reference for reference, _ in session.step.effects}
-    worth = f"worth {um_words(one.worth_um)} rms"
-    if held is not None and held.before_um is not None and held.after_um is not None:
-        worth += f", held out {held.before_um:.1f} → {um_words(held.after_um)}"
-    alike = [
-        f"{_title(str(alias.reference.effect), session)} ({round(100.0 * alias.correlation)} %)"
-        for alias in one.aliases[:_MOST_ALIKE]
-    ]
-    details = [
-        html.P([html.B("Where: "), sentence(one.where.words())]),
-        html.P([html.B("Cause: "), sentence(one.effect.cause)]) if one.effect.cause else None,
-        html.P([html.B("To do: "), sentence(one.effect.remedy)]) if one.effect.remedy else None,
-        html.P([html.B("Looks like it: "), ", ".join(alike)]) if alike else None,
-    ]
-    return _framed(
-        one,
-        rank,
-        [
-            html.P(worth, className="worth"),
-            html.P([html.B("Value: "), "; ".join(one.value_words)]),
-            html.P([html.B("Certainty: "), sure_words(one.p_value)]),
-            _separation(one) if one.tied or rank.startswith("found, but") else None,
-            html.Details([html.Summary("Where, why, what looks like it"), *details]),
-        ],
-        _buttons(name, session, is_in=is_in, is_rig=one.is_rig, is_main=one.tied or rank.startswith("found")),
+def _causes_graph(diagnosis: CircleDiagnosis) -> Any:
+    """Draw each cause's part, and what no cause explains."""
+    figure = in_panel(diagnosis.plot_causes(), "causes", margin={"l": 10, "r": 30, "t": 4, "b": 34})
+    figure.update_yaxes(automargin=True, tickfont={"size": 11})
+    figure.update_xaxes(title_text="part of what is more than noise, %", title_font_size=11)
+    height_px = _BARS_PX[0] + _BARS_PX[1] * (len(diagnosis.found) + 1)
+    return dcc.Graph(
+        figure=figure, config={"displayModeBar": False, "responsive": True}, style={"height": f"{height_px}px"}
     )
 
 
-def _separation(one: Named) -> Any:
-    separation = one.separate_by
-    if separation is None:
+def _others(told: Told, session: Session) -> Any:
+    if not told.others:
         return None
-    minutes = "" if separation.minutes is None else f" (about {separation.minutes:g} minutes)"
-    plan = "" if separation.plan is None else f": {separation.plan}"
-    return html.P([html.B("To tell it apart: "), f"{separation.text}{minutes}{plan}"], className="separate")
+    cards = [_card(one, session) for one in told.others]
+    return html.Details([html.Summary(told.others_title), *cards], open=not told.has_found)
 
 
-def _circle_card(number: int, one: Any, session: Session) -> Any:
-    texts = [html.P(sentence(one.words())), html.P([html.B("To do: "), sentence(one.effect.remedy)])]
-    rank = f"number {number} by its part"
-    return _framed(one, rank, [*texts, _separation(one)], _buttons(str(one.reference), session, is_rig=one.is_rig))
-
-
-def _unknown_card(unknown: Unknown, session: Session) -> Any:
+def _card(one: Card, session: Session) -> Any:
+    is_in = session.step is not None and one.reference in {reference for reference, _ in session.step.effects}
+    more = [_line(*line) for line in one.more]
     return html.Article(
         [
-            html.H3("Something without a name"),
-            html.P(sentence(unknown.words())),
-            _buttons(unknown.reference, session, add="Add as a curve"),
+            html.H3(one.title),
+            html.P([html.Code(one.reference), f" · {one.rank}"], className="why") if one.rank else None,
+            html.P(one.worth, className="worth") if one.worth else None,
+            *(_line(*line) for line in one.said),
+            html.P([html.B("To tell it apart: "), one.apart], className="separate") if one.apart else None,
+            html.Details([html.Summary(_unfolding(one)), *more]) if more else None,
+            _buttons(one, session, is_in=is_in),
         ],
         className="card",
         tabIndex="0",
-        **{"data-candidate": unknown.reference},
+        **{"data-candidate": one.reference},
     )
 
 
-def _framed(one: Named, rank: str, texts: list[Any], buttons: Any) -> Any:
-    name = str(one.reference)
-    return html.Article(
-        [html.H3(one.effect.title), html.P([html.Code(name), f" · {rank}"], className="why"), *texts, buttons],
-        className="card",
-        tabIndex="0",
-        **{"data-candidate": name},
+def _unfolding(one: Card) -> str:
+    return "Where, why, what looks like it" if one.more[0][0] == "Where" else "Why, what looks like it"
+
+
+def _line(what: str, text: str) -> Any:
+    # Values are numbers with their signs: no capital, no full stop.
+    said = text if what in _AS_IT_IS else sentence(text)
+    return html.P([html.B(f"{what}: "), said] if what else said)
+
+
+def _buttons(one: Card, session: Session, *, is_in: bool) -> Any:
+    why = (
+        "It is the measuring device's, and never compensated"
+        if one.is_rig
+        else f"Add {one.reference} to the model and fit again"
     )
+    buttons = []
+    if one.adds:
+        text = "In the model" if is_in else one.adds
+        off = session.is_busy or is_in
+        buttons.append(button(text, "add", one.reference, is_main=one.is_main and not is_in, off=off, title=why))
+    if one.can_show and session.diagnosis is not None:
+        title = "Show what it would explain in the pictures"
+        buttons.append(button("Show", "point", one.reference, title=title))
+    return html.Div(buttons, className="buttons") if buttons else None
 
 
-def _buttons(
-    name: str, session: Session, *, is_in: bool = False, is_rig: bool = False, is_main: bool = True, add: str = "Add"
-) -> Any:
-    why = "It is the cameras', and never compensated" if is_rig else f"Add {name} to the model and fit again"
-    return html.Div(
-        [
-            button("In the model" if is_in else add, "add", name, is_main=is_main and not is_in,
-                   off=session.is_busy or is_in, title=why),
-            button("Show", "point", name, title="Show what it would explain in the pictures"),
-        ],
-        className="buttons",
-    )  # fmt: skip
-
-
-def _not_offered(diagnosis: Diagnosis) -> list[Any]:
-    if not diagnosis.not_offered:
-        return []
-    items = [html.Li([html.Code(name), f": {why}"]) for name, why in diagnosis.not_offered]
-    return [html.Details([html.Summary(f"{len(items)} effects were not looked for"), html.Ul(items)])]
-
-
-def _title(effect_id: str, session: Session) -> str:
-    known: dict[str, Effect] = {one.id: one for one in session.own_effects}
-    if effect_id in known:
-        return known[effect_id].title
-    return catalogue()[effect_id].title
+def _not_offered(told: Told) -> Any:
+    if not told.not_offered:
+        return None
+    items = [html.Li([html.Code(name), f": {why}"]) for name, why in told.not_offered]
+    return html.Details([html.Summary(f"{len(items)} effects were not looked for"), html.Ul(items)])

@@ -14,7 +14,7 @@ from geoerr.workbench.pictures import in_panel
 from geoerr.workbench.program import CorrectedProgram, default_condition
 from geoerr.workbench.session import Session
 
-_NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search"}
+_NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search, or a new one in a saved session"}
 
 
 def use_panel() -> list[Any]:

@@ -13,7 +13,7 @@ from geoerr.workbench.history import story
 from geoerr.workbench.parts import button, um
 from geoerr.workbench.pictures import in_panel
 from geoerr.workbench.session import Rows, Seen, Session
-from geoerr.workbench.view import LARGEST_POWER, LEAST_POWER, LOOKS, View
+from geoerr.workbench.view import CIRCLE, LARGEST_POWER, LEAST_POWER, LOOKS, View
 
 _CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False}
 _VOLUME_CONFIG = {**_CONFIG, "scrollZoom": True, "modeBarButtonsToRemove": ["resetCameraLastSave3d", "tableRotation"]}
@@ -65,7 +65,14 @@ def _volume_figure(view: View) -> Any:
                     html.Span("exaggerate", className="why"),
                     html.Div(power, className="slider"),
                 ],
+                id="volume-controls",
                 className="controls row",
+            ),
+            html.Div(
+                html.Label(["Run", dcc.Dropdown(id="run", clearable=False, searchable=False)]),
+                id="circle-controls",
+                className="controls row",
+                hidden=True,
             ),
             html.Div(
                 dcc.Graph(id="volume", config=_VOLUME_CONFIG, responsive=True), id="volume-frame", className="picture"
@@ -149,7 +156,8 @@ def marked_words(session: Session) -> list[Any]:
     if seen is None:
         return []
     if rows is None:
-        return [html.Span("Nothing is marked: drag a box at the right, click an arrow at the left, or a region.")]
+        other = "" if session.view.look == CIRCLE else ", click an arrow at the left, or a region"
+        return [html.Span(f"Nothing is marked: drag a box at the right{other}.")]
     texts = []
     for component in seen.comparison.components:
         own = component.residual_um[rows & component.is_known]

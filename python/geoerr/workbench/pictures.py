@@ -12,20 +12,24 @@ from dash import Patch
 
 from geoerr.diagnose import Comparison, Component
 from geoerr.model import Model
-from geoerr.report.figures import residual_against, residual_of_regions, style
+from geoerr.report.figures import circle, residual_against, residual_of_regions, style
 from geoerr.report.figures.error_field import field_difference, grid_traces
 from geoerr.report.figures.regions import magnification_of_means
 from geoerr.report.figures.residuals import of_component
 from geoerr.report.figures.style import Numbers
 from geoerr.report.figures.volume import Look, Volume, marked_strokes, places_mm, residual_volume, volume_of
+from geoerr.workbench.circles import CircleRun
+from geoerr.workbench.parts import um
 from geoerr.workbench.program import conditions_of
 from geoerr.workbench.session import Rows, Seen, Session
+from geoerr.workbench.view import CIRCLE, DIFFERENCE, REGION
 
 # What a browser without a graphics card turns and marks without a pause.
 MOST_POINTS = 1_500
 MOST_MARKED = 500
-# Places of traces in the picture of the volume.
+# Places of traces in the picture of the volume, and in the ball-bar plot.
 _MARKED, _EXPLAINED = 2, 3
+_MEASURED = 1
 # Traces of each component in the picture of the residual: points, means, what would be explained.
 _PER_COMPONENT = 3
 # Far enough away that the axes' names are inside a narrow panel.
@@ -48,11 +52,10 @@ class Picture:
 def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
     """Draw the volume: what the view asks for, marked rows, what would be explained, the grid."""
     view = session.view
+    if view.look == CIRCLE:
+        return _circle_picture(session, seen, explained_um)
     volume = _volume(session, seen)
-    if not len(volume.rows):
-        return Picture(_empty("circular tests have no place in the volume: see the residual beside"), "")
-    looks = {"region": _means, "difference": _difference}
-    drawn = looks.get(view.look, _residuals)(session, seen, volume)
+    drawn = {REGION: _means, DIFFERENCE: _difference}.get(view.look, _residuals)(session, seen, volume)
     figure, caption = drawn.figure, drawn.caption
     if not figure.data:
         return drawn
@@ -108,6 +111,41 @@ def _difference(session: Session, _: Seen, __: Volume) -> Picture:
     )
 
 
+def _circle_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
+    """Draw the ball-bar plot of the chosen run: measured, by the model, and with what would be explained."""
+    run = _chosen_run(session, seen)
+    if run is None:
+        return Picture(_empty("no run of these circular tests lies on a circle in a plane of the machine"), "")
+    figure = circle(run.predicted, measured=run.measured, name_before="model")
+    theta, radius_um = _with_cause(run, explained_um)
+    figure.add_scatterpolar(
+        theta=theta,
+        r=radius_um,
+        mode="lines",
+        line={"color": style.ORANGE, "width": 3},
+        name="with cause",
+        hoverinfo="skip",
+        showlegend=explained_um is not None,
+    )
+    for trace in figure.data:
+        # A narrow panel has its legend in one row: how large the deviations are stands below.
+        trace.name = trace.name and trace.name.partition(",")[0]
+    measured = figure.data[_MEASURED]
+    measured.update(selectedpoints=_selected_of_run(session, run), unselected={"marker": {"opacity": 0.2}})
+    rings = figure.layout.annotations[0].text.rpartition(": ")[2]
+    figure.layout.annotations = []
+    in_panel(figure, f"circle {run.name}", margin={"l": 34, "r": 34, "t": 54, "b": 22})
+    figure.update_layout(legend={"yref": "container", "y": 1.0, "yanchor": "top", "xref": "container", "x": 0.0})
+    commanded = run.measured.circle
+    deviations = [style.UM_PER_MM * one.circular_deviation_mm for one in (run.measured, run.predicted)]
+    centre = ", ".join(f"{value:.4g}" for value in commanded.center_mm)
+    caption = (
+        f"Deviation from the least-squares circle, {rings}; G (ISO 230-4): measured {um(deviations[0])}, model "
+        f"{um(deviations[1])}. {commanded.plane} plane, radius {commanded.radius_mm:.4g} mm about ({centre}) mm."
+    )
+    return Picture(figure, caption)
+
+
 def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None) -> Picture:
     """Draw the residual over the chosen variable."""
     view = session.view
@@ -130,6 +168,10 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
         axis.title.text = axis.title.text.removeprefix("along ")
     # The first part tells the axes apart from those of another choice: zoom is kept while they are the same.
     panel = in_panel(figure, f"residual {view.variable}", margin={"l": 62, "r": 10, "t": 26, "b": 44})
+    if CIRCLE in seen.looks and len(seen.looks) == 1:
+        return Picture(
+            panel, "Measured minus predicted radius. Drag a box over points to mark them in the circle too."
+        )
     return Picture(
         panel, "Measured minus predicted, along x, y and z. Drag a box over points to mark them in the volume too."
     )
@@ -137,11 +179,14 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
 
 def marks(session: Session, seen: Seen) -> tuple[Patch, Patch]:
     """Give what a new mark changes in the two pictures, and nothing else of them."""
-    volume = _volume(session, seen)
+    run = _chosen_run(session, seen)
     in_volume, in_residual = Patch(), Patch()
-    trace = _marked(seen.comparison, session.selected, volume, session.view.look)
-    for axis in "xyz":
-        in_volume["data"][_MARKED][axis] = _plain(trace[axis])
+    if session.view.look != CIRCLE:
+        trace = _marked(seen.comparison, session.selected, _volume(session, seen), session.view.look)
+        for axis in "xyz":
+            in_volume["data"][_MARKED][axis] = _plain(trace[axis])
+    elif run is not None:
+        in_volume["data"][_MEASURED]["selectedpoints"] = _selected_of_run(session, run)
     for place, rows in enumerate(_selected_points(seen, session.selected, session.view.variable)):
         in_residual["data"][_PER_COMPONENT * place]["selectedpoints"] = None if rows is None else rows.tolist()
     return in_volume, in_residual
@@ -150,9 +195,16 @@ def marks(session: Session, seen: Seen) -> tuple[Patch, Patch]:
 def explanation(session: Session, seen: Seen, explained_um: Numbers | None) -> tuple[Patch, Patch]:
     """Give what a candidate that is pointed at changes in the two pictures."""
     in_volume, in_residual = Patch(), Patch()
-    trace = _explained(seen.comparison, explained_um, _volume(session, seen))
-    for axis in "xyz":
-        in_volume["data"][_EXPLAINED][axis] = _plain(trace[axis])
+    run = _chosen_run(session, seen)
+    if session.view.look != CIRCLE:
+        trace = _explained(seen.comparison, explained_um, _volume(session, seen))
+        for axis in "xyz":
+            in_volume["data"][_EXPLAINED][axis] = _plain(trace[axis])
+    elif run is not None:
+        theta, radius_um = _with_cause(run, explained_um)
+        in_volume["data"][_EXPLAINED]["theta"] = _plain(theta)
+        in_volume["data"][_EXPLAINED]["r"] = _plain(radius_um)
+        in_volume["data"][_EXPLAINED]["showlegend"] = explained_um is not None
     for place, (component, rows) in enumerate(_drawn_points(seen, session.view.variable)):
         moved = np.full(len(rows), np.nan) if explained_um is None else of_component(explained_um, component)[rows]
         in_residual["data"][_PER_COMPONENT * place + 2]["y"] = _plain(moved)
@@ -193,10 +245,29 @@ def in_panel(figure: go.Figure, revision: str, *, margin: dict[str, int]) -> go.
 def _volume(session: Session, seen: Seen) -> Volume:
     view = session.view
     volume = volume_of(seen.comparison, exaggeration=view.exaggeration, most_points=MOST_POINTS)
-    if view.look != "region":
+    if view.look != REGION:
         return volume
     # What would be explained is drawn as long as the means are.
     return replace(volume, magnification=view.exaggeration * magnification_of_means(seen.comparison))
+
+
+def _chosen_run(session: Session, seen: Seen) -> CircleRun | None:
+    return next((one for one in seen.circles if one.name == session.view.run), None)
+
+
+def _selected_of_run(session: Session, run: CircleRun) -> list[int] | None:
+    """Give the places of marked rows among the points of a run; None where nothing is marked."""
+    return None if session.selected is None else np.flatnonzero(session.selected[run.rows]).tolist()
+
+
+def _with_cause(run: CircleRun, explained_um: Numbers | None) -> tuple[Numbers, Numbers]:
+    """Give angle (degrees) and radial deviation of the model's circle with a cause; of its rows that are known."""
+    if explained_um is None:
+        return np.zeros(0), np.zeros(0)
+    moved_um = explained_um[run.rows, 0]
+    known = np.isfinite(moved_um)
+    radius_um = run.predicted.radial_deviation_mm * style.UM_PER_MM + moved_um
+    return np.rad2deg(run.predicted.angle_rad[known]), radius_um[known]
 
 
 def _marked(comparison: Comparison, selected: Rows | None, volume: Volume, look: str) -> go.Scatter3d:

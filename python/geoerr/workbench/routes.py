@@ -63,7 +63,13 @@ def _page(session: Session, what: str) -> Response:
             tables = () if session.measured is None else (*session.measured.tables, *session.measured.lengths)
             at: Stated = {**conditions_of(session.model, session.view.conditions)}
             gathered = model_report(
-                session.model, *tables, at=at, search=False, diagnosis=diagnosis, threads=session.threads
+                session.model,
+                *tables,
+                at=at,
+                search=False,
+                diagnosis=diagnosis,
+                threads=session.threads,
+                **vars(session.calibration),
             )
             write_model_page(path, gathered, provenance)
         elif what == "comparison" and seen is not None:

@@ -13,18 +13,22 @@ import numpy.typing as npt
 
 from geoerr.diagnose import Change, Comparison, Diagnosis
 from geoerr.diagnose.circles import CircleDiagnosis
+from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.trends import variables_of
 from geoerr.effects import Effect
 from geoerr.errors import GeoerrError
 from geoerr.fit.sightings import Numbers
 from geoerr.measurements import Measurements
 from geoerr.model import Model
+from geoerr.workbench.calibration import Calibration
+from geoerr.workbench.circles import CircleRun, circle_runs
 from geoerr.workbench.history import Step
 from geoerr.workbench.inputs import InputFile
 from geoerr.workbench.job import Job, Work
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.program import CorrectedProgram
-from geoerr.workbench.view import View
+from geoerr.workbench.told import Told
+from geoerr.workbench.view import CIRCLE, LOOKS, View
 
 Rows = npt.NDArray[np.bool_]
 
@@ -48,11 +52,14 @@ class Seen:
         Name to values (n,) of everything that the residual can be drawn over.
     by_worth
         Their names, what the residual follows most first.
+    circles
+        The runs of circular tests.
     """
 
     comparison: Comparison
     variables: dict[str, Numbers]
     by_worth: tuple[str, ...]
+    circles: tuple[CircleRun, ...]
 
     @classmethod
     def of(cls, comparison: Comparison) -> Seen | None:
@@ -60,7 +67,13 @@ class Seen:
         if comparison.fitted is None:
             return None
         names = dict.fromkeys(trend.variable for trend in comparison.trends)
-        return cls(comparison, variables_of(comparison.fitted), tuple(names))
+        return cls(comparison, variables_of(comparison.fitted), tuple(names), circle_runs(comparison))
+
+    @property
+    def looks(self) -> dict[str, str]:
+        """Views that these measurements have: points have a place in the volume, circular tests their own plot."""
+        has_points = not bool(is_circle(self.comparison.points).all())
+        return {name: text for name, text in LOOKS.items() if (bool(self.circles) if name == CIRCLE else has_points)}
 
 
 @dataclass(eq=False)
@@ -75,12 +88,13 @@ class Session:
         File that it is written to after every change of models or data; None where it lives in memory only.
     version, sight
         Grow with every change, and with every change of what the pictures show.
-    files, measured, own_effects
-        What was given.
+    files, measured, own_effects, calibration
+        What was given; the calibration's uncertainty takes part in every fit and search.
     steps, current, reference
         The models, which of them is looked at, and which the others are compared with.
-    seen, diagnosis, trial, selected, program
-        What belongs to the current model: None until it was asked for. `selected` is (n,),
+    seen, diagnosis, told, trial, selected, program
+        What belongs to the current model: None until it was asked for. `told` is what the page says of a diagnosis;
+        a saved session has it again, without the diagnosis itself. `selected` is (n,),
         and `is_marked_by_box` tells whether the box over the residual chose it.
     problems
         Panel to the message that it shows.
@@ -96,11 +110,13 @@ class Session:
     files: list[InputFile] = field(default_factory=list)
     measured: Measurements | None = None
     own_effects: tuple[Effect, ...] = ()
+    calibration: Calibration = field(default_factory=Calibration)
     steps: list[Step] = field(default_factory=list)
     current: int = 0
     reference: int = 0
     seen: Seen | None = None
     diagnosis: Diagnosis | CircleDiagnosis | None = None
+    told: Told | None = None
     trial: Trial | None = None
     selected: Rows | None = None
     is_marked_by_box: bool = False
@@ -144,6 +160,11 @@ class Session:
         return self.measured
 
     @property
+    def has_circles_only(self) -> bool:
+        """Whether circular tests alone were given: these are diagnosed as ball-bar software does."""
+        return self.measured is not None and self.measured.points is None and bool(self.measured.circles)
+
+    @property
     def is_busy(self) -> bool:
         """Whether work is under way."""
         return self.job is not None
@@ -164,7 +185,7 @@ class Session:
 
     def forget_step(self) -> None:
         """Forget what belongs to the model that was looked at."""
-        self.seen = self.diagnosis = self.trial = None
+        self.seen = self.diagnosis = self.told = self.trial = None
 
     def begin(self, title: str, place: str, work: Work) -> None:
         """Begin work in the background.

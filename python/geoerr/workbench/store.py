@@ -1,4 +1,8 @@
-"""A session's file: everything that cannot be had again by a click. Diagnoses can, and are not in it."""
+"""A session's file: everything that cannot be had again by a click, and what the page says of a diagnosis.
+
+The diagnosis itself, with every number behind it, is not in it: pictures of what candidates explain, and a report,
+come with a new search.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from geoerr.model.document import document_of, model_from_document
 from geoerr.workbench.history import Step
 from geoerr.workbench.inputs import from_document
 from geoerr.workbench.session import Rows, Session
+from geoerr.workbench.told import Told
 from geoerr.workbench.view import View
 
 SCHEMA = "geoerr-workbench/1"
@@ -41,6 +46,7 @@ def session_document(session: Session) -> dict[str, Any]:
         ],
         "current": session.current,
         "reference": session.reference,
+        "diagnosis": None if session.told is None else session.told.to_document(),
         "view": session.view.to_document(),
         "selected": None if session.selected is None else _packed(session.selected),
     }
@@ -69,6 +75,9 @@ def restore(session: Session, path: Path) -> None:
             for one in document["steps"]
         ]
         session.current, session.reference = int(document["current"]), int(document["reference"])
+        # Sessions from before it was kept have none.
+        told = document.get("diagnosis")
+        session.told = None if told is None else Told.from_document(told)
         session.view = View.from_document(document["view"])
         session.selected = None if document["selected"] is None else _unpacked(document["selected"])
         if session.steps:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-# Views of the volume, as mrcal's users know them, to what a person reads.
+# Views of the volume, as mrcal's users know them, what the reference says otherwise, and the ball-bar plot, to what a
+# person reads.
+REGION, DIFFERENCE, CIRCLE = "region", "difference", "circle"
 LOOKS = {
     **{"length": "arrows", "magnitude": "size", "direction": "direction"},
-    **{"region": "regions", "difference": "to ★"},
+    **{REGION: "regions", DIFFERENCE: "to ★", CIRCLE: "circle"},
 }
 # Powers of two around the exaggeration that draws the largest error as about a tenth of the volume.
 LEAST_POWER, LARGEST_POWER = -3, 3
@@ -29,6 +31,8 @@ class View:
         Exaggeration, as a power of two.
     variable, color_by
         Of the residual's picture; "" where it is for the data to say, and for no colour.
+    run
+        Of the circular tests; "" where it is for the data to say.
     conditions
         Name to text, as typed: for the volume's shape, and for programs.
     """
@@ -38,6 +42,7 @@ class View:
     power: float = 0.0
     variable: str = ""
     color_by: str = ""
+    run: str = ""
     conditions: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -45,8 +50,14 @@ class View:
         """Times the automatic magnification."""
         return float(2.0**self.power)
 
-    def settle(self, variables: Sequence[str], by_worth: Sequence[str]) -> None:
-        """Choose anew what the data do not have: at first what the residual follows most."""
+    def settle(
+        self, variables: Sequence[str], by_worth: Sequence[str], looks: Collection[str], runs: Sequence[str]
+    ) -> None:
+        """Choose anew what the data do not have: at first what the residual follows most, and the worst run first."""
+        if self.look not in looks:
+            self.look = next(iter(looks), self.look)
+        if self.run not in runs:
+            self.run = next(iter(runs), "")
         if self.variable not in variables:
             self.variable = next((name for name in by_worth if name in variables), variables[0] if variables else "")
         if self.color_by not in variables:

@@ -27,6 +27,7 @@ from geoerr.workbench.pictures import (
 )
 from geoerr.workbench.program import Wish
 from geoerr.workbench.session import Rows, Seen, Session
+from geoerr.workbench.view import CIRCLE, LOOKS, REGION
 
 # Actions of buttons to the panel in which a refusal is shown.
 PLACES = {
@@ -90,6 +91,10 @@ def panels(session: Session) -> dict[str, Any]:
             "variables": options,
             "variable": session.view.variable or None,
             "color": session.view.color_by or None,
+            "looks": LOOKS if seen is None else seen.looks,
+            "look": session.view.look,
+            "runs": [] if seen is None else [one.name for one in seen.circles],
+            "run": session.view.run or None,
             "status": status(session),
             "resting": not session.is_busy,
         }
@@ -99,14 +104,13 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
     """Give both pictures, and of regions their table."""
     with session.lock:
         seen = session.seen
-        is_by_region = session.view.look == "region"
+        is_by_region = session.view.look == REGION
         if seen is None:
             said = "Add a machine and measurements to see where the model fails."
             return {
                 "volume": no_update,
                 "residual": no_update,
                 "regions": None,
-                "is_by_region": is_by_region,
                 "captions": (said, ""),
                 "marked": [],
             }
@@ -117,10 +121,24 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
             "volume": volume.figure,
             "residual": residual.figure,
             "regions": regions_table(seen) if is_by_region else None,
-            "is_by_region": is_by_region,
             "captions": (volume.caption, residual.caption),
             "marked": marked_words(session),
         }
+
+
+def choose(session: Session, look: str, variable: str | None, color: str | None, run: str | None) -> None:
+    """Look at what was chosen, as far as the data have it: the page may ask for what they had before."""
+    view, seen = session.view, session.seen
+    if seen is None:
+        view.look = look
+        return
+    if look in seen.looks:
+        view.look = look
+    if run in {one.name for one in seen.circles}:
+        view.run = run or ""
+    if variable in seen.variables:
+        view.variable = variable or ""
+        view.color_by = color if color is not None and color in seen.variables else ""
 
 
 def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[Any]] | None:
@@ -152,7 +170,7 @@ def _rows_of_stroke(session: Session, seen: Seen, told: Sequence[Any]) -> Rows |
     """Give what a stroke in the volume stands for: its last number is its region, or its row; a grid tells none."""
     if len(told) <= 6:
         return session.selected
-    return rows_of_region(seen, int(told[-1])) if session.view.look == "region" else rows_of_pass(seen, int(told[-1]))
+    return rows_of_region(seen, int(told[-1])) if session.view.look == REGION else rows_of_pass(seen, int(told[-1]))
 
 
 def wire(app: Dash, session: Session) -> None:
@@ -160,6 +178,7 @@ def wire(app: Dash, session: Session) -> None:
     _wire_actions(app, session)
     _wire_panels(app, session)
     _wire_pictures(app, session)
+    _wire_pointing(app, session)
     _wire_forms(app, session)
 
 
@@ -216,6 +235,10 @@ def _wire_panels(app: Dash, session: Session) -> None:
             "variable": Output("variable", "value"),
             "colors": Output("color", "options"),
             "color": Output("color", "value"),
+            "looks": Output("look", "options"),
+            "look": Output("look", "value"),
+            "runs": Output("run", "options"),
+            "run": Output("run", "value"),
             "status": Output("status", "children"),
             "resting": Output("beat", "disabled"),
             "sight": Output("sight", "data"),
@@ -225,7 +248,7 @@ def _wire_panels(app: Dash, session: Session) -> None:
     def _refresh(_: Any, sight: int) -> dict[str, Any]:
         found = panels(session)
         has_new = ctx.triggered_id is None or sight != session.sight
-        names = ("variables", "variable", "color")
+        names = ("variables", "variable", "color", "looks", "look", "runs", "run")
         if not has_new:
             # What is drawn stays; a person may be choosing right now.
             found |= dict.fromkeys(names, no_update)
@@ -238,7 +261,11 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             "volume": Output("volume", "figure"),
             "residual": Output("residual", "figure"),
             "regions": Output("regions", "children"),
-            "hidden": Output("regions", "hidden"),
+            "hidden": {
+                "regions": Output("regions", "hidden"),
+                "volume_controls": Output("volume-controls", "hidden"),
+                "circle_controls": Output("circle-controls", "hidden"),
+            },
             "captions": (Output("volume-caption", "children"), Output("residual-caption", "children")),
             "marked": Output("marked", "children"),
         },
@@ -249,19 +276,22 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             "power": Input("power", "value"),
             "variable": Input("variable", "value"),
             "color": Input("color", "value"),
+            "run": Input("run", "value"),
             "shown": State("pinned", "data"),
         },
     )
     def _draw(_: Any, look: str, shape: list[str], power: float, variable: str | None, color: str | None,
-              shown: str) -> dict[str, Any]:  # fmt: skip
+              run: str | None, shown: str) -> dict[str, Any]:  # fmt: skip
         view = session.view
-        view.look, view.shows_shape, view.power = look, bool(shape), float(power)
-        if session.seen is not None and variable in session.seen.variables:
-            view.variable = variable
-            view.color_by = color if color in session.seen.variables else ""
-        found = pictures(session, shown)
-        is_by_region = found.pop("is_by_region")
-        return found | {"hidden": not is_by_region}
+        view.shows_shape, view.power = bool(shape), float(power)
+        choose(session, look, variable, color, run)
+        is_circle = view.look == CIRCLE
+        hidden = {
+            "regions": view.look != REGION,
+            "volume_controls": is_circle,
+            "circle_controls": not is_circle,
+        }
+        return pictures(session, shown) | {"hidden": hidden}
 
     @app.callback(
         Output("volume", "figure", allow_duplicate=True),
@@ -283,6 +313,8 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             found = None
         return (no_update, no_update, no_update) if found is None else found
 
+
+def _wire_pointing(app: Dash, session: Session) -> None:
     @app.callback(
         Output("volume", "figure", allow_duplicate=True),
         Output("residual", "figure", allow_duplicate=True),

@@ -20,6 +20,7 @@ from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
 from geoerr.diagnose.summary import circle_diagnosis_html
+from geoerr.diagnose.words import listed, sure_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
@@ -188,6 +189,21 @@ class CircleDiagnosis(Answer):
     def ranked(self) -> tuple[Cause, ...]:
         """The causes, the worthiest first."""
         return tuple(sorted(self.found, key=lambda cause: -(cause.percent or 0.0)))
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        causes = [
+            f"{cause.effect.title[0].lower()}{cause.effect.title[1:]} ({cause.reference})" for cause in self.ranked
+        ]
+        more = "" if self.unknown is None else "; and there is more, which no known cause explains"
+        if self.verdict == "missing":
+            return f"the circle is off by {listed(causes)}{more}"
+        if self.verdict == "ambiguous":
+            return f"the circle is off by {listed(causes)}, some of which these runs cannot tell from others{more}"
+        if self.unknown is not None:
+            return self.unknown.words()
+        return f"nothing is wrong that these runs could show: {sure_words(self.p_value)}"
 
     def tied_with(self, cause: Cause) -> tuple[Alias, ...]:
         """Give what these runs cannot tell from a found cause."""

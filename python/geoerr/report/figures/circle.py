@@ -24,7 +24,11 @@ _Curve = tuple[str, Trace, dict[str, object]]
 
 
 def circle(
-    trace_before: Trace, trace_after: Trace | None = None, measured: Trace | Sequence[MeasuredRun] | None = None
+    trace_before: Trace,
+    trace_after: Trace | None = None,
+    measured: Trace | Sequence[MeasuredRun] | None = None,
+    *,
+    name_before: str = "before",
 ) -> go.Figure:
     """Draw radial deviations from the least-squares circle; the radial axis is in µm, the ring at 0 is the circle.
 
@@ -36,11 +40,13 @@ def circle(
         With compensated commands; it gets a second plot at its own scale.
     measured
         A measured trace, or the measured runs of a circular test.
+    name_before
+        What the legend calls the first trace where nothing is compensated.
     """
     left: list[_Curve] = []
     for name, trace in _measured_traces(measured):
         left.append((name, trace, {"mode": "markers", "marker": {"size": 4, "color": style.MEASURED}}))
-    left.append(("before", trace_before, {"mode": "lines", "line": {"color": style.BEFORE, "width": 2}}))
+    left.append((name_before, trace_before, {"mode": "lines", "line": {"color": style.BEFORE, "width": 2}}))
     panels = [left]
     if trace_after is not None:
         after: _Curve = ("after", trace_after, {"mode": "lines", "line": {"color": style.AFTER, "width": 2}})
@@ -53,7 +59,7 @@ def circle(
     for column, curves in enumerate(panels, start=1):
         ring_um = _draw_panel(figure, column, curves)
         name = "before and after" if column == 1 and len(panels) > 1 else ("after, at its own scale" * (column > 1))
-        titles.append(f"<b>{name or 'before'}</b>: rings {ring_um:g} µm apart")
+        titles.append(f"<b>{name or name_before}</b>: rings {ring_um:g} µm apart")
     for column, title in enumerate(titles, start=1):
         _name_panel(figure, column, title)
     commanded = trace_before.circle

@@ -101,14 +101,17 @@ def circle_causes(diagnosis: CircleDiagnosis) -> go.Figure:
                 "color": [_COLORS[kind] for *_, kind, _ in rows],
                 "pattern": {"shape": ["/" if is_rig else "" for *_, is_rig in rows]},
             },
-            text=[f"{percent:.0f} %" for _, percent, *_ in rows],
+            text=[f"{percent:.0f} %".replace("-", "−") for _, percent, *_ in rows],
             textposition="outside",
             cliponaxis=False,
             hovertemplate="%{y}: %{x:.1f} %<extra></extra>",
         )
     )
     figure.update_yaxes(autorange="reversed", showgrid=False)
-    figure.update_xaxes(range=[0.0, 1.12 * max(percent for _, percent, *_ in rows) + 1e-9], title_text="%")
+    percents = [percent for _, percent, *_ in rows]
+    # A cause that works against the others has a part below 0: its number needs room at the left.
+    low = min(percents) - 0.25 * max(percents) if min(percents) < 0.0 else 0.0
+    figure.update_xaxes(range=[low, 1.12 * max(percents) + 1e-9], title_text="%")
     return style.finish(
         figure,
         "What the circles are off by",
