@@ -66,24 +66,14 @@ def error_field(
     for column, (_, error) in enumerate(fields, start=1):
         for trace in _grid(lines, error.reshape(lines.shape), magnification, largest, shows_scale=column == 1):
             figure.add_trace(trace, row=1, col=column)
-    style.finish(
+    style.finish_volume(
         figure,
         "Volumetric error",
         f"errors magnified {magnification:,.0f} times; grey: nominal grid; colour: length of the error",
         _HEIGHT_PX,
         above_plots_px=20,
-        bottom_px=10,
     )
-    figure.update_scenes(
-        xaxis_title_text="X, mm",
-        yaxis_title_text="Y, mm",
-        zaxis_title_text="Z, mm",
-        aspectmode="data",
-        **_ranges(low, high),
-        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-    )
-    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
-    return figure
+    return figure.update_scenes(**_ranges(low, high))
 
 
 def field_difference(
@@ -113,21 +103,12 @@ def field_difference(
     magnification = exaggeration * _magnification(low, high, largest)
     straight, bent = _grid(lines, difference.reshape(lines.shape), magnification, largest, shows_scale=True)
     figure = go.Figure([bent, straight])
-    style.finish(
+    style.finish_volume(
         figure,
         "Difference of two models over the volume",
         f"{_sizes(difference)}; magnified {magnification:,.0f} times; grey: no difference",
         _HEIGHT_PX,
-        bottom_px=10,
     )
-    figure.update_scenes(
-        xaxis_title_text="X, mm",
-        yaxis_title_text="Y, mm",
-        zaxis_title_text="Z, mm",
-        aspectmode="data",
-        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-    )
-    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
     return figure, magnification
 
 

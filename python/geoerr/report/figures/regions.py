@@ -81,22 +81,12 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
             _frames(comparison.regions, middle, scale * spread_um),
         ]
     )
-    style.finish(
+    return style.finish_volume(
         figure,
         "Residual by region of the volume",
         f"stroke: mean, magnified {magnification:,.0f} times; cross: ± one standard deviation; colour: rms",
         VOLUME_PX,
-        bottom_px=10,
     )
-    figure.update_scenes(
-        xaxis_title_text="X, mm",
-        yaxis_title_text="Y, mm",
-        zaxis_title_text="Z, mm",
-        aspectmode="data",
-        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-    )
-    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
-    return figure
 
 
 def _bar(rms_um: Numbers) -> dict[str, object]:

@@ -76,6 +76,21 @@ def template() -> go.layout.Template:
     )
 
 
+def finish_volume(
+    figure: go.Figure, title: str, subtitle: str, height_px: int, *, above_plots_px: int = 0, aspect: str = "data"
+) -> go.Figure:
+    """Finish a picture of the machine's volume: axes in mm, seen from the front, right and above; no legend."""
+    finish(figure, title, subtitle, height_px, above_plots_px=above_plots_px, bottom_px=10)
+    figure.update_scenes(
+        xaxis_title_text="X, mm",
+        yaxis_title_text="Y, mm",
+        zaxis_title_text="Z, mm",
+        aspectmode=aspect,
+        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+    )
+    return figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
+
+
 def finish(
     figure: go.Figure,
     title: str,

@@ -103,23 +103,14 @@ def residual_volume(volume: Volume, look: Look) -> go.Figure:
     colors = _colors(volume, look)
     trace = _dots(volume, colors) if look == "magnitude" else _strokes(volume, colors)
     figure = go.Figure([trace, _places(volume)])
-    style.finish(
+    span = float(np.ptp(volume.at_mm, axis=0).min(initial=0.0)) if len(volume.rows) else 0.0
+    return style.finish_volume(
         figure,
         _TITLES[look],
         f"{len(volume.rows)} rows; magnified {volume.magnification:,.0f} times; colour: {_COLORED[look]}",
         VOLUME_PX,
-        bottom_px=10,
+        aspect="data" if span > 0.02 * volume.room_mm else "cube",
     )
-    span = float(np.ptp(volume.at_mm, axis=0).min(initial=0.0)) if len(volume.rows) else 0.0
-    figure.update_scenes(
-        xaxis_title_text="X, mm",
-        yaxis_title_text="Y, mm",
-        zaxis_title_text="Z, mm",
-        aspectmode="data" if span > 0.02 * volume.room_mm else "cube",
-        camera={"eye": {"x": 1.45, "y": -1.7, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-    )
-    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10})
-    return figure
 
 
 def marked_strokes(
