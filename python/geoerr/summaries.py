@@ -52,6 +52,12 @@ def number_text(value: float | None, digits: int = 2) -> str:
     return _UNKNOWN if value is None or math.isnan(value) else f"{value:.{digits}f}".replace("-", "−")
 
 
+def counted(count: int, what: str, *, grouped: bool = False) -> str:
+    """Write `1 pass`, `2 passes`; large numbers in groups of three digits if asked."""
+    number = f"{count:,}" if grouped else f"{count}"
+    return f"{number} {what}" if count == 1 else f"{number} {what}{'es' if what.endswith('s') else 's'}"
+
+
 def span_text(low: float, high: float) -> str:
     """Write a range, or the one number that it is."""
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"

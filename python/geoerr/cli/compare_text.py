@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from geoerr.cli.fit_text import counted, figure_rows, quality_in_words, wrapped
+from geoerr.cli.fit_text import figure_rows, quality_in_words, wrapped
 from geoerr.cli.options import note, note_left_out, note_set_aside
 from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
 from geoerr.diagnose.regions import region_name
 from geoerr.measurements import Measurements
+from geoerr.summaries import counted
 
 _MOST_LINES = 12
 _MOST_NAMED = 5

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from geoerr.cli.diagnose_text import alias_lines, narrow, not_offered_lines, remedy_lines
-from geoerr.cli.fit_text import counted
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
 from geoerr.diagnose.words import chance_words, um_words
+from geoerr.summaries import counted
 
 _MOST_OTHERS = 5
 _NAME_WIDTH = 34

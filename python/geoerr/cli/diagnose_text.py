@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from geoerr.cli.fit_text import counted
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Named, Unknown
 from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
 from geoerr.fit.empirical import Curve
-from geoerr.summaries import by_reason
+from geoerr.summaries import by_reason, counted
 
 WIDTH = 80
 _MEANINGS = {

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geoerr.cli.fit_text import (
-    counted,
     error_rows,
     figure_rows,
     freedom_of,
@@ -22,6 +21,7 @@ from geoerr.error_functions import ALL_NAMES
 from geoerr.fit import Components, FitResult
 from geoerr.fit.undetermined import iso_name
 from geoerr.measurements import Measurements
+from geoerr.summaries import counted
 
 _MOST_OUTLIERS_NAMED = 8
 

@@ -49,11 +49,6 @@ def wrapped(text: str, indent: str = "  ") -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False)
 
 
-def counted(count: int, what: str) -> str:
-    """Write `1 pass`, `2 passes`."""
-    return f"{count} {what}" if count == 1 else f"{count} {what}{'es' if what.endswith('s') else 's'}"
-
-
 def freedom_of(fitted: Fitted) -> dict[str, str]:
     """Say for each error function what was fitted: `spline, 9 free`."""
     chosen = {choice.name: choice.n_free for choice in fitted.choices}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from geoerr.cli.fit_text import (
-    counted,
     error_rows,
     figure_rows,
     freedom_of,
@@ -18,6 +17,7 @@ from geoerr.fit import figures_document
 from geoerr.identify import NineLineResult, TangentVerdict
 from geoerr.identify.joint import JointResult
 from geoerr.observations import Observations
+from geoerr.summaries import counted
 
 _UM_PER_MM = 1e3
 

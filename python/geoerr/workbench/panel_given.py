@@ -6,6 +6,7 @@ from typing import Any
 
 from dash import dcc, html
 
+from geoerr.summaries import counted
 from geoerr.workbench.actions import DATA
 from geoerr.workbench.inputs import Kind
 from geoerr.workbench.parts import button, difference_um, figure_row, problem, section, um
@@ -63,12 +64,14 @@ def _files(session: Session) -> list[Any]:
         parts.append(html.Li([html.Span([html.B(one.name), f" {kind}"]), away]))
     if session.measured is not None and session.seen is not None:
         sightings = session.seen.comparison.points.sightings
-        told = f"{len(sightings):,} rows in {sightings.n_passes:,} passes"
+        told = (
+            f"{counted(len(sightings), 'row', grouped=True)} in {counted(sightings.n_passes, 'pass', grouped=True)}"
+        )
         parts.append(html.Li(told, className="why"))
     if session.calibration.is_given:
         parts.append(html.Li("The calibration's uncertainty takes part in every fit and search.", className="why"))
     notes = html.Details(
-        [html.Summary(f"{len(session.notes)} notes"), html.Ul([html.Li(one) for one in session.notes])]
+        [html.Summary(counted(len(session.notes), "note")), html.Ul([html.Li(one) for one in session.notes])]
     )
     return [html.Ul(parts, className="files"), notes if session.notes else None]
 

@@ -9,6 +9,7 @@ from dash import dcc, html
 
 from geoerr.diagnose.regions import Region, region_name
 from geoerr.report.figures import error_fall, variable_label
+from geoerr.summaries import counted
 from geoerr.workbench.history import story
 from geoerr.workbench.parts import button, um
 from geoerr.workbench.pictures import in_panel
@@ -165,7 +166,8 @@ def marked_words(session: Session) -> list[Any]:
             spread = float(own.std(ddof=1)) if own.size > 1 else float("nan")
             texts.append(f"{component.name} {_mean(float(own.mean()), spread)} µm")
     figures = seen.comparison.figures_on(rows)
-    told = f"{int(rows.sum()):,} rows marked: {um(figures.headline_um)} rms; mean ± spread {', '.join(texts)}"
+    marked = counted(int(rows.sum()), "row", grouped=True)
+    told = f"{marked} marked: {um(figures.headline_um)} rms; mean ± spread {', '.join(texts)}"
     return [html.Span(told), button("Unmark", "unmark")]
 
 
