@@ -337,6 +337,7 @@ def main() -> None:
     parser.add_argument("--singles", type=int, default=1, help="sets of each kind of effect at 2 and 4 µm")
     parser.add_argument("--unlisted", type=int, default=1, help="sets of each effect that the catalogue lacks, 4 µm")
     parser.add_argument("--every", type=int, default=1, help="only every so many-th set with an effect")
+    parser.add_argument("--only", metavar="KEY", action="append", help="only this set; may be repeated")
     parser.add_argument("--rows", type=int, default=10_000)
     parser.add_argument("--peer", action="append", choices=[*PEERS], help="all, if not given")
     parser.add_argument("--development", action="store_true", help="seeds to develop with, not those of the study")
@@ -347,7 +348,7 @@ def main() -> None:
     known = {line["key"] for line in lines}
     with given.resume.open("a", encoding="utf-8") as file:
         for one in sample(given.nulls, given.singles, given.unlisted, given.every):
-            if one.key in known:
+            if one.key in known or (given.only and one.key not in given.only):
                 continue
             try:
                 asked = [*compare(one, given.rows, given.peer or [*PEERS], is_study=not given.development)]
