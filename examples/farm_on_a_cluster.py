@@ -30,7 +30,7 @@ def main(folder: Path) -> None:
     printers(folder / "farm")
 
     with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         Client(cluster) as client,
     ):
         killed: list[int] = []

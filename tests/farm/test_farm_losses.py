@@ -88,7 +88,7 @@ def test_a_cluster_writes_the_same_bytes(farm: Path, right_bytes: dict[str, byte
     """Dask is the engine that is tested: it does a lost worker's jobs again by itself."""
     distributed = pytest.importorskip("distributed")
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         distributed.Client(cluster) as client,
     ):
         kill = KillOnce(lambda: list(client.run(os.getpid).values()))

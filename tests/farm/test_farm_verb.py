@@ -37,7 +37,7 @@ def test_every_machine_has_a_line_and_every_failure_a_reason(farm: Path, right_b
 
 def test_a_cluster_is_given_by_its_address(farm: Path, right_bytes: dict[str, bytes]) -> None:
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         document = json.loads(geoerr_farm(farm, "--scheduler", cluster.scheduler_address, "--json"))
     assert document["machines"] == 4
     assert document["machines_with_failures"] == 0
