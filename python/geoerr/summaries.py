@@ -58,6 +58,16 @@ def counted(count: int, what: str, *, grouped: bool = False) -> str:
     return f"{number} {what}" if count == 1 else f"{number} {what}{'es' if what.endswith('s') else 's'}"
 
 
+def capitalised(text: str) -> str:
+    """Begin a text with a capital, and leave the rest of it as it is."""
+    return text[:1].upper() + text[1:]
+
+
+def uncapitalised(text: str) -> str:
+    """Write a title as it stands inside a sentence."""
+    return text[:1].lower() + text[1:]
+
+
 def span_text(low: float, high: float) -> str:
     """Write a range, or the one number that it is."""
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"

@@ -102,9 +102,11 @@ def problem_of(looked: Round, fitted: Fitted, *, with_noise_model: bool) -> Prob
         residual, whiten = solved.whitened * space.rows, lambda columns: columns * space.rows[:, :, None]
     flat = basis.reshape(-1, basis.shape[2])
 
+    def off_model(whole: Array) -> Array:
+        return np.asarray((whole - flat @ (flat.T @ whole))[counts])
+
     def project(raw: Array) -> Array:
-        own = whiten(raw).reshape(len(flat), -1)
-        return np.asarray((own - flat @ (flat.T @ own))[counts])
+        return off_model(whiten(raw).reshape(len(flat), -1))
 
     blocks, forms, at = [], [], 0
     for judged in looked.candidates:
@@ -112,7 +114,7 @@ def problem_of(looked: Round, fitted: Fitted, *, with_noise_model: bool) -> Prob
             trials = _some_trials(shapes)
             whole = whiten(np.concatenate([looked.scanner.raw_columns(shapes, trial) for trial in trials], axis=2))
             whole = whole.reshape(len(flat), -1)
-            own = (whole - flat @ (flat.T @ whole))[counts]
+            own = off_model(whole)
             left = np.linalg.norm(own, axis=0)
             seen = left**2 > OWNED * np.maximum(np.linalg.norm(whole, axis=0), 1e-300) ** 2
             blocks.append(own[:, seen] / left[seen])
@@ -121,7 +123,7 @@ def problem_of(looked: Round, fitted: Fitted, *, with_noise_model: bool) -> Prob
                     forms.append(Form(str(judged.what.reference), shapes, trial, slice(at, at + kept)))
                     at += kept
     return Problem(
-        residual.reshape(-1)[counts] - (flat @ (flat.T @ residual.reshape(-1)))[counts],
+        off_model(residual.reshape(-1)),
         np.concatenate(blocks, axis=1),
         tuple(forms),
         np.repeat(fitted.sightings.pass_number % _FOLDS, 3)[counts],

@@ -15,6 +15,9 @@ from geoerr.cli.program_options import (
     FirmwareCorrects,
     Home,
     KeepUncertain,
+    OnUnsupported,
+    Tolerance,
+    UnsupportedChoice,
     WorkOffset,
     conditions,
     names,
@@ -25,13 +28,6 @@ from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
     from geoerr.compensate.program import CompensationResult
-
-
-class OnUnsupported(StrEnum):
-    """What to do with a line that is not corrected."""
-
-    REFUSE = "refuse"
-    PASS = "pass"
 
 
 class OutsideMeasured(StrEnum):
@@ -61,13 +57,8 @@ def compensate(
     ],
     at: At = None,
     work_offset: WorkOffset = "0,0,0",
-    tolerance: Annotated[
-        float, typer.Option("--tolerance", help="Largest distance of the tool from the programmed path, mm.")
-    ] = 0.005,
-    on_unsupported: Annotated[
-        OnUnsupported,
-        typer.Option("--on-unsupported", help="A line that is not corrected: refuse the program, or pass the line."),
-    ] = OnUnsupported.REFUSE,
+    tolerance: Tolerance = 0.005,
+    on_unsupported: OnUnsupported = UnsupportedChoice.REFUSE,
     outside_measured: Annotated[
         OutsideMeasured,
         typer.Option("--outside-measured", help="Beyond the measured range: refuse, or hold the last errors."),

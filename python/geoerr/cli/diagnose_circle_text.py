@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from geoerr.cli.diagnose_text import alias_lines, narrow, not_offered_lines, remedy_lines
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
 from geoerr.diagnose.words import chance_words, um_words
-from geoerr.summaries import counted
+from geoerr.summaries import capitalised, counted
 
 _MOST_OTHERS = 5
 _NAME_WIDTH = 34
@@ -21,7 +21,7 @@ def circle_diagnosis_lines(
     yield from narrow(f"{machine.name} ({machine.chain}): {counted(len(diagnosis.runs), 'circular run')}")
     yield ""
     sentence = diagnosis.sentence
-    yield from narrow(f"{sentence[0].upper()}{sentence[1:]}.")
+    yield from narrow(f"{capitalised(sentence)}.")
     shares = diagnosis.shares
     yield from narrow(
         f"of the trace {um_words(shares.total**0.5)} rms: causes {um_words(shares.explained**0.5)}, "

@@ -11,7 +11,7 @@ from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Named, Unknown
 from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
 from geoerr.fit.empirical import Curve
-from geoerr.summaries import by_reason, counted
+from geoerr.summaries import by_reason, capitalised, counted
 
 WIDTH = 80
 _MEANINGS = {
@@ -43,7 +43,7 @@ def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose
     """
     yield from _data(diagnosis)
     yield ""
-    yield from narrow(f"{diagnosis.sentence[0].upper()}{diagnosis.sentence[1:]}.")
+    yield from narrow(f"{capitalised(diagnosis.sentence)}.")
     yield from _figures(diagnosis)
     drifts_most = diagnosis.between_passes.worth_um > max((one.worth_um for one in diagnosis.found), default=0.0)
     if drifts_most:

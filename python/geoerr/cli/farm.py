@@ -10,10 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.compensate import OnUnsupported
 from geoerr.cli.fit import ComponentsChoice
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
-from geoerr.cli.program_options import At, Firmware, Home, WorkOffset, conditions, triple
+from geoerr.cli.program_options import (
+    At,
+    Firmware,
+    Home,
+    OnUnsupported,
+    Tolerance,
+    UnsupportedChoice,
+    WorkOffset,
+    conditions,
+    triple,
+)
 from geoerr.cli.progress import progress_bar
 from geoerr.errors import GeoerrError
 
@@ -69,13 +78,8 @@ def farm(
     ] = None,
     at: At = None,
     work_offset: WorkOffset = "0,0,0",
-    tolerance: Annotated[
-        float, typer.Option("--tolerance", help="Largest distance of the tool from the programmed path, mm.")
-    ] = 0.005,
-    on_unsupported: Annotated[
-        OnUnsupported,
-        typer.Option("--on-unsupported", help="A line that is not corrected: refuse the program, or pass the line."),
-    ] = OnUnsupported.REFUSE,
+    tolerance: Tolerance = 0.005,
+    on_unsupported: OnUnsupported = UnsupportedChoice.REFUSE,
     home: Home = None,
     firmware: Firmware = None,
     scheduler: Annotated[

@@ -1,4 +1,4 @@
-"""Options about a program that `compensate` and `verify path` share."""
+"""Options about a program that `compensate`, `farm` and `verify path` share."""
 
 from __future__ import annotations
 
@@ -20,6 +20,13 @@ class FirmwareName(StrEnum):
     REPRAPFIRMWARE = "reprapfirmware"
 
 
+class UnsupportedChoice(StrEnum):
+    """What to do with a line that is not corrected."""
+
+    REFUSE = "refuse"
+    PASS = "pass"
+
+
 At = Annotated[
     list[str] | None,
     typer.Option("--at", metavar="NAME=VALUE", help="Condition that MODEL depends on; `reference` is a value."),
@@ -27,6 +34,13 @@ At = Annotated[
 WorkOffset = Annotated[
     str,
     typer.Option("--work-offset", metavar="X,Y,Z", help="From the machine's zero to the program's zero (G54), mm."),
+]
+Tolerance = Annotated[
+    float, typer.Option("--tolerance", help="Largest distance of the tool from the programmed path, mm.")
+]
+OnUnsupported = Annotated[
+    UnsupportedChoice,
+    typer.Option("--on-unsupported", help="A line that is not corrected: refuse the program, or pass the line."),
 ]
 Home = Annotated[
     str | None,

@@ -32,6 +32,7 @@ from geoerr.fit.empirical import curve_of, empirical_term
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.observations import CARRIERS, CircularTest, Observations
+from geoerr.summaries import uncapitalised
 from geoerr.terms import EMPIRICAL, EffectReference, Term
 
 if TYPE_CHECKING:
@@ -88,14 +89,14 @@ class Diagnosis(Answer):
         """The verdict in a sentence."""
         more = "" if self.unknown is None else "; and there is more, which no known effect explains"
         if self.verdict == "missing":
-            names = listed([f"{_lower(one.effect.title)} ({one.reference})" for one in self.found])
+            names = listed([f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.found])
             return f"{'an effect is' if len(self.found) == 1 else 'effects are'} missing: {names}{more}"
         if self.verdict == "ambiguous":
-            shown = [f"{_lower(one.effect.title)} ({one.reference})" for one in self.tied[:_SPOKEN]]
+            shown = [f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.tied[:_SPOKEN]]
             if len(self.tied) > _SPOKEN:
                 shown.append(f"{len(self.tied) - _SPOKEN} more")
             names = listed(shown, "or")
-            others = [f"{_lower(one.effect.title)} ({one.reference})" for one in self.found[1:]]
+            others = [f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.found[1:]]
             also = f"; missing besides: {listed(others)}" if others else ""
             return f"an effect is missing, and these data cannot tell which: {names}{also}{more}"
         if self.unknown is not None:
@@ -406,8 +407,3 @@ def _invisible(searched: Searched) -> list[tuple[str, str]]:
         one.effect.id if one.effect.id not in seen else str(one.reference) for one in searched.first.invisible
     )
     return [(name, _INVISIBLE) for name in names]
-
-
-def _lower(title: str) -> str:
-    """Write a title inside a sentence."""
-    return title[0].lower() + title[1:]

@@ -23,6 +23,7 @@ from geoerr.diagnose.words import (
 from geoerr.effects import Effect
 from geoerr.effects.plausible import plausible_match
 from geoerr.fit.empirical import Curve
+from geoerr.summaries import capitalised
 from geoerr.terms import EffectReference, Parameter, Term
 
 # More coefficients than this are a curve, not numbers to read.
@@ -198,7 +199,7 @@ class Finding(Named):
             sure_words(self.p_value),
             "it is the cameras', and never compensated" if self.is_rig else None,
         ]
-        return ". ".join(text[0].upper() + text[1:] for text in texts if text)
+        return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and more."""
@@ -291,7 +292,7 @@ class Unknown(Nameless):
         """Say what it is, where it is largest, what it looks like and how sure."""
         texts = [self.sentence, self.where.words(), None if self.shape is None else f"shape: it {self.shape}"]
         texts.append(sure_words(self.p_value))
-        return ". ".join(text[0].upper() + text[1:] for text in texts if text)
+        return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
         """Give it as FORMATS' `diagnose --json` has it, and more."""

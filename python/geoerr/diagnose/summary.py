@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from geoerr.diagnose.words import chance_words
 from geoerr.fit import figures_document
 from geoerr.model.fit_words import FIGURES
-from geoerr.summaries import facts_html, number_text, sentences_html, summary_html, table_html
+from geoerr.summaries import capitalised, facts_html, number_text, sentences_html, summary_html, table_html
 
 if TYPE_CHECKING:
     from geoerr.diagnose.change import Change
@@ -76,7 +76,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     sentence = diagnosis.sentence
     return summary_html(
         "Diagnosis",
-        sentences_html(f"{sentence[0].upper()}{sentence[1:]}."),
+        sentences_html(f"{capitalised(sentence)}."),
         facts_html(facts),
         table_html(header, rows),
     )

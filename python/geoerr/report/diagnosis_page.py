@@ -14,7 +14,7 @@ from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
-from geoerr.summaries import by_reason
+from geoerr.summaries import by_reason, capitalised
 
 
 def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Provenance) -> None:
@@ -26,7 +26,7 @@ def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Pro
 def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     """Say the verdict, how sure it is, and what error there is now."""
     sentence = diagnosis.sentence
-    sentences = [f"{sentence[0].upper()}{sentence[1:]}."]
+    sentences = [f"{capitalised(sentence)}."]
     chance = chance_words(diagnosis.p_value)
     if chance not in sentence:
         sentences.append(f"That nothing is missing: {chance}.")
@@ -48,7 +48,7 @@ def circle_diagnosis_sentences(diagnosis: CircleDiagnosis) -> list[str]:
     """Say what was found on the circles, how sure that is, and how much of the trace it is."""
     shares, sentence = diagnosis.shares, diagnosis.sentence
     return [
-        f"{sentence[0].upper()}{sentence[1:]}.",
+        f"{capitalised(sentence)}.",
         f"That nothing is missing: {chance_words(diagnosis.p_value)}.",
         f"The trace is {style.text_um(shares.total**0.5)} rms, its causes {style.text_um(shares.explained**0.5)}, "
         f"unexplained {style.text_um(shares.rest**0.5)}, noise {style.text_um(diagnosis.noise_um)}.",

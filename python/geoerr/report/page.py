@@ -18,6 +18,7 @@ from plotly.offline import get_plotlyjs
 
 from geoerr.files import write_text
 from geoerr.report.provenance import Provenance
+from geoerr.summaries import capitalised
 
 # What stands in a number's place; the column stays one of numbers.
 NOT_DETERMINED = "not determined"
@@ -74,7 +75,7 @@ def as_one(title: str, parts: Sequence[Section], *before: Block) -> Section:
 
 def as_sentence(note: str) -> Paragraph:
     """Make a paragraph of a note: notes begin small and end without a full stop."""
-    return Paragraph(f"{note[0].upper()}{note[1:]}.")
+    return Paragraph(f"{capitalised(note)}.")
 
 
 def write_report(

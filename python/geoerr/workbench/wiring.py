@@ -104,7 +104,6 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
     """Give both pictures, and of regions their table."""
     with session.lock:
         seen = session.seen
-        is_by_region = session.view.look == REGION
         if seen is None:
             said = "Add a machine and measurements to see where the model fails."
             return {
@@ -120,7 +119,7 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
         return {
             "volume": volume.figure,
             "residual": residual.figure,
-            "regions": regions_table(seen) if is_by_region else None,
+            "regions": regions_table(seen) if session.view.look == REGION else None,
             "captions": (volume.caption, residual.caption),
             "marked": marked_words(session),
         }

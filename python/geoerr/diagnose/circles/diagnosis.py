@@ -28,6 +28,7 @@ from geoerr.errors import GeoerrError
 from geoerr.fit import refit
 from geoerr.model import Model
 from geoerr.observations import CircularTest
+from geoerr.summaries import uncapitalised
 from geoerr.terms import EffectReference, Term
 
 if TYPE_CHECKING:
@@ -193,9 +194,7 @@ class CircleDiagnosis(Answer):
     @property
     def sentence(self) -> str:
         """The verdict in a sentence."""
-        causes = [
-            f"{cause.effect.title[0].lower()}{cause.effect.title[1:]} ({cause.reference})" for cause in self.ranked
-        ]
+        causes = [f"{uncapitalised(cause.effect.title)} ({cause.reference})" for cause in self.ranked]
         more = "" if self.unknown is None else "; and there is more, which no known cause explains"
         if self.verdict == "missing":
             return f"the circle is off by {listed(causes)}{more}"

@@ -95,13 +95,11 @@ def field_difference(
     figure, magnification
         Two traces: the differences, coloured by length, and the straight grid.
     """
-    low, high = usable_range_mm(model)
-    lines = _lines_on_faces(low, high, n_lines)
-    nodes = lines.reshape(-1, 3)
-    difference = model.error_mm(nodes, at=_asked(at, model)) - reference.error_mm(nodes, at=_asked(at, reference))
-    largest = float(np.linalg.norm(difference, axis=1).max())
-    magnification = exaggeration * _magnification(low, high, largest)
-    straight, bent = _grid(lines, difference.reshape(lines.shape), magnification, largest, shows_scale=True)
+
+    def beyond(nodes: Numbers) -> Numbers:
+        return model.error_mm(nodes, at=_asked(at, model)) - reference.error_mm(nodes, at=_asked(at, reference))
+
+    (straight, bent), difference, magnification = _magnified(model, beyond, exaggeration, n_lines)
     figure = go.Figure([bent, straight])
     style.finish_volume(
         figure,
@@ -147,12 +145,20 @@ def grid_traces(
     at
         Conditions that the model needs.
     """
+    traces, _, magnification = _magnified(model, lambda nodes: model.error_mm(nodes, at=at), exaggeration, n_lines)
+    return traces, magnification
+
+
+def _magnified(
+    model: Model, displaced: Callable[[Numbers], Numbers], exaggeration: float, n_lines: int
+) -> tuple[list[go.Scatter3d], Numbers, float]:
+    """Draw a volume's grid straight and displaced; give the displacements (n, 3) and their magnification."""
     low, high = usable_range_mm(model)
     lines = _lines_on_faces(low, high, n_lines)
-    error = model.error_mm(lines.reshape(-1, 3), at=at)
+    error = displaced(lines.reshape(-1, 3))
     largest = float(np.linalg.norm(error, axis=1).max())
     magnification = exaggeration * _magnification(low, high, largest)
-    return _grid(lines, error.reshape(lines.shape), magnification, largest, shows_scale=True), magnification
+    return _grid(lines, error.reshape(lines.shape), magnification, largest, shows_scale=True), error, magnification
 
 
 def _magnification(low: Numbers, high: Numbers, largest_mm: float) -> float:
