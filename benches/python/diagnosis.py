@@ -18,6 +18,7 @@ import numpy.typing as npt
 from joint_fit import LENGTH_MM, OFFSETS_MM, STD_MM, timed
 
 from geoerr.diagnose.candidates import candidates_of
+from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search import Bench, look, search
@@ -71,7 +72,7 @@ def print_costs(n_points: int, threads: int, repeats: int) -> None:
         print(f"| {n_points} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
 
     (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, known), repeats)
-    probes = probes_of(fitted, functions)
+    probes = probes_of(fitted, functions, variables_of(fitted))
     shapes = [one for what in [*candidates, *probes] for one in what.shapes]
     row(f"candidates laid out: {len(candidates)}, {sum(len(one.trials) for one in shapes)} ways", seconds)
     bench = Bench(fitted, functions, names=all_channels(shapes), threads=threads)

@@ -13,6 +13,7 @@ from scipy import stats
 from geoerr.diagnose.candidates import Candidate, candidates_of
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.null import Null, largest_surprise, surprise
+from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import OWNED, Scanner, all_channels, estimate, off_model
 from geoerr.diagnose.space import Channels, Space, space_of
@@ -34,7 +35,13 @@ def _scene() -> tuple[Space, Channels, list[Candidate], list[Probe], Functions]:
     space = space_of(fitted)
     known = Catalogue({name: catalogue()[name] for name in NAMES})
     candidates, _, functions = candidates_of(fitted, known)
-    return space, Channels(fitted, space.rows), candidates, probes_of(fitted, functions), functions
+    return (
+        space,
+        Channels(fitted, space.rows),
+        candidates,
+        probes_of(fitted, functions, variables_of(fitted)),
+        functions,
+    )
 
 
 def _scanner(*, threads: int = 1) -> Scanner:

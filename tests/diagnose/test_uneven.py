@@ -1,4 +1,4 @@
-"""What is no unevenness of an effect along an axis, and no effect of the catalogue, has no name."""
+"""What is no unevenness along an axis, and no effect of the catalogue, has no name; an uneven wave keeps its own."""
 
 from collections.abc import Callable
 
@@ -34,9 +34,22 @@ def squared(moved: Motion) -> Numbers:
     return along_x(200.0 * warm**2 * moved.q[:, 2] / LENGTH_MM)
 
 
+def worn_screw(moved: Motion) -> Numbers:
+    """A wave of 8 mm that is larger where the gantry is far out."""
+    size = 12.0 * (1.0 + 0.5 * (2.0 * moved.q[:, 1] / LENGTH_MM - 1.0))
+    return along_x(size * np.sin(2.0 * np.pi * moved.q[:, 0] / 8.0 + 0.7))
+
+
 @pytest.mark.parametrize(("hidden", "depends_on"), [(wave_across, {"d_x", "y"}), (squared, {"temp_bed"})])
 def test_what_is_no_unevenness_has_no_name(hidden: Callable[[Motion], Numbers], depends_on: set[str]) -> None:
     found = diagnosed(hidden, 3)
     assert not found.found
     assert found.unknown is not None
     assert set(found.unknown.depends_on) == depends_on
+
+
+def test_what_is_left_of_an_uneven_wave_is_told() -> None:
+    found = diagnosed(worn_screw, 5)
+    assert [str(one.reference) for one in found.found] == ["periodic:x"]
+    assert found.unknown is not None
+    assert (found.unknown.component, set(found.unknown.depends_on)) == ("x", {"x", "y"})

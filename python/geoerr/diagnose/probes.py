@@ -17,7 +17,7 @@ import numpy as np
 
 from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
-from geoerr.diagnose.probe_variables import MOST_DEGREES, PLAYS, Variable, variables_of
+from geoerr.diagnose.probe_variables import MOST_DEGREES, PLAYS, Variable
 from geoerr.fit.fitted import Fitted
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
@@ -90,9 +90,9 @@ class _Group:
         return tuple(shapes_on(channel, way, self.trials) for way in self.ways)
 
 
-def probes_of(fitted: Fitted, functions: Functions) -> list[Probe]:
-    """Give all probes that are columns and that the data can carry; their functions are added to `functions`."""
-    known = [_Codes(functions, one) for one in variables_of(fitted)]
+def probes_of(fitted: Fitted, functions: Functions, variables: Sequence[Variable]) -> list[Probe]:
+    """Give all probes of some variables that are columns; their functions are added to `functions`."""
+    known = [_Codes(functions, one) for one in variables]
     groups = [*_alone(known), *_pairs(known), *_triples(known), *_memories(known), *_waves(known)]
     sets = Counter(len(names) for names in {tuple(sorted(group.names)) for group in groups})
     return [

@@ -11,9 +11,10 @@ from geoerr.diagnose.candidates import Candidate, is_free, shapes_of
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.search.alike import other_periods
 from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.inner import around, neighbours
 from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, freedom_of_term
 from geoerr.diagnose.search.look import Round
-from geoerr.diagnose.search.settle import Settled, around, neighbours, settle, settle_as
+from geoerr.diagnose.search.settle import Settled, settle, settle_as
 from geoerr.diagnose.space import Space, whitened_space
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term

@@ -35,6 +35,7 @@ _PROBED_AS |= {f"mean_v_{axis}": f"v_{axis}" for axis in AXES} | {f"t_rev_{axis}
 # The acceleration at a picture is known from the pictures around it, not from the controller: what an effect of it
 # leaves of itself is less than this share, and follows how the axis moves.
 _REMAINDER = 0.3
+_MOTION_OF_ALL = ("feed", "moving")
 _OF_MOTION = ("a_", "v_", "mean_v_", "d_", "s_", "t_rev_")
 
 
@@ -42,15 +43,40 @@ def is_a_remainder(found: Sequence[Found], settled: Settled) -> bool:
     """Tell whether a name may be no more than what a larger one, of an acceleration, leaves of itself."""
     term = settled.term
     assert term is not None
-    follows_motion = all(name.startswith(_OF_MOTION) for name in term.variables)
     axes = {name[-1] for name in term.variables}
-    return follows_motion and any(
-        settled.visible_um < _REMAINDER * one.settled.visible_um
-        and one.settled.term is not None
-        and any(name.startswith("a_") for name in one.settled.term.variables)
-        and axes <= {name[-1] for name in one.settled.term.variables}
-        for one in found
+    return all(name.startswith(_OF_MOTION) for name in term.variables) and any(
+        settled.visible_um < _REMAINDER * one.settled.visible_um and axes <= _accelerated(one) for one in found
     )
+
+
+def without_remainders(found: Sequence[Found], probes: Sequence[Judged]) -> tuple[Judged, ...]:
+    """Give the probes that see more than what effects of an acceleration leave of themselves.
+
+    How one axis moves goes with how the others do, and with where they are.
+    """
+    return tuple(
+        probe
+        for probe in probes
+        if not any(
+            probe.gain < _REMAINDER**2 * one.settled.gain
+            and _accelerated(one)
+            and not acts_elsewhere(one.looked.space, one.settled, probe)
+            and _follows_motion(variables_of(probe))
+            for one in found
+        )
+    )
+
+
+def _accelerated(found: Found) -> set[str]:
+    """Give the axes of whose acceleration something is an effect."""
+    term = found.settled.term
+    return set() if term is None else {name[-1] for name in term.variables if name.startswith("a_")}
+
+
+def _follows_motion(names: set[str]) -> bool:
+    """Tell whether variables are how, and where, axes move."""
+    motion = {name for name in names if name.startswith(_OF_MOTION) or name in _MOTION_OF_ALL}
+    return bool(motion) and names - motion <= set(AXES)
 
 
 def is_impostor(

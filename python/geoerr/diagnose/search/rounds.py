@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from geoerr.diagnose.candidates import Candidate, candidates_of
+from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
@@ -23,9 +24,11 @@ from geoerr.diagnose.search.nameless import (
     misnamed,
     not_taken_back,
     unevenness,
+    without_remainders,
 )
 from geoerr.diagnose.search.rivals import Found, rivals_of
 from geoerr.diagnose.search.settle import Settled, resettle, settle
+from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
@@ -82,8 +85,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         Ids of terms that the model has besides those of the fit.
     """
     candidates, not_offered, functions = candidates_of(fitted, known, present)
-    probes = probes_of(fitted, functions)
-    everything: list[Candidate | Probe] = [*candidates, *probes]
+    variables = variables_of(fitted)
+    smooth, waves = probes_of(fitted, functions, variables), UnevenWaves(functions, variables)
+    everything: list[Candidate | Probe] = [*candidates, *smooth]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
     bench = Bench(fitted, functions, names=names, threads=threads)
     found: list[Found] = []
@@ -95,7 +99,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     first: Round | None = None
     while True:
         added = [*finer, *aside, *(one.settled.raw for one in found)]
+        probes = [*smooth, *waves.probes(found)]
         looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
+        looked = replace(looked, probes=without_remainders(found, looked.probes))
         first = first or looked
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
         best, probe = _claims(looked, level, found, unknown)

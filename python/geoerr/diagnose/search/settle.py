@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoerr.diagnose.candidates import Formulas, Shapes, is_free
 from geoerr.diagnose.scan import Scanner, estimate, not_determined, off_model
+from geoerr.diagnose.search.inner import InnerSearch, around, neighbours
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import rms_um
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import Parameter, Term
+from geoerr.terms import Term
 
-# Refinement of an inner parameter: points between two trials, so many times.
-_REFINED, _REFINEMENTS = 17, 3
-# Steps along a valley between inner parameters, shares of a step that are tried, and a gain that is none.
-_MOST_STEPS, _SHARES, _NO_MORE = 12, (1.0, 0.5, 0.25, 0.125), 1e-3
-# Standard errors around a value within which it is looked for again.
-_REACH = 4.0
-
-# Coefficients (k,), their gain, and columns with derivatives by free inner parameters: as measured (n, 3, k + free),
-# and whitened off the model (3 n, k + free).
-Derived = tuple[Numbers, float, Numbers, Numbers]
+# Inner parameters are refined one after the other so many times.
+_REFINEMENTS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +116,8 @@ def _settled(
     """Refine inner parameters one after the other between their bounds, by place; then estimate all values together.
 
     Standard errors are those of coefficients and free inner parameters at once, the latter by their derivatives where
-    they were found: a coefficient is not surer than the inner parameter that it trades with allows.
+    they were found: a coefficient is not surer than the inner parameter that it trades with allows, nor than other
+    inner values that explain as much.
     """
     term = single.term
     assert term is not None
@@ -133,118 +127,18 @@ def _settled(
         codes = np.array([formulas.codes(trial) for trial in trials], dtype=np.int64)
         return replace(single, trials=tuple(tuple(trial) for trial in trials), codes=codes)
 
-    for _ in range(refinements):
-        for place, (low, high) in bounds.items():
-            if not low < high:
-                continue
-            points = _between(term.inner[place], low, high)
-            trials = [[*inner[:place], value, *inner[place + 1 :]] for value in points]
-            best = int(np.argmax(scanner.exact(at(trials)).gain))
-            inner[place] = points[best]
-            bounds[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
-    found = _with_derivatives(space, scanner, term, at, inner)
-    if refinements and len(bounds) > 1:
-        inner, found = _along_valley(space, scanner, term, at, inner, found)
-    shapes = at([inner])
-    coefficients, gain, joined, beyond = found
-    free = [place for place, one in enumerate(term.inner) if is_free(one)]
-    size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
-    covariance = np.linalg.pinv(beyond.T @ beyond / np.outer(size, size), rcond=1e-9) / np.outer(size, size)
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    k = len(coefficients)
-    std[:k][not_determined(space, joined[:, :, :k])] = np.nan
-    inner_std = np.zeros(len(inner))
-    inner_std[free] = std[k:]
+    search = InnerSearch(space, scanner, term, at)
+    found, others = search.best(inner, bounds, refinements)
+    k = len(found.coefficients)
+    std = search.std(found, others)
+    std[:k][not_determined(space, found.raw[:, :, :k])] = np.nan
     valued = term.with_values(
-        coefficients.tolist(), inner, coefficients_std=std[:k].tolist(), inner_std=inner_std.tolist()
+        found.coefficients.tolist(), found.inner, coefficients_std=std[:k].tolist(), inner_std=std[k:].tolist()
     )
-    displacement = (beyond[:, :k] @ coefficients).reshape(space.residual.shape)
-    return Settled(valued, shapes, float(gain), joined, displacement, _visible_um(space, displacement), space)
-
-
-def _with_derivatives(
-    space: Space,
-    scanner: Scanner,
-    term: Term,
-    at: Callable[[Sequence[Sequence[float]]], Shapes],
-    inner: Sequence[float],
-) -> Derived:
-    """Estimate a term at inner values, and give it with its derivatives by those that are free."""
-    raw = scanner.raw_columns(at([inner]), 0)
-    coefficients, _, gain = estimate(space, raw)
-    parts = [raw]
-    for place, one in enumerate(term.inner):
-        if not is_free(one):
-            continue
-        low, high = _range(one)
-        step = 1e-4 * (abs(inner[place]) if one.spacing == "log" else high - low)
-        sides = at([[*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0)])
-        up, down = (scanner.raw_columns(sides, side) @ coefficients for side in (0, 1))
-        parts.append(((up - down) / (2.0 * step))[:, :, None])
-    joined = np.concatenate(parts, axis=2)
-    return coefficients, float(gain), joined, off_model(space, joined).reshape(-1, joined.shape[2])
-
-
-def _along_valley(
-    space: Space,
-    scanner: Scanner,
-    term: Term,
-    at: Callable[[Sequence[Sequence[float]]], Shapes],
-    inner: Sequence[float],
-    found: Derived,
-) -> tuple[list[float], Derived]:
-    """Follow all inner parameters together to where the gain is largest (Gauss & Newton, the step halved if need be).
-
-    One after the other they stop in a valley that runs between them.
-    """
-    best = list(inner)
-    free = [place for place, one in enumerate(term.inner) if is_free(one)]
-    for _ in range(_MOST_STEPS):
-        coefficients, gain, _, beyond = found
-        size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
-        step = np.linalg.lstsq(beyond / size, space.residual.reshape(-1), rcond=1e-6)[0] / size
-        trials = []
-        for share in _SHARES:
-            trial = list(best)
-            for place, one in zip(free, step[len(coefficients) :], strict=True):
-                low, high = _range(term.inner[place])
-                trial[place] = float(np.clip(best[place] + share * one, low, high))
-            trials.append(trial)
-        gains = scanner.exact(at(trials)).gain
-        most = int(np.argmax(gains))
-        if gains[most] <= gain + _NO_MORE:
-            break
-        best = trials[most]
-        found = _with_derivatives(space, scanner, term, at, best)
-    return best, found
+    displacement = (found.beyond[:, :k] @ found.coefficients).reshape(space.residual.shape)
+    visible_um = _visible_um(space, displacement)
+    return Settled(valued, at([found.inner]), found.gain, found.raw, displacement, visible_um, space)
 
 
 def _visible_um(space: Space, displacement: Numbers) -> float:
     return rms_um(space, space.noise.unwhiten(displacement))
-
-
-def _range(parameter: Parameter) -> tuple[float, float]:
-    assert parameter.low is not None
-    assert parameter.high is not None
-    return parameter.low, parameter.high
-
-
-def around(parameter: Parameter, value: float, std: float) -> tuple[float, float]:
-    """Give the bounds within a few standard errors of a value, inside the parameter's range."""
-    low, high = _range(parameter)
-    return max(low, value - _REACH * std), min(high, value + _REACH * std)
-
-
-def neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
-    """Give the trial values on both sides of one; the whole range of a parameter that was not tried."""
-    assert shapes.term is not None
-    tried = sorted({values[place] for values in shapes.trials})
-    if len(tried) == 1:
-        return _range(shapes.term.inner[place])
-    at = tried.index(shapes.trials[trial][place])
-    return tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
-
-
-def _between(parameter: Parameter, low: float, high: float) -> list[float]:
-    spaced = np.geomspace if parameter.spacing == "log" else np.linspace
-    return [float(value) for value in spaced(low, high, _REFINED)]
