@@ -1,33 +1,48 @@
 """A search beside few knots, where many may have followed a wave; it counts where it names one.
 
 That knots follow a wave is told by the fit alone, which knows nothing of offsets, drifts and missing effects: what it
-takes for a wave may be any of these. Only the search can say.
+takes for a wave may be any of these. Only the search can say; where a first look at waves sees none, it is not made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable, Sequence
 
 from geoerr.diagnose.candidates import n_waves
-from geoerr.diagnose.search import Searched
+from geoerr.diagnose.search import Searched, search, waves_seen
+from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted, refit
 from geoerr.fit.wavy import MANY_WAVES, may_be_followed, without_waves
 from geoerr.terms import Term
 
 
-def searched_beside_knots(fitted: Fitted, run: Callable[[Fitted], Searched]) -> tuple[Fitted, Searched]:
-    """Give what a search finds, and the fit that was searched: with few knots where it names what many followed."""
+def searched_beside_knots(
+    fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0
+) -> tuple[Fitted, Searched]:
+    """Give what a search finds, and the fit that was searched: with few knots where it names what many followed.
+
+    Parameters
+    ----------
+    present
+        Ids of terms that the model has besides those of the fit.
+    """
     plain = without_waves(fitted)
     if plain is not None:
         few = refit(fitted, plain)
-        searched = run(few)
         changed = [before for before, after in zip(fitted.terms, plain, strict=True) if after != before]
-        terms = [one.settled.term for one in searched.found if one.settled.term is not None]
-        if any(may_be_followed(own, term) and _is_many(searched, term) for own in changed for term in terms):
-            return few, searched
-    return fitted, run(fitted)
+        if _is_followed(changed, waves_seen(few, known, present=present, threads=threads)):
+            searched = search(few, known, present=present, threads=threads)
+            if _is_followed(changed, _waves_found(searched)):
+                return few, searched
+    return fitted, search(fitted, known, present=present, threads=threads)
 
 
-def _is_many(searched: Searched, term: Term) -> bool:
-    """Tell whether a term is so many waves that no smooth error is like it."""
-    return n_waves(searched.bench.functions, term, [one.value for one in term.inner]) >= MANY_WAVES
+def _is_followed(changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -> bool:
+    """Tell whether a wave is one that knots may have followed, and too many for a smooth error to be like it."""
+    return any(count >= MANY_WAVES and any(may_be_followed(own, wave) for own in changed) for wave, count in waves)
+
+
+def _waves_found(searched: Searched) -> list[tuple[Term, float]]:
+    functions = searched.bench.functions
+    terms = [one.settled.term for one in searched.found if one.settled.term is not None]
+    return [(term, n_waves(functions, term, [one.value for one in term.inner])) for term in terms]

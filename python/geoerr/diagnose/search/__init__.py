@@ -7,6 +7,7 @@ from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found, Rival
 from geoerr.diagnose.search.rounds import Searched, search
 from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.diagnose.search.waves_seen import waves_seen
 
 __all__ = [
     "Bench",
@@ -20,4 +21,5 @@ __all__ = [
     "other_periods",
     "search",
     "settle",
+    "waves_seen",
 ]

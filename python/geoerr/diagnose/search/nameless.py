@@ -7,10 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate
-from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, first_to_pass, variables_of
+from geoerr.diagnose.search.judged import (
+    CLEARLY_BETTER,
+    Judged,
+    component_of,
+    evidence_of,
+    first_to_pass,
+    variables_of,
+)
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found
 from geoerr.diagnose.search.settle import Settled
@@ -54,17 +60,17 @@ def without_remainders(found: Sequence[Found], probes: Sequence[Judged]) -> tupl
 
     How one axis moves goes with how the others do, and with where they are.
     """
-    return tuple(
-        probe
-        for probe in probes
-        if not any(
-            probe.gain < _REMAINDER**2 * one.settled.gain
-            and _accelerated(one)
-            and not acts_elsewhere(one.looked.space, one.settled, probe)
-            and _follows_motion(variables_of(probe))
-            for one in found
-        )
-    )
+    for one in found:
+        if not _accelerated(one):
+            continue
+        least = _REMAINDER**2 * one.settled.gain
+        part = _components_of(one.looked.space, one.settled)
+        probes = [
+            probe
+            for probe in probes
+            if probe.gain >= least or component_of(probe) not in part or not _follows_motion(variables_of(probe))
+        ]
+    return tuple(probes)
 
 
 def _accelerated(found: Found) -> set[str]:
@@ -213,6 +219,10 @@ def not_taken_back(bench: Bench, found: list[Found], unknown: Found) -> list[Fou
 
 def acts_elsewhere(space: Space, settled: Settled, unknown: Judged) -> bool:
     """Tell whether a name acts on other components than something without a name, of which it would be a part."""
-    assert isinstance(unknown.what, Probe)
+    return component_of(unknown) not in _components_of(space, settled)
+
+
+def _components_of(space: Space, settled: Settled) -> set[str]:
+    """Give the components on which a name does a good part of what it does."""
     energy = (displacement_um(space, settled.displacement) ** 2).sum(axis=0)
-    return float(energy[AXES.index(unknown.what.component)]) < (1.0 - _ELSEWHERE) * float(energy.sum())
+    return {axis for axis, own in zip(AXES, energy, strict=True) if own >= (1.0 - _ELSEWHERE) * energy.sum()}
