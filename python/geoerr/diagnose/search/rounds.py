@@ -102,7 +102,9 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     while True:
         added = [*finer, *aside, *(one.settled.raw for one in found)]
         probes = [*smooth, *waves.probes(found)]
-        looked = seen or _looked_beside_drift(bench, added, candidates, probes, found)
+        plain = seen or look(bench, bench.space(added), candidates, probes)
+        looked = beside_drift(bench, plain, added)
+        looked = replace(looked, probes=without_remainders(found, looked.probes))
         first, seen = first or looked, None
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
         best, probe = _claims(looked, level, found, unknown)
@@ -132,7 +134,7 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
         best, settled = formed
         if is_a_remainder(found, settled) or not _helps(bench, settled, best, added):
             candidates = [one for one in candidates if one is not best.what]
-            seen = replace(looked, candidates=tuple(one for one in looked.candidates if one.what is not best.what))
+            seen = replace(plain, candidates=tuple(one for one in plain.candidates if one.what is not best.what))
             continue
         bent = bent_by_its_covariate(looked, best, settled) if unknown is None else None
         if bent is not None:
@@ -150,17 +152,6 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     beside = [*finer, *aside]
     together = tuple(_together(bench, found, beside, looked))
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside))
-
-
-def _looked_beside_drift(
-    bench: Bench,
-    added: Sequence[Numbers],
-    candidates: Sequence[Candidate],
-    probes: Sequence[Probe],
-    found: Sequence[Found],
-) -> Round:
-    looked = beside_drift(bench, look(bench, bench.space(added), candidates, probes), added)
-    return replace(looked, probes=without_remainders(found, looked.probes))
 
 
 def _claims(
