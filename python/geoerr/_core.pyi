@@ -655,8 +655,6 @@ class LeastSquares:
     ) -> tuple[
         npt.NDArray[np.float64],
         npt.NDArray[np.float64],
-        npt.NDArray[np.float64],
-        npt.NDArray[np.float64],
         npt.NDArray[np.bool_],
     ]: ...
 

@@ -132,14 +132,11 @@ def test_blocks_left_out_as_numpy_leaves_them_out() -> None:
     a, b = rng.standard_normal((60, 4)), rng.standard_normal((60, 1))
     starts = [0, 3, 20, 21]
     solution = solved(a, b)
-    residual, held_out, leverage, largest, determined = solution.leave_blocks_out(a, b, starts, 0, 0)
+    residual, held_out, determined = solution.leave_blocks_out(a, b, starts, 0, 0)
     for low, high in zip(starts, [*starts[1:], 60], strict=True):
         kept = np.r_[0:low, high:60]
         x = np.linalg.lstsq(a[kept], b[kept, 0], rcond=None)[0]
         np.testing.assert_allclose(held_out[low:high], b[low:high, 0] - a[low:high] @ x, atol=1e-13)
-    hat = a @ np.linalg.inv(a.T @ a) @ a.T
-    np.testing.assert_allclose(leverage, np.diag(hat), atol=1e-14)
-    np.testing.assert_allclose(largest[1], np.linalg.eigvalsh(hat[3:20, 3:20])[-1], atol=1e-14)
     np.testing.assert_allclose(residual, b[:, 0] - a @ solution.x[:, 0], atol=1e-15)
     assert determined.all()
 

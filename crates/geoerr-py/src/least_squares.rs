@@ -209,8 +209,7 @@ impl PyLeastSquares {
         Ok(from_numbers(py, x))
     }
 
-    /// Residuals, held-out residuals, leverage by row; largest eigenvalue, whether determined, by block.
-    #[expect(clippy::type_complexity, reason = "five arrays are five arrays")]
+    /// Residuals, held-out residuals by row; whether determined, by block.
     fn leave_blocks_out<'py>(
         &self,
         py: Python<'py>,
@@ -219,7 +218,7 @@ impl PyLeastSquares {
         starts: Vec<usize>,
         rhs: usize,
         threads: usize,
-    ) -> PyResult<(Array1<'py>, Array1<'py>, Array1<'py>, Array1<'py>, Bound<'py, PyArray1<bool>>)> {
+    ) -> PyResult<(Array1<'py>, Array1<'py>, Bound<'py, PyArray1<bool>>)> {
         let design = design_of(&a, &b)?;
         let blocks = Blocks::starting_at(&starts, design.n_rows).map_err(CoreError::from)?;
         let solution = &self.solution;
@@ -227,8 +226,6 @@ impl PyLeastSquares {
         Ok((
             from_numbers(py, left.residual),
             from_numbers(py, left.held_out),
-            from_numbers(py, left.leverage),
-            from_numbers(py, left.largest_eigenvalue),
             from_numbers(py, left.is_determined),
         ))
     }

@@ -28,6 +28,11 @@ pub trait Design: Sync {
         1
     }
 
+    /// Rows that are made together: where they are cut, they are cut at multiples of it.
+    fn n_together(&self) -> usize {
+        1
+    }
+
     /// Writes rows `rows` of `[A | b]` into `block`, which has `rows.len()` rows and holds zeros.
     ///
     /// Called for several blocks at once, in any order, and for every pass over the system again.

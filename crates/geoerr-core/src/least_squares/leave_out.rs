@@ -11,7 +11,8 @@
 //! | `$F$` | `root` | root of the unscaled covariance | (n, rank) |
 //! | `$H_{bb}$` | - | the block's part of the hat matrix, eigenvalues in 0..1 | (m_b, m_b) |
 //!
-//! An eigenvalue of 1 is a direction in the block's observations that the rest says nothing about.
+//! An eigenvalue of 1 is a direction in the block's observations that the rest says nothing about. Blocks of more rows than
+//! are made at once go another way to the same ([`Tall`](super::leave_out_tall)).
 //!
 //! # Source
 //! Cook & Weisberg 1982, *Residuals and Influence in Regression*, A.2 and 3.4 (deletion of sets of rows).
@@ -26,6 +27,8 @@ use rayon::prelude::*;
 use super::blocks::{Blocks, Design, Spares, check_finite};
 use super::dense;
 use super::error::LeastSquaresError;
+use super::gram::CONDITION_LIMIT;
+use super::leave_out_tall::Tall;
 use super::matrix::Matrix;
 use super::solution::Solution;
 
@@ -36,7 +39,7 @@ const NOT_DETERMINED: f64 = 1e-8;
 const ERRORS_OF_ROOT: f64 = 100.0;
 
 /// Rows that are made and multiplied at once.
-const ROWS_AT_ONCE: usize = 512;
+pub(super) const ROWS_AT_ONCE: usize = 512;
 
 /// Every block against the fit to the other blocks.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,10 +48,6 @@ pub struct LeftOut {
     pub residual: Vec<f64>,
     /// Residual of every row against the fit without its block; NaN where the other blocks do not determine it.
     pub held_out: Vec<f64>,
-    /// Leverage of every row: the diagonal of the hat matrix.
-    pub leverage: Vec<f64>,
-    /// Largest eigenvalue of every block's part of the hat matrix.
-    pub largest_eigenvalue: Vec<f64>,
     /// Whether the other blocks determine what the block would measure.
     pub is_determined: Vec<bool>,
     /// Variance of the prediction of every row by the other blocks, for residuals of variance 1: the diagonal of
@@ -60,8 +59,6 @@ impl LeftOut {
     fn append(&mut self, mut other: Self) {
         self.residual.append(&mut other.residual);
         self.held_out.append(&mut other.held_out);
-        self.leverage.append(&mut other.leverage);
-        self.largest_eigenvalue.append(&mut other.largest_eigenvalue);
         self.is_determined.append(&mut other.is_determined);
         self.prediction_variance.append(&mut other.prediction_variance);
     }
@@ -124,12 +121,26 @@ fn left_out<D: Design + ?Sized>(
     if rhs >= design.n_rhs() {
         return Err(LeastSquaresError::NoSuchRightHandSide { index: rhs, n_rhs: design.n_rhs() }.into());
     }
-    let limit = 1.0 - NOT_DETERMINED.max(ERRORS_OF_ROOT * solution.root_error);
+    let limit_at = |error: f64| 1.0 - NOT_DETERMINED.max(ERRORS_OF_ROOT * error);
+    let limit = limit_at(solution.root_error);
     let groups = grouped(blocks);
     let spares = Spares::default();
     let x = x.map(|x| Matrix::from_column(x.to_vec()));
+    let is_well_conditioned = solution.condition < CONDITION_LIMIT;
+    let error_of_sums = solution.root_error.max(solution.condition * solution.condition * f64::EPSILON);
+    let tall = Tall {
+        design,
+        spares: &spares,
+        root: &solution.root,
+        rhs,
+        x: x.as_ref(),
+        limit: limit_at(error_of_sums),
+    };
     let of_group = |group: &Range<usize>| -> Result<LeftOut, D::Error> {
         let rows = blocks.rows(group.start).start..blocks.rows(group.end - 1).end;
+        if is_well_conditioned && rows.len() > ROWS_AT_ONCE.max(solution.root.n_columns()) {
+            return tall.left_out(rows, own[group.start]);
+        }
         spares.with_block(design, rows.clone(), |made| {
             check_finite(made, rows.start)?;
             let w = dense::leading_product(made, &solution.root);
@@ -180,7 +191,6 @@ fn of_block(
 ) -> Result<LeftOut, LeastSquaresError> {
     let (height, rank) = (rows.len(), w.n_columns());
     let part = Matrix::from_fn(rank, height, |j, row| w[(rows.start + row, j)]);
-    let leverage: Vec<f64> = (0..height).map(|row| part.column(row).iter().map(|w| w * w).sum()).collect();
     let right = Matrix::from_column(residual.to_vec());
     // (I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ: the smaller of the two is decomposed. Columns of `spread` are the directions
     // of H in the block, of squared length λ; residuals have no part in those of length 1.
@@ -192,7 +202,6 @@ fn of_block(
         let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part.transposed()))?;
         (values, dense::transposed_product(&part, &vectors))
     };
-    let largest = values.last().copied().unwrap_or(0.0);
     let is_determined = values.iter().filter(|&&value| value >= limit).count() <= own;
     let gain = |j: usize| if values[j] < limit { 1.0 / (1.0 - values[j]) } else { 0.0 };
     let (held_out, prediction_variance) = if is_determined {
@@ -208,8 +217,6 @@ fn of_block(
     Ok(LeftOut {
         residual: residual.to_vec(),
         held_out,
-        leverage,
-        largest_eigenvalue: vec![largest],
         is_determined: vec![is_determined],
         prediction_variance,
     })

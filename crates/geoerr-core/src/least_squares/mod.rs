@@ -10,6 +10,7 @@ mod dense;
 mod error;
 mod gram;
 mod leave_out;
+mod leave_out_tall;
 mod matrix;
 mod null_space;
 mod orthonormal;

@@ -87,6 +87,10 @@ impl Design for WhitenedDesign<'_> {
         self.block.n_columns()
     }
 
+    fn n_together(&self) -> usize {
+        NUMBERS_OF_A_ROW
+    }
+
     fn fill(&self, rows: Range<usize>, block: &mut Matrix) -> Result<(), VolumetricError> {
         let sightings = rows.start / NUMBERS_OF_A_ROW..rows.end / NUMBERS_OF_A_ROW;
         let height = rows.len();

@@ -1,0 +1,136 @@
+//! Blocks left out that have more rows than there are unknowns: by what their rows sum up to.
+//!
+//! The eigenvalues of `H_bb` that are not 0 are those of `Fᵀ G F` with `G = A_bᵀ A_b`, and with its eigenvectors V
+//!
+//! ```math
+//! e_b = r_b + A_b\,P\,A_b^\mathsf{T} r_b,\qquad P = F V (I - \Lambda)^{-1} V^\mathsf{T} F^\mathsf{T}
+//! ```
+//!
+//! so that rows are made twice, a chunk at a time, and only multiplied over the columns that a chunk has. Mostly I − Λ is
+//! clearly positive, and no eigenvector is needed. Sums of products
+//! square the condition number, as in [`gram`](super::gram): the caller sees to it that κ²ε is small.
+
+use std::ops::Range;
+
+use super::blocks::{Design, Spares, check_finite};
+use super::definite::Definite;
+use super::dense;
+use super::error::LeastSquaresError;
+use super::leave_out::{LeftOut, ROWS_AT_ONCE};
+use super::matrix::Matrix;
+use super::triangle::columns_in_use;
+
+/// What every tall block of a design is left out with.
+pub(super) struct Tall<'a, D: ?Sized> {
+    pub design: &'a D,
+    pub spares: &'a Spares,
+    pub root: &'a Matrix,
+    /// The right-hand side, and the unknowns that are taken off it; nothing where it holds the residuals.
+    pub rhs: usize,
+    pub x: Option<&'a Matrix>,
+    /// Eigenvalue from which on the rest determines nothing.
+    pub limit: f64,
+}
+
+impl<D: Design + ?Sized> Tall<'_, D> {
+    /// Leaves one block out; `own` as in [`leave_blocks_out_of_residuals`](super::leave_blocks_out_of_residuals).
+    pub fn left_out(&self, rows: Range<usize>, own: usize) -> Result<LeftOut, D::Error> {
+        let n = self.design.n_columns();
+        let (mut gram, mut products) = (Matrix::zeros(n, n), Matrix::zeros(n, 1));
+        self.each_chunk(rows.clone(), |in_use, part, residual| {
+            let (own_gram, own_products) =
+                (dense::lower_gram(part), dense::transposed_product(part, residual));
+            for (from, &to) in in_use.iter().enumerate() {
+                for (&value, &row) in own_gram.column(from).iter().zip(in_use) {
+                    gram[(row, to)] += value;
+                }
+                products[(to, 0)] += own_products[(from, 0)];
+            }
+        })?;
+        dense::mirror_lower(&mut gram);
+        let inside = dense::transposed_product(self.root, &dense::product(&gram, self.root));
+        let without = self.covariance_without(&inside, own)?;
+        let correction = without.as_ref().map(|without| dense::product(without, &products));
+        let mut left = LeftOut { is_determined: vec![without.is_some()], ..LeftOut::default() };
+        self.each_chunk(rows, |in_use, part, residual| {
+            left.residual.extend_from_slice(residual.as_slice());
+            if let (Some(without), Some(correction)) = (&without, &correction) {
+                let n = in_use.len();
+                let along = Matrix::from_fn(n, 1, |i, _| correction[(in_use[i], 0)]);
+                let own = Matrix::from_fn(n, n, |i, j| without[(in_use[i], in_use[j])]);
+                let more = dense::product(part, &along);
+                left.held_out
+                    .extend(residual.as_slice().iter().zip(more.as_slice()).map(|(r, more)| r + more));
+                left.prediction_variance.extend(quadratic_forms(part, &own));
+            }
+        })?;
+        if without.is_none() {
+            left.held_out = vec![f64::NAN; left.residual.len()];
+            left.prediction_variance = left.held_out.clone();
+        }
+        Ok(left)
+    }
+
+    /// P, the covariance of the unknowns by the other rows, of `Fᵀ G F`; `None` where they do not determine the block.
+    fn covariance_without(&self, inside: &Matrix, own: usize) -> Result<Option<Matrix>, LeastSquaresError> {
+        let rank = inside.n_columns();
+        let beyond = |most: f64| {
+            Matrix::from_fn(rank, rank, |i, j| if i == j { most - inside[(i, j)] } else { -inside[(i, j)] })
+        };
+        if Definite::of(beyond(self.limit)).is_some()
+            && let Some(left) = Definite::of(beyond(1.0))
+        {
+            let mut spread = self.root.transposed();
+            left.whiten(&mut spread);
+            return Ok(Some(dense::gram(&spread)));
+        }
+        let (values, vectors) = dense::symmetric_eigen(inside)?;
+        if values.iter().filter(|&&value| value >= self.limit).count() > own {
+            return Ok(None);
+        }
+        let gain = |j: usize| if values[j] < self.limit { (1.0 - values[j]).recip().sqrt() } else { 0.0 };
+        let scaled = Matrix::from_fn(rank, rank, |i, j| vectors[(i, j)] * gain(j));
+        Ok(Some(dense::gram(&dense::product(self.root, &scaled).transposed())))
+    }
+
+    /// Calls with the columns that a chunk of rows has, the chunk over those, and its residuals.
+    fn each_chunk(
+        &self,
+        rows: Range<usize>,
+        mut call: impl FnMut(&[usize], &Matrix, &Matrix),
+    ) -> Result<(), D::Error> {
+        let n = self.design.n_columns();
+        let step = ROWS_AT_ONCE.next_multiple_of(self.design.n_together());
+        for start in rows.clone().step_by(step) {
+            let chunk = start..(start + step).min(rows.end);
+            self.spares.with_block(self.design, chunk, |made| {
+                check_finite(made, start)?;
+                let mut in_use = columns_in_use(made);
+                in_use.retain(|&column| column < n);
+                let part = made.with_columns(in_use.iter().copied());
+                let mut residual = made.with_columns([n + self.rhs]);
+                if let Some(x) = self.x {
+                    let fitted = dense::leading_product(made, x);
+                    for (value, fitted) in residual.as_mut_slice().iter_mut().zip(fitted.as_slice()) {
+                        *value -= fitted;
+                    }
+                }
+                call(&in_use, &part, &residual);
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// `aᵀ M a` for every row a.
+fn quadratic_forms(rows: &Matrix, matrix: &Matrix) -> Vec<f64> {
+    let product = dense::product(rows, matrix);
+    let mut sums = vec![0.0; rows.n_rows()];
+    for column in 0..rows.n_columns() {
+        for ((sum, a), b) in sums.iter_mut().zip(rows.column(column)).zip(product.column(column)) {
+            *sum += a * b;
+        }
+    }
+    sums
+}
