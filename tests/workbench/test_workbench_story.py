@@ -71,9 +71,7 @@ def test_pointing_shows_what_it_would_explain(learned: Session) -> None:
 
 def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     learned.view.variable = "x"
-    in_volume, in_residual, words = wiring.mark(
-        learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}}
-    )
+    in_residual, words = wiring.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}})
     fitted = learned.seen.comparison.points
     x = fitted.sightings.commanded_mm[:, 0]
     # A gross outlier takes no part in the fit, and is not drawn.
@@ -81,6 +79,7 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     assert (~fitted.solved.used).sum() < 3
     assert (learned.selected == expected).all()
     assert f"{expected.sum()} rows marked" in texts(words)
+    in_volume = wiring.mark_volume(learned)
     operations = {tuple(one["location"]): one["params"]["value"] for one in in_volume.to_plotly_json()["operations"]}
     assert len(operations["data", 2, "x"]) == 3 * expected.sum()
     assert in_residual.to_plotly_json()["operations"]

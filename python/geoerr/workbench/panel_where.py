@@ -16,7 +16,8 @@ from geoerr.workbench.pictures import in_panel
 from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.view import CIRCLE, LARGEST_POWER, LEAST_POWER, LOOKS, View
 
-_CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False}
+# Twice the pixels each way, Plotly's usual, are four times the work where no graphics card does it.
+_CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False, "plotGlPixelRatio": 1}
 _VOLUME_CONFIG = {**_CONFIG, "scrollZoom": True, "modeBarButtonsToRemove": ["resetCameraLastSave3d", "tableRotation"]}
 _RESIDUAL_CONFIG = {
     **_CONFIG,

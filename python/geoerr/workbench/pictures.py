@@ -177,19 +177,25 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
     )
 
 
-def marks(session: Session, seen: Seen) -> tuple[Patch, Patch]:
-    """Give what a new mark changes in the two pictures, and nothing else of them."""
+def marks_in_volume(session: Session, seen: Seen) -> Patch:
+    """Give what a new mark changes in the volume, or the circle, and nothing else of it."""
     run = _chosen_run(session, seen)
-    in_volume, in_residual = Patch(), Patch()
+    changed = Patch()
     if session.view.look != CIRCLE:
         trace = _marked(seen.comparison, session.selected, _volume(session, seen), session.view.look)
         for axis in "xyz":
-            in_volume["data"][_MARKED][axis] = _plain(trace[axis])
+            changed["data"][_MARKED][axis] = _plain(trace[axis])
     elif run is not None:
-        in_volume["data"][_MEASURED]["selectedpoints"] = _selected_of_run(session, run)
+        changed["data"][_MEASURED]["selectedpoints"] = _selected_of_run(session, run)
+    return changed
+
+
+def marks_in_residual(session: Session, seen: Seen) -> Patch:
+    """Give what a new mark changes in the residual's picture, and nothing else of it."""
+    changed = Patch()
     for place, rows in enumerate(_selected_points(seen, session.selected, session.view.variable)):
-        in_residual["data"][_PER_COMPONENT * place]["selectedpoints"] = None if rows is None else rows.tolist()
-    return in_volume, in_residual
+        changed["data"][_PER_COMPONENT * place]["selectedpoints"] = None if rows is None else rows.tolist()
+    return changed
 
 
 def explanation(session: Session, seen: Seen, explained_um: Numbers | None) -> tuple[Patch, Patch]:

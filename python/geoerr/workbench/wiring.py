@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -19,7 +20,8 @@ from geoerr.workbench.panel_use import conditions_form, program_result, reports_
 from geoerr.workbench.panel_where import fall_graph, marked_words, options_of, regions_table, rows_of_region
 from geoerr.workbench.pictures import (
     explanation,
-    marks,
+    marks_in_residual,
+    marks_in_volume,
     residual_picture,
     rows_in_box,
     rows_of_pass,
@@ -140,8 +142,14 @@ def choose(session: Session, look: str, variable: str | None, color: str | None,
         view.color_by = color if color is not None and color in seen.variables else ""
 
 
-def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[Any]] | None:
-    """Mark rows as a picture, a region or a button asks for; None where nothing is to be seen."""
+def mark(session: Session, source: str, what: Any) -> tuple[Patch, list[Any]] | None:
+    """Mark rows as a picture, a region or a button asks for.
+
+    Returns
+    -------
+    tuple or None
+        What changes in the residual's picture, and what is said of it; None where nothing is to be seen.
+    """
     with session.lock:
         seen = session.seen
         if seen is None:
@@ -159,10 +167,16 @@ def mark(session: Session, source: str, what: Any) -> tuple[Patch, Patch, list[A
             rows = rows_of_region(seen, int(what))
         actions.select(session, rows)
         session.is_marked_by_box = source == "residual"
-        in_volume, in_residual = marks(session, seen)
+        in_residual = marks_in_residual(session, seen)
         if source != "residual":
             in_residual["layout"]["selections"] = []
-        return in_volume, in_residual, marked_words(session)
+        return in_residual, marked_words(session)
+
+
+def mark_volume(session: Session) -> Patch | None:
+    """Give what the rows that are marked change in the volume, or the circle."""
+    with session.lock:
+        return None if session.seen is None else marks_in_volume(session, session.seen)
 
 
 def _rows_of_stroke(session: Session, seen: Seen, told: Sequence[Any]) -> Rows | None:
@@ -293,9 +307,9 @@ def _wire_pictures(app: Dash, session: Session) -> None:
         return pictures(session, shown) | {"hidden": hidden}
 
     @app.callback(
-        Output("volume", "figure", allow_duplicate=True),
         Output("residual", "figure", allow_duplicate=True),
         Output("marked", "children", allow_duplicate=True),
+        Output("marks", "data"),
         Input("residual", "selectedData"),
         Input("volume", "clickData"),
         Input({"do": "mark-region", "what": ALL}, "n_clicks"),
@@ -310,7 +324,12 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             found = mark(session, "region" if source["do"] == "mark-region" else "none", source["what"])
         else:
             found = None
-        return (no_update, no_update, no_update) if found is None else found
+        return (no_update, no_update, no_update) if found is None else (*found, time.monotonic())
+
+    @app.callback(Output("volume", "figure", allow_duplicate=True), Input("marks", "data"), prevent_initial_call=True)
+    def _mark_volume(_: float) -> Any:
+        # The volume is slow to draw without a graphics card: what was asked for is answered first.
+        return mark_volume(session) or no_update
 
 
 def _wire_pointing(app: Dash, session: Session) -> None:
