@@ -18,6 +18,16 @@ fn residual(a: &Matrix, b: &Matrix, x: &Matrix, row: usize) -> f64 {
     b[(row, 0)] - (0..a.n_columns()).map(|j| a[(row, j)] * x[(j, 0)]).sum::<f64>()
 }
 
+/// What is held out of rows that alone see unknown 4 is what a refit predicts, across the direction of that unknown.
+fn assert_across_own(a: &Matrix, rows: std::ops::Range<usize>, held_out: &[f64], predicted: &[f64]) {
+    let own: Vec<f64> = rows.clone().map(|row| a[(row, 4)]).collect();
+    let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+    let best = dot(&own, predicted) / dot(&own, &own);
+    for (at, row) in rows.enumerate() {
+        assert!((held_out[row] - (predicted[at] - best * own[at])).abs() < 1e-12, "{row}");
+    }
+}
+
 #[test]
 fn as_a_refit_without_the_block() {
     let mut draws = Draws::new(1);
@@ -93,12 +103,7 @@ fn a_blocks_own_unknown_stays_at_its_best() {
     assert_eq!(left.is_determined, [true; 3]);
     let refit = solved(&without(&a, 30..42), &without(&b, 30..42)).x;
     let predicted: Vec<f64> = (30..42).map(|row| residual(&a, &b, &refit, row)).collect();
-    let own: Vec<f64> = (30..42).map(|row| a[(row, 4)]).collect();
-    let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
-    let best = dot(&own, &predicted) / dot(&own, &own);
-    for (at, row) in (30..42).enumerate() {
-        assert!((left.held_out[row] - (predicted[at] - best * own[at])).abs() < 1e-12, "{row}");
-    }
+    assert_across_own(&a, 30..42, &left.held_out, &predicted);
     let strict = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 3]).unwrap();
     assert_eq!(strict.is_determined, [true, false, true]);
     let refused = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 2]);
@@ -138,12 +143,7 @@ fn tall_blocks_are_left_out_as_low_ones() {
     }
     let refit = solved(&without(&a, 600..1_250), &without(&b, 600..1_250)).x;
     let predicted: Vec<f64> = (600..1_250).map(|row| residual(&a, &b, &refit, row)).collect();
-    let own: Vec<f64> = (600..1_250).map(|row| a[(row, 4)]).collect();
-    let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
-    let best = dot(&own, &predicted) / dot(&own, &own);
-    for (at, row) in (600..1_250).enumerate() {
-        assert!((left.held_out[row] - (predicted[at] - best * own[at])).abs() < 1e-12, "{row}");
-    }
+    assert_across_own(&a, 600..1_250, &left.held_out, &predicted);
 }
 
 #[test]
