@@ -453,6 +453,14 @@ def n_waves(functions: Functions, term: Term, inner: Sequence[float]) -> float:
     return 0.0 if wave is None else float(np.ptp(wave[1])) / inner[wave[0]]
 
 
+def is_wave_in_some_form(functions: Functions, candidate: Candidate) -> bool:
+    """Tell whether a candidate is a wave along one variable in one of its forms; another may be a sum of them."""
+    return any(
+        shapes.term is not None and n_waves(functions, shapes.term, shapes.trials[0]) > 0.0
+        for shapes in candidate.shapes
+    )
+
+
 def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:
     """Give moments of a jump, midway between rows that are evenly apart in number.
 

@@ -144,14 +144,7 @@ fn left_out<D: Design + ?Sized>(
         spares.with_block(design, rows.clone(), |made| {
             check_finite(made, rows.start)?;
             let w = dense::leading_product(made, &solution.root);
-            let b = made.column(n_columns + rhs);
-            let residual: Vec<f64> = match &x {
-                None => b.to_vec(),
-                Some(x) => {
-                    let fitted = dense::leading_product(made, x);
-                    b.iter().zip(fitted.as_slice()).map(|(b, fitted)| b - fitted).collect()
-                }
-            };
+            let residual = residuals(made, n_columns + rhs, x.as_ref());
             let mut result = LeftOut::default();
             for block in group.clone() {
                 let at = blocks.rows(block).start - rows.start..blocks.rows(block).end - rows.start;
@@ -166,6 +159,13 @@ fn left_out<D: Design + ?Sized>(
         result.append(part?);
     }
     Ok(result)
+}
+
+/// What unknowns leave of a column of the right-hand side; the column itself where it holds the residuals.
+pub(super) fn residuals(made: &Matrix, column: usize, x: Option<&Matrix>) -> Vec<f64> {
+    let b = made.column(column);
+    let Some(x) = x else { return b.to_vec() };
+    b.iter().zip(dense::leading_product(made, x).as_slice()).map(|(b, fitted)| b - fitted).collect()
 }
 
 /// Neighbouring blocks whose rows are made at once.

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! so that rows are made twice, a chunk at a time, and only multiplied over the columns that a chunk has. Mostly I − Λ is
-//! clearly positive, and no eigenvector is needed. Sums of products
-//! square the condition number, as in [`gram`](super::gram): the caller sees to it that κ²ε is small.
+//! clearly positive, and no eigenvector is needed. Sums of products square the condition number, as in
+//! [`gram`](super::gram): the caller sees to it that κ²ε is small.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use super::blocks::{Design, Spares, check_finite};
 use super::definite::Definite;
 use super::dense;
 use super::error::LeastSquaresError;
-use super::leave_out::{LeftOut, ROWS_AT_ONCE};
+use super::leave_out::{LeftOut, ROWS_AT_ONCE, residuals};
 use super::matrix::Matrix;
 use super::triangle::columns_in_use;
 
@@ -108,14 +108,8 @@ impl<D: Design + ?Sized> Tall<'_, D> {
                 let mut in_use = columns_in_use(made);
                 in_use.retain(|&column| column < n);
                 let part = made.with_columns(in_use.iter().copied());
-                let mut residual = made.with_columns([n + self.rhs]);
-                if let Some(x) = self.x {
-                    let fitted = dense::leading_product(made, x);
-                    for (value, fitted) in residual.as_mut_slice().iter_mut().zip(fitted.as_slice()) {
-                        *value -= fitted;
-                    }
-                }
-                call(&in_use, &part, &residual);
+                let residual = residuals(made, n + self.rhs, self.x);
+                call(&in_use, &part, &Matrix::from_column(residual));
                 Ok(())
             })?;
         }

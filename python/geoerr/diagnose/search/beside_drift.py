@@ -14,7 +14,7 @@ from geoerr.diagnose.noise import without_drift
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.judged import Judged, best_of_each, evidence_of, freedom_of
+from geoerr.diagnose.search.judged import Judged, evidence_of, freedom_of, scanned_best
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import settle
 from geoerr.diagnose.space import Space, whitened_space
@@ -61,8 +61,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     calm_noise = without_drift(looked.space.noise, sums.weights, without_offsets=is_offset)
     calm = whitened_space(bench.fitted, calm_noise, bench.rows, sums)
     scanner = bench.scanner(calm, n_draws=0)
-    scanned = iter(scanner.scan([shapes for one in like for shapes in one.what.shapes]))
-    tops = best_of_each(calm, [(one.what, [next(scanned) for _ in one.what.shapes]) for one in like])
+    tops = scanned_best(scanner, [one.what for one in like])
     clear = sorted((one for one, _ in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
     judged = {id(one.what): one for one in looked.candidates}
 

@@ -61,7 +61,7 @@ class Derived:
 
     def covariance(self) -> Numbers:
         """Give that of coefficients and free inner parameters at once, (k + free, k + free)."""
-        size = np.sqrt(np.maximum((self.beyond**2).sum(axis=0), 1e-300))
+        size = _sizes(self.beyond)
         scaled = self.beyond.T @ self.beyond / np.outer(size, size)
         return np.asarray(np.linalg.pinv(scaled, rcond=1e-9) / np.outer(size, size))
 
@@ -102,20 +102,6 @@ class InnerSearch:
         ends = [self._along_valley(self.derived(begin)) for begin in self._other_valleys(found, list(bounds))]
         best = max([found, *ends], key=lambda one: one.gain - (0.0 if one is found else _NO_MORE))
         return best, [one for one in (found, *ends) if one is not best]
-
-    def std(self, found: Derived, others: Sequence[Derived]) -> Numbers:
-        """Give standard errors of coefficients and all inner parameters, (k + inner,); 0 for what is not looked for.
-
-        Each valley counts by its likelihood, and is as far off as it is.
-        """
-        k = len(found.coefficients)
-        varied = [*range(k), *(k + place for place in self.free)]
-        ends = [found, *others]
-        weights = np.exp(0.5 * (np.array([one.gain for one in ends]) - found.gain))
-        variances = [np.diag(one.covariance()) + (one.values - found.values)[varied] ** 2 for one in ends]
-        result = np.zeros(len(found.values))
-        result[varied] = np.sqrt(np.maximum(np.average(variances, axis=0, weights=weights), 0.0))
-        return result
 
     def derived(self, inner: Sequence[float]) -> Derived:
         """Estimate the term at inner values, and give it with its derivatives by those that are free."""
@@ -174,7 +160,7 @@ class InnerSearch:
             free = [place for place in self.free if place not in held]
             columns = [*range(k), *(k + self.free.index(place) for place in free)]
             beyond = found.beyond[:, columns]
-            size = np.sqrt(np.maximum((beyond**2).sum(axis=0), 1e-300))
+            size = _sizes(beyond)
             step = np.linalg.lstsq(beyond / size, self.space.residual.reshape(-1), rcond=1e-6)[0] / size
             result = [0.0] * len(found.inner)
             for place, value in zip(free, step[k:], strict=True):
@@ -215,6 +201,28 @@ class InnerSearch:
         return [trials[peak] for peak in highest[:_MOST_VALLEYS]]
 
 
+def standard_errors(free: Sequence[int], found: Derived, others: Sequence[Derived]) -> Numbers:
+    """Give standard errors of coefficients and all inner parameters, (k + inner,); 0 for what is not looked for.
+
+    Each valley counts by its likelihood, and is as far off as it is.
+
+    Parameters
+    ----------
+    free
+        Places of inner parameters that were looked for.
+    found, others
+        The end of the best valley, and of others.
+    """
+    k = len(found.coefficients)
+    varied = [*range(k), *(k + place for place in free)]
+    ends = [found, *others]
+    weights = np.exp(0.5 * (np.array([one.gain for one in ends]) - found.gain))
+    variances = [np.diag(one.covariance()) + (one.values - found.values)[varied] ** 2 for one in ends]
+    result = np.zeros(len(found.values))
+    result[varied] = np.sqrt(np.maximum(np.average(variances, axis=0, weights=weights), 0.0))
+    return result
+
+
 def range_of(parameter: Parameter) -> tuple[float, float]:
     """Give the range of a parameter that is looked for."""
     assert parameter.low is not None
@@ -236,6 +244,10 @@ def neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
         return range_of(shapes.term.inner[place])
     at = tried.index(shapes.trials[trial][place])
     return tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
+
+
+def _sizes(columns: Numbers) -> Numbers:
+    return np.asarray(np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300)))
 
 
 def _between(parameter: Parameter, low: float, high: float, n_points: int) -> list[float]:

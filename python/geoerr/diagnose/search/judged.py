@@ -108,6 +108,12 @@ def best_of_each(
     return result
 
 
+def scanned_best(scanner: Scanner, everything: Sequence[Candidate | Probe]) -> list[tuple[Judged | None, float]]:
+    """Scan everything, and give the best of each as `best_of_each` does."""
+    scanned = iter(scanner.scan([shapes for what in everything for shapes in what.shapes]))
+    return best_of_each(scanner.space, [(what, [next(scanned) for _ in what.shapes]) for what in everything])
+
+
 def evidence_of(space: Space, gain: Numbers, rank: np.ndarray, n_trials: np.ndarray | int) -> Numbers:
     """Give the logarithm of the Bayes factor by Schwarz, for so many ways to choose from."""
     return np.asarray(0.5 * gain - 0.5 * rank * math.log(max(space.n_numbers, 2)) - np.log(np.maximum(n_trials, 1)))

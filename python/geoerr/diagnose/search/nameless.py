@@ -50,8 +50,9 @@ def is_a_remainder(found: Sequence[Found], settled: Settled) -> bool:
     term = settled.term
     assert term is not None
     axes = {name[-1] for name in term.variables}
+    larger = (one for one in found if settled.visible_um < _REMAINDER * one.settled.visible_um)
     return all(name.startswith(_OF_MOTION) for name in term.variables) and any(
-        settled.visible_um < _REMAINDER * one.settled.visible_um and axes <= _accelerated(one) for one in found
+        axes <= own for one in larger if (own := _accelerated(one))
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geoerr.diagnose.candidates import Formulas, Shapes, is_free
 from geoerr.diagnose.scan import Scanner, estimate, not_determined, off_model
-from geoerr.diagnose.search.inner import InnerSearch, around, neighbours
+from geoerr.diagnose.search.inner import InnerSearch, around, neighbours, standard_errors
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import rms_um
@@ -130,7 +130,7 @@ def _settled(
     search = InnerSearch(space, scanner, term, at)
     found, others = search.best(inner, bounds, refinements)
     k = len(found.coefficients)
-    std = search.std(found, others)
+    std = standard_errors(search.free, found, others)
     std[:k][not_determined(space, found.raw[:, :, :k])] = np.nan
     valued = term.with_values(
         found.coefficients.tolist(), found.inner, coefficients_std=std[:k].tolist(), inner_std=std[k:].tolist()

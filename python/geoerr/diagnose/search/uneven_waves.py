@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoerr.diagnose.candidates import Formulas, Shapes, n_waves
+from geoerr.diagnose.candidates import Candidate, Formulas, Shapes, is_wave_in_some_form
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.probe_variables import Variable
 from geoerr.diagnose.probes import Probe
@@ -38,9 +38,9 @@ class UnevenWaves:
         return [probe for one in found for probe in self._known[id(one)][1]]
 
     def _of(self, found: Found) -> list[Probe]:
-        settled = found.settled
+        settled, what = found.settled, found.judged.what
         term = settled.term
-        if term is None or not self._is_wave(found):
+        if term is None or not isinstance(what, Candidate) or not is_wave_in_some_form(self.functions, what):
             return []
         formulas = Formulas(self.functions, term)
         waves = self.functions.values(formulas.codes(settled.shapes.trials[0]))
@@ -58,17 +58,6 @@ class UnevenWaves:
             )
             for one in self.variables
         ]
-
-    def _is_wave(self, found: Found) -> bool:
-        """Tell whether a candidate is a wave in its simplest form; with harmonics it is a sum of them."""
-        assert found.settled.term is not None
-        values = {one.name: one.value for one in found.settled.term.inner}
-        forms = [shapes.term for shapes in found.judged.what.shapes if shapes.term is not None]
-        return any(
-            {one.name for one in form.inner} <= set(values)
-            and n_waves(self.functions, form, [values[one.name] for one in form.inner]) > 0.0
-            for form in forms
-        )
 
 
 def _shapes(functions: Functions, formulas: Formulas, waves: np.ndarray, sizes: np.ndarray) -> Shapes:
