@@ -50,6 +50,7 @@ impl<'a, T: Real> NodeOperands<'a, T> {
         sources: &Sources<'_>,
         numbering: &Numbering,
     ) -> Result<(), CandidateError> {
+        tile.lay_out_levels();
         let n = self.lattice.nodes.len();
         let (width, n_blocks) = (tile.scene.width(), tile.scene.noise.n_blocks);
         let mut columns: Vec<T> = Vec::with_capacity(tile.functions.len() * n);
@@ -86,7 +87,7 @@ impl<'a, T: Real> NodeOperands<'a, T> {
                 level[first * n_blocks..(first + m) * n_blocks].copy_from_slice(&left);
             }
         }
-        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.white) {
+        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.information) {
             let [f, g] = wanted.map(|pair| tile.pairs[pair]);
             let channels = [f.channel, g.channel];
             let place = self.together.partition_point(|one| one.0 < channels);

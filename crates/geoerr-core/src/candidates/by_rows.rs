@@ -7,7 +7,7 @@ use super::lanes;
 use super::moments::Moments;
 use super::scene::Run;
 use super::sources::{Evaluator, Numbering, Sources};
-use super::tile::Tile;
+use super::tile::{Pair, Tile};
 use crate::least_squares::{Real, add_product_of_rows};
 
 /// Moments of one step: a block of each operand stays in the cache.
@@ -24,6 +24,7 @@ pub(super) fn sum<T: Real>(
 ) -> Result<(), CandidateError> {
     let scene = tile.scene;
     let (width, n_blocks) = (scene.width(), scene.noise.n_blocks);
+    tile.lay_out_levels();
     let channels = tile.channels();
     let asked = Asked::of(tile);
     let mut evaluator = Evaluator::new(sources, numbering, &tile.functions)?;
@@ -37,12 +38,9 @@ pub(super) fn sum<T: Real>(
         let runs = runs_within(&moments.runs, &here);
         for &(channel, first, m) in &channels {
             let own = &tile.pairs[first..first + m];
-            left.clear();
-            for pair in own {
-                left.extend_from_slice(column(pair.function));
-            }
+            let left = side_by_side(own, &columns, n, &mut left);
             scene.set_operand(&mut right, channel, moments, here.clone());
-            add_product_of_rows(&mut tile.products[first * width..(first + m) * width], &left, &right, n);
+            add_product_of_rows(&mut tile.products[first * width..(first + m) * width], left, &right, n);
             for c in scene.components(channel) {
                 let unit = scene.unit(channel, c, moments, here.clone());
                 let sums = tile.level[c][first * n_blocks..].chunks_exact_mut(n_blocks);
@@ -55,7 +53,7 @@ pub(super) fn sum<T: Real>(
                 set_spread(&mut spread, &unit, &runs);
                 of_runs.clear();
                 of_runs.resize(m * runs.len(), T::default());
-                add_product_of_rows(&mut of_runs, &left, &spread, n);
+                add_product_of_rows(&mut of_runs, left, &spread, n);
                 for (sums, of_runs) in sums.zip(of_runs.chunks_exact(runs.len())) {
                     for (run, &sum) in runs.iter().zip(of_runs) {
                         sums[run.block] += sum;
@@ -70,9 +68,22 @@ pub(super) fn sum<T: Real>(
                 None => weights.resize(weights.len() + n, T::default()),
             }
         }
-        lanes::add_weighted(&mut tile.white, &asked.columns, &columns, &weights, n);
+        lanes::add_weighted(&mut tile.information, &asked.columns, &columns, &weights, n);
     }
     Ok(())
+}
+
+/// The columns of some pairs, one after the other: as they are where they lie so.
+fn side_by_side<'a, T: Copy>(own: &[Pair], columns: &'a [T], n: usize, copied: &'a mut Vec<T>) -> &'a [T] {
+    let first = own[0].function;
+    if own.iter().zip(first..).all(|(pair, function)| pair.function == function) {
+        return &columns[first * n..(first + own.len()) * n];
+    }
+    copied.clear();
+    for pair in own {
+        copied.extend_from_slice(&columns[pair.function * n..(pair.function + 1) * n]);
+    }
+    copied
 }
 
 /// What is asked for in `wanted`.

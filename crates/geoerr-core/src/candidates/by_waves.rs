@@ -1,71 +1,63 @@
-//! Sums of a tile of waves along one variable: products from a spectrum, the rest row by row.
+//! Sums of a tile of waves along one variable: looked up among those at all harmonics, made at once.
 
 use rayon::prelude::*;
 use rustfft::FftNum;
 
 use super::group::Group;
-use super::lanes;
 use super::moments::Moments;
 use super::scene::Scene;
 use super::sources::{Numbering, Source};
 use super::spectrum::Spectrum;
 use super::tile::{Pair, Piece, Tile, used_channels};
-use super::waves::{Family, Kind, LANES, Wave, set_waves};
-use crate::arithmetic::in_wide_registers;
+use super::wave_blocks::{OfKinds, beyond_white};
+use super::waves::{Family, Kind, Wave};
 use crate::least_squares::Real;
 
 /// A wave of which the rows see a smaller share than this, squared, is not measured: its sums are differences of larger
 /// ones, which are rounded.
 const LEAST_SEEN: f64 = 1e-3;
 
-/// What waves of one family are multiplied with, summed at all their harmonics.
-pub(super) struct WaveOperands<'a, T> {
-    family: &'a Family,
-    /// Rows of one place.
-    moments: Moments,
+/// What waves of one family sum up to, at all their harmonics.
+pub(super) struct WaveOperands<T> {
     /// Harmonics that are used, rising.
     harmonics: Vec<usize>,
-    /// Channels that are used, rising; by harmonic: cosine's and sine's products with basis, residual and draws.
-    channels: Vec<(usize, Vec<T>)>,
-    /// Two channels that are used together, rising; by harmonic: cosine's and sine's sums of the weights at twice the
-    /// frequency, and at the end those of the weights themselves.
-    together: Vec<([usize; 2], Vec<f64>)>,
+    /// Channels that are used, rising.
+    channels: Vec<(usize, OfChannel<T>)>,
+    /// Two channels that are used together, rising; by harmonic their information.
+    together: Vec<([usize; 2], Vec<OfKinds>)>,
 }
 
-impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
+/// Sums on one channel.
+struct OfChannel<T> {
+    /// By harmonic: cosine's and sine's products with basis, residual and draws.
+    products: Vec<T>,
+    /// By harmonic: whether the rows see a cosine and a sine.
+    is_seen: Vec<[bool; 2]>,
+}
+
+impl<T: Real + FftNum> WaveOperands<T> {
     /// Transforms what the pieces' channels are multiplied with.
     pub(super) fn new(
         scene: &Scene<T>,
-        family: &'a Family,
+        family: &Family,
         harmonics: Vec<usize>,
         groups: &[Group],
         pieces: &[&Piece],
     ) -> Self {
-        let (channels, together) = used_channels(groups, pieces);
-        let rows = Moments::of_rows(&scene.runs);
+        let (channels, pairs) = used_channels(groups, pieces);
         let spectrum = Spectrum::new(&family.turns, family.highest);
-        let doubled = Spectrum::new(&family.turns, 2 * family.highest);
-        let twice: Vec<usize> = harmonics.iter().map(|harmonic| 2 * harmonic).collect();
+        let white = white(scene, family, &harmonics, &pairs);
+        let together = with_blocks(scene, family, &harmonics, &channels, white.clone());
         let channels = (channels.into_par_iter())
             .map(|channel| {
                 let products =
                     spectrum.sums(scene.width(), &harmonics, |own, row| scene.add_operand(own, channel, row));
-                (channel, products)
+                let own = white.iter().find(|one| one.0 == [channel; 2]);
+                let is_seen = own.map_or(Vec::new(), |(_, squares)| squares.iter().map(seen).collect());
+                (channel, OfChannel { products, is_seen })
             })
             .collect();
-        let together = (together.into_par_iter())
-            .filter_map(|[one, two]| {
-                let weights = scene.weights(one, two, &rows, 0..rows.len())?;
-                let mut sums: Vec<f64> = (doubled.sums(1, &twice, |own, row| own[0] += weights[row]).iter())
-                    .map(|sum: &T| sum.double())
-                    .collect();
-                let known = weights.iter().zip(&family.turns).filter(|(_, turn)| turn.is_finite());
-                sums.push(known.map(|(weight, _)| weight.double()).sum());
-                Some(([one, two], sums))
-            })
-            .collect();
-        let moments = Moments::of_column(&family.turns, &scene.runs);
-        Self { family, moments, harmonics, channels, together }
+        Self { harmonics, channels, together }
     }
 
     /// Sums everything that a tile needs.
@@ -81,96 +73,83 @@ impl<'a, T: Real + FftNum> WaveOperands<'a, T> {
                 _ => None,
             })
             .collect();
-        let is_seen: Vec<bool> = (tile.pairs.iter())
-            .map(|pair| self.share_seen(pair.channel, places[pair.function]) > LEAST_SEEN)
-            .collect();
-        for pair in (0..tile.pairs.len()).filter(|&pair| is_seen[pair]) {
+        let mut is_seen = vec![false; tile.pairs.len()];
+        for (pair, is_seen) in is_seen.iter_mut().enumerate() {
             let Pair { channel, function } = tile.pairs[pair];
             let (harmonic, kind) = places[function];
-            let channel = self.channels.partition_point(|one| one.0 < channel);
-            let products = &self.channels[channel].1[(2 * harmonic + kind) * width..][..width];
-            tile.products[pair * width..][..width].copy_from_slice(products);
+            let (_, own) = &self.channels[self.channels.partition_point(|one| one.0 < channel)];
+            *is_seen = own.is_seen.get(harmonic).is_some_and(|kinds| kinds[kind]);
+            if *is_seen {
+                let products = &own.products[(2 * harmonic + kind) * width..][..width];
+                tile.products[pair * width..][..width].copy_from_slice(products);
+            }
         }
-        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.white) {
+        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.information) {
             if !wanted.iter().all(|&pair| is_seen[pair]) {
                 continue;
             }
             let [f, g] = wanted.map(|pair| tile.pairs[pair]);
-            let together = self.together.partition_point(|one| one.0 < [f.channel, g.channel]);
-            if let Some((own, sums)) = self.together.get(together)
-                && *own == [f.channel, g.channel]
+            let channels = [f.channel, g.channel];
+            let place = self.together.partition_point(|one| one.0 < channels);
+            if let Some((own, information)) = self.together.get(place)
+                && *own == channels
             {
                 let [(harmonic, one), (_, two)] = [f, g].map(|pair| places[pair.function]);
-                let (cosine, sine) = (sums[2 * harmonic], sums[2 * harmonic + 1]);
-                let all = sums[sums.len() - 1];
-                *sum = match one + two {
-                    0 => 0.5 * (all + cosine),
-                    1 => 0.5 * sine,
-                    _ => 0.5 * (all - cosine),
-                };
-            }
-        }
-        self.sum_blocks(tile, &places, &is_seen);
-    }
-
-    /// The mean square of a wave over the rows, by their weights on a channel.
-    fn share_seen(&self, channel: usize, (harmonic, kind): (usize, usize)) -> f64 {
-        let place = self.together.partition_point(|one| one.0 < [channel; 2]);
-        let Some((_, sums)) = self.together.get(place).filter(|one| one.0 == [channel; 2]) else {
-            return 0.0;
-        };
-        let relative = sums[2 * harmonic] / sums[sums.len() - 1].max(f64::MIN_POSITIVE);
-        if kind == 0 { 0.5 * (1.0 + relative) } else { 0.5 * (1.0 - relative) }
-    }
-
-    /// Sums by block of the noise, for all functions at once.
-    fn sum_blocks(&self, tile: &mut Tile<'_, T>, places: &[(usize, usize)], is_seen: &[bool]) {
-        let scene = tile.scene;
-        let n_blocks = scene.noise.n_blocks;
-        let mut own: Vec<usize> = places.iter().map(|place| place.0).collect();
-        own.sort_unstable();
-        own.dedup();
-        let mut harmonics: Vec<f64> = own.iter().map(|&place| self.harmonics[place] as f64).collect();
-        harmonics.resize(harmonics.len().next_multiple_of(LANES), 0.0);
-        let n = 2 * harmonics.len();
-        // Place of each function among the values of a row.
-        let at: Vec<usize> = (places.iter())
-            .map(|&(place, kind)| kind * harmonics.len() + own.partition_point(|&one| one < place))
-            .collect();
-        let channels = tile.channels();
-        let units: Vec<(usize, usize, Vec<T>)> = (channels.iter().enumerate())
-            .flat_map(|(number, &(channel, _, _))| {
-                let moments = &self.moments;
-                (scene.components(channel))
-                    .map(move |c| (number, c, scene.unit(channel, c, moments, 0..moments.len())))
-            })
-            .collect();
-        let mut sums = vec![T::default(); units.len() * n_blocks * n];
-        let mut values = vec![T::default(); n];
-        in_wide_registers(
-            #[inline(always)]
-            || {
-                for (moment, &row) in self.moments.first_rows().iter().enumerate() {
-                    let turn = self.family.turns[row];
-                    if !turn.is_finite() {
-                        continue;
-                    }
-                    set_waves(&mut values, turn, &harmonics);
-                    for (number, (_, _, unit)) in units.iter().enumerate() {
-                        let sum = &mut sums[(number * n_blocks + scene.noise.block[row]) * n..][..n];
-                        lanes::add_scaled_here(sum, unit[moment], &values);
-                    }
-                }
-            },
-        );
-        let mut across = Vec::new();
-        for ((number, c, _), sums) in units.iter().zip(sums.chunks_exact(n_blocks * n)) {
-            let (_, first, m) = channels[*number];
-            lanes::transpose(&mut across, sums, n);
-            for pair in (first..first + m).filter(|&pair| is_seen[pair]) {
-                let own = &across[at[tile.pairs[pair].function] * n_blocks..][..n_blocks];
-                tile.level[*c][pair * n_blocks..][..n_blocks].copy_from_slice(own);
+                *sum = information[harmonic][2 * one + two];
             }
         }
     }
+}
+
+/// Whether the rows see a cosine and a sine, by their squares in white noise.
+fn seen(squares: &OfKinds) -> [bool; 2] {
+    let all = (squares[0] + squares[3]).max(f64::MIN_POSITIVE);
+    [squares[0], squares[3]].map(|square| square / all > LEAST_SEEN)
+}
+
+/// The information of waves of two channels each in white noise, `Σ f g Σ_c d e / σ_c²`, from the sums of the weights at
+/// twice the frequency; nothing of channels that share no component.
+fn white<T: Real + FftNum>(
+    scene: &Scene<T>,
+    family: &Family,
+    harmonics: &[usize],
+    pairs: &[[usize; 2]],
+) -> Vec<([usize; 2], Vec<OfKinds>)> {
+    let rows = Moments::of_rows(&scene.runs);
+    let doubled = Spectrum::new(&family.turns, 2 * family.highest);
+    let twice: Vec<usize> = harmonics.iter().map(|harmonic| 2 * harmonic).collect();
+    (pairs.par_iter())
+        .filter_map(|&[one, two]| {
+            let weights = scene.weights(one, two, &rows, 0..rows.len())?;
+            let sums: Vec<T> = doubled.sums(1, &twice, |own, row| own[0] += weights[row]);
+            let known = weights.iter().zip(&family.turns).filter(|(_, turn)| turn.is_finite());
+            let all: f64 = known.map(|(weight, _)| weight.double()).sum();
+            let of_kinds = |[cosine, sine]: &[T; 2]| {
+                let (cosine, sine) = (cosine.double(), sine.double());
+                [0.5 * (all + cosine), 0.5 * sine, 0.5 * sine, 0.5 * (all - cosine)]
+            };
+            Some(([one, two], sums.as_chunks::<2>().0.iter().map(of_kinds).collect()))
+        })
+        .collect()
+}
+
+/// The same in the noise as it is.
+fn with_blocks<T: Real>(
+    scene: &Scene<T>,
+    family: &Family,
+    harmonics: &[usize],
+    channels: &[usize],
+    mut white: Vec<([usize; 2], Vec<OfKinds>)>,
+) -> Vec<([usize; 2], Vec<OfKinds>)> {
+    let (Some(&first), Some(&last)) = (harmonics.first(), harmonics.last()) else { return white };
+    let together: Vec<[usize; 2]> = white.iter().map(|one| one.0).collect();
+    let beyond = beyond_white(scene, family, channels, &together, first..last + 1);
+    for ((_, information), beyond) in white.iter_mut().zip(beyond) {
+        for (&harmonic, information) in harmonics.iter().zip(information) {
+            for (sum, more) in information.iter_mut().zip(beyond[harmonic - first]) {
+                *sum += more;
+            }
+        }
+    }
+    white
 }

@@ -1,5 +1,7 @@
 //! What a group of columns gains beyond the model: small dense algebra, in double precision.
 
+use super::lanes;
+
 /// Directions of which the model leaves a smaller share are the model's own: nothing can be said of them.
 const OWNED: f64 = 0.002;
 /// Directions of a group's columns below this share of the largest are no directions of their own.
@@ -7,18 +9,66 @@ const DEPENDENT: f64 = 1e-8;
 /// Sweeps of Jacobi's method; ten leave nothing at any size that occurs.
 const MOST_SWEEPS: usize = 30;
 
+/// Numbers row after row, used again for one group after the other.
+#[derive(Default)]
+pub(super) struct Rows {
+    values: Vec<f64>,
+    width: usize,
+}
+
+impl Rows {
+    fn zeros(n_rows: usize, width: usize) -> Self {
+        Self { values: vec![0.0; n_rows * width], width }
+    }
+
+    fn reset(&mut self, n_rows: usize, width: usize) {
+        self.width = width;
+        self.values.clear();
+        self.values.resize(n_rows * width, 0.0);
+    }
+
+    pub(super) fn row(&self, row: usize) -> &[f64] {
+        &self.values[row * self.width..(row + 1) * self.width]
+    }
+
+    pub(super) fn row_mut(&mut self, row: usize) -> &mut [f64] {
+        &mut self.values[row * self.width..(row + 1) * self.width]
+    }
+
+    /// Rows times weights, (n_rows,), added up.
+    fn set_combined(&self, sum: &mut [f64], weights: &[f64]) {
+        sum.fill(0.0);
+        for (row, &weight) in weights.iter().enumerate() {
+            lanes::add_scaled(sum, weight, self.row(row));
+        }
+    }
+}
+
 /// The sums of one group at one trial, k columns.
-pub(super) struct Sums<'a> {
+#[derive(Default)]
+pub(super) struct Sums {
     /// `BᵀV⁻¹B`, k × k.
-    pub information: &'a [f64],
+    pub information: Rows,
     /// `QᵀV^(-1/2)B`, k rows of n_basis.
-    pub inside: &'a [f64],
+    pub inside: Rows,
     /// Scores of the residual, k.
-    pub score: &'a [f64],
+    pub score: Vec<f64>,
     /// Scores of the draws, k rows of n_draws.
-    pub draws: &'a [f64],
+    pub draws: Rows,
     /// Smallest share of a column that is more than rounding.
     pub least: f64,
+}
+
+impl Sums {
+    /// Begins anew, with k columns.
+    pub(super) fn reset(&mut self, k: usize, n_basis: usize, n_draws: usize, least: f64) {
+        self.information.reset(k, k);
+        self.inside.reset(k, n_basis);
+        self.draws.reset(k, n_draws);
+        self.score.clear();
+        self.score.resize(k, 0.0);
+        self.least = least;
+    }
 }
 
 /// What a group gains at one trial.
@@ -31,18 +81,17 @@ pub(super) struct Judged {
 }
 
 /// Judges one trial.
-pub(super) fn judge(sums: &Sums<'_>) -> Judged {
+pub(super) fn judge(sums: &Sums) -> Judged {
     let k = sums.score.len();
-    let n_basis = sums.inside.len() / k.max(1);
-    let n_draws = sums.draws.len() / k.max(1);
+    let n_draws = sums.draws.width;
     let size: Vec<f64> = (0..k)
         .map(|i| {
-            let square = sums.information[i * k + i];
+            let square = sums.information.row(i)[i];
             if square > 0.0 { square.sqrt() } else { 1.0 }
         })
         .collect();
     let mut cosines: Vec<f64> =
-        (0..k * k).map(|at| sums.information[at] / (size[at / k] * size[at % k])).collect();
+        (0..k * k).map(|at| sums.information.values[at] / (size[at / k] * size[at % k])).collect();
     let (values, vectors) = symmetric_eigen(&mut cosines, k);
     // Columns that make the candidate's own information the unit.
     let unit: Vec<Vec<f64>> = (values.iter().zip(&vectors))
@@ -50,21 +99,14 @@ pub(super) fn judge(sums: &Sums<'_>) -> Judged {
         .map(|(&value, vector)| (0..k).map(|i| vector[i] / (size[i] * value.sqrt())).collect())
         .collect();
     let m = unit.len();
-    let inside: Vec<Vec<f64>> = (unit.iter())
-        .map(|direction| {
-            let mut sum = vec![0.0; n_basis];
-            for (i, &weight) in direction.iter().enumerate() {
-                for (total, &value) in sum.iter_mut().zip(&sums.inside[i * n_basis..(i + 1) * n_basis]) {
-                    *total += weight * value;
-                }
-            }
-            sum
-        })
-        .collect();
+    let mut inside = Rows::zeros(m, sums.inside.width);
+    for (i, direction) in unit.iter().enumerate() {
+        sums.inside.set_combined(inside.row_mut(i), direction);
+    }
     let mut beyond = vec![0.0; m * m];
     for i in 0..m {
         for j in 0..=i {
-            let owned: f64 = inside[i].iter().zip(&inside[j]).map(|(a, b)| a * b).sum();
+            let owned = lanes::dot(inside.row(i), inside.row(j));
             let value = if i == j { 1.0 - owned } else { -owned };
             beyond[i * m + j] = value;
             beyond[j * m + i] = value;
@@ -80,19 +122,12 @@ pub(super) fn judge(sums: &Sums<'_>) -> Judged {
         let direction: Vec<f64> = (0..k)
             .map(|i| unit.iter().zip(turn).map(|(column, &t)| column[i] * t).sum::<f64>() / share.sqrt())
             .collect();
-        let score: f64 = direction.iter().zip(sums.score).map(|(a, b)| a * b).sum();
+        let score: f64 = direction.iter().zip(&sums.score).map(|(a, b)| a * b).sum();
         judged.gain += score * score;
         judged.rank += 1;
         judged.share = judged.share.max(share);
-        scores.fill(0.0);
-        for (i, &weight) in direction.iter().enumerate() {
-            for (total, &value) in scores.iter_mut().zip(&sums.draws[i * n_draws..(i + 1) * n_draws]) {
-                *total += weight * value;
-            }
-        }
-        for (total, &value) in judged.of_draws.iter_mut().zip(&scores) {
-            *total += value * value;
-        }
+        sums.draws.set_combined(&mut scores, &direction);
+        lanes::add_products(&mut judged.of_draws, &scores, &scores);
     }
     judged
 }

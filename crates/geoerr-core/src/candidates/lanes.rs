@@ -25,7 +25,31 @@ pub(super) fn add_scaled<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     );
 }
 
-/// The same inside a loop that is compiled for wide registers.
+/// The same, in double precision, with what is given in another.
+pub(super) fn add_as_double<T: Real>(target: &mut [f64], scale: f64, from: &[T]) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for (value, add) in target.iter_mut().zip(from) {
+                *value += scale * add.double();
+            }
+        },
+    );
+}
+
+/// `target += a b`, number by number.
+pub(super) fn add_products<T: Real>(target: &mut [T], a: &[T], b: &[T]) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
+                *value += a * b;
+            }
+        },
+    );
+}
+
+/// [`add_scaled`] inside a loop that is compiled for wide registers.
 #[inline(always)]
 pub(super) fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     for (value, &add) in target.iter_mut().zip(from) {

@@ -33,6 +33,7 @@ mod scene;
 mod sources;
 mod spectrum;
 mod tile;
+mod wave_blocks;
 mod waves;
 
 pub use error::CandidateError;

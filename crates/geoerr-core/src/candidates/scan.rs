@@ -68,10 +68,11 @@ pub fn scan<T: Real + FftNum>(
     let rows = Moments::of_rows(&scene.runs);
     let at_moments = AtMoments::new(sources, &scene.runs, groups, &numbering);
     let tiles = tiles_of(groups, |functions| {
+        let is_one_wave = of_one_frequency(functions, &numbering, &wave_of);
         let place = |formula: usize| match (&wave_of[formula], lattice_of[formula]) {
-            (Some(wave), _) => Place::Waves(wave.family),
+            (Some(wave), _) if is_one_wave => Place::Waves(wave.family),
             (None, Some(lattice)) => Place::Nodes(lattice),
-            (None, None) => Place::Rows,
+            _ => Place::Rows,
         };
         place_of(functions, &numbering, place, at_moments.as_ref())
     });
@@ -80,7 +81,7 @@ pub fn scan<T: Real + FftNum>(
             NodeOperands::new(scene, lattice, groups, &pieces_on(&tiles, Place::Nodes(number)))
         })
         .collect();
-    let of_waves: Vec<WaveOperands<'_, T>> = (families.iter().enumerate())
+    let of_waves: Vec<WaveOperands<T>> = (families.iter().enumerate())
         .map(|(number, family)| {
             let pieces = pieces_on(&tiles, Place::Waves(number));
             WaveOperands::new(scene, family, harmonics_of(number, &wave_of), groups, &pieces)
@@ -204,6 +205,15 @@ fn tiles_of(groups: &[Group], place_of: impl Fn(&[usize]) -> Place) -> Vec<(Plac
         }
     }
     tiles
+}
+
+/// Whether the waves of a trial have one frequency: products of two are known for such only.
+fn of_one_frequency(functions: &[usize], numbering: &Numbering, wave_of: &[Option<Wave>]) -> bool {
+    let mut harmonics = functions.iter().filter_map(|&function| match numbering.source(function) {
+        Source::Formula(formula, _) => wave_of[formula].as_ref().map(|wave| wave.harmonic),
+        _ => None,
+    });
+    harmonics.next().is_none_or(|first| harmonics.all(|harmonic| harmonic == first))
 }
 
 /// Where all functions of a trial can be summed together.

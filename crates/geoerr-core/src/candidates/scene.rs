@@ -10,6 +10,9 @@ use super::moments::Moments;
 use super::noise::{Noise, length};
 use crate::least_squares::{Real, set_product};
 
+/// Share of a sum that is rounding, in units of the precision.
+const ROUNDED: f64 = 64.0;
+
 /// Whitened displacement of every row by one unit on a channel: a column of n numbers for each component.
 pub type Directions = [Vec<f64>; 3];
 
@@ -24,6 +27,8 @@ pub struct Scene<T> {
     /// By component, row after row: `V^(-T/2)` times Q, r and the draws.
     pub(super) back: [Vec<T>; 3],
     pub(super) noise: Noise,
+    /// By component and session: what is not white in the inverse of the noise, `TᵀT − I`, of sums by block.
+    not_white: [Vec<Vec<T>>; 3],
     /// Runs of rows of one block.
     pub(super) runs: Vec<Run>,
 }
@@ -67,20 +72,17 @@ impl<T: Real> Scene<T> {
                 _ => runs.push(Run { start: row, end: row + 1, block }),
             }
         }
-        let directions = (directions.iter())
-            .map(|of_channel| {
-                [0, 1, 2].map(|c| {
-                    let column = &of_channel[c];
-                    let acts = column.iter().any(|&value| value != 0.0);
-                    if acts { column.iter().map(|&value| T::nearest(value)).collect() } else { Vec::new() }
-                })
-            })
-            .collect();
+        let directions = directions.iter().map(|own| acting(own, noise.sigma)).collect();
         let mut back = whitened;
         back.par_iter_mut()
             .enumerate()
             .for_each(|(c, rows)| whiten_transposed(&noise, c, &runs, width, rows));
-        Ok(Self { n_rows, n_basis, n_draws, directions, back, noise, runs })
+        let not_white = [0, 1, 2].map(|c| {
+            (noise.sessions.iter().zip(&noise.less_one[c]))
+                .map(|(session, less_one)| not_white(less_one, session.len()))
+                .collect()
+        });
+        Ok(Self { n_rows, n_basis, n_draws, directions, back, noise, not_white, runs })
     }
 
     /// Number of columns of what candidates are multiplied with.
@@ -91,6 +93,17 @@ impl<T: Real> Scene<T> {
     /// Components on which a channel does something.
     pub(super) fn components(&self, channel: usize) -> impl Iterator<Item = usize> + '_ {
         (0..3).filter(move |&c| !self.directions[channel][c].is_empty())
+    }
+
+    /// What sums by block, `width` of each, give beyond white noise in one component: `(TᵀT − I)` times them.
+    pub(super) fn beyond_white(&self, c: usize, sums: &[T], width: usize) -> Vec<T> {
+        let mut beyond = vec![T::default(); sums.len()];
+        for (session, not_white) in self.noise.sessions.iter().zip(&self.not_white[c]) {
+            let own = session.start * width..session.end * width;
+            // Row after row of one is column after column of its transpose, and the matrix is symmetric.
+            set_product(&mut beyond[own.clone()], &sums[own], not_white, width);
+        }
+        beyond
     }
 
     /// Weights of moments in the information of two channels, `Σ_c d_c e_c / σ_c²` over their rows; nothing where they
@@ -165,6 +178,29 @@ impl<T: Real> Scene<T> {
         }
         lanes::add_combined(target, &scaled[..n_scaled]);
     }
+}
+
+/// A channel's displacement on the components where it does something: more than rounding of sums makes of the largest.
+///
+/// Frames that are known only so well turn every displacement a little.
+fn acting<T: Real>(direction: &Directions, sigma: [f64; 3]) -> [Vec<T>; 3] {
+    let sizes = [0, 1, 2]
+        .map(|c| direction[c].iter().fold(0.0_f64, |largest, value| largest.max(value.abs())) / sigma[c]);
+    let least = ROUNDED * T::EPSILON * sizes.into_iter().fold(0.0, f64::max);
+    [0, 1, 2].map(|c| {
+        let acts = sizes[c] > least;
+        if acts { direction[c].iter().map(|&value| T::nearest(value)).collect() } else { Vec::new() }
+    })
+}
+
+/// `TᵀT − I` of one session, from `T − I` (n × n): `L + Lᵀ + LᵀL`.
+fn not_white<T: Real>(less_one: &[f64], n: usize) -> Vec<T> {
+    let mut transposed = Vec::new();
+    lanes::transpose(&mut transposed, less_one, n);
+    let mut square = vec![0.0; n * n];
+    set_product(&mut square, &transposed, less_one, n);
+    let sums = square.iter().zip(less_one).zip(&transposed);
+    sums.map(|((square, one), other)| T::nearest(square + one + other)).collect()
 }
 
 /// Applies `V^(-T/2)` to the columns of one component, in place.

@@ -4,7 +4,7 @@ use super::group::Group;
 use super::judge::{Judged, Sums, judge};
 use super::lanes;
 use super::scene::Scene;
-use crate::least_squares::{Real, set_product};
+use crate::least_squares::Real;
 
 /// A function on a channel.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -49,14 +49,12 @@ pub(super) struct Tile<'a, T> {
     pub pairs: Vec<Pair>,
     /// Places of two pairs, the first not behind the second, whose information is asked for; sorted.
     pub wanted: Vec<[usize; 2]>,
-    /// By wanted: `Σ_c fᵀ (d e / σ_c²) g`.
-    pub white: Vec<f64>,
+    /// By wanted: `fᵀ V⁻¹ g`, of which `level` gives what is not white.
+    pub information: Vec<f64>,
     /// By pair: products with basis, residual and draws.
     pub products: Vec<T>,
-    /// By component and pair: sums by block before the noise's transform.
+    /// By component and pair: sums by block of the noise. Nothing until it is laid out, and where no channel acts.
     pub level: [Vec<T>; 3],
-    /// And after.
-    after: [Vec<T>; 3],
 }
 
 impl<'a, T: Real> Tile<'a, T> {
@@ -87,10 +85,9 @@ impl<'a, T: Real> Tile<'a, T> {
             functions,
             pairs,
             wanted: Vec::new(),
-            white: Vec::new(),
+            information: Vec::new(),
             products: vec![T::default(); n * scene.width()],
-            level: [(); 3].map(|()| vec![T::default(); n * scene.noise.n_blocks]),
-            after: Default::default(),
+            level: Default::default(),
         };
         for piece in pieces {
             let group = &groups[piece.group];
@@ -103,7 +100,7 @@ impl<'a, T: Real> Tile<'a, T> {
         }
         tile.wanted.sort_unstable();
         tile.wanted.dedup();
-        tile.white = vec![0.0; tile.wanted.len()];
+        tile.information = vec![0.0; tile.wanted.len()];
         tile
     }
 
@@ -118,38 +115,45 @@ impl<'a, T: Real> Tile<'a, T> {
             .collect()
     }
 
+    /// Lays out sums by block, all 0.
+    pub(super) fn lay_out_levels(&mut self) {
+        let size = self.pairs.len() * self.scene.noise.n_blocks;
+        for (channel, _, _) in self.channels() {
+            for c in self.scene.components(channel) {
+                self.level[c].resize(size, T::default());
+            }
+        }
+    }
+
     /// Judges every trial of the pieces, in their order, once all is summed.
     pub(super) fn judged(mut self, groups: &[Group], pieces: &[Piece]) -> Vec<Judged> {
-        self.after = [0, 1, 2].map(|c| self.transformed(c));
+        self.add_levels();
+        let mut sums = Sums::default();
         let mut found = Vec::new();
         for piece in pieces {
             let group = &groups[piece.group];
-            found.extend(piece.trials.iter().map(|&trial| self.judged_trial(group, trial)));
+            for &trial in &piece.trials {
+                self.set_sums(&mut sums, group, trial);
+                found.push(judge(&sums));
+            }
         }
         found
     }
 
-    /// The noise's transform of sums by block.
-    fn transformed(&self, c: usize) -> Vec<T> {
-        let (noise, level) = (&self.scene.noise, &self.level[c]);
-        let mut after = level.clone();
-        let (mut own, mut more) = (Vec::new(), Vec::new());
-        for (session, less_one) in noise.sessions.iter().zip(&noise.less_one[c]) {
-            let matrix: Vec<T> = less_one.iter().map(|&value| T::nearest(value)).collect();
-            own.clear();
-            for sums in level.chunks_exact(noise.n_blocks) {
-                own.extend_from_slice(&sums[session.clone()]);
-            }
-            more.clear();
-            more.resize(own.len(), T::default());
-            set_product(&mut more, &matrix, &own, session.len());
-            for (sums, add) in after.chunks_exact_mut(noise.n_blocks).zip(more.chunks_exact(session.len())) {
-                for (value, &add) in sums[session.clone()].iter_mut().zip(add) {
-                    *value += add;
-                }
+    /// Adds to the information what is not white.
+    fn add_levels(&mut self) {
+        let n_blocks = self.scene.noise.n_blocks;
+        let mut blocks_first = Vec::new();
+        for (c, level) in self.level.iter().enumerate().filter(|(_, level)| !level.is_empty()) {
+            lanes::transpose(&mut blocks_first, level, n_blocks);
+            let beyond = self.scene.beyond_white(c, &blocks_first, self.pairs.len());
+            let mut of_pairs = Vec::new();
+            lanes::transpose(&mut of_pairs, &beyond, self.pairs.len());
+            for (&[a, b], sum) in self.wanted.iter().zip(&mut self.information) {
+                let [a, b] = [a, b].map(|pair| pair * n_blocks..(pair + 1) * n_blocks);
+                *sum += lanes::dot(&level[a], &of_pairs[b]).double();
             }
         }
-        after
     }
 
     /// Places of the pairs of a trial's columns.
@@ -162,52 +166,33 @@ impl<'a, T: Real> Tile<'a, T> {
             .collect()
     }
 
-    /// `b_aᵀ V⁻¹ b_b` of two pairs.
-    fn information(&self, a: usize, b: usize) -> f64 {
-        let n_blocks = self.scene.noise.n_blocks;
-        let wanted = [a.min(b), a.max(b)];
-        let mut sum = self.white[self.wanted.partition_point(|&one| one < wanted)];
-        for c in self.scene.components(self.pairs[a].channel) {
-            if self.scene.directions[self.pairs[b].channel][c].is_empty() {
-                continue;
-            }
-            let [a, b] = [a, b].map(|pair| pair * n_blocks..(pair + 1) * n_blocks);
-            sum += lanes::dot(&self.after[c][a.clone()], &self.after[c][b.clone()]).double()
-                - lanes::dot(&self.level[c][a], &self.level[c][b]).double();
-        }
-        sum
-    }
-
-    fn judged_trial(&self, group: &Group, trial: usize) -> Judged {
-        let (k, width) = (group.n_coefficients, self.scene.width());
+    /// The sums of one trial, from those of its columns.
+    fn set_sums(&self, sums: &mut Sums, group: &Group, trial: usize) {
+        let width = self.scene.width();
         let (n_basis, n_draws) = (self.scene.n_basis, self.scene.n_draws);
         let places = self.places(group, trial);
-        let mut information = vec![0.0; k * k];
-        let mut inside = vec![0.0; k * n_basis];
-        let mut score = vec![0.0; k];
-        let mut draws = vec![0.0; k * n_draws];
+        // Sums of n products, each rounded, whose errors go to and fro.
+        sums.reset(
+            group.n_coefficients,
+            n_basis,
+            n_draws,
+            8.0 * T::EPSILON * (self.scene.n_rows as f64).sqrt(),
+        );
         for (a, (column, &place)) in group.columns.iter().zip(&places).enumerate() {
             let (i, factor) = (column.coefficient, column.factor);
             let products = &self.products[place * width..(place + 1) * width];
-            add(&mut inside[i * n_basis..(i + 1) * n_basis], factor, &products[..n_basis]);
-            score[i] += factor * products[n_basis].double();
-            add(&mut draws[i * n_draws..(i + 1) * n_draws], factor, &products[n_basis + 1..]);
+            lanes::add_as_double(sums.inside.row_mut(i), factor, &products[..n_basis]);
+            sums.score[i] += factor * products[n_basis].double();
+            lanes::add_as_double(sums.draws.row_mut(i), factor, &products[n_basis + 1..]);
             for (b, (other, &there)) in group.columns.iter().zip(&places).enumerate().skip(a) {
-                let value = factor * other.factor * self.information(place, there);
-                information[i * k + other.coefficient] += value;
+                let wanted = [place.min(there), place.max(there)];
+                let at = self.wanted.partition_point(|&one| one < wanted);
+                let value = factor * other.factor * self.information[at];
+                sums.information.row_mut(i)[other.coefficient] += value;
                 if b > a {
-                    information[other.coefficient * k + i] += value;
+                    sums.information.row_mut(other.coefficient)[i] += value;
                 }
             }
         }
-        // Sums of n products, each rounded, whose errors go to and fro.
-        let least = 8.0 * T::EPSILON * (self.scene.n_rows as f64).sqrt();
-        judge(&Sums { information: &information, inside: &inside, score: &score, draws: &draws, least })
-    }
-}
-
-fn add<T: Real>(sum: &mut [f64], factor: f64, values: &[T]) {
-    for (total, &value) in sum.iter_mut().zip(values) {
-        *total += factor * value.double();
     }
 }

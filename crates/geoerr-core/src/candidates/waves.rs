@@ -127,46 +127,33 @@ fn range(column: &[f64]) -> f64 {
 /// Waves that are evaluated beside each other.
 pub(super) const LANES: usize = 16;
 
-/// Sets the first half of `target` to cosines and the second to sines of a place in turns, at some harmonics.
+/// Sets the first half of `target` to cosines and the second to sines of a place in turns, at harmonics one after the
+/// other: as many as [`LANES`] fit.
 ///
-/// Everything is as many [`LANES`].
+/// Each is turned on from the one so many before it, which is wrong by a rounding more.
 #[inline(always)]
-pub(super) fn set_waves<T: Real>(target: &mut [T], turns: f64, harmonics: &[f64]) {
-    let (cosines, sines) = target.split_at_mut(harmonics.len());
-    let target = cosines.as_chunks_mut::<LANES>().0.iter_mut().zip(sines.as_chunks_mut::<LANES>().0);
-    for ((cosines, sines), harmonics) in target.zip(harmonics.as_chunks::<LANES>().0) {
-        let mut angles = [T::default(); LANES];
-        for (angle, &harmonic) in angles.iter_mut().zip(harmonics) {
-            let turn = turns * harmonic;
-            *angle = T::nearest(std::f64::consts::PI * (turn - turn.round_ties_even()));
-        }
-        let squares: [T; LANES] = std::array::from_fn(|lane| angles[lane] * angles[lane]);
-        let half_sines = series(
-            &squares,
-            [-1.0 / 39_916_800.0, 1.0 / 362_880.0, -1.0 / 5_040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0],
-        );
-        let half_cosines = series(
-            &squares,
-            [1.0 / 479_001_600.0, -1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0],
-        );
+pub(super) fn set_waves<T: Real>(target: &mut [T], turns: f64, first: usize) {
+    let at = |harmonic: usize| {
+        let turn = turns * harmonic as f64;
+        (std::f64::consts::TAU * (turn - turn.round_ties_even())).sin_cos()
+    };
+    let n = target.len() / 2;
+    let (cosines, sines) = target.split_at_mut(n);
+    let (mut cosine, mut sine) = ([T::default(); LANES], [T::default(); LANES]);
+    for (lane, (cosine, sine)) in cosine.iter_mut().zip(&mut sine).enumerate() {
+        let (s, c) = at(first + lane);
+        (*cosine, *sine) = (T::nearest(c), T::nearest(s));
+    }
+    let (step_sine, step_cosine) = at(LANES);
+    let (step_sine, step_cosine) = (T::nearest(step_sine), T::nearest(step_cosine));
+    for (cosines, sines) in
+        cosines.as_chunks_mut::<LANES>().0.iter_mut().zip(sines.as_chunks_mut::<LANES>().0)
+    {
+        (*cosines, *sines) = (cosine, sine);
         for lane in 0..LANES {
-            let (cosine, sine) = (half_cosines[lane], angles[lane] * half_sines[lane]);
-            cosines[lane] = cosine * cosine + T::nearest(-1.0) * (sine * sine);
-            sines[lane] = (sine + sine) * cosine;
+            let (c, s) = (cosine[lane], sine[lane]);
+            cosine[lane] = c * step_cosine + T::nearest(-1.0) * (s * step_sine);
+            sine[lane] = s * step_cosine + c * step_sine;
         }
     }
-}
-
-/// Taylor's series of the cosine and the sine within a quarter of a turn, by the square of the angle: what is left out
-/// is below (π/2)¹³/13! = 6 × 10⁻⁸. Twice the angle is what is asked for.
-#[inline(always)]
-fn series<T: Real, const N: usize>(squares: &[T; LANES], terms: [f64; N]) -> [T; LANES] {
-    let mut sums = [T::default(); LANES];
-    for term in terms {
-        let term = T::nearest(term);
-        for lane in 0..LANES {
-            sums[lane] = sums[lane] * squares[lane] + term;
-        }
-    }
-    sums
 }

@@ -126,6 +126,11 @@ fn coarse_and_exact(x: &[f64], drawn: &Drawn, wave: &Expression, periods: Vec<f6
             (0..n_trials).flat_map(|trial| [2 * trial, 2 * trial + 1, 2 * trial, 2 * trial + 1]).collect(),
         ),
         group(&[(2, 1.0, 0)], (2 * n_trials..3 * n_trials).collect()),
+        // Waves of two frequencies, whose products with each other no transform has.
+        group(
+            &[(0, 1.0, 0), (1, 1.0, 1)],
+            (1..n_trials).flat_map(|trial| [2 * trial, 2 * (trial - 1) + 1]).collect(),
+        ),
     ];
     [
         scan(&drawn.scene::<f32>(), &sources, &groups).unwrap(),
