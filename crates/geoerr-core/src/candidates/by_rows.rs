@@ -14,6 +14,8 @@ use crate::least_squares::{Real, add_product_of_rows};
 const MOMENTS: usize = 256;
 /// Runs of moments of one step up to which their sums are one product, of which most factors are 0.
 const MOST_RUNS: usize = 32;
+/// Pieces of columns of so many pairs on average are multiplied piece by piece; shorter ones cost more than a copy.
+const PAIRS_OF_PIECE: usize = 32;
 
 /// Sums everything that a tile needs over moments, each of which is a row of the sources.
 pub(super) fn sum<T: Real>(
@@ -28,35 +30,38 @@ pub(super) fn sum<T: Real>(
     let channels = tile.channels();
     let asked = Asked::of(tile);
     let mut evaluator = Evaluator::new(sources, numbering, &tile.functions)?;
-    let (mut columns, mut left, mut right, mut weights) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut columns, mut copied, mut right, mut weights) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut spread, mut of_runs) = (Vec::new(), Vec::new());
     for start in (0..moments.len()).step_by(MOMENTS) {
         let here = start..(start + MOMENTS).min(moments.len());
         let n = here.len();
         evaluator.set(&mut columns, here.clone())?;
-        let column = |function: usize| &columns[function * n..(function + 1) * n];
         let runs = runs_within(&moments.runs, &here);
         for &(channel, first, m) in &channels {
             let own = &tile.pairs[first..first + m];
-            let left = side_by_side(own, &columns, n, &mut left);
             scene.set_operand(&mut right, channel, moments, here.clone());
-            add_product_of_rows(&mut tile.products[first * width..(first + m) * width], left, &right, n);
-            for c in scene.components(channel) {
-                let unit = scene.unit(channel, c, moments, here.clone());
-                let sums = tile.level[c][first * n_blocks..].chunks_exact_mut(n_blocks);
-                if runs.len() > MOST_RUNS {
-                    for (pair, sums) in own.iter().zip(sums) {
-                        lanes::add_by_run(sums, column(pair.function), &unit, &runs);
+            let units: Vec<(usize, Vec<T>)> = (scene.components(channel))
+                .map(|c| (c, scene.unit(channel, c, moments, here.clone())))
+                .collect();
+            for (place, left) in side_by_side(own, &columns, n, &mut copied) {
+                let (at, m) = (first + place, left.len() / n);
+                add_product_of_rows(&mut tile.products[at * width..(at + m) * width], left, &right, n);
+                for (c, unit) in &units {
+                    let sums = tile.level[*c][at * n_blocks..(at + m) * n_blocks].chunks_exact_mut(n_blocks);
+                    if runs.len() > MOST_RUNS {
+                        for (column, sums) in left.chunks_exact(n).zip(sums) {
+                            lanes::add_by_run(sums, column, unit, &runs);
+                        }
+                        continue;
                     }
-                    continue;
-                }
-                set_spread(&mut spread, &unit, &runs);
-                of_runs.clear();
-                of_runs.resize(m * runs.len(), T::default());
-                add_product_of_rows(&mut of_runs, left, &spread, n);
-                for (sums, of_runs) in sums.zip(of_runs.chunks_exact(runs.len())) {
-                    for (run, &sum) in runs.iter().zip(of_runs) {
-                        sums[run.block] += sum;
+                    set_spread(&mut spread, unit, &runs);
+                    of_runs.clear();
+                    of_runs.resize(m * runs.len(), T::default());
+                    add_product_of_rows(&mut of_runs, left, &spread, n);
+                    for (sums, of_runs) in sums.zip(of_runs.chunks_exact(runs.len())) {
+                        for (run, &sum) in runs.iter().zip(of_runs) {
+                            sums[run.block] += sum;
+                        }
                     }
                 }
             }
@@ -73,17 +78,27 @@ pub(super) fn sum<T: Real>(
     Ok(())
 }
 
-/// The columns of some pairs, one after the other: as they are where they lie so.
-fn side_by_side<'a, T: Copy>(own: &[Pair], columns: &'a [T], n: usize, copied: &'a mut Vec<T>) -> &'a [T] {
-    let first = own[0].function;
-    if own.iter().zip(first..).all(|(pair, function)| pair.function == function) {
-        return &columns[first * n..(first + own.len()) * n];
+/// The columns of pairs of one channel as they lie one after the other, with the place of the first; copied where that
+/// would be in many pieces.
+fn side_by_side<'a, T: Copy>(
+    own: &[Pair],
+    columns: &'a [T],
+    n: usize,
+    copied: &'a mut Vec<T>,
+) -> Vec<(usize, &'a [T])> {
+    let mut place = 0;
+    let pieces: Vec<(usize, &[T])> = (own.chunk_by(|a, b| a.function + 1 == b.function))
+        .map(|piece| {
+            place += piece.len();
+            (place - piece.len(), &columns[piece[0].function * n..][..piece.len() * n])
+        })
+        .collect();
+    if pieces.len() * PAIRS_OF_PIECE <= own.len() {
+        return pieces;
     }
     copied.clear();
-    for pair in own {
-        copied.extend_from_slice(&columns[pair.function * n..(pair.function + 1) * n]);
-    }
-    copied
+    pieces.iter().for_each(|(_, piece)| copied.extend_from_slice(piece));
+    vec![(0, copied)]
 }
 
 /// What is asked for in `wanted`.

@@ -1,6 +1,7 @@
 //! What a group of columns gains beyond the model: small dense algebra, in double precision.
 
 use super::lanes;
+use crate::least_squares::{self, Matrix};
 
 /// Directions of which the model leaves a smaller share are the model's own: nothing can be said of them.
 const OWNED: f64 = 0.002;
@@ -8,6 +9,8 @@ const OWNED: f64 = 0.002;
 const DEPENDENT: f64 = 1e-8;
 /// Sweeps of Jacobi's method; ten leave nothing at any size that occurs.
 const MOST_SWEEPS: usize = 30;
+/// Columns up to which Jacobi's rotations are quicker than reduction to a tridiagonal matrix.
+const MOST_ROTATED: usize = 6;
 
 /// Numbers row after row, used again for one group after the other.
 #[derive(Default)]
@@ -132,9 +135,22 @@ pub(super) fn judge(sums: &Sums) -> Judged {
     judged
 }
 
-/// Eigenvalues and unit eigenvectors of a symmetric matrix (k × k), which is overwritten: Jacobi's rotations, which
-/// keep small eigenvalues to their own precision.
+/// Eigenvalues and unit eigenvectors of a symmetric matrix (k × k), which is used up.
+///
+/// Few columns by Jacobi's rotations, which keep small eigenvalues to their own precision; of more they would be most of
+/// a ranking's time.
 fn symmetric_eigen(matrix: &mut [f64], k: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
+    if k > MOST_ROTATED {
+        let whole = Matrix::from_fn(k, k, |row, column| matrix[row * k + column]);
+        if let Ok((values, vectors)) = least_squares::symmetric_eigen(&whole) {
+            return (values, (0..k).map(|i| vectors.column(i).to_vec()).collect());
+        }
+    }
+    by_rotations(matrix, k)
+}
+
+/// Jacobi's method: the matrix is overwritten.
+fn by_rotations(matrix: &mut [f64], k: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
     let mut vectors: Vec<Vec<f64>> =
         (0..k).map(|i| (0..k).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
     for _ in 0..MOST_SWEEPS {

@@ -16,16 +16,18 @@ use super::lanes;
 use crate::least_squares::Real;
 
 /// Nodes of one row: an error of 10⁻⁵ of the largest sum.
-const TAPS: usize = 6;
-/// The grid has so many nodes for each highest frequency: twice as many as Nyquist asks for.
-const NODES_PER_WAVE: usize = 4;
+const TAPS: usize = 7;
+/// The grid has so many nodes or more for each wave of the highest frequency: half as many again as Nyquist asks for.
+const NODES_PER_WAVE: usize = 3;
 const FEWEST_NODES: usize = 64;
 /// Columns that are transformed beside each other.
-const BESIDE: usize = 8;
+const BESIDE: usize = 16;
 
 /// Places of rows on an even grid around one turn.
 pub(super) struct Spectrum {
     n_nodes: usize,
+    /// How steep the kernel is.
+    steepness: f64,
     /// Row, first node, weights: in the order of the places.
     spread: Vec<(usize, usize, [f64; TAPS])>,
 }
@@ -33,13 +35,14 @@ pub(super) struct Spectrum {
 impl Spectrum {
     /// Lays out rows at places in turns; those that are no numbers are left out.
     pub(super) fn new(turns: &[f64], highest: usize) -> Self {
-        let n_nodes = (NODES_PER_WAVE * highest).next_power_of_two().max(FEWEST_NODES);
+        let n_nodes = quickly_transformed((NODES_PER_WAVE * highest).max(FEWEST_NODES));
+        let steepness = steepness(n_nodes as f64 / (2 * highest.max(1)) as f64);
         let mut spread: Vec<(usize, usize, [f64; TAPS])> = (turns.iter().enumerate())
             .filter(|(_, turn)| turn.is_finite())
             .map(|(row, turn)| {
                 let place = (turn - turn.floor()) * n_nodes as f64;
                 let first = (place - 0.5 * TAPS as f64).ceil();
-                let weights = std::array::from_fn(|tap| kernel(first + tap as f64 - place));
+                let weights = std::array::from_fn(|tap| kernel(first + tap as f64 - place, steepness));
                 (row, (first + n_nodes as f64) as usize % n_nodes, weights)
             })
             .collect();
@@ -50,7 +53,7 @@ impl Spectrum {
                 .then(weights[TAPS - 1].total_cmp(&other[TAPS - 1]))
                 .then(row.cmp(other_row))
         });
-        Self { n_nodes, spread }
+        Self { n_nodes, steepness, spread }
     }
 
     /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
@@ -114,20 +117,27 @@ impl Spectrum {
     /// The kernel's transform at a harmonic.
     fn kernel_at(&self, harmonic: usize) -> f64 {
         let phase = PI * TAPS as f64 * harmonic as f64 / self.n_nodes as f64;
-        let root = (steepness().powi(2) - phase.powi(2)).sqrt();
+        let root = (self.steepness.powi(2) - phase.powi(2)).sqrt();
         TAPS as f64 * root.sinh() / root
     }
 }
 
 /// Kaiser & Bessel's kernel at a distance in nodes.
-fn kernel(distance: f64) -> f64 {
+fn kernel(distance: f64, steepness: f64) -> f64 {
     let inside = 1.0 - (2.0 * distance / TAPS as f64).powi(2);
-    if inside < 0.0 { 0.0 } else { bessel_i0(steepness() * inside.sqrt()) }
+    if inside < 0.0 { 0.0 } else { bessel_i0(steepness * inside.sqrt()) }
 }
 
-/// For a grid of twice as many nodes as are needed (Beatty, Nishimura & Pauly 2005).
-fn steepness() -> f64 {
-    PI * ((0.75 * TAPS as f64).powi(2) - 0.8).sqrt()
+/// For a grid of so many times the nodes that are needed, but not many more than twice (Beatty, Nishimura & Pauly 2005).
+fn steepness(oversampling: f64) -> f64 {
+    let ratio = oversampling.min(2.0);
+    PI * ((TAPS as f64 / ratio * (ratio - 0.5)).powi(2) - 0.8).sqrt()
+}
+
+/// The next length that is a power of two, or three times one.
+fn quickly_transformed(least: usize) -> usize {
+    let power = least.next_power_of_two();
+    if 3 * power / 4 >= least { 3 * power / 4 } else { power }
 }
 
 /// The modified Bessel function of order 0, by its series.

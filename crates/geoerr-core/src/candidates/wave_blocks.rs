@@ -8,8 +8,7 @@ use super::lanes;
 use super::moments::Moments;
 use super::scene::Scene;
 use super::waves::{Family, LANES, set_waves};
-use crate::arithmetic::in_wide_registers;
-use crate::least_squares::Real;
+use crate::least_squares::{Real, add_product_of_rows};
 
 /// Harmonics of one step: their sums over all blocks stay in the cache.
 const HARMONICS: usize = 16 * LANES;
@@ -17,10 +16,11 @@ const HARMONICS: usize = 16 * LANES;
 /// Cosine and cosine, cosine and sine, sine and cosine, sine and sine of two channels at one harmonic.
 pub(super) type OfKinds = [f64; 4];
 
-/// What one component of a channel adds to the sums of blocks, moment by moment.
-struct Unit<T> {
-    channel: usize,
+/// What channels add to the sums of blocks on one component.
+struct OfComponent<T> {
     c: usize,
+    channels: Vec<usize>,
+    /// By channel, then moment.
     weights: Vec<T>,
 }
 
@@ -33,19 +33,19 @@ pub(super) fn beyond_white<T: Real>(
     harmonics: Range<usize>,
 ) -> Vec<Vec<OfKinds>> {
     let moments = Moments::of_column(&family.turns, &scene.runs);
-    let units: Vec<Unit<T>> = (channels.iter())
-        .flat_map(|&channel| scene.components(channel).map(move |c| (channel, c)))
-        .map(|(channel, c)| {
-            let weights = scene.unit(channel, c, &moments, 0..moments.len());
-            Unit { channel, c, weights }
-        })
-        .collect();
+    let components: Vec<OfComponent<T>> =
+        (0..3).map(|c| OfComponent::new(scene, &moments, channels, c)).collect();
     let firsts: Vec<usize> = harmonics.clone().step_by(HARMONICS).collect();
     let steps: Vec<Vec<Vec<OfKinds>>> = (firsts.par_iter())
         .map(|&first| {
             let n = (harmonics.end - first).min(HARMONICS).next_multiple_of(LANES);
-            let sums = sums_by_block(scene, family, &moments, &units, first, 2 * n);
-            of_step(scene, &units, &sums, together, n)
+            let sums = sums_by_block(scene, family, &moments, &components, first, 2 * n);
+            let mut products = vec![vec![T::default(); 4 * n]; together.len()];
+            for (own, sums) in components.iter().zip(&sums) {
+                own.add_products(&mut products, scene, sums, together, n);
+            }
+            let of_kinds = |own: &Vec<T>, at: usize| [0, 1, 2, 3].map(|kinds| own[kinds * n + at].double());
+            products.iter().map(|own| (0..n).map(|at| of_kinds(own, at)).collect()).collect()
         })
         .collect();
     (0..together.len())
@@ -56,57 +56,69 @@ pub(super) fn beyond_white<T: Real>(
         .collect()
 }
 
-/// By unit: block after block, cosines of so many harmonics and then sines.
+/// By component: block after block, channel after channel, cosines of so many harmonics and then sines.
 fn sums_by_block<T: Real>(
     scene: &Scene<T>,
     family: &Family,
     moments: &Moments,
-    units: &[Unit<T>],
+    components: &[OfComponent<T>],
     first: usize,
     n: usize,
 ) -> Vec<Vec<T>> {
-    let mut sums: Vec<Vec<T>> = units.iter().map(|_| vec![T::default(); scene.noise.n_blocks * n]).collect();
-    let mut values = vec![T::default(); n];
-    in_wide_registers(
-        #[inline(always)]
-        || {
-            for (moment, &row) in moments.first_rows().iter().enumerate() {
-                let turn = family.turns[row];
-                if !turn.is_finite() {
-                    continue;
-                }
-                set_waves(&mut values, turn, first);
-                for (unit, sums) in units.iter().zip(&mut sums) {
-                    let sum = &mut sums[scene.noise.block[row] * n..][..n];
-                    lanes::add_scaled_here(sum, unit.weights[moment], &values);
-                }
+    let mut sums: Vec<Vec<T>> = (components.iter())
+        .map(|own| vec![T::default(); scene.noise.n_blocks * own.channels.len() * n])
+        .collect();
+    let (mut values, mut weights) = (Vec::new(), Vec::new());
+    for run in &moments.runs {
+        let turns: Vec<f64> =
+            moments.first_rows()[run.start..run.end].iter().map(|&row| family.turns[row]).collect();
+        values.resize(turns.len() * n, T::default());
+        set_waves(&mut values, &turns, first);
+        for (own, sums) in components.iter().zip(&mut sums) {
+            let size = own.channels.len() * n;
+            weights.clear();
+            for of_channel in own.weights.chunks_exact(moments.len()) {
+                weights.extend_from_slice(&of_channel[run.start..run.end]);
             }
-        },
-    );
+            add_product_of_rows(&mut sums[run.block * size..][..size], &weights, &values, turns.len());
+        }
+    }
     sums
 }
 
-/// Multiplies sums by block with each other, for n harmonics.
-fn of_step<T: Real>(
-    scene: &Scene<T>,
-    units: &[Unit<T>],
-    sums: &[Vec<T>],
-    together: &[[usize; 2]],
-    n: usize,
-) -> Vec<Vec<OfKinds>> {
-    let mut products = vec![vec![T::default(); 4 * n]; together.len()];
-    for (unit, own) in units.iter().zip(sums) {
-        let beyond = scene.beyond_white(unit.c, own, 2 * n);
-        for (other, sums) in units.iter().zip(sums).filter(|(other, _)| other.c == unit.c) {
-            let Ok(place) = together.binary_search(&[other.channel, unit.channel]) else { continue };
-            for (one, two) in sums.chunks_exact(2 * n).zip(beyond.chunks_exact(2 * n)) {
-                for (kinds, target) in products[place].chunks_exact_mut(n).enumerate() {
-                    lanes::add_products(target, &one[kinds / 2 * n..][..n], &two[kinds % 2 * n..][..n]);
+impl<T: Real> OfComponent<T> {
+    fn new(scene: &Scene<T>, moments: &Moments, channels: &[usize], c: usize) -> Self {
+        let acts = |&channel: &usize| scene.components(channel).any(|one| one == c);
+        let channels: Vec<usize> = channels.iter().copied().filter(acts).collect();
+        let of_channel = |&channel: &usize| scene.unit(channel, c, moments, 0..moments.len());
+        let weights = channels.iter().flat_map(of_channel).collect();
+        Self { c, channels, weights }
+    }
+
+    /// Multiplies sums by block with each other, for n harmonics.
+    fn add_products(
+        &self,
+        products: &mut [Vec<T>],
+        scene: &Scene<T>,
+        sums: &[T],
+        together: &[[usize; 2]],
+        n: usize,
+    ) {
+        let size = 2 * n * self.channels.len();
+        if size == 0 {
+            return;
+        }
+        let beyond = scene.beyond_white(self.c, sums, size);
+        for (&two_channels, products) in together.iter().zip(products) {
+            let [Ok(one), Ok(two)] = two_channels.map(|channel| self.channels.binary_search(&channel)) else {
+                continue;
+            };
+            for (sums, beyond) in sums.chunks_exact(size).zip(beyond.chunks_exact(size)) {
+                let (sums, beyond) = (&sums[one * 2 * n..], &beyond[two * 2 * n..]);
+                for (kinds, target) in products.chunks_exact_mut(n).enumerate() {
+                    lanes::add_products(target, &sums[kinds / 2 * n..][..n], &beyond[kinds % 2 * n..][..n]);
                 }
             }
         }
     }
-    (products.iter())
-        .map(|own| (0..n).map(|at| [0, 1, 2, 3].map(|kinds| own[kinds * n + at].double())).collect())
-        .collect()
 }

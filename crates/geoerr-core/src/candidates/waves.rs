@@ -6,6 +6,7 @@
 use super::error::CandidateError;
 use super::nodes::evaluated;
 use super::sources::{Formula, Sources};
+use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
 
 /// Fewest waves of a variable for which a transform is worth its making.
@@ -127,25 +128,49 @@ fn range(column: &[f64]) -> f64 {
 /// Waves that are evaluated beside each other.
 pub(super) const LANES: usize = 16;
 
-/// Sets the first half of `target` to cosines and the second to sines of a place in turns, at harmonics one after the
-/// other: as many as [`LANES`] fit.
+/// Sets, for each place in turns, cosines and then sines at harmonics one after the other: as many [`LANES`] of each as
+/// `target` has room for. Of a place that is no number both are 0.
 ///
 /// Each is turned on from the one so many before it, which is wrong by a rounding more.
+pub(super) fn set_waves<T: Real>(target: &mut [T], turns: &[f64], first: usize) {
+    let n = target.len() / turns.len().max(1);
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for (target, &turns) in target.chunks_exact_mut(n.max(1)).zip(turns) {
+                if turns.is_finite() {
+                    set_waves_of_place(target, turns, first);
+                } else {
+                    target.fill(T::default());
+                }
+            }
+        },
+    );
+}
+
 #[inline(always)]
-pub(super) fn set_waves<T: Real>(target: &mut [T], turns: f64, first: usize) {
+fn set_waves_of_place<T: Real>(target: &mut [T], turns: f64, first: usize) {
     let at = |harmonic: usize| {
         let turn = turns * harmonic as f64;
-        (std::f64::consts::TAU * (turn - turn.round_ties_even())).sin_cos()
+        let (sine, cosine) = (std::f64::consts::TAU * (turn - turn.round_ties_even())).sin_cos();
+        (cosine, sine)
     };
-    let n = target.len() / 2;
-    let (cosines, sines) = target.split_at_mut(n);
-    let (mut cosine, mut sine) = ([T::default(); LANES], [T::default(); LANES]);
-    for (lane, (cosine, sine)) in cosine.iter_mut().zip(&mut sine).enumerate() {
-        let (s, c) = at(first + lane);
-        (*cosine, *sine) = (T::nearest(c), T::nearest(s));
+    let times = |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
+    let mut lanes = [at(first); LANES];
+    // The first 1, 2, 4, 8 turned on by as many steps are the next ones.
+    let mut step = at(1);
+    let mut known = 1;
+    while known < LANES {
+        for lane in 0..known {
+            lanes[known + lane] = times(lanes[lane], step);
+        }
+        known *= 2;
+        step = times(step, step);
     }
-    let (step_sine, step_cosine) = at(LANES);
-    let (step_sine, step_cosine) = (T::nearest(step_sine), T::nearest(step_cosine));
+    let mut cosine = lanes.map(|one| T::nearest(one.0));
+    let mut sine = lanes.map(|one| T::nearest(one.1));
+    let (step_cosine, step_sine) = (T::nearest(step.0), T::nearest(step.1));
+    let (cosines, sines) = target.split_at_mut(target.len() / 2);
     for (cosines, sines) in
         cosines.as_chunks_mut::<LANES>().0.iter_mut().zip(sines.as_chunks_mut::<LANES>().0)
     {

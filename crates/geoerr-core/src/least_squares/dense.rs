@@ -379,6 +379,9 @@ pub fn svd(matrix: &Matrix) -> Result<Svd, LeastSquaresError> {
 }
 
 /// Eigenvalues, smallest first, and eigenvectors, one a column, of a symmetric matrix.
+///
+/// # Errors
+/// [`LeastSquaresError::NotDecomposed`] where the iteration does not end.
 pub fn symmetric_eigen(matrix: &Matrix) -> Result<(Vec<f64>, Matrix), LeastSquaresError> {
     let _wide = WideRegisters;
     let n = matrix.n_columns();

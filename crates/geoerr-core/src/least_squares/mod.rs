@@ -26,7 +26,7 @@ pub use blocks::{Blocks, Design, FnDesign, StoredDesign, design_fn};
 pub use definite::Definite;
 pub use dense::{
     add_lower_outer, add_lower_product, product_with_upper, product_with_upper_transposed,
-    set_rows_times_upper,
+    set_rows_times_upper, symmetric_eigen,
 };
 pub use error::LeastSquaresError;
 pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
