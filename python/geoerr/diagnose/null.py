@@ -9,8 +9,9 @@ of M numbers from a χ² distribution, M and the scale of its logarithm by the m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import special
@@ -69,14 +70,41 @@ class Null:
 
     largest: Numbers
 
+    @cached_property
+    def _tail(self) -> tuple[float, float]:
+        """Place and scale of the tail."""
+        std = float(np.std(self.largest, ddof=1))
+        # A scale below 1 would be a tail lighter than that of χ²: what is left of chance is not to be trusted so far.
+        scale = max(std / _GUMBEL_STD, 1.0)
+        return float(np.mean(self.largest)) - _EULER * scale, scale
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there was nothing to find anything in."""
+        return not np.isfinite(self.largest).all() or not len(self.largest)
+
+    def standardized(self, found: Numbers | float) -> Numbers:
+        """Give surprises in units of the tail: what is as rare in two searches is the same number in both."""
+        where, scale = self._tail
+        return np.asarray((found - where) / scale)
+
     def p_value(self, found: float) -> float:
         """Give the probability that chance finds as much anywhere in the search."""
         above = int((self.largest >= found).sum())
         share = (1 + above) / (len(self.largest) + 1)
         if above >= _FEW or not math.isfinite(found):
             return share
-        std = float(np.std(self.largest, ddof=1))
-        # A scale below 1 would be a tail lighter than that of χ²: what is left of chance is not to be trusted so far.
-        scale = max(std / _GUMBEL_STD, 1.0)
-        where = float(np.mean(self.largest)) - _EULER * scale
-        return float(-np.expm1(-np.exp(-(found - where) / scale)))
+        return float(-np.expm1(-np.exp(-float(self.standardized(found)))))
+
+
+def p_value_of_all(searches: Sequence[tuple[Null, float]]) -> float:
+    """Give the probability that chance does as well in the best of some searches of the same data, each as likely.
+
+    Of every search the largest surprise is given with its null. What is rare in a search of few trials need not be so
+    in one of many: they are compared by how rare each is, for the data and for every draw (Westfall & Young's min P).
+    """
+    known = [(null, found) for null, found in searches if not null.is_empty]
+    if not known:
+        return 1.0
+    drawn = Null(np.max([null.standardized(null.largest) for null, _ in known], axis=0))
+    return drawn.p_value(max(float(null.standardized(found)) for null, found in known))

@@ -134,21 +134,66 @@ class Scanner:
         return raw_columns(self.channels, shapes, self.functions.values(shapes.codes[trial]))
 
 
-def off_model(space: Space, raw: Numbers) -> Numbers:
-    """Whiten columns (n, 3, k) and take off what the model can do."""
-    whitened = space.noise.whiten(raw)
-    basis = space.basis.reshape(-1, space.basis.shape[2])
-    flat = whitened.reshape(len(basis), -1)
-    return np.asarray((flat - basis @ (basis.T @ flat)).reshape(raw.shape))
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Columns as a space sees them.
 
-
-def determined(space: Space, raw: Numbers) -> tuple[Numbers, Numbers]:
-    """Give columns (n, 3, k) whitened and flat, (3 n, k), and F (k, m) with their covariance F Fᵀ beside the model.
-
-    Directions that the model owns are left out.
+    Attributes
+    ----------
+    whitened : (3 n, k)
+        In the metric of the noise.
+    inside : (r, k)
+        Their products with the model's basis.
     """
+
+    whitened: Numbers
+    inside: Numbers
+
+    def beside(self, other: Seen) -> Seen:
+        """Give the columns of both."""
+        return Seen(np.hstack([self.whitened, other.whitened]), np.hstack([self.inside, other.inside]))
+
+    @cached_property
+    def gram(self) -> Numbers:
+        """Products with each other, (k, k)."""
+        return np.asarray(self.whitened.T @ self.whitened)
+
+    @property
+    def gram_beyond(self) -> Numbers:
+        """Products with each other of what the model leaves of them, (k, k)."""
+        return np.asarray(self.gram - self.inside.T @ self.inside)
+
+    def score(self, space: Space) -> Numbers:
+        """Give the products with the residual, (k,)."""
+        return np.asarray(self.whitened.T @ space.residual.reshape(-1))
+
+    @cached_property
+    def root(self) -> Numbers:
+        """F (k, m) with the covariance F Fᵀ of coefficients beside the model, without directions that it owns."""
+        unit = independent(self.gram, _DEPENDENT * len(self.gram))
+        owned = self.inside @ unit
+        share, turn = np.linalg.eigh(np.eye(unit.shape[1]) - owned.T @ owned)
+        is_seen = share > OWNED
+        return np.asarray(unit @ turn[:, is_seen] / np.sqrt(share[is_seen]))
+
+    def estimate(self, space: Space) -> tuple[Numbers, Numbers]:
+        """Give the coefficients (k,) and the gain; directions that the model owns are left at 0."""
+        along = self.root.T @ self.score(space)
+        return self.root @ along, np.asarray((along**2).sum())
+
+
+def seen(space: Space, raw: Numbers) -> Seen:
+    """Whiten columns (n, 3, k), and multiply them with the model's basis."""
     whitened = space.noise.whiten(raw).reshape(-1, raw.shape[2])
-    return whitened, _root(*_products(space, whitened))
+    basis = space.basis.reshape(len(whitened), -1)
+    return Seen(whitened, _core.products_of_columns(basis, np.ascontiguousarray(whitened.T)).T)
+
+
+def off_model(space: Space, raw: Numbers) -> Numbers:
+    """Whiten a column (n, 3) and take off what the model can do."""
+    one = seen(space, raw[:, :, None])
+    basis = space.basis.reshape(len(one.whitened), -1)
+    return np.asarray((one.whitened[:, 0] - basis @ one.inside[:, 0]).reshape(raw.shape))
 
 
 def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
@@ -156,34 +201,20 @@ def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
 
     Directions that the model owns are left at 0.
     """
-    whitened, root = determined(space, raw)
-    along = root.T @ (whitened.T @ space.residual.reshape(-1))
-    return root @ along, root, np.asarray((along**2).sum())
+    own = seen(space, raw)
+    coefficients, gain = own.estimate(space)
+    return coefficients, own.root, gain
 
 
 def not_determined(space: Space, raw: Numbers) -> np.ndarray:
     """Tell which coefficients (k,) of columns (n, 3, k) the model can take over, in part at least: any will do."""
-    gram, inside = _products(space, space.noise.whiten(raw).reshape(-1, raw.shape[2]))
-    size = lengths(gram)
-    value, vector = np.linalg.eigh((gram - inside.T @ inside) / np.outer(size, size))
+    own = seen(space, raw)
+    size = lengths(own.gram)
+    value, vector = np.linalg.eigh(own.gram_beyond / np.outer(size, size))
     # A direction is open as far as what is left of its columns is less than a share of what they are.
-    whole = np.einsum("ij,ik,kj->j", vector, gram / np.outer(size, size), vector)
+    whole = np.einsum("ij,ik,kj->j", vector, own.gram / np.outer(size, size), vector)
     is_open = value <= OWNED * np.maximum(whole, _DEPENDENT)
     return np.asarray((np.abs(vector[:, is_open]) > _A_PART).any(axis=1))
-
-
-def _products(space: Space, whitened: Numbers) -> tuple[Numbers, Numbers]:
-    """Give products of whitened columns (3 n, k) with each other (k, k) and with the model's basis (r, k)."""
-    return whitened.T @ whitened, space.basis.reshape(len(whitened), -1).T @ whitened
-
-
-def _root(gram: Numbers, inside: Numbers) -> Numbers:
-    """Give F (k, m) from products of whitened columns with each other (k, k) and with the model's basis (r, k)."""
-    unit = independent(gram, _DEPENDENT * len(gram))
-    owned = inside @ unit
-    share, turn = np.linalg.eigh(np.eye(unit.shape[1]) - owned.T @ owned)
-    seen = share > OWNED
-    return np.asarray(unit @ turn[:, seen] / np.sqrt(share[seen]))
 
 
 def raw_columns(channels: Channels, shapes: Shapes, values: Numbers) -> Numbers:

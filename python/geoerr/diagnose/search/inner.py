@@ -15,8 +15,8 @@ from itertools import product
 import numpy as np
 
 from geoerr.diagnose.candidates import Shapes, is_free
-from geoerr.diagnose.scan import Scanner, estimate, off_model
-from geoerr.diagnose.space import Space
+from geoerr.diagnose.scan import Scanner, seen
+from geoerr.diagnose.space import Space, lengths
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Parameter, Term
 
@@ -44,15 +44,18 @@ class Derived:
         Fall of the sum of squares.
     raw : (n, 3, k + free)
         Columns in units of the stated uncertainties: coefficients, then inner derivatives.
-    beyond : (3 n, k + free)
-        The same, whitened, off the model.
+    gram : (k + free, k + free)
+        Products with each other of what the model leaves of them, whitened.
+    score : (k + free,)
+        Their products with the residual.
     """
 
     inner: tuple[float, ...]
     coefficients: Numbers
     gain: float
     raw: Numbers
-    beyond: Numbers
+    gram: Numbers
+    score: Numbers
 
     @property
     def values(self) -> Numbers:
@@ -61,9 +64,8 @@ class Derived:
 
     def covariance(self) -> Numbers:
         """Give that of coefficients and free inner parameters at once, (k + free, k + free)."""
-        size = _sizes(self.beyond)
-        scaled = self.beyond.T @ self.beyond / np.outer(size, size)
-        return np.asarray(np.linalg.pinv(scaled, rcond=1e-9) / np.outer(size, size))
+        size = lengths(self.gram)
+        return np.asarray(np.linalg.pinv(self.gram / np.outer(size, size), rcond=1e-9) / np.outer(size, size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +108,9 @@ class InnerSearch:
     def derived(self, inner: Sequence[float]) -> Derived:
         """Estimate the term at inner values, and give it with its derivatives by those that are free."""
         raw = self.scanner.raw_columns(self.at([inner]), 0)
-        coefficients, _, gain = estimate(self.space, raw)
-        parts = [raw]
+        own = seen(self.space, raw)
+        coefficients, gain = own.estimate(self.space)
+        slopes = []
         for place in self.free:
             low, high = range_of(self.term.inner[place])
             is_log = self.term.inner[place].spacing == "log"
@@ -115,10 +118,11 @@ class InnerSearch:
             ends = [[*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0)]
             sides = self.at(ends)
             up, down = (self.scanner.raw_columns(sides, side) @ coefficients for side in (0, 1))
-            parts.append(((up - down) / (2.0 * step))[:, :, None])
-        joined = np.concatenate(parts, axis=2)
-        beyond = off_model(self.space, joined).reshape(-1, joined.shape[2])
-        return Derived(tuple(inner), coefficients, float(gain), joined, beyond)
+            slopes.append(((up - down) / (2.0 * step))[:, :, None])
+        if slopes:
+            derivatives = np.concatenate(slopes, axis=2)
+            raw, own = np.concatenate([raw, derivatives], axis=2), own.beside(seen(self.space, derivatives))
+        return Derived(tuple(inner), coefficients, float(gain), raw, own.gram_beyond, own.score(self.space))
 
     def _gains(self, trials: Sequence[Sequence[float]]) -> Numbers:
         return self.scanner.exact(self.at(trials)).gain
@@ -159,9 +163,9 @@ class InnerSearch:
         while True:
             free = [place for place in self.free if place not in held]
             columns = [*range(k), *(k + self.free.index(place) for place in free)]
-            beyond = found.beyond[:, columns]
-            size = _sizes(beyond)
-            step = np.linalg.lstsq(beyond / size, self.space.residual.reshape(-1), rcond=1e-6)[0] / size
+            gram = found.gram[np.ix_(columns, columns)]
+            size = lengths(gram)
+            step = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-12) @ (found.score[columns] / size) / size
             result = [0.0] * len(found.inner)
             for place, value in zip(free, step[k:], strict=True):
                 result[place] = float(value)
@@ -244,10 +248,6 @@ def neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
         return range_of(shapes.term.inner[place])
     at = tried.index(shapes.trials[trial][place])
     return tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
-
-
-def _sizes(columns: Numbers) -> Numbers:
-    return np.asarray(np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300)))
 
 
 def _between(parameter: Parameter, low: float, high: float, n_points: int) -> list[float]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate
-from geoerr.diagnose.null import Null, largest_surprise
+from geoerr.diagnose.null import Null, largest_surprise, p_value_of_all
 from geoerr.diagnose.probes import Probe, shapes_on
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.search.bench import Bench
@@ -36,8 +36,8 @@ class Round:
         Candidates of which the model leaves nothing.
     null
         What chance finds among the candidates.
-    overall
-        What chance finds among candidates and probes together.
+    null_of_probes
+        What it finds among the probes.
     is_halved
         Whether all this has half of the level only, and so p-values twice as large: an axis was asked for its play.
     """
@@ -48,14 +48,18 @@ class Round:
     probes: tuple[Judged, ...]
     invisible: tuple[Candidate, ...]
     null: Null
-    overall: Null
+    null_of_probes: Null
     is_halved: bool = False
 
     @property
     def p_value(self) -> float:
-        """That nothing is missing, for all that was looked at, before any gate: uniform where nothing is."""
-        return self.overall.p_value(
-            max((one.surprise for one in (*self.candidates, *self.probes)), default=-math.inf)
+        """That nothing is missing, for all that was looked at, before any gate: uniform where nothing is.
+
+        Candidates have one half of the level and probes the other, however many there are of each.
+        """
+        halves = (self.null, self.candidates), (self.null_of_probes, self.probes)
+        return p_value_of_all(
+            [(null, max((one.surprise for one in judged), default=-math.inf)) for null, judged in halves]
         )
 
     def p_value_of(self, surprise: float) -> float:
@@ -99,7 +103,7 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
         ]
         # Of equals the one with the least freedom: with more of it, it says the same.
         judged.append(sorted(own, key=lambda one: (-round(one.evidence, 6), freedom_of(one))))
-    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0], _together(nulls))
+    return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0], nulls[1])
 
 
 def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Numbers]:
@@ -121,7 +125,3 @@ def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Nu
             found.append(replace(judged, surprise=wave.surprise, evidence=evidence))
     drawn = np.random.default_rng(_SEED).exponential(size=(max(len(waves), 1), scanner.n_draws))
     return found, np.max(drawn, axis=0) if waves else np.full(scanner.n_draws, -math.inf)
-
-
-def _together(nulls: Sequence[Null]) -> Null:
-    return Null(np.max([one.largest for one in nulls], axis=0))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoerr.diagnose.scan import Scanner, determined
+from geoerr.diagnose.scan import Scanner, seen
 from geoerr.diagnose.search.judged import Judged, freedom_of, price_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, settle
@@ -27,10 +27,10 @@ _CLOSELY = 12
 
 def correlation(first: Settled, other: Judged, scanner: Scanner) -> float:
     """Give the share, as a cosine, of what one candidate explains that another could have explained."""
-    whitened, root = determined(scanner.space, scanner.raw_columns(other.shapes, other.trial))
+    columns = seen(scanner.space, scanner.raw_columns(other.shapes, other.trial))
     flat = first.displacement.reshape(-1)
     size = float(np.linalg.norm(flat))
-    return float(np.linalg.norm(root.T @ (whitened.T @ flat))) / size if size > 0.0 else 0.0
+    return float(np.linalg.norm(columns.root.T @ (columns.whitened.T @ flat))) / size if size > 0.0 else 0.0
 
 
 def vuong(space: Space, first: Numbers, second: Numbers) -> float:

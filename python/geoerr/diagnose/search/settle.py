@@ -57,7 +57,7 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
     if shapes.term is None:
         raw = scanner.raw_columns(shapes, judged.trial)
         coefficients, _, gain = estimate(space, raw)
-        displacement = off_model(space, raw) @ coefficients
+        displacement = off_model(space, raw @ coefficients)
         return Settled(None, shapes, float(gain), raw, displacement, _visible_um(space, displacement), space)
     bounds = {
         place: neighbours(shapes, judged.trial, place)
@@ -135,7 +135,7 @@ def _settled(
     valued = term.with_values(
         found.coefficients.tolist(), found.inner, coefficients_std=std[:k].tolist(), inner_std=std[k:].tolist()
     )
-    displacement = (found.beyond[:, :k] @ found.coefficients).reshape(space.residual.shape)
+    displacement = off_model(space, found.raw[:, :, :k] @ found.coefficients)
     visible_um = _visible_um(space, displacement)
     return Settled(valued, at([found.inner]), found.gain, found.raw, displacement, visible_um, space)
 
