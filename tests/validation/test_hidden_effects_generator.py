@@ -173,6 +173,9 @@ def test_two_at_once_and_off_the_formula() -> None:
     assert [one.axis for one in case.truth] == ["x", "y"]
     assert [one.off_formula for one in case.truth] == [0.0, 0.3]
     assert case.truth[1].off_variable in ("x", "z")
+    # 30 % of what is there is not 30 % of what is seen: along a pass the unevenness hardly changes.
+    assert case.truth[0].visible_off_rms_um == 0.0
+    assert 0.1 < case.truth[1].visible_off_rms_um / case.truth[1].visible_rms_um < 0.5
     alone = [generate(9, "wZbXYt", "mixed", hidden=hidden[:1], strength_um=5.0, n_rows=SMALL)]
     assert alone[0].truth[0] == case.truth[0]
 

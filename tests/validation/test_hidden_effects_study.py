@@ -44,8 +44,10 @@ def finding(
 
 
 def line(truth: list[str | None], found: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
+    seen = {"visible_um": 8.0, "visible_off_um": 3.0}
     known = [
-        {"kind": "k", "name": name, "variables": ["dir_x", "z"], "inner": [], "off_variable": "y"} for name in truth
+        {"kind": "k", "name": name, "variables": ["dir_x", "z"], "inner": [], "off_variable": "y"} | seen
+        for name in truth
     ]
     return {
         "key": "single/k/4/0",

@@ -70,6 +70,8 @@ class TrueEffect:
         The axis along which it is uneven, and how much.
     visible_rms_um, visible_um
         Length over the three components, and by component in base axes, of what nothing absorbs.
+    visible_off_rms_um
+        The same length of its unevenness alone, which may be most of what is seen of it; 0 where it is even.
     explainable_rms_um, raw_rms_um
         Length of what base and poses alone do not absorb, and of the whole displacement.
     """
@@ -86,6 +88,7 @@ class TrueEffect:
     off_formula: float
     visible_rms_um: float
     visible_um: tuple[float, float, float]
+    visible_off_rms_um: float
     explainable_rms_um: float
     raw_rms_um: float
 
@@ -265,9 +268,9 @@ def _scaled(
     if lacking is not None:
         raise CannotCarryError(f"{kind.name} needs {lacking}, which the plan {log.plan.name} has not")
     acting, axis, covariate = acting_of(log, rng, wanted)
-    off_variable = None
+    off_variable, uneven = None, None
     if wanted.off_formula:
-        acting, off_variable = _off(log, rng, acting, kind, wanted.off_formula)
+        acting, uneven, off_variable = _off(log, rng, acting, kind, wanted.off_formula)
     remaining, explainable = scene.projections()
     factor = 1.0
     for _ in range(6):
@@ -280,6 +283,7 @@ def _scaled(
         if abs(_length(visible) / strength_um - 1.0) < _STRENGTH_TOLERANCE:
             break
         factor *= strength_um / _length(visible)
+    visible_off = 0.0 if uneven is None else _length(rms_um(remaining(scene.effect_mm(uneven.scaled(factor)))))
     truth = TrueEffect(
         *(kind.name, kind.effect or None, axis or None, covariate or None),
         parameters={**{name: factor * value for name, value in acting.linear.items()}, **acting.inner},
@@ -290,14 +294,17 @@ def _scaled(
         off_formula=wanted.off_formula,
         visible_rms_um=_length(visible),
         visible_um=(float(visible[0]), float(visible[1]), float(visible[2])),
+        visible_off_rms_um=visible_off,
         explainable_rms_um=_length(rms_um(explainable(effect_mm))),
         raw_rms_um=raw,
     )
     return acting.moved.scaled(factor), truth
 
 
-def _off(log: Log, rng: np.random.Generator, acting: Acting, kind: Kind, share: float) -> tuple[Acting, str]:
-    """Make an effect uneven along an axis that its formula does not have."""
+def _off(
+    log: Log, rng: np.random.Generator, acting: Acting, kind: Kind, share: float
+) -> tuple[Acting, Displacements, str]:
+    """Make an effect uneven along an axis that its formula does not have; give its unevenness alone, and the axis."""
     if not kind.off_axis:
         raise ValueError(f"{kind.name} cannot be made uneven along another axis")
     free = [a for a in range(3) if "xyz"[a] not in "".join(acting.variables)]
@@ -306,8 +313,8 @@ def _off(log: Log, rng: np.random.Generator, acting: Acting, kind: Kind, share: 
     axis = int(rng.choice(free))
     wave = np.sin(0.5 * np.pi * log.share(axis) * rng.uniform(0.8, 1.6) + rng.uniform(-0.5, 0.5))
     wave -= wave.mean()
-    factor = 1.0 + share * wave / np.sqrt(np.mean(wave**2))
-    return replace(acting, moved=acting.moved.times(factor)), "xyz"[axis]
+    uneven = share * wave / np.sqrt(np.mean(wave**2))
+    return replace(acting, moved=acting.moved.times(1.0 + uneven)), acting.moved.times(uneven), "xyz"[axis]
 
 
 def columns_of(log: Log, measured: Array, stated: Array) -> dict[str, Array | list[str]]:

@@ -72,6 +72,15 @@ def further(line: Line) -> list[str]:
     return [one["name"] for one in line["found"][1:] if one["name"] not in truth]
 
 
+def is_mostly_itself(line: Line) -> bool:
+    """Tell whether what can be seen of an uneven effect is more of itself than of its unevenness.
+
+    Offsets and drift may absorb what an effect does everywhere, and leave what it does here and not there.
+    """
+    truth = line["truth"][0]
+    return bool(truth["visible_off_um"] <= 0.5 * truth["visible_um"])
+
+
 def found_both(line: Line) -> bool:
     """Tell whether each of two hidden effects was found, itself or in the tied set of one that was."""
     if line["failed"] or len(line["found"]) < len(line["truth"]):

@@ -73,6 +73,7 @@ def truth_of(case: Case, place: int) -> dict[str, Any]:
         "variables": list(effect.variables),
         "off_variable": effect.off_variable,
         "visible_um": effect.visible_rms_um,
+        "visible_off_um": effect.visible_off_rms_um,
         "raw_um": effect.raw_rms_um,
         "ranges": {axis: list(case.machine.axes[axis].range_mm) for axis in "xyz"},
     }
@@ -103,6 +104,17 @@ def answer_of(diagnosis: Diagnosis) -> dict[str, Any]:
         "unknown": unknown,
         "before_um": document["held_out_rmse_um"],
         "floor_um": document["noise_floor_um"],
+    }
+
+
+def kept(line: dict[str, Any]) -> dict[str, Any]:
+    """Give what the tables read of a set: thousands of lines lie beside them."""
+    if line["failed"]:
+        return line
+    unknown = line["unknown"]
+    return line | {
+        "candidates": [{"name": one["name"], "tied": one["tied"]} for one in line["candidates"]],
+        "unknown": None if unknown is None else {name: unknown[name] for name in ("component", "depends_on")},
     }
 
 
@@ -141,6 +153,15 @@ def without_hidden(case: Case) -> Observations:
     left = case.observations.measured_mm - moved
     columns = [pl.Series(name, left[:, axis]) for axis, name in enumerate(MEASURED)]
     return replace(case.observations, frame=case.observations.frame.with_columns(columns))
+
+
+def rounded(values: Any) -> Any:
+    """Give the same with nine digits of each number."""
+    if isinstance(values, dict):
+        return {name: rounded(value) for name, value in values.items()}
+    if isinstance(values, list | tuple):
+        return [rounded(value) for value in values]
+    return float(f"{values:.9g}") if isinstance(values, float) else values
 
 
 def finite(values: Any) -> Any:

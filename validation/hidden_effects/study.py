@@ -2,7 +2,7 @@
 
     python -m validation.hidden_effects.study                       # everything, on the study's seeds; many hours
     python -m validation.hidden_effects.study --part nulls --seeds 5 --rows 2000 --development
-    python -m validation.hidden_effects.tables validation/hidden_effects.jsonl      # the tables
+    python -m validation.hidden_effects.tables validation/hidden_effects_sets.jsonl      # the tables
 
 Every set is generated, fitted as a user would (21 components, their freedom chosen by the data: `FitOptions()`), and
 diagnosed; it becomes one line of a file of results. A run that was cut goes on where it stopped. Results are the
@@ -29,11 +29,11 @@ from typing import Any, TypeVar
 # Before NumPy is loaded, here and in the processes that are started: sets run beside each other, not threads in one.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from validation.hidden_effects.record import finite, record
+from validation.hidden_effects.record import finite, kept, record, rounded
 from validation.hidden_effects.sets import PARTS, Set, sets_of
 
 T, R = TypeVar("T"), TypeVar("R")
-RESULTS = Path(__file__).parents[1] / "hidden_effects.jsonl"
+RESULTS = Path(__file__).parents[1] / "hidden_effects_sets.jsonl"
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Task:
 
 def run(task: Task) -> dict[str, Any]:
     """Run one set."""
-    line = finite(record(task.one, task.n_rows, is_study=task.is_study))
+    line = rounded(finite(kept(record(task.one, task.n_rows, is_study=task.is_study))))
     return {**line, "n_rows": task.n_rows}
 
 

@@ -1,6 +1,6 @@
 """The tables of the study, from its file of results.
 
-python -m validation.hidden_effects.tables [validation/hidden_effects.jsonl] [-o validation/hidden_effects.md]
+python -m validation.hidden_effects.tables [validation/hidden_effects_sets.jsonl] [-o validation/hidden_effects.md]
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from validation.hidden_effects.judge import (
     further,
     inner_errors,
     is_among_three,
+    is_mostly_itself,
     named,
     told_as_tied,
     unknown_outcome,
@@ -165,9 +166,14 @@ def pairs(lines: Sequence[Line]) -> str:
 
 
 def off_formula(lines: Sequence[Line]) -> str:
-    """Give how effects that are 30 % off their formula were named, and what became of the rest."""
+    """Give how effects that are 30 % off their formula were named, and what became of the rest.
+
+    Seen as uneven: more than half of what nothing absorbs is the unevenness.
+    """
     rows = []
-    for kind, own in [("all", [*lines]), *_by(lines, "cell").items()]:
+    itself, uneven = ([one for one in lines if is_mostly_itself(one) == wanted] for wanted in (True, False))
+    groups = {"all": [*lines], "all that are seen as themselves": itself, "all that are seen as uneven": uneven}
+    for kind, own in [*groups.items(), *_by(lines, "cell").items()]:
         count, n = Counter(map(named, own)), len(own)
         right = sum(count[one] for one in RIGHT)
         rest = [one for one in own if one["unknown"] is not None and one["found"]]
