@@ -137,7 +137,7 @@ def test_estimate_is_that_of_least_squares() -> None:
     shapes = next(one for one in candidates if one.effect.id == "thermal-expansion").shapes[0]
     raw = scanner.raw_columns(shapes, 0)
     coefficients, root, gain = estimate(space, raw)
-    beyond = np.column_stack([off_model(space, column).reshape(-1) for column in np.moveaxis(raw, 2, 0)])
+    beyond = off_model(space, raw).reshape(-1, raw.shape[2])
     expected = np.linalg.lstsq(beyond, space.residual.reshape(-1), rcond=None)[0]
     assert coefficients == pytest.approx(expected, rel=1e-6)
     assert root @ root.T == pytest.approx(np.linalg.inv(beyond.T @ beyond), rel=1e-6)

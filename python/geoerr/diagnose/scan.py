@@ -190,10 +190,10 @@ def seen(space: Space, raw: Numbers) -> Seen:
 
 
 def off_model(space: Space, raw: Numbers) -> Numbers:
-    """Whiten a column (n, 3) and take off what the model can do."""
-    one = seen(space, raw[:, :, None])
-    basis = space.basis.reshape(len(one.whitened), -1)
-    return np.asarray((one.whitened[:, 0] - basis @ one.inside[:, 0]).reshape(raw.shape))
+    """Whiten columns, (n, 3) or (n, 3, k), and take off what the model can do."""
+    own = seen(space, raw.reshape(*raw.shape[:2], -1))
+    basis = space.basis.reshape(len(own.whitened), -1)
+    return np.asarray((own.whitened - basis @ own.inside).reshape(raw.shape))
 
 
 def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
