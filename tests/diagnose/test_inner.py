@@ -4,6 +4,7 @@ import numpy as np
 from hidden_machine import machine
 
 from geoerr.diagnose.candidates import is_free
+from geoerr.diagnose.scan import Seen
 from geoerr.diagnose.search.inner import Derived, standard_errors
 from geoerr.effects import catalogue
 
@@ -16,7 +17,9 @@ def test_a_valley_that_explains_as_much_makes_a_value_uncertain() -> None:
     here, there = ((6.0, *centre) for centre in ((130.0, 250.0), (90.0, 220.0)))
 
     def end(inner: tuple[float, ...], gain: float) -> Derived:
-        return Derived(inner, np.array([1.0]), gain, np.zeros((4, 3, n)), 0.25 * np.eye(n), np.zeros(n))
+        return Derived(
+            inner, np.array([1.0]), gain, np.zeros((4, 3, n)), Seen(0.5 * np.eye(12)[:, :n], np.zeros((1, n)))
+        )
 
     alike, unlike = (standard_errors(free, end(here, 500.0), [end(there, gain)]) for gain in (500.0, 400.0))
     np.testing.assert_allclose(alike**2, [4.0, 0.0, 4.0 + 40.0**2 / 2, 4.0 + 30.0**2 / 2])

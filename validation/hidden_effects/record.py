@@ -155,21 +155,12 @@ def without_hidden(case: Case) -> Observations:
     return replace(case.observations, frame=case.observations.frame.with_columns(columns))
 
 
-def rounded(values: Any) -> Any:
-    """Give the same with nine digits of each number."""
+def finite(values: Any, digits: int = 17) -> Any:
+    """Give the same with so many digits of each number, and what is no number as null: JSON has no other."""
     if isinstance(values, dict):
-        return {name: rounded(value) for name, value in values.items()}
-    if isinstance(values, list | tuple):
-        return [rounded(value) for value in values]
-    return float(f"{values:.9g}") if isinstance(values, float) else values
-
-
-def finite(values: Any) -> Any:
-    """Give the same with what is no number as null: JSON has no other."""
-    if isinstance(values, dict):
-        return {key: finite(value) for key, value in values.items()}
+        return {key: finite(value, digits) for key, value in values.items()}
     if isinstance(values, (list, tuple)):
-        return [finite(value) for value in values]
+        return [finite(value, digits) for value in values]
     if isinstance(values, (float, np.floating)):
-        return float(values) if np.isfinite(values) else None
+        return float(f"{values:.{digits}g}") if np.isfinite(values) else None
     return values

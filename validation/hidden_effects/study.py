@@ -29,11 +29,13 @@ from typing import Any, TypeVar
 # Before NumPy is loaded, here and in the processes that are started: sets run beside each other, not threads in one.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from validation.hidden_effects.record import finite, kept, record, rounded
+from validation.hidden_effects.record import finite, kept, record
 from validation.hidden_effects.sets import PARTS, Set, sets_of
 
 T, R = TypeVar("T"), TypeVar("R")
 RESULTS = Path(__file__).parents[1] / "hidden_effects_sets.jsonl"
+# Of each number of a line: thousands lie beside the tables.
+_DIGITS = 9
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Task:
 
 def run(task: Task) -> dict[str, Any]:
     """Run one set."""
-    line = rounded(finite(kept(record(task.one, task.n_rows, is_study=task.is_study))))
+    line = finite(kept(record(task.one, task.n_rows, is_study=task.is_study)), _DIGITS)
     return {**line, "n_rows": task.n_rows}
 
 

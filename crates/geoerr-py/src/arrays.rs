@@ -1,12 +1,21 @@
 //! NumPy arrays as the plain slices that the core takes, and back, without copies.
 
+use numpy::ndarray::Dimension;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
+    PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use crate::errors::CoreError;
+
+/// The numbers of an array in C's order; `as_slice` alone would take Fortran's too, and mix up rows and columns.
+pub fn contiguous<'a, T: Element, D: Dimension>(
+    array: &'a PyReadonlyArray<'_, T, D>,
+    refused: impl FnOnce() -> CoreError,
+) -> Result<&'a [T], CoreError> {
+    array.as_slice().ok().filter(|_| array.is_c_contiguous()).ok_or_else(refused)
+}
 
 /// The rows of a contiguous (n, K) array.
 pub fn rows<'a, const K: usize>(
@@ -27,11 +36,10 @@ pub fn rows_of<'a, T: numpy::Element, const K: usize>(
             8 * size_of::<T>()
         ))
     };
-    // `as_slice` would take Fortran's order too, and mix up rows and columns.
-    if array.shape()[1] != K || !array.is_c_contiguous() {
+    if array.shape()[1] != K {
         return Err(refused());
     }
-    Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<K>().0)
+    Ok(contiguous(array, refused)?.as_chunks::<K>().0)
 }
 
 /// The matrices of a contiguous (n, K, K) array.
@@ -41,10 +49,10 @@ pub fn matrices<'a, const K: usize>(
 ) -> Result<&'a [[[f64; K]; K]], CoreError> {
     let refused =
         || CoreError::shape(format!("{name} must be a C-contiguous (n, {K}, {K}) array of float64"));
-    if array.shape()[1..] != [K, K] || !array.is_c_contiguous() {
+    if array.shape()[1..] != [K, K] {
         return Err(refused());
     }
-    Ok(array.as_slice().map_err(|_| refused())?.as_chunks::<K>().0.as_chunks::<K>().0)
+    Ok(contiguous(array, refused)?.as_chunks::<K>().0.as_chunks::<K>().0)
 }
 
 /// The numbers of a contiguous (n,) array.

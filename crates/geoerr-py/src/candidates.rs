@@ -3,13 +3,14 @@
 use geoerr_core::candidates::{Column, Formula, Group, Noise, Scanned, Scene, Sources, scan};
 use geoerr_core::expression::Rows;
 use geoerr_core::least_squares::Real;
+use numpy::ndarray::Dimension;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
+    PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
-use crate::arrays::{from_numbers, numbers};
+use crate::arrays::{contiguous, from_numbers, numbers};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::expression::{PyExpression, places};
@@ -48,7 +49,7 @@ fn three<T>(array: &PyReadonlyArray2<'_, T>, name: &str) -> Result<[Vec<T>; 3], 
 where
     T: Copy + numpy::Element,
 {
-    let all = contiguous(array.as_slice().ok(), array.is_c_contiguous(), name)?;
+    let all = named(array, name)?;
     if array.shape()[0] != 3 {
         return Err(CoreError::shape(format!("{name} must have three rows")));
     }
@@ -56,8 +57,11 @@ where
     Ok([0, 1, 2].map(|c| all[c * n..(c + 1) * n].to_vec()))
 }
 
-fn contiguous<'a, T>(slice: Option<&'a [T]>, is_c: bool, name: &str) -> Result<&'a [T], CoreError> {
-    slice.filter(|_| is_c).ok_or_else(|| CoreError::shape(format!("{name} must be a C-contiguous array")))
+fn named<'a, T: Element, D: Dimension>(
+    array: &'a PyReadonlyArray<'_, T, D>,
+    name: &str,
+) -> Result<&'a [T], CoreError> {
+    contiguous(array, || CoreError::shape(format!("{name} must be a C-contiguous array")))
 }
 
 fn made<T: Real + numpy::Element>(
@@ -66,7 +70,7 @@ fn made<T: Real + numpy::Element>(
     directions: &[[Vec<f64>; 3]],
     noise: Noise,
 ) -> Result<Scene<T>, CoreError> {
-    let all = contiguous(whitened.as_slice().ok(), whitened.is_c_contiguous(), "whitened columns")?;
+    let all = named(whitened, "whitened columns")?;
     let [three, n_rows, width] = [whitened.shape()[0], whitened.shape()[1], whitened.shape()[2]];
     if three != 3 || width <= n_basis {
         return Err(CoreError::shape("whitened columns must be (3, n, n_basis + 1 + n_draws)"));
@@ -91,7 +95,7 @@ impl PyCandidateScene {
         session_starts: PyReadonlyArray1<'_, i64>,
         less_one: Vec<Vec<PyReadonlyArray2<'_, f64>>>,
     ) -> PyResult<Self> {
-        let all = contiguous(directions.as_slice().ok(), directions.is_c_contiguous(), "directions")?;
+        let all = named(&directions, "directions")?;
         let [n_channels, components, n_rows] =
             [directions.shape()[0], directions.shape()[1], directions.shape()[2]];
         if components != 3 {
@@ -178,14 +182,14 @@ impl PyCandidateScene {
 }
 
 fn rows_of<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> Result<Vec<&'a [f64]>, CoreError> {
-    let all = contiguous(array.as_slice().ok(), array.is_c_contiguous(), name)?;
+    let all = named(array, name)?;
     let n = array.shape()[1];
     Ok((0..array.shape()[0]).map(|row| &all[row * n..(row + 1) * n]).collect())
 }
 
 fn group_of(arrays: &GroupArrays<'_>) -> Result<Group, CoreError> {
     let (functions, channels, factors, coefficients, n_coefficients) = arrays;
-    let all = contiguous(functions.as_slice().ok(), functions.is_c_contiguous(), "functions")?;
+    let all = named(functions, "functions")?;
     let place = |&value: &i64| {
         usize::try_from(value).map_err(|_| CoreError::shape(format!("function {value} is negative")))
     };

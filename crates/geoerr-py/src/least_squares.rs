@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use geoerr_core::least_squares::{
-    Blocks, Design, Fit, LeastSquaresError, Matrix, Method, Options, Restriction, Solution,
-    add_product_of_rows, fit, leave_blocks_out, orthonormal,
+    Blocks, Design, Fit, LeastSquaresError, Matrix, Method, Options, Restriction, Solution, StridedRows, fit,
+    leave_blocks_out, orthonormal,
 };
 use numpy::npyffi::types::NPY_ORDER;
 use numpy::{
@@ -14,7 +14,7 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{from_numbers, numbers};
+use crate::arrays::{contiguous, from_numbers, numbers};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 
@@ -276,43 +276,32 @@ fn py_orthonormal_columns<'py>(
     threads: usize,
 ) -> PyResult<Array2<'py>> {
     let refused = || CoreError::shape("a must be a C-contiguous (n, k) array of float64");
-    let rows = a.as_slice().ok().filter(|_| a.is_c_contiguous()).ok_or_else(refused)?;
+    let rows = contiguous(&a, refused)?;
     let [n_rows, n_columns] = [a.shape()[0], a.shape()[1]];
     let (found, count) = enter_core(py, threads, || orthonormal(rows, n_columns))?;
     found.into_pyarray(py).reshape([n_rows, count])
 }
 
-/// Rows that are multiplied at once: their columns stay in the cache.
-const ROWS_AT_ONCE: usize = 512;
-
-/// `aᵀ b` of a wide `a` (n, r) and a few columns `b`, given one after the other (k, n): (k, r).
+/// `aᵀ b` of rows `a` (n, r) and `b` (n, k), as (k, r).
 #[pyfunction]
 #[pyo3(name = "products_of_columns")]
 fn py_products_of_columns<'py>(
     py: Python<'py>,
     a: PyReadonlyArray2<'py, f64>,
     b: PyReadonlyArray2<'py, f64>,
+    threads: usize,
 ) -> PyResult<Array2<'py>> {
-    let refused = || CoreError::shape("a must be a C-contiguous (n, r), b a (k, n) array of float64");
-    let [n_rows, width] = [a.shape()[0], a.shape()[1]];
-    let rows = a.as_slice().ok().filter(|_| a.is_c_contiguous()).ok_or_else(refused)?;
-    let columns =
-        b.as_slice().ok().filter(|_| b.is_c_contiguous() && b.shape()[1] == n_rows).ok_or_else(refused)?;
-    let n_columns = b.shape()[0];
-    let sums = enter_core(py, 1, || {
-        let mut sums = vec![0.0; n_columns * width];
-        let mut part = Vec::new();
-        for start in (0..n_rows).step_by(ROWS_AT_ONCE) {
-            let end = (start + ROWS_AT_ONCE).min(n_rows);
-            part.clear();
-            for column in columns.chunks_exact(n_rows) {
-                part.extend_from_slice(&column[start..end]);
-            }
-            add_product_of_rows(&mut sums, &part, &rows[start * width..end * width], end - start);
-        }
-        Ok::<_, CoreError>(sums)
-    })?;
-    sums.into_pyarray(py).reshape([n_columns, width])
+    let refused = || CoreError::shape("a and b must be C-contiguous (n, r) and (n, k) arrays of float64");
+    let n_rows = a.shape()[0];
+    if b.shape()[0] != n_rows {
+        return Err(refused().into());
+    }
+    let [width, n_columns] = [a.shape()[1], b.shape()[1]];
+    let (a, b) = (contiguous(&a, refused)?, contiguous(&b, refused)?);
+    let a = StridedRows::new(a, 0, width, width, n_rows);
+    let b = StridedRows::new(b, 0, n_columns, n_columns, n_rows);
+    let products = enter_core(py, threads, || Ok::<_, CoreError>(a.transposed_product(&b)))?;
+    products.as_slice().to_vec().into_pyarray(py).reshape([n_columns, width])
 }
 
 /// Adds this file's class and functions to the module.

@@ -8,7 +8,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use crate::arrays::{from_numbers, numbers, rows};
+use crate::arrays::{contiguous, from_numbers, numbers, rows};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::expression::places;
@@ -30,10 +30,10 @@ type Array2<'py> = Bound<'py, PyArray2<f64>>;
 /// The numbers of a (n, 3, m) array, and m.
 fn three_wide<'a>(array: &'a PyReadonlyArray3<'_, f64>, name: &str) -> Result<(&'a [f64], usize), CoreError> {
     let refused = || CoreError::shape(format!("{name} must be a C-contiguous (n, 3, m) array of float64"));
-    if array.shape()[1] != 3 || !array.is_c_contiguous() {
+    if array.shape()[1] != 3 {
         return Err(refused());
     }
-    Ok((array.as_slice().map_err(|_| refused())?, array.shape()[2]))
+    Ok((contiguous(array, refused)?, array.shape()[2]))
 }
 
 fn logs_of(array: &PyReadonlyArray2<'_, f64>) -> Result<[Logs; 3], CoreError> {
@@ -109,7 +109,7 @@ impl PyNoiseBlocks {
         let (numbers, width) = three_wide(&values, "values")?;
         let n = values.shape()[0];
         let refused = || CoreError::shape("unit must be a C-contiguous (3, n) array of float64");
-        let all = unit.as_slice().ok().filter(|_| unit.is_c_contiguous()).ok_or_else(refused)?;
+        let all = contiguous(&unit, refused)?;
         if unit.shape() != [3, n] {
             return Err(refused().into());
         }
@@ -117,7 +117,7 @@ impl PyNoiseBlocks {
             let matrix = |array: &PyReadonlyArray2<'_, f64>| {
                 let refused = || CoreError::shape("T − I must be C-contiguous square matrices");
                 let n = array.shape()[0];
-                let values = array.as_slice().ok().filter(|_| array.is_c_contiguous()).ok_or_else(refused)?;
+                let values = contiguous(array, refused)?;
                 Matrix::from_columns(n, n, values.to_vec()).ok_or_else(refused)
             };
             of_component.iter().map(matrix).collect::<Result<Vec<_>, _>>()

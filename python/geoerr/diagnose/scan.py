@@ -176,24 +176,41 @@ class Seen:
         is_seen = share > OWNED
         return np.asarray(unit @ turn[:, is_seen] / np.sqrt(share[is_seen]))
 
+    @property
+    def is_open(self) -> np.ndarray:
+        """Whether the model can take over a coefficient (k,), in part at least: any will do."""
+        size = lengths(self.gram)
+        value, vector = np.linalg.eigh(self.gram_beyond / np.outer(size, size))
+        # A direction is open as far as what is left of its columns is less than a share of what they are.
+        whole = np.einsum("ij,ik,kj->j", vector, self.gram / np.outer(size, size), vector)
+        is_open = value <= OWNED * np.maximum(whole, _DEPENDENT)
+        return np.asarray((np.abs(vector[:, is_open]) > _A_PART).any(axis=1))
+
+    def first(self, k: int) -> Seen:
+        """Give the first columns."""
+        return Seen(self.whitened[:, :k], self.inside[:, :k])
+
     def estimate(self, space: Space) -> tuple[Numbers, Numbers]:
         """Give the coefficients (k,) and the gain; directions that the model owns are left at 0."""
         along = self.root.T @ self.score(space)
         return self.root @ along, np.asarray((along**2).sum())
+
+    def beyond(self, space: Space, coefficients: Numbers) -> Numbers:
+        """Give what the model leaves of the columns times coefficients, (k,) or (k, m): (3 n,) or (3 n, m)."""
+        basis = space.basis.reshape(len(self.whitened), -1)
+        return np.asarray(self.whitened @ coefficients - basis @ (self.inside @ coefficients))
 
 
 def seen(space: Space, raw: Numbers) -> Seen:
     """Whiten columns (n, 3, k), and multiply them with the model's basis."""
     whitened = space.noise.whiten(raw).reshape(-1, raw.shape[2])
     basis = space.basis.reshape(len(whitened), -1)
-    return Seen(whitened, _core.products_of_columns(basis, np.ascontiguousarray(whitened.T)).T)
+    return Seen(whitened, _core.products_of_columns(basis, whitened, 1).T)
 
 
 def off_model(space: Space, raw: Numbers) -> Numbers:
-    """Whiten columns, (n, 3) or (n, 3, k), and take off what the model can do."""
-    own = seen(space, raw.reshape(*raw.shape[:2], -1))
-    basis = space.basis.reshape(len(own.whitened), -1)
-    return np.asarray((own.whitened - basis @ own.inside).reshape(raw.shape))
+    """Whiten columns (n, 3, k) and take off what the model can do."""
+    return seen(space, raw).beyond(space, np.eye(raw.shape[2])).reshape(raw.shape)
 
 
 def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
@@ -204,17 +221,6 @@ def estimate(space: Space, raw: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     own = seen(space, raw)
     coefficients, gain = own.estimate(space)
     return coefficients, own.root, gain
-
-
-def not_determined(space: Space, raw: Numbers) -> np.ndarray:
-    """Tell which coefficients (k,) of columns (n, 3, k) the model can take over, in part at least: any will do."""
-    own = seen(space, raw)
-    size = lengths(own.gram)
-    value, vector = np.linalg.eigh(own.gram_beyond / np.outer(size, size))
-    # A direction is open as far as what is left of its columns is less than a share of what they are.
-    whole = np.einsum("ij,ik,kj->j", vector, own.gram / np.outer(size, size), vector)
-    is_open = value <= OWNED * np.maximum(whole, _DEPENDENT)
-    return np.asarray((np.abs(vector[:, is_open]) > _A_PART).any(axis=1))
 
 
 def raw_columns(channels: Channels, shapes: Shapes, values: Numbers) -> Numbers:

@@ -47,9 +47,8 @@ impl<T: Real + FftNum> WaveOperands<T> {
         let (channels, pairs) = used_channels(groups, pieces);
         let spectrum = Spectrum::new(&family.turns, family.highest);
         let white = white(scene, family, &harmonics, &pairs);
-        let together = with_blocks(scene, family, &harmonics, &channels, white.clone());
-        let channels = (channels.into_par_iter())
-            .map(|channel| {
+        let of_channels = (channels.par_iter())
+            .map(|&channel| {
                 let products =
                     spectrum.sums(scene.width(), &harmonics, |own, row| scene.add_operand(own, channel, row));
                 let own = white.iter().find(|one| one.0 == [channel; 2]);
@@ -57,7 +56,8 @@ impl<T: Real + FftNum> WaveOperands<T> {
                 (channel, OfChannel { products, is_seen })
             })
             .collect();
-        Self { harmonics, channels, together }
+        let together = with_blocks(scene, family, &harmonics, &channels, white);
+        Self { harmonics, channels: of_channels, together }
     }
 
     /// Sums everything that a tile needs.

@@ -30,7 +30,7 @@ impl Rows {
         self.values.resize(n_rows * width, 0.0);
     }
 
-    pub(super) fn row(&self, row: usize) -> &[f64] {
+    fn row(&self, row: usize) -> &[f64] {
         &self.values[row * self.width..(row + 1) * self.width]
     }
 

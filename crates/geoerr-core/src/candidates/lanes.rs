@@ -51,7 +51,7 @@ pub(super) fn add_products<T: Real>(target: &mut [T], a: &[T], b: &[T]) {
 
 /// [`add_scaled`] inside a loop that is compiled for wide registers.
 #[inline(always)]
-pub(super) fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
+fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     for (value, &add) in target.iter_mut().zip(from) {
         *value += scale * add;
     }

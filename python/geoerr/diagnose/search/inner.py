@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 
 from geoerr.diagnose.candidates import Shapes, is_free
-from geoerr.diagnose.scan import Scanner, seen
+from geoerr.diagnose.scan import Scanner, Seen, seen
 from geoerr.diagnose.space import Space, lengths
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Parameter, Term
@@ -44,18 +44,15 @@ class Derived:
         Fall of the sum of squares.
     raw : (n, 3, k + free)
         Columns in units of the stated uncertainties: coefficients, then inner derivatives.
-    gram : (k + free, k + free)
-        Products with each other of what the model leaves of them, whitened.
-    score : (k + free,)
-        Their products with the residual.
+    seen
+        The same as the space sees them.
     """
 
     inner: tuple[float, ...]
     coefficients: Numbers
     gain: float
     raw: Numbers
-    gram: Numbers
-    score: Numbers
+    seen: Seen
 
     @property
     def values(self) -> Numbers:
@@ -64,8 +61,9 @@ class Derived:
 
     def covariance(self) -> Numbers:
         """Give that of coefficients and free inner parameters at once, (k + free, k + free)."""
-        size = lengths(self.gram)
-        return np.asarray(np.linalg.pinv(self.gram / np.outer(size, size), rcond=1e-9) / np.outer(size, size))
+        gram = self.seen.gram_beyond
+        size = lengths(gram)
+        return np.asarray(np.linalg.pinv(gram / np.outer(size, size), rcond=1e-9) / np.outer(size, size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +120,7 @@ class InnerSearch:
         if slopes:
             derivatives = np.concatenate(slopes, axis=2)
             raw, own = np.concatenate([raw, derivatives], axis=2), own.beside(seen(self.space, derivatives))
-        return Derived(tuple(inner), coefficients, float(gain), raw, own.gram_beyond, own.score(self.space))
+        return Derived(tuple(inner), coefficients, float(gain), raw, own)
 
     def _gains(self, trials: Sequence[Sequence[float]]) -> Numbers:
         return self.scanner.exact(self.at(trials)).gain
@@ -160,12 +158,13 @@ class InnerSearch:
     def _step(self, found: Derived) -> list[float]:
         """Give the step of Gauss and Newton; a parameter that would leave its range from its end stays there."""
         k, held = len(found.coefficients), set[int]()
+        whole, score = found.seen.gram_beyond, found.seen.score(self.space)
         while True:
             free = [place for place in self.free if place not in held]
             columns = [*range(k), *(k + self.free.index(place) for place in free)]
-            gram = found.gram[np.ix_(columns, columns)]
+            gram = whole[np.ix_(columns, columns)]
             size = lengths(gram)
-            step = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-12) @ (found.score[columns] / size) / size
+            step = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-12) @ (score[columns] / size) / size
             result = [0.0] * len(found.inner)
             for place, value in zip(free, step[k:], strict=True):
                 result[place] = float(value)

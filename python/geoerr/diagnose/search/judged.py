@@ -12,7 +12,7 @@ from geoerr.diagnose.candidates import Candidate, Shapes, is_free
 from geoerr.diagnose.noise import NoiseModel
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
-from geoerr.diagnose.scan import Scanned, Scanner, estimate, not_determined
+from geoerr.diagnose.scan import Scanned, Scanner, seen
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
@@ -131,14 +131,14 @@ def is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
     ]
     if not any(signs):
         return True
-    raw = scanner.raw_columns(judged.shapes, judged.trial)
-    values, _, _ = estimate(space, raw)
+    own = seen(space, scanner.raw_columns(judged.shapes, judged.trial))
+    values, _ = own.estimate(space)
     # Corners of an affine parameter share a coefficient: their weights add up to it.
     is_wrong = np.asarray(values.reshape(-1, len(signs)).sum(axis=0) * signs < 0.0)
     if not is_wrong.any():
         return True
     # What the data leave open may have the right sign.
-    may_be_any = np.asarray(not_determined(space, raw).reshape(-1, len(signs)).any(axis=0))
+    may_be_any = np.asarray(own.is_open.reshape(-1, len(signs)).any(axis=0))
     return bool(may_be_any[is_wrong].all())
 
 

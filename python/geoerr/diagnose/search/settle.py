@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Formulas, Shapes, is_free
-from geoerr.diagnose.scan import Scanner, estimate, not_determined, off_model
+from geoerr.diagnose.scan import Scanner, seen
 from geoerr.diagnose.search.inner import InnerSearch, around, neighbours, standard_errors
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.space import Space
@@ -56,8 +56,9 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
     shapes = judged.shapes
     if shapes.term is None:
         raw = scanner.raw_columns(shapes, judged.trial)
-        coefficients, _, gain = estimate(space, raw)
-        displacement = off_model(space, raw @ coefficients)
+        own = seen(space, raw)
+        coefficients, gain = own.estimate(space)
+        displacement = own.beyond(space, coefficients).reshape(space.residual.shape)
         return Settled(None, shapes, float(gain), raw, displacement, _visible_um(space, displacement), space)
     bounds = {
         place: neighbours(shapes, judged.trial, place)
@@ -131,11 +132,12 @@ def _settled(
     found, others = search.best(inner, bounds, refinements)
     k = len(found.coefficients)
     std = standard_errors(search.free, found, others)
-    std[:k][not_determined(space, found.raw[:, :, :k])] = np.nan
+    own = found.seen.first(k)
+    std[:k][own.is_open] = np.nan
     valued = term.with_values(
         found.coefficients.tolist(), found.inner, coefficients_std=std[:k].tolist(), inner_std=std[k:].tolist()
     )
-    displacement = off_model(space, found.raw[:, :, :k] @ found.coefficients)
+    displacement = own.beyond(space, found.coefficients).reshape(space.residual.shape)
     visible_um = _visible_um(space, displacement)
     return Settled(valued, at([found.inner]), found.gain, found.raw, displacement, visible_um, space)
 
