@@ -582,7 +582,6 @@ class FitProblem:
     def triangle(
         self,
         state: FitState,
-        residuals_mm: npt.NDArray[np.float64],
         row_scale: npt.NDArray[np.float64],
         prior: npt.NDArray[np.float64] | None,
         threads: int,

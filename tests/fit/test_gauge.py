@@ -113,11 +113,10 @@ def design_of_li(machine: Machine) -> tuple[Numbers, _core.FitTriangle, Numbers]
         places,
     )
     scale = np.ones(len(sightings))
-    residual = problem.residuals(problem.start, 1)
     design = problem.design(problem.start, scale, 0, len(sightings), 1)
     gauge = np.zeros((24, problem.n_columns))
     gauge[:, : compiled.n_coefficients] = gauge_rows(terms)
-    return design, problem.triangle(problem.start, residual, scale, None, 1), gauge
+    return design, problem.triangle(problem.start, scale, None, 1), gauge
 
 
 def rank_of(design: Numbers) -> int:

@@ -428,29 +428,24 @@ impl PyFitProblem {
         Ok(PyFitState { state })
     }
 
-    /// The triangle of the whitened design at a state with the whitened residuals as right-hand side; `prior` (p, n)
-    /// are further rows that hold unknowns near 0.
+    /// The triangle of the whitened design at a state; `prior` (p, n) are further rows that hold unknowns near 0.
     fn triangle<'py>(
         &self,
         py: Python<'py>,
         state: &PyFitState,
-        residuals_mm: PyReadonlyArray2<'py, f64>,
         row_scale: PyReadonlyArray1<'py, f64>,
         prior: Option<PyReadonlyArray2<'py, f64>>,
         threads: usize,
     ) -> PyResult<PyFitTriangle> {
         let (problem, state) = (&self.problem, &state.state);
-        let residuals_mm = rows(&residuals_mm, "residuals_mm")?;
         let row_scale = numbers(&row_scale, "row_scale")?;
-        let width = problem.n_columns() + 1;
         let prior = prior.map(|prior| {
             let prior = prior.as_array();
-            let entry = |row, column| if column < prior.ncols() { prior[[row, column]] } else { 0.0 };
-            Matrix::from_fn(prior.nrows(), width, entry)
+            Matrix::from_fn(prior.nrows(), prior.ncols(), |row, column| prior[[row, column]])
         });
         let triangle = enter_core(py, threads, || {
-            let design = WhitenedDesign::new(problem, state, residuals_mm, row_scale)?;
-            let mut triangle = Triangle::of(&design)?;
+            let design = WhitenedDesign::without_residuals(problem, state, row_scale)?;
+            let mut triangle = Triangle::for_rank(&design, PRACTICAL_RANK)?;
             if let Some(prior) = &prior {
                 triangle.append(prior)?;
             }

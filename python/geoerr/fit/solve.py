@@ -295,7 +295,7 @@ def _gauss_newton(
     state = design_state = start
     residual = problem.residuals(state, threads)
     if of_all is None:
-        triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
+        triangle = problem.triangle(design_state, row_scale, prior, threads)
         unheld = triangle.solve(gauge, threads)
     else:
         triangle, unheld = of_all.triangle, of_all.solution
@@ -309,7 +309,7 @@ def _gauss_newton(
         if not is_linear:
             design_state = state
             if moved > min(_NEAR, _SHORTER * moved_before) or moved < settled < moved_in_all:
-                triangle = problem.triangle(design_state, residual, row_scale, prior, threads)
+                triangle = problem.triangle(design_state, row_scale, prior, threads)
                 unheld, moved_in_all = triangle.solve(gauge, threads), 0.0
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
@@ -371,7 +371,7 @@ def _first_order(
     threads: int,
 ) -> _Iterated:
     residual = problem.residuals(start, threads)
-    triangle = problem.triangle(start, residual, row_scale, prior, threads)
+    triangle = problem.triangle(start, row_scale, prior, threads)
     solution = triangle.solve(gauge, threads)
     gradient = problem.gradient(start, residual, row_scale, threads)
     if prior is not None:

@@ -81,7 +81,7 @@ pub fn fit<D: Design + ?Sized>(design: &D, options: &Options, method: Method) ->
 }
 
 /// `[A | b]ᵀ [A | b]`, block by block, summed in a fixed tree; not finite where an entry is not.
-fn gram_of<D: Design + ?Sized>(design: &D) -> Result<Matrix, D::Error> {
+pub(super) fn gram_of<D: Design + ?Sized>(design: &D) -> Result<Matrix, D::Error> {
     let n = design.n_columns() + design.n_rhs();
     let blocks = design.blocks();
     let spares = Spares::default();
@@ -100,7 +100,7 @@ fn gram_of<D: Design + ?Sized>(design: &D) -> Result<Matrix, D::Error> {
     Ok(whole)
 }
 
-fn sum(mut left: Matrix, right: Matrix) -> Matrix {
+pub(super) fn sum(mut left: Matrix, right: Matrix) -> Matrix {
     left.as_mut_slice().iter_mut().zip(right.as_slice()).for_each(|(left, right)| *left += right);
     left
 }

@@ -15,6 +15,7 @@ mod matrix;
 mod null_space;
 mod orthonormal;
 mod products;
+mod quick_triangle;
 mod rank;
 mod registers;
 mod restriction;

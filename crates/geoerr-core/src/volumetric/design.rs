@@ -12,37 +12,44 @@ const BLOCK_WIDTHS: usize = 4;
 /// A block has at least so many rows: fewer do not pay for handing them to a thread.
 const LEAST_BLOCK: usize = 768;
 
-/// Whitened design of a problem at a state, with the whitened residuals as its right-hand side.
+/// Whitened design of a problem at a state, with the whitened residuals as its right-hand side or without.
 ///
 /// Rows of the system are three numbers for each sighting.
 #[derive(Debug)]
 pub struct WhitenedDesign<'a> {
     block: Block<'a>,
-    whitened: Vec<[f64; 3]>,
+    whitened: Option<Vec<[f64; 3]>>,
     row_scale: &'a [f64],
     /// Order of the sightings in the system.
     order: Vec<usize>,
 }
 
 impl<'a> WhitenedDesign<'a> {
-    /// The system at `state`; each sighting counts with its `row_scale` (0 leaves it out).
+    /// The design at `state`, without a right-hand side; each sighting counts with its `row_scale` (0 leaves it out).
     ///
     /// # Errors
     /// [`VolumetricError::Length`], [`VolumetricError::Expression`].
-    pub fn new(
+    pub fn without_residuals(
         problem: &'a Problem,
         state: &'a State,
-        residuals_mm: &[[f64; 3]],
         row_scale: &'a [f64],
     ) -> Result<Self, VolumetricError> {
-        let needed = problem.n_rows();
-        Self::in_order(problem, state, residuals_mm, row_scale, (0..needed).collect())
+        let (found, needed) = (row_scale.len(), problem.n_rows());
+        if found != needed {
+            return Err(VolumetricError::Length { what: "row_scale", found, needed });
+        }
+        Ok(Self {
+            block: problem.blocks(state)?,
+            whitened: None,
+            row_scale,
+            order: (0..needed).collect(),
+        })
     }
 
     /// The system of some sightings in another order, for leaving blocks of them out.
     ///
     /// # Errors
-    /// As [`WhitenedDesign::new`], and where the order names sightings that there are not.
+    /// As [`WhitenedDesign::without_residuals`], and where the order names sightings that there are not.
     pub fn in_order(
         problem: &'a Problem,
         state: &'a State,
@@ -63,7 +70,7 @@ impl<'a> WhitenedDesign<'a> {
         for (row, scale) in whitened.iter_mut().zip(row_scale) {
             *row = row.map(|value| value * scale);
         }
-        Ok(Self { block: problem.blocks(state)?, whitened, row_scale, order })
+        Ok(Self { block: problem.blocks(state)?, whitened: Some(whitened), row_scale, order })
     }
 
     /// Cuts of the system after so many sightings each.
@@ -87,6 +94,10 @@ impl Design for WhitenedDesign<'_> {
         self.block.n_columns()
     }
 
+    fn n_rhs(&self) -> usize {
+        usize::from(self.whitened.is_some())
+    }
+
     fn n_together(&self) -> usize {
         NUMBERS_OF_A_ROW
     }
@@ -97,8 +108,10 @@ impl Design for WhitenedDesign<'_> {
         let (columns, rhs) = block.as_mut_slice().split_at_mut(height * self.n_columns());
         let sightings = &self.order[sightings];
         self.block.fill(sightings, self.row_scale, columns);
-        for (out, value) in rhs.iter_mut().zip(sightings.iter().flat_map(|&row| self.whitened[row])) {
-            *out = value;
+        if let Some(whitened) = &self.whitened {
+            for (out, value) in rhs.iter_mut().zip(sightings.iter().flat_map(|&row| whitened[row])) {
+                *out = value;
+            }
         }
         Ok(())
     }

@@ -6,5 +6,6 @@ mod leave_out;
 mod nist;
 mod normal_equations;
 mod orthonormal;
+mod quick_triangle;
 mod solution;
 mod triangle;

@@ -1,0 +1,159 @@
+//! A triangle from the Gram matrix: what it tells is what QR tells, and it is not used where it could not.
+
+use geoerr_core::least_squares::{LeastSquaresError, Matrix, Options, Solution, Triangle, design_fn, solve};
+use nalgebra::DMatrix;
+use rayon::ThreadPoolBuilder;
+
+use super::common::{difference, largest, product, to_nalgebra};
+use crate::draws::Draws;
+
+const TOLERANCE: f64 = 1e-5;
+
+/// A design without right-hand sides.
+struct Columns<'a>(&'a Matrix);
+
+impl geoerr_core::least_squares::Design for Columns<'_> {
+    type Error = LeastSquaresError;
+
+    fn n_rows(&self) -> usize {
+        self.0.n_rows()
+    }
+
+    fn n_columns(&self) -> usize {
+        self.0.n_columns()
+    }
+
+    fn n_rhs(&self) -> usize {
+        0
+    }
+
+    fn fill(&self, rows: std::ops::Range<usize>, block: &mut Matrix) -> Result<(), LeastSquaresError> {
+        for column in 0..self.0.n_columns() {
+            block.column_mut(column).copy_from_slice(&self.0.column(column)[rows.clone()]);
+        }
+        Ok(())
+    }
+}
+
+fn both(a: &Matrix) -> [Solution; 2] {
+    let options = Options { rank_tolerance: Some(TOLERANCE), ..Options::default() };
+    let quick = Triangle::for_rank(&Columns(a), TOLERANCE).unwrap();
+    let qr = Triangle::of(&Columns(a)).unwrap();
+    [quick, qr].map(|triangle| solve(&triangle, &options).unwrap())
+}
+
+fn is_quick(a: &Matrix) -> bool {
+    Triangle::for_rank(&Columns(a), TOLERANCE).unwrap() != Triangle::of(&Columns(a)).unwrap()
+}
+
+/// Columns with these singular values, turned at random.
+fn with_singular_values(draws: &mut Draws, m: usize, values: &[f64]) -> Matrix {
+    let n = values.len();
+    let orthonormal = |matrix: &Matrix| to_nalgebra(matrix).qr().q();
+    let (u, v) = (orthonormal(&draws.matrix(m, n)), orthonormal(&draws.matrix(n, n)));
+    let a = u * DMatrix::from_fn(n, n, |i, j| if i == j { values[i] } else { 0.0 }) * v;
+    Matrix::from_columns(m, n, a.as_slice().to_vec()).unwrap()
+}
+
+/// The projector on what is not determined, in units in which columns have length 1.
+fn not_determined(a: &Matrix, solution: &Solution) -> DMatrix<f64> {
+    let lengths: Vec<f64> = (0..a.n_columns()).map(|j| to_nalgebra(a).column(j).norm()).collect();
+    let mut null = to_nalgebra(&solution.null_space);
+    for (mut row, length) in null.row_iter_mut().zip(&lengths) {
+        row *= *length;
+    }
+    let basis = null.qr().q();
+    &basis * basis.transpose()
+}
+
+#[test]
+fn rank_covariance_steps_and_null_space_are_those_of_qr() {
+    let mut draws = Draws::new(11);
+    // κ²ε at the limit of 3·10⁴ is 2·10⁻⁷, a null vector turned by it once more is right to rounding.
+    for (smallest, lost) in [(1.0, 0.0), (1e-2, 0.0), (1e-2, 1e-9), (3e-4, 0.0), (3e-4, 3e-7), (3e-4, 0.0)] {
+        let values = [1.0, 0.8, 0.3, 0.1, 0.1, smallest, lost, lost];
+        let a = with_singular_values(&mut draws, 2500, &values);
+        assert!(is_quick(&a), "{smallest:e} {lost:e}");
+        let [quick, qr] = both(&a);
+        assert_eq!((quick.rank.rank, qr.rank.rank), (6, 6));
+        assert_eq!(quick.is_determined, qr.is_determined);
+        let covariances = [&quick, &qr].map(|one| {
+            let root = to_nalgebra(one.covariance_root());
+            &root * root.transpose()
+        });
+        let relative = (&covariances[0] - &covariances[1]).norm() / covariances[1].norm();
+        assert!(relative < 1e-6 * (1e-4 / smallest).powi(2).max(1e-3), "{smallest:e} {lost:e}: {relative:.1e}");
+        let gradient = product(&a.transposed(), &draws.matrix(2500, 1));
+        let steps = [&quick, &qr].map(|one| one.solve_normal(gradient.as_slice()).unwrap());
+        let size = largest(steps[1].iter().copied());
+        assert!(difference(&steps[0], &steps[1]) < 1e-6 * size, "{smallest:e} {lost:e}");
+        let null = [&quick, &qr].map(|one| not_determined(&a, one));
+        let turned = (&null[0] - &null[1]).norm();
+        assert!(turned < 1e-9, "{smallest:e} {lost:e}: {turned:.1e}");
+        // Where something is lost, its size is known as well as to QR.
+        if lost > 0.0 {
+            assert!((quick.rank.gap / qr.rank.gap - 1.0).abs() < 1e-3, "{} {}", quick.rank.gap, qr.rank.gap);
+        }
+    }
+}
+
+#[test]
+fn what_is_neither_seen_nor_lost_goes_to_qr() {
+    let mut draws = Draws::new(12);
+    for between in [2e-6, 1e-5, 2e-5] {
+        let a = with_singular_values(&mut draws, 900, &[1.0, 0.5, 0.2, between]);
+        assert!(!is_quick(&a), "{between:e}");
+    }
+    // A tolerance below what a Gram matrix tells, and columns whose squares are no numbers.
+    let a = with_singular_values(&mut draws, 900, &[1.0, 0.5, 0.0]);
+    assert_eq!(Triangle::for_rank(&Columns(&a), 1e-8).unwrap(), Triangle::of(&Columns(&a)).unwrap());
+    let sizes = [1e200, 1.0, 1e-200];
+    let a = Matrix::from_fn(600, 3, |_, j| draws.symmetric() * sizes[j]);
+    assert!(!is_quick(&a));
+    let nothing = Matrix::from_fn(600, 3, |_, j| if j == 1 { 0.0 } else { draws.symmetric() });
+    let [quick, _] = both(&nothing);
+    assert_eq!((quick.rank.rank, quick.is_determined), (2, vec![true, false, true]));
+}
+
+#[test]
+fn rows_may_be_appended() {
+    let mut draws = Draws::new(13);
+    let a = with_singular_values(&mut draws, 800, &[1.0, 0.5, 0.2, 0.0]);
+    let prior = draws.matrix(3, 4);
+    let options = Options { rank_tolerance: Some(TOLERANCE), ..Options::default() };
+    let roots = [Triangle::for_rank(&Columns(&a), TOLERANCE), Triangle::of(&Columns(&a))].map(|triangle| {
+        let mut triangle = triangle.unwrap();
+        triangle.append(&prior).unwrap();
+        let solution = solve(&triangle, &options).unwrap();
+        assert_eq!(solution.rank.rank, 4);
+        solution.covariance()
+    });
+    let size = largest(roots[1].as_slice().iter().copied());
+    assert!(difference(roots[0].as_slice(), roots[1].as_slice()) < 1e-10 * size);
+}
+
+#[test]
+fn a_bad_entry_is_named() {
+    let mut a = Draws::new(14).matrix(2000, 3);
+    a[(1234, 1)] = f64::NAN;
+    let error = Triangle::for_rank(&Columns(&a), TOLERANCE).unwrap_err();
+    assert_eq!(error, LeastSquaresError::NonFinite { row: 1234, column: 1 });
+    let with_rhs = design_fn(50, 2, |rows, block| {
+        for (at, row) in rows.enumerate() {
+            (block[(at, 0)], block[(at, 1)], block[(at, 2)]) = (1.0, row as f64, 2.0);
+        }
+        Ok::<(), LeastSquaresError>(())
+    });
+    assert_eq!(Triangle::for_rank(&with_rhs, TOLERANCE).unwrap(), Triangle::of(&with_rhs).unwrap());
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let mut draws = Draws::new(15);
+    let a = with_singular_values(&mut draws, 9000, &[1.0, 0.9, 0.5, 0.1, 0.0, 0.0]);
+    let of = |threads: usize| {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| Triangle::for_rank(&Columns(&a), TOLERANCE).unwrap())
+    };
+    assert_eq!(of(1), of(4));
+}
