@@ -141,9 +141,11 @@ def _volume(rng: np.random.Generator, machine: Machine, n_rows: int, *, is_relat
     for session, share in enumerate(np.array_split(np.arange(n_lines - n_repeated), n_sessions)):
         runs = [_random_line(rng, machine, session, f"L{line}", n_points) for line in share]
         again = len(np.array_split(np.arange(n_repeated), n_sessions)[session])
+        # What was inserted before is among the runs: a line may be measured a third time.
         for index in rng.choice(len(runs), min(again, len(runs)), replace=False):
             later = int(rng.integers(index + 1, len(runs) + 1))
-            runs.insert(later, [_again(one) for one in runs[index]])
+            repeat = sum(run[0].line == runs[index][0].line for run in runs)
+            runs.insert(later, [_again(one, repeat) for one in runs[index]])
         passes += [one for run in runs for one in run]
     moments = in_time(rng, passes)
     of_line = rng.integers(0, 3, len(moments.passes))[moments.pass_number]
@@ -309,8 +311,8 @@ def _ramps(rng: np.random.Generator, machine: Machine, session: int, line: str, 
     return passes
 
 
-def _again(one: Pass) -> Pass:
-    return Pass(one.session, one.line, 1, one.is_back, one.q_mm, one.feed_mm_min, one.is_moving)
+def _again(one: Pass, repeat: int) -> Pass:
+    return Pass(one.session, one.line, repeat, one.is_back, one.q_mm, one.feed_mm_min, one.is_moving)
 
 
 def in_time(rng: np.random.Generator, passes: list[Pass]) -> Moments:

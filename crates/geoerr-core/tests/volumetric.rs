@@ -179,6 +179,61 @@ fn the_gradient_is_the_design_times_the_residuals() {
 }
 
 #[test]
+fn the_gram_matrix_is_that_of_the_design() {
+    for chain in ["wZbXYt", "wbXYZt"] {
+        let (problem, state) = problem(chain);
+        let n_rows = problem.n_rows();
+        let scale: Vec<f64> =
+            (0..n_rows).map(|row| if row % 7 == 0 { 0.0 } else { 0.5 + 0.01 * row as f64 }).collect();
+        let block = problem.blocks(&state).unwrap();
+        let mut design = vec![0.0; 3 * n_rows * block.n_columns()];
+        block.fill(&(0..n_rows).collect::<Vec<_>>(), &scale, &mut design);
+        let columns: Vec<&[f64]> = design.chunks_exact(3 * n_rows).collect();
+        let product = |one: usize, two: usize| -> f64 {
+            columns[one].iter().zip(columns[two]).map(|(a, b)| a * b).sum()
+        };
+        let gram = block.gram(&scale);
+        for one in 0..columns.len() {
+            for two in 0..columns.len() {
+                let size = (product(one, one) * product(two, two)).sqrt();
+                let difference = (gram[(one, two)] - product(one, two)).abs();
+                assert!(difference <= 1e-14 * size, "{chain} {one} {two}: {difference:e} of {size:e}");
+            }
+        }
+        assert_eq!(gram, gram.transposed());
+        // And along directions: against products with the matrix itself.
+        let mut draws = Draws::new(8);
+        let (n, d) = (columns.len(), 5);
+        let directions = draws.matrix(n, d);
+        let (across, squares) = block.along(&directions, &scale);
+        let times = |row: usize, along: usize| -> f64 {
+            (0..n).map(|column| gram[(row, column)] * directions[(column, along)]).sum()
+        };
+        let largest = (0..n).map(|column| gram[(column, column)].sqrt()).fold(0.0, f64::max);
+        for along in 0..d {
+            for row in 0..n {
+                let size = gram[(row, row)].sqrt() * largest * n as f64;
+                assert!(
+                    (across[(row, along)] - times(row, along)).abs() <= 1e-14 * size,
+                    "{chain} {row} {along}"
+                );
+            }
+            for other in 0..d {
+                let expected: f64 = (0..n).map(|row| directions[(row, other)] * times(row, along)).sum();
+                let size = (largest * n as f64).powi(2);
+                assert!(
+                    (squares[(other, along)] - expected).abs() <= 1e-14 * size,
+                    "{chain} {other} {along}"
+                );
+            }
+        }
+        let mut bad = scale;
+        bad[3] = f64::NAN;
+        assert!(block.gram(&bad).first_non_finite().is_some());
+    }
+}
+
+#[test]
 fn parts_of_a_range_are_those_of_the_whole() {
     let (problem, state) = problem("wXYbZt");
     let n_rows = problem.n_rows();

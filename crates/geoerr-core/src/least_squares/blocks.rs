@@ -41,6 +41,17 @@ pub trait Design: Sync {
     /// The design's own; of several blocks' errors the first block's is reported.
     fn fill(&self, rows: Range<usize>, block: &mut Matrix) -> Result<(), Self::Error>;
 
+    /// `[A | b]ᵀ [A | b]`, both triangles, where the design knows a shorter way to it than through its rows; not finite
+    /// where an entry is not.
+    fn gram(&self) -> Option<Matrix> {
+        None
+    }
+
+    /// `AᵀA x` (n, d) and `xᵀAᵀA x` (d, d) for directions x (n, d), where the design knows such a way to them too.
+    fn along(&self, _directions: &Matrix) -> Option<(Matrix, Matrix)> {
+        None
+    }
+
     /// Where one block ends and the next begins.
     fn blocks(&self) -> Blocks {
         Blocks::uniform(self.n_rows(), self.n_columns() + self.n_rhs())

@@ -25,6 +25,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::blocks::{Blocks, Design, Spares, check_finite};
+use super::definite::Definite;
 use super::dense;
 use super::error::LeastSquaresError;
 use super::gram::CONDITION_LIMIT;
@@ -192,32 +193,81 @@ fn of_block(
     let (height, rank) = (rows.len(), w.n_columns());
     let part = Matrix::from_fn(rank, height, |j, row| w[(rows.start + row, j)]);
     let right = Matrix::from_column(residual.to_vec());
-    // (I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ: the smaller of the two is decomposed. Columns of `spread` are the directions
-    // of H in the block, of squared length λ; residuals have no part in those of length 1.
-    let (values, spread) = if height <= rank {
-        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part))?;
-        let root = |j: usize| values[j].max(0.0).sqrt();
-        (values.clone(), Matrix::from_fn(height, height, |row, j| vectors[(row, j)] * root(j)))
-    } else {
-        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part.transposed()))?;
-        (values, dense::transposed_product(&part, &vectors))
+    let known = match predicted(&part, &right, limit) {
+        Some(known) => Some(known),
+        None => by_directions(&part, &right, limit, own)?,
     };
-    let is_determined = values.iter().filter(|&&value| value >= limit).count() <= own;
-    let gain = |j: usize| if values[j] < limit { 1.0 / (1.0 - values[j]) } else { 0.0 };
-    let (held_out, prediction_variance) = if is_determined {
-        let along = dense::transposed_product(&spread, &right);
-        let amplified = Matrix::from_fn(values.len(), 1, |j, _| along[(j, 0)] * gain(j));
-        let correction = dense::product(&spread, &amplified);
-        let held = residual.iter().zip(correction.as_slice()).map(|(r, correction)| r + correction).collect();
-        let variance = |row| (0..values.len()).map(|j| spread[(row, j)] * spread[(row, j)] * gain(j)).sum();
-        (held, (0..height).map(variance).collect())
-    } else {
-        (vec![f64::NAN; height], vec![f64::NAN; height])
-    };
+    let is_determined = known.is_some();
+    let (held_out, prediction_variance) =
+        known.unwrap_or_else(|| (vec![f64::NAN; height], vec![f64::NAN; height]));
     Ok(LeftOut {
         residual: residual.to_vec(),
         held_out,
         is_determined: vec![is_determined],
         prediction_variance,
     })
+}
+
+/// Residuals of a block against the rest, and variances of its prediction.
+type ByTheRest = (Vec<f64>, Vec<f64>);
+
+/// What the rest predicts, where it says something about every direction of the
+/// block; `part` (rank, height) is Wᵀ.
+///
+/// `(I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ`: the smaller of the two is factorized.
+fn predicted(part: &Matrix, right: &Matrix, limit: f64) -> Option<ByTheRest> {
+    let (rank, height) = (part.n_rows(), part.n_columns());
+    let is_low = height <= rank;
+    let inside = if is_low { dense::gram(part) } else { dense::gram(&part.transposed()) };
+    let n = inside.n_columns();
+    let beyond = |most: f64| {
+        Definite::of(Matrix::from_fn(
+            n,
+            n,
+            |i, j| if i == j { most - inside[(i, j)] } else { -inside[(i, j)] },
+        ))
+    };
+    beyond(limit)?;
+    let left = beyond(1.0)?;
+    // Columns whose products with one another are what is to be added to I, or the whole where that is smaller.
+    let mut spread = if is_low { Matrix::identity(height) } else { part.clone() };
+    left.whiten(&mut spread);
+    let more = dense::transposed_product(&spread, &dense::product(&spread, right));
+    let squares = (0..height).map(|row| spread.column(row).iter().map(|value| value * value).sum::<f64>());
+    Some(if is_low {
+        (more.into_values(), squares.map(|square| square - 1.0).collect())
+    } else {
+        let held = right.as_slice().iter().zip(more.as_slice()).map(|(r, more)| r + more).collect();
+        (held, squares.collect())
+    })
+}
+
+/// The same by the directions of H in the block: where the rest says nothing about at most `own` of them, those are left
+/// at their best. Nothing where there are more.
+fn by_directions(
+    part: &Matrix,
+    right: &Matrix,
+    limit: f64,
+    own: usize,
+) -> Result<Option<ByTheRest>, LeastSquaresError> {
+    let (rank, height) = (part.n_rows(), part.n_columns());
+    // Columns of `spread` are the directions, of squared length λ; residuals have no part in those of length 1.
+    let (values, spread) = if height <= rank {
+        let (values, vectors) = dense::symmetric_eigen(&dense::gram(part))?;
+        let root = |j: usize| values[j].max(0.0).sqrt();
+        (values.clone(), Matrix::from_fn(height, height, |row, j| vectors[(row, j)] * root(j)))
+    } else {
+        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part.transposed()))?;
+        (values, dense::transposed_product(part, &vectors))
+    };
+    if values.iter().filter(|&&value| value >= limit).count() > own {
+        return Ok(None);
+    }
+    let gain = |j: usize| if values[j] < limit { 1.0 / (1.0 - values[j]) } else { 0.0 };
+    let along = dense::transposed_product(&spread, right);
+    let amplified = Matrix::from_fn(values.len(), 1, |j, _| along[(j, 0)] * gain(j));
+    let correction = dense::product(&spread, &amplified);
+    let held = right.as_slice().iter().zip(correction.as_slice()).map(|(r, correction)| r + correction);
+    let variance = |row| (0..values.len()).map(|j| spread[(row, j)] * spread[(row, j)] * gain(j)).sum();
+    Ok(Some((held.collect(), (0..height).map(variance).collect())))
 }

@@ -147,7 +147,7 @@ fn add(target: &mut [f64], factor: f64, values: &[f64]) {
     target.iter_mut().zip(values).for_each(|(target, value)| *target += factor * value);
 }
 
-/// What the rows of a scaled system see of some directions (n, d): `AᵀA x` (n, d) and `xᵀAᵀA x` (d, d).
+/// What the rows of a scaled system see of some directions x (n, d): `AᵀA x` (n, d) and `xᵀAᵀA x` (d, d).
 fn seen<D: Design + ?Sized>(
     design: &D,
     directions: &Matrix,
@@ -155,19 +155,27 @@ fn seen<D: Design + ?Sized>(
 ) -> Result<(Matrix, Matrix), D::Error> {
     let (n, d) = (directions.n_rows(), directions.n_columns());
     let unscaled = Matrix::from_fn(n, d, |row, column| directions[(row, column)] / scale[row]);
-    let blocks = design.blocks();
-    let spares = Spares::default();
-    let make = |block: usize| {
-        spares.with_block(design, blocks.rows(block), |block| {
-            let moved = dense::leading_product(block, &unscaled);
-            Ok((dense::leading_transposed_product(block, n, &moved), dense::gram(&moved)))
-        })
+    let (mut across, squares) = match design.along(&unscaled) {
+        Some(known) => known,
+        None => along_rows(design, &unscaled)?,
     };
-    let both = |left: (Matrix, Matrix), right: (Matrix, Matrix)| (sum(left.0, right.0), sum(left.1, right.1));
-    let (mut across, squares) = tree(0..blocks.len(), &make, &both)?
-        .unwrap_or_else(|| (Matrix::zeros(n, d), Matrix::zeros(d, d)));
     for column in 0..d {
         across.column_mut(column).iter_mut().zip(scale).for_each(|(value, scale)| *value /= scale);
     }
     Ok((across, squares))
+}
+
+fn along_rows<D: Design + ?Sized>(design: &D, directions: &Matrix) -> Result<(Matrix, Matrix), D::Error> {
+    let (n, d) = (directions.n_rows(), directions.n_columns());
+    let blocks = design.blocks();
+    let spares = Spares::default();
+    let make = |block: usize| {
+        spares.with_block(design, blocks.rows(block), |block| {
+            let moved = dense::leading_product(block, directions);
+            Ok((dense::leading_transposed_product(block, n, &moved), dense::gram(&moved)))
+        })
+    };
+    let both = |left: (Matrix, Matrix), right: (Matrix, Matrix)| (sum(left.0, right.0), sum(left.1, right.1));
+    let nothing = || (Matrix::zeros(n, d), Matrix::zeros(d, d));
+    Ok(tree(0..blocks.len(), &make, &both)?.unwrap_or_else(nothing))
 }

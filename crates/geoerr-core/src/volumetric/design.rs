@@ -38,12 +38,7 @@ impl<'a> WhitenedDesign<'a> {
         if found != needed {
             return Err(VolumetricError::Length { what: "row_scale", found, needed });
         }
-        Ok(Self {
-            block: problem.blocks(state)?,
-            whitened: None,
-            row_scale,
-            order: (0..needed).collect(),
-        })
+        Ok(Self { block: problem.blocks(state)?, whitened: None, row_scale, order: (0..needed).collect() })
     }
 
     /// The system of some sightings in another order, for leaving blocks of them out.
@@ -114,6 +109,15 @@ impl Design for WhitenedDesign<'_> {
             }
         }
         Ok(())
+    }
+
+    /// From the entries that are not 0; of a system in its own order without residuals.
+    fn gram(&self) -> Option<Matrix> {
+        self.whitened.is_none().then(|| self.block.gram(self.row_scale))
+    }
+
+    fn along(&self, directions: &Matrix) -> Option<(Matrix, Matrix)> {
+        self.whitened.is_none().then(|| self.block.along(directions, self.row_scale))
     }
 
     /// Whole sightings in every block, and each block large against its width.

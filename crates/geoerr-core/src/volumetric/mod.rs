@@ -17,6 +17,7 @@
 
 mod design;
 mod frame;
+mod gram;
 mod machine;
 mod problem;
 mod rows;

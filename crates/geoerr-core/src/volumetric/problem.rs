@@ -390,7 +390,12 @@ impl Block<'_> {
 
     /// Visits the entries of the design that are not 0: column, place among the rows, three whitened numbers. An entry
     /// may come in several parts.
-    fn each_entry(&self, rows: &[usize], row_scale: &[f64], mut visit: impl FnMut(usize, usize, &[f64; 3])) {
+    pub(super) fn each_entry(
+        &self,
+        rows: &[usize],
+        row_scale: &[f64],
+        mut visit: impl FnMut(usize, usize, &[f64; 3]),
+    ) {
         let sights: Vec<Sight> = rows.iter().map(|&row| self.sight(row, row_scale[row])).collect();
         self.each_entry_of_terms(rows, &sights, &mut visit);
         for (at, (&row, sight)) in rows.iter().zip(&sights).enumerate() {

@@ -82,7 +82,10 @@ fn rank_covariance_steps_and_null_space_are_those_of_qr() {
             &root * root.transpose()
         });
         let relative = (&covariances[0] - &covariances[1]).norm() / covariances[1].norm();
-        assert!(relative < 1e-6 * (1e-4 / smallest).powi(2).max(1e-3), "{smallest:e} {lost:e}: {relative:.1e}");
+        assert!(
+            relative < 1e-6 * (1e-4 / smallest).powi(2).max(1e-3),
+            "{smallest:e} {lost:e}: {relative:.1e}"
+        );
         let gradient = product(&a.transposed(), &draws.matrix(2500, 1));
         let steps = [&quick, &qr].map(|one| one.solve_normal(gradient.as_slice()).unwrap());
         let size = largest(steps[1].iter().copied());

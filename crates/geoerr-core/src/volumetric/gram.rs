@@ -1,0 +1,171 @@
+//! `AᵀA` of the whitened design from the entries that are not 0.
+//!
+//! A sighting sees of every function along an axis the few splines about its position, and of all frames its own: some
+//! eighty entries of five hundred. They lie in runs of neighbouring columns, and the product of two runs is a small block.
+
+use rayon::prelude::*;
+
+use super::problem::Block;
+use crate::arithmetic::in_wide_registers;
+use crate::least_squares::Matrix;
+
+/// Sightings of one sum. The sums are added up in their order, whatever thread made them.
+const SIGHTINGS: usize = 2048;
+/// Sightings whose entries are gathered together: they fit into the cache.
+const TOGETHER: usize = 64;
+/// Columns that are multiplied at once; runs are filled up with zeros to whole lanes.
+const LANES: usize = 4;
+
+impl Block<'_> {
+    /// `AᵀA` of the whitened design, each row multiplied by its `row_scale`.
+    ///
+    /// An entry that is not finite leaves a sum that is not. The bytes do not depend on the number of threads.
+    pub fn gram(&self, row_scale: &[f64]) -> Matrix {
+        let n = self.n_columns();
+        let stride = n + LANES;
+        let total = self.summed(row_scale, n * stride, || {
+            let mut runs = Vec::new();
+            move |sum: &mut [f64], entries: &[Entry]| {
+                set_runs(&mut runs, entries);
+                in_wide_registers(
+                    #[inline(always)]
+                    || add_products(sum, stride, &runs),
+                );
+            }
+        });
+        Matrix::from_fn(n, n, |row, column| total[row * stride + column] + total[column * stride + row])
+    }
+
+    /// `AᵀA x` (n, d) and `xᵀAᵀA x` (d, d) of the whitened design for some directions x (n, d).
+    pub fn along(&self, directions: &Matrix, row_scale: &[f64]) -> (Matrix, Matrix) {
+        let (n, d) = (directions.n_rows(), directions.n_columns());
+        let by_column = directions.transposed();
+        let by_column = &by_column;
+        let total = self.summed(row_scale, (n + d) * d, || {
+            let mut moved = [vec![0.0; d], vec![0.0; d], vec![0.0; d]];
+            move |sum: &mut [f64], entries: &[Entry]| {
+                in_wide_registers(
+                    #[inline(always)]
+                    || add_along(sum, &mut moved, entries, by_column),
+                );
+            }
+        });
+        let (across, squares) = total.split_at(n * d);
+        (
+            Matrix::from_fn(n, d, |row, column| across[row * d + column]),
+            Matrix::from_fn(d, d, |row, column| squares[row * d + column]),
+        )
+    }
+
+    /// Sums of so many numbers over all sightings, to which what `adding` makes adds the entries of one.
+    fn summed<F: FnMut(&mut [f64], &[Entry])>(
+        &self,
+        row_scale: &[f64],
+        size: usize,
+        adding: impl Fn() -> F + Sync,
+    ) -> Vec<f64> {
+        let rows: Vec<usize> = (0..row_scale.len()).collect();
+        let sums: Vec<Vec<f64>> = rows
+            .par_chunks(SIGHTINGS)
+            .map(|rows| {
+                let mut sum = vec![0.0; size];
+                let mut entries = Vec::new();
+                let mut add = adding();
+                for rows in rows.chunks(TOGETHER) {
+                    entries.resize_with(rows.len(), Vec::new);
+                    entries.iter_mut().for_each(Vec::clear);
+                    self.each_entry(rows, row_scale, |column, at, numbers| {
+                        // Unknowns that rows share are asked of all of them.
+                        if *numbers != [0.0; 3] {
+                            entries[at].push((column, *numbers));
+                        }
+                    });
+                    entries.iter().for_each(|entries| add(&mut sum, entries));
+                }
+                sum
+            })
+            .collect();
+        let mut total = vec![0.0; size];
+        for sum in &sums {
+            total.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
+        }
+        total
+    }
+}
+
+/// A column and what a sighting's three numbers have in it.
+type Entry = (usize, [f64; 3]);
+
+/// Entries of one sighting in neighbouring columns.
+#[derive(Clone, Copy)]
+struct Run {
+    first: usize,
+    count: usize,
+    /// By component; zeros beyond `count`.
+    values: [[f64; LANES]; 3],
+}
+
+fn set_runs(runs: &mut Vec<Run>, entries: &[Entry]) {
+    runs.clear();
+    let neighbours = entries.chunk_by(|one, next| one.0 + 1 == next.0);
+    for own in neighbours.flat_map(|neighbours| neighbours.chunks(LANES)) {
+        let mut run = Run { first: own[0].0, count: own.len(), values: [[0.0; LANES]; 3] };
+        for (lane, (_, numbers)) in own.iter().enumerate() {
+            for (values, number) in run.values.iter_mut().zip(numbers) {
+                values[lane] = *number;
+            }
+        }
+        runs.push(run);
+    }
+}
+
+/// Adds each product of two entries once, in whatever order their columns come, and a half of each square.
+#[inline(always)]
+fn add_products(sum: &mut [f64], stride: usize, runs: &[Run]) {
+    for (number, one) in runs.iter().enumerate() {
+        for other in &runs[..number] {
+            add_block(sum, stride, one, other);
+        }
+        let half = Run { values: one.values.map(|values| values.map(|value| 0.5 * value)), ..*one };
+        add_block(sum, stride, one, &half);
+    }
+}
+
+#[inline(always)]
+fn add_block(sum: &mut [f64], stride: usize, one: &Run, other: &Run) {
+    let [u, v, w] = &other.values;
+    for lane in 0..one.count {
+        let [a, b, c] = one.values.map(|values| values[lane]);
+        let row = &mut sum[(one.first + lane) * stride + other.first..][..LANES];
+        for (at, target) in row.iter_mut().enumerate() {
+            *target += a * u[at] + b * v[at] + c * w[at];
+        }
+    }
+}
+
+/// Adds what a sighting gives to `AᵀA x` and behind it to `xᵀAᵀA x`; `moved` is what it sees of x.
+#[inline(always)]
+fn add_along(sum: &mut [f64], moved: &mut [Vec<f64>; 3], entries: &[Entry], by_column: &Matrix) {
+    moved.iter_mut().for_each(|moved| moved.fill(0.0));
+    for &(column, numbers) in entries {
+        for (moved, number) in moved.iter_mut().zip(numbers) {
+            for (moved, along) in moved.iter_mut().zip(by_column.column(column)) {
+                *moved += number * along;
+            }
+        }
+    }
+    let d = by_column.n_rows();
+    let (across, squares) = sum.split_at_mut(by_column.n_columns() * d);
+    let [u, v, w] = &*moved;
+    for &(column, [a, b, c]) in entries {
+        for (((sum, u), v), w) in across[column * d..][..d].iter_mut().zip(u).zip(v).zip(w) {
+            *sum += a * u + b * v + c * w;
+        }
+    }
+    for (row, squares) in squares.chunks_exact_mut(d).enumerate() {
+        let [a, b, c] = [u[row], v[row], w[row]];
+        for (((sum, u), v), w) in squares.iter_mut().zip(u).zip(v).zip(w) {
+            *sum += a * u + b * v + c * w;
+        }
+    }
+}
