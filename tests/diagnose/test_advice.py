@@ -238,4 +238,4 @@ def test_ramps_tell_what_follows_the_acceleration() -> None:
     advice = first.separation()
     assert [plan.name for plan, _ in advice.measurements] == ["ramps:x"]
     after = adviser(carried_out(log, advice), _yielding, names, 9)
-    assert lead(after, "acceleration:x", advice) > 20.0
+    assert lead(after, "acceleration:x", advice) > TOLD_APART

@@ -239,6 +239,30 @@ def test_refusals() -> None:
         diagnose_circles(MODEL, deviations)
 
 
+def test_a_sense_against_the_times_is_refused_and_rows_by_angle_are_turned() -> None:
+    """A dir the wrong way round is a common slip: runs would be searched with time running backwards."""
+    rng = np.random.default_rng(41)
+    senses = (1, -1)
+    runs = [run(lambda theta, sense, feed: 0.0 * theta, sense, 1000.0, rng) for sense in senses]
+    numbered = [one.with_columns(pl.lit(repeat).alias("repeat")) for repeat, one in enumerate(runs)]
+    timed = pl.concat([one.with_columns(pl.Series("t", 0.2 * np.arange(one.height))) for one in numbered])
+    slip = CircularTest(timed.with_columns((-pl.col("dir")).alias("dir")), ("memory",))
+    with pytest.raises(GeometryError, match="dir says counter-clockwise, but by its times the run goes clockwise"):
+        checked((slip,))
+    # One run of two: the other is still of use, the row says which.
+    half = pl.concat([timed.head(180), timed.tail(180).with_columns(-pl.col("dir"))])
+    kept, problems, _ = checked((CircularTest(half, ("memory",)),))
+    assert kept[0].frame.height == 180
+    assert [(one.row, one.column) for one in problems] == [(182, "dir")]
+    # Without times the order of rows need not be that of time.
+    by_angle = pl.concat([runs[0], runs[1].reverse()])
+    turned, problems, _ = checked((CircularTest(by_angle, ("memory",)),))
+    assert not problems
+    back = turned[0].frame.filter(pl.col("dir") == -1)
+    assert back["x"].to_list() == runs[1]["x"].to_list()
+    assert (np.diff(back["t"].to_numpy()) > 0.0).all()
+
+
 def test_without_feed_and_time_only_shapes_are_looked_for() -> None:
     test = circular(squareness, feeds=(1000.0,))
     diagnosis = diagnose_circles(MODEL, CircularTest(test.frame.drop("feed", "dir"), ("memory",)))

@@ -163,7 +163,7 @@ def _span(sightings: Sightings, size: Numbers, is_used: np.ndarray, name: str) -
     rms = np.sqrt(squares / np.maximum(counts, 1))
     best = int(np.argmax(rms))
     least = float(rms[held].min())
-    if held.sum() < 2 or rms[best] < _LARGER * least:
+    if held.sum() < 2 or rms[best] == 0.0 or rms[best] < _LARGER * least:
         return []
     own = values[known][third == best]
     rows = np.flatnonzero(known)[third == best]

@@ -14,7 +14,7 @@ import numpy as np
 
 from geoerr.bases import basis_of
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, is_angular
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES, Machine
 from geoerr.terms import SQUARENESS_CHANNELS, BasisSpec, Parameter, Part, Term
 
@@ -30,6 +30,11 @@ TANGENT = {
     "EBZ": ("EXZ", 1.0),
     "EAZ": ("EYZ", -1.0),
 }
+
+# Splines of one function that any data may be given.
+_MOST_FUNCTIONS = 24
+# Measured numbers for each of them from which on enough are left over to tell the noise by.
+_NUMBERS_OF_A_FUNCTION = 2
 
 
 def names_of(components: Components) -> tuple[str, ...]:
@@ -134,14 +139,28 @@ def gauge_rows(terms: Sequence[Term]) -> Numbers:
     return np.array(rows).reshape(len(rows), total)
 
 
-def rich_basis(axis: str, position_mm: Numbers, *, is_stated: bool = True, most: int = 24) -> BasisSpec | None:
+def tells_noise(
+    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = _MOST_FUNCTIONS
+) -> bool:
+    """Tell whether functions may pass through every position and the noise is still known.
+
+    It is stated, or there are so many numbers to every position that most of them are left over: a grid has hundreds
+    of points on five levels, nine lines that were run once have little more than they have unknowns.
+    """
+    n_functions = sum(min(len(positions_mm[name[2].lower()]), most) for name in names)
+    return sightings.is_stated or int(sightings.is_measured.sum()) >= _NUMBERS_OF_A_FUNCTION * n_functions
+
+
+def rich_basis(
+    axis: str, position_mm: Numbers, *, is_noise_told: bool = True, most: int = _MOST_FUNCTIONS
+) -> BasisSpec | None:
     """Give the richest basis that the distinct positions (k,) of an axis support; None where it never moved.
 
     Cubic splines with breakpoints at quantiles of the positions, never more functions than positions; a quarter fewer
-    where nothing is stated of the noise, so that some of the positions are left to tell it.
+    where nothing else tells the noise, so that some of the positions are left for it.
     """
     count = len(position_mm)
-    if not is_stated:
+    if not is_noise_told:
         count = min(count, max(2, 3 * count // 4))
     if count < 2:
         return None

@@ -27,6 +27,7 @@ from geoerr.fit.classic import (
     names_of,
     positions_by_axis,
     rich_basis,
+    tells_noise,
 )
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.free_directions import concerned, held_smallest, limits_of
@@ -135,9 +136,11 @@ def fit_terms(
     shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     given = dict(options.bases or {})
     rich = dict(given)
-    for name in names_of(options.components):
+    names = names_of(options.components)
+    is_noise_told = tells_noise(sightings, names, positions)
+    for name in names:
         places = positions[name[2].lower()]
-        basis = given.get(name) or rich_basis(name[2].lower(), places, is_stated=sightings.is_stated)
+        basis = given.get(name) or rich_basis(name[2].lower(), places, is_noise_told=is_noise_told)
         if basis is not None:
             rich[name] = basis
     posed = Posed(machine, sightings, shared, options)

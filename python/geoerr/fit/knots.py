@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from geoerr.bases import basis_of, candidate_bases
+from geoerr.fit.aliases import Determined, simplified
 from geoerr.fit.classic import is_straightness, spline
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import BasisSpec, Term
@@ -88,22 +89,40 @@ def choose_bases(
         `splines`: polynomials and cubic splines. `elements`: two-node linear and three-node quadratic elements
         (Dobariya §4), the kind and the number for each function.
     """
-    wanted = {term.id for term in undecided}
     ladder = _Ladder(positions_mm)
+    wanted: dict[str, list[BasisSpec]] = {}
+    for term in undecided:
+        basis = term.parts[0].basis
+        if basis is not None:
+            places = positions_mm[basis.axis]
+            wanted[term.id] = (
+                ladder.splines(term.id, basis) if family == "splines" else _elements(term.id, basis, places)
+            )
+    values = np.zeros(len(covariance))
+    coefficients = [parameter.value for term in fitted for parameter in term.coefficients]
+    values[: len(coefficients)] = coefficients
+    # Of functions that are not told apart one stands for all of them.
+    known = simplified(
+        fitted,
+        {name: bases[0] for name, bases in wanted.items()},
+        positions_mm,
+        Determined(values, covariance, null_space),
+    )
+    beyond = _BEYOND_THE_BEST if family == "splines" else 0
     choices = []
     first = 0
     for term in fitted:
         own = slice(first, first + len(term.coefficients))
         first = own.stop
         basis = term.parts[0].basis
-        if term.id in wanted and basis is not None:
-            values = np.array([parameter.value for parameter in term.coefficients])
-            block = covariance[own, own]
-            loose = null_space[own]
+        if term.id in known.simple:
+            choices.append(KnotChoice(term.id, wanted[term.id][0], 0, ()))
+        elif term.id in wanted and basis is not None:
+            block, loose = known.covariance[own, own], known.null_space[own]
             places = positions_mm[basis.axis]
-            bases = ladder.splines(term.id, basis) if family == "splines" else _elements(term.id, basis, places)
-            beyond = _BEYOND_THE_BEST if family == "splines" else 0
-            choices.append(_choose(term.id, basis, values, block, loose, places, bases, beyond, ladder))
+            choices.append(
+                _choose(term.id, basis, known.values[own], block, loose, places, wanted[term.id], beyond, ladder)
+            )
     return tuple(choices)
 
 

@@ -331,11 +331,31 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
     if 2.0 * np.pi - float(gaps.max()) < _LEAST_ARC_RAD:
         arc = np.degrees(2.0 * np.pi - gaps.max())
         return none(f"the run covers {arc:.0f}° of the circle, {np.degrees(_LEAST_ARC_RAD):.0f}° are needed")
+    if "t" in part.columns and not part["t"].null_count():
+        stated, turned = int(np.sign(part["dir"][0])), _sense(part.sort("t", maintain_order=True))
+        if turned not in (0, stated):
+            ways = {1: "counter-clockwise", -1: "clockwise"}
+            seen = f"seen from + of {'xyz'[third]}"
+            return none(
+                f"dir says {ways[stated]}, but by its times the run goes {ways[turned]} ({seen}): "
+                f"write dir {turned:+d}, or mend t",
+                "dir",
+            )
     strays = [
         RowProblem(path, int(part["file_row"][int(index)]), "x y z", "the commanded position is not on the circle")
         for index in np.flatnonzero(off)
     ]
     return part.filter(pl.Series(~off)), strays
+
+
+def _sense(part: pl.DataFrame) -> int:
+    """Give the sense in which rows run, one after the other: +1 counter-clockwise, −1, or 0 where they do not say."""
+    q = part.select("x", "y", "z").to_numpy().astype(np.float64)
+    first, second, _ = _axes_of(q)
+    centre, _ = _circle(q[:, [first, second]])
+    arm = q[:, [first, second]] - centre
+    turned = float(np.angle(np.exp(1j * np.diff(np.arctan2(arm[:, 1], arm[:, 0])))).sum())
+    return int(np.sign(turned)) if abs(turned) > _LEAST_ARC_RAD / 2.0 else 0
 
 
 def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
@@ -355,6 +375,9 @@ def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
             part = part.sort("t", maintain_order=True)
             t = part["t"].to_numpy().astype(np.float64)
         else:
+            if _sense(part) == -int(np.sign(part["dir"][0])):
+                # Without times rows may be in the order of their angles.
+                part = part.reverse()
             q = part.select("x", "y", "z").to_numpy().astype(np.float64)
             first, second, _ = _axes_of(q)
             centre, radius = _circle(q[:, [first, second]])
