@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 
+from geoerr.diagnose.candidates import candidates_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
-from geoerr.diagnose.search import search
+from geoerr.diagnose.probe_variables import variables_of
+from geoerr.diagnose.probes import probes_of
+from geoerr.diagnose.scan import all_channels
+from geoerr.diagnose.search import Bench, look, search
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError
@@ -100,6 +104,27 @@ def test_what_no_effect_explains_is_unknown_with_its_variables() -> None:
     assert searched.unknown is not None
     probe = searched.unknown.judged.what
     assert (probe.component, probe.depends_on) == ("z", ("x", "y"))  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("degrees", "depends_on"), [(0.5, ("temp_bed",)), (6.0, ("t",))])
+def test_a_temperature_that_is_cycled_is_not_called_time(degrees: float, depends_on: tuple[str, ...]) -> None:
+    """Its square is a wave of twice its frequency, which a wave in time takes better than what a coarse sensor tells.
+
+    Where the sensor tells next to nothing, time is what there is.
+    """
+    rng = np.random.default_rng(5)
+    moved = motion(rng, Plan(n_sessions=1, n_lines=60, n_points=16))
+    exact = 30.0 + 6.0 * np.sin(2.0 * np.pi * moved.t / 500.0)
+    moved.bed = np.round(exact / degrees) * degrees
+    displacement = 0.4 * ((exact - 30.0) ** 2)[:, None] * np.eye(3)[0]
+    seen = measure(rng, moved, NOISE, displacement)
+    fitted = fit_terms(machine(), [seen], options=FitOptions(threads=1))
+    candidates, _, functions = candidates_of(fitted, KNOWN)
+    probes = probes_of(fitted, functions, variables_of(fitted))
+    shapes = [one for what in [*candidates, *probes] for one in what.shapes]
+    bench = Bench(fitted, functions, names=all_channels(shapes), threads=1)
+    first = look(bench, bench.space([]), candidates, probes).probes[0].what
+    assert (first.component, first.depends_on) == ("x", depends_on)  # type: ignore[union-attr]
 
 
 def test_nothing_is_found_where_nothing_is_hidden() -> None:

@@ -47,6 +47,8 @@ _LISTED = 8
 _SPOKEN = 3
 # A search that chance seldom equals has found something, also where nothing is worth its numbers.
 _NO_CHANCE = 1e-3
+# Less than this is left by chance in one search of twenty.
+_SELDOM = 0.05
 # A correlation that is worth a word.
 _ALIAS = 0.5
 # The catalogue has one half of the family-wise level, probes the other.
@@ -105,6 +107,11 @@ class Diagnosis(Answer):
             return (
                 "nothing can be named, though what is left is more than chance "
                 f"({chance_words(self.p_value)}): more passes would show what it is"
+            )
+        if self.p_value is not None and self.p_value < _SELDOM:
+            return (
+                "nothing is missing that these data could show for certain, though chance seldom leaves as much "
+                f"({chance_words(self.p_value)}): more passes would tell"
             )
         return f"nothing is missing that these data could show: {sure_words(self.p_value)}"
 

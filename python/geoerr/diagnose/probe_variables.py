@@ -33,8 +33,9 @@ MOST_DEGREES = 8
 _FEW_VALUES = 4
 # Two variables whose ranks agree so far are one.
 _SAME = 0.98
-# Values whose ranks are a straight line of them, so far, need no functions of their own.
-_EVEN = 0.95
+# Values whose ranks are a straight line of them, so far, need no functions of their own beside another variable, and
+# none at all. What is cycled is at 0.993: parabolas of its ranks are none of its values.
+_EVEN, _QUITE_EVEN = 0.95, 0.999
 # Widths of plays, as shares of a temperature's range: neighbours' memories correlate by 0.8 on cycles of the range.
 PLAYS = (0.05, 0.15, 0.4)
 
@@ -54,6 +55,8 @@ class Variable:
         of values); 0 where there is no value.
     other_ways : tuple of (k, n)
         The same of values, where these are another matter; the sign of an acceleration.
+    alone : (k, n) or None
+        The same of values, where these are nearly their ranks: told apart where nothing else varies.
     memory : (m, n)
         Of a temperature, its distance to plays of rising width.
     from_lowest : (n,) or None
@@ -68,6 +71,7 @@ class Variable:
     values: Numbers
     by_rank: Numbers
     other_ways: tuple[Numbers, ...]
+    alone: Numbers | None
     memory: Numbers
     from_lowest: Numbers | None
     n_levels: int
@@ -115,6 +119,7 @@ def _variable(sightings: Sightings, name: str, kind: Kind, values: Numbers, know
     levels, place = np.unique(own, return_inverse=True)
     n_levels = len(levels)
     other_ways: list[Numbers] = []
+    alone = None
     if n_levels <= _FEW_VALUES:
         by_rank = _polynomials(place.ravel().astype(np.float64), known, n_levels - 1)
     elif kind != "condition":
@@ -122,8 +127,11 @@ def _variable(sightings: Sightings, name: str, kind: Kind, values: Numbers, know
     else:
         rank = stats.rankdata(own)
         by_rank = _polynomials(rank, known, min(MOST_DEGREES, n_levels - 1))
-        if float(np.corrcoef(rank, own)[0, 1]) < _EVEN:
+        alike = float(np.corrcoef(rank, own)[0, 1])
+        if alike < _EVEN:
             other_ways.append(_polynomials(own, known, 3))
+        elif alike < _QUITE_EVEN:
+            alone = _polynomials(own, known, 3)
         if name.startswith("a_"):
             other_ways.append(np.sign(np.where(known, values, 0.0))[None])
     is_remembered = name.startswith("temp") and known.all() and n_levels > _FEW_VALUES
@@ -134,7 +142,7 @@ def _variable(sightings: Sightings, name: str, kind: Kind, values: Numbers, know
         from_lowest = np.where(known, values, 0.0)
     elif kind == "condition" and name not in RAW_VARIABLES and name != "moving":
         from_lowest = np.where(known, (values - own.min()) / np.ptp(own), 0.0)
-    return Variable(name, kind, values, by_rank, tuple(other_ways), memory, from_lowest, n_levels)
+    return Variable(name, kind, values, by_rank, tuple(other_ways), alone, memory, from_lowest, n_levels)
 
 
 def _polynomials(values: Numbers, known: np.ndarray, most: int) -> Numbers:

@@ -125,13 +125,14 @@ class _Codes:
         self.by_rank = [functions.given(one) for one in variable.by_rank]
         #: Functions of rising degree, each way to count them.
         self.ways = [self.by_rank, *([functions.given(one) for one in way] for way in variable.other_ways)]
+        self.alone = [] if variable.alone is None else [[functions.given(one) for one in variable.alone]]
         self.memory = [functions.given(one) for one in variable.memory]
         self.grows = None if variable.from_lowest is None else functions.given(variable.from_lowest)
 
 
 def _alone(known: Sequence[_Codes]) -> Iterator[_Group]:
     for one in known:
-        ways = [own[:degree] for own in one.ways for degree in _ONE]
+        ways = [own[:degree] for own in [*one.ways, *one.alone] for degree in _ONE]
         yield _Group.smooth([one.name], ways)
 
 

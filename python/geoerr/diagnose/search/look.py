@@ -13,13 +13,22 @@ from geoerr.diagnose.null import Null, largest_surprise, p_value_of_all
 from geoerr.diagnose.probes import Probe, shapes_on
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.judged import Judged, best_of_each, freedom_of, is_admissible
+from geoerr.diagnose.search.judged import (
+    Judged,
+    best_of_each,
+    component_of,
+    freedom_of,
+    is_admissible,
+    variables_of,
+)
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 
 _SEED = 19_820_601
 # A wave in time that is less of a surprise is chance's, whatever its evidence: others surprise more in every search.
 _LEAST_OF_HUM = 3.0
+# A variable that does this share of what a wave in time does is what goes up and down.
+_AS_MUCH = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +102,8 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
         largest = largest_surprise(of_draws, scanner.n_draws)
         if group is probes:
             waves, drawn = hums(bench, space, scanner)
-            own, largest = [*waves, *own], np.maximum(largest, drawn)
+            own = [*(wave for wave in waves if not _is_of_a_variable(wave, own)), *own]
+            largest = np.maximum(largest, drawn)
         null = Null(largest)
         nulls.append(null)
         own = [
@@ -104,6 +114,18 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
         # Of equals the one with the least freedom: with more of it, it says the same.
         judged.append(sorted(own, key=lambda one: (-round(one.evidence, 6), freedom_of(one))))
     return Round(space, scanner, tuple(judged[0]), tuple(judged[1]), tuple(invisible), nulls[0], nulls[1])
+
+
+def _is_of_a_variable(wave: Judged, probes: Sequence[Judged]) -> bool:
+    """Tell whether a variable does nearly as much as a wave in time: then it is what goes up and down.
+
+    A temperature that is cycled is a wave itself, of a frequency that a wave in time can take.
+    """
+    component = component_of(wave)
+    return any(
+        one.gain >= _AS_MUCH * wave.gain and component_of(one) == component and "t" not in variables_of(one)
+        for one in probes
+    )
 
 
 def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Numbers]:
