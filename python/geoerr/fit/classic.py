@@ -33,6 +33,9 @@ TANGENT = {
 
 # Splines of one function that any data may be given.
 _MOST_FUNCTIONS = 24
+# Positions of which a function may not miss one: what it misses of a few levels of a grid looks like a wave. Of more,
+# a quarter fewer functions follow what is smooth, with less of the noise and of effects that are still to be found.
+_FEW_POSITIONS = 7
 # Measured numbers for each of them from which on enough are left over to tell the noise by.
 _NUMBERS_OF_A_FUNCTION = 2
 
@@ -142,26 +145,32 @@ def gauge_rows(terms: Sequence[Term]) -> Numbers:
 def tells_noise(
     sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = _MOST_FUNCTIONS
 ) -> bool:
-    """Tell whether functions may pass through every position and the noise is still known.
+    """Tell whether functions may pass through every position and what is left over still tells the noise.
 
-    It is stated, or there are so many numbers to every position that most of them are left over: a grid has hundreds
-    of points on five levels, nine lines that were run once have little more than they have unknowns.
+    A grid has hundreds of points on five levels, nine lines that were run once have little more than they have
+    unknowns.
     """
     n_functions = sum(min(len(positions_mm[name[2].lower()]), most) for name in names)
-    return sightings.is_stated or int(sightings.is_measured.sum()) >= _NUMBERS_OF_A_FUNCTION * n_functions
+    return int(sightings.is_measured.sum()) >= _NUMBERS_OF_A_FUNCTION * n_functions
 
 
 def rich_basis(
-    axis: str, position_mm: Numbers, *, is_noise_told: bool = True, most: int = _MOST_FUNCTIONS
+    axis: str,
+    position_mm: Numbers,
+    *,
+    is_stated: bool = True,
+    is_noise_told: bool = True,
+    most: int = _MOST_FUNCTIONS,
 ) -> BasisSpec | None:
     """Give the richest basis that the distinct positions (k,) of an axis support; None where it never moved.
 
     Cubic splines with breakpoints at quantiles of the positions, never more functions than positions; a quarter fewer
-    where nothing else tells the noise, so that some of the positions are left for it.
+    where nothing is stated of the noise, so that some of the positions are left for it. Of few positions none can be
+    spared: where the noise is told by what is left over, they are all followed.
     """
     count = len(position_mm)
-    if not is_noise_told:
-        count = min(count, max(2, 3 * count // 4))
+    if not is_stated:
+        count = min(count, max(2, 3 * count // 4, _FEW_POSITIONS if is_noise_told else 0))
     if count < 2:
         return None
     low, high = float(position_mm[0]), float(position_mm[-1])

@@ -138,9 +138,12 @@ def fit_terms(
     rich = dict(given)
     names = names_of(options.components)
     is_noise_told = tells_noise(sightings, names, positions)
+    is_stated = sightings.is_stated
     for name in names:
         places = positions[name[2].lower()]
-        basis = given.get(name) or rich_basis(name[2].lower(), places, is_noise_told=is_noise_told)
+        basis = given.get(name) or rich_basis(
+            name[2].lower(), places, is_stated=is_stated, is_noise_told=is_noise_told
+        )
         if basis is not None:
             rich[name] = basis
     posed = Posed(machine, sightings, shared, options)

@@ -48,6 +48,7 @@ def common_bases(
         Bases that are not to be chosen, by ISO name.
     """
     sightings = [sightings_of(table) for table in tables.values()]
+    is_stated = all(one.is_stated for one in sightings)
     places = {axis: _of_all([_places(one, axis) for one in sightings]) for axis in AXES}
     entries = {
         axis: found if len(found) <= _MOST_ENTRIES else np.linspace(float(found[0]), float(found[-1]), _MOST_ENTRIES)
@@ -60,7 +61,7 @@ def common_bases(
             found = places[name[2].lower()]
             most = min(max(round(share * len(found)), _FEWEST_FUNCTIONS), _MOST_FUNCTIONS)
             is_noise_told = all(tells_noise(one, names_of("21"), places, most) for one in sightings)
-            basis = rich_basis(name[2].lower(), found, is_noise_told=is_noise_told, most=most)
+            basis = rich_basis(name[2].lower(), found, is_stated=is_stated, is_noise_told=is_noise_told, most=most)
             if name not in rich and basis is not None:
                 rich[name] = basis
         if set(rich) == set(given):
