@@ -541,8 +541,8 @@ def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
     if runs.n_runs == 1:
         notes.append("a single run: noise that wanders along the circle is not told from smooth structure; repeat it")
     if searched.n_gross:
-        rows = "row stands" if searched.n_gross == 1 else "rows stand"
-        notes.append(f"{searched.n_gross} {rows} alone far off the others, left out")
+        stand, were = ("row stands", "was") if searched.n_gross == 1 else ("rows stand", "were")
+        notes.append(f"{searched.n_gross} {stand} alone far off the others and {were} left out")
     return notes
 
 
