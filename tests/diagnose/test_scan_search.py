@@ -11,7 +11,7 @@ from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 from geoerr.diagnose.candidates import candidates_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
 from geoerr.diagnose.probe_variables import variables_of
-from geoerr.diagnose.probes import probes_of
+from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search import Bench, look, search
 from geoerr.effects import catalogue
@@ -124,7 +124,8 @@ def test_a_temperature_that_is_cycled_is_not_called_time(degrees: float, depends
     shapes = [one for what in [*candidates, *probes] for one in what.shapes]
     bench = Bench(fitted, functions, names=all_channels(shapes), threads=1)
     first = look(bench, bench.space([]), candidates, probes).probes[0].what
-    assert (first.component, first.depends_on) == ("x", depends_on)  # type: ignore[union-attr]
+    assert isinstance(first, Probe)
+    assert (first.component, first.depends_on) == ("x", depends_on)
 
 
 def test_nothing_is_found_where_nothing_is_hidden() -> None:

@@ -16,6 +16,20 @@ impl Definite {
         Some(Self { triangle: dense::cholesky(matrix)? })
     }
 
+    /// `I − M` for a symmetric M (both triangles), where all its eigenvalues are below a limit of 1 or less.
+    pub(super) fn complement(matrix: &Matrix, limit: f64) -> Option<Self> {
+        let n = matrix.n_columns();
+        let beyond = |most: f64| {
+            Self::of(Matrix::from_fn(
+                n,
+                n,
+                |i, j| if i == j { most - matrix[(i, j)] } else { -matrix[(i, j)] },
+            ))
+        };
+        beyond(limit)?;
+        beyond(1.0)
+    }
+
     /// `ln det M`.
     #[must_use]
     pub fn ln_determinant(&self) -> f64 {

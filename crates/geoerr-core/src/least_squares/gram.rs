@@ -147,6 +147,14 @@ fn is_proven(step: f64, unknowns: f64, reach: f64, condition: f64) -> bool {
 
 const CORRECTION_ROOM: f64 = 100.0;
 
+/// The Gram matrix of the first n columns brought to norm 1, and the norms that they had.
+pub(super) fn scaled_gram(gram: &Matrix, n: usize) -> Result<(Matrix, Vec<f64>), LeastSquaresError> {
+    let scale = scales((0..n).map(|column| gram[(column, column)].sqrt()))?;
+    let mut scaled = Matrix::from_fn(n, n, |row, column| gram[(row, column)] / scale[row]);
+    divide_columns(&mut scaled, &scale);
+    Ok((scaled, scale))
+}
+
 /// The scaled and restricted Cholesky factor, and its condition; `None` where normal equations will not do.
 fn factored<D: Design + ?Sized>(
     design: &D,
@@ -154,18 +162,14 @@ fn factored<D: Design + ?Sized>(
     options: &Options,
 ) -> Result<Option<(Reduced, f64)>, LeastSquaresError> {
     let (n, k) = (design.n_columns(), design.n_rhs());
-    let scale = scales((0..n).map(|column| gram[(column, column)].sqrt()))?;
-    let mut scaled = Matrix::from_fn(n, n, |row, column| gram[(row, column)] / scale[row]);
-    divide_columns(&mut scaled, &scale);
+    let (mut scaled, scale) = scaled_gram(gram, n)?;
     let mut right = Matrix::from_fn(n, k, |row, rhs| gram[(row, n + rhs)] / scale[row]);
     let basis = options.restriction.basis(&scale)?;
     if let Some(basis) = &basis {
         scaled = dense::transposed_product(basis, &dense::product(&scaled, basis));
         right = dense::transposed_product(basis, &right);
     }
-    let Some(triangle) = dense::cholesky(scaled) else { return Ok(None) };
-    let inverse = dense::upper_inverse(&triangle);
-    let condition = norm(triangle.as_slice()) * norm(inverse.as_slice());
+    let Some((triangle, condition)) = cholesky_with_condition(scaled) else { return Ok(None) };
     let limit = CONDITION_LIMIT.min(1.0 / surely_kept(design.n_rows(), n, options.rank_tolerance));
     if condition.is_nan() || condition >= limit {
         return Ok(None);
@@ -174,6 +178,14 @@ fn factored<D: Design + ?Sized>(
     let residual_ss = vec![0.0; k];
     let reduced = Reduced { n_rows: design.n_rows(), scale, triangle, qtb: right, residual_ss, basis };
     Ok(Some((reduced, condition)))
+}
+
+/// The Cholesky factor of a matrix, and its condition in Frobenius norms.
+pub(super) fn cholesky_with_condition(matrix: Matrix) -> Option<(Matrix, f64)> {
+    let triangle = dense::cholesky(matrix)?;
+    let inverse = dense::upper_inverse(&triangle);
+    let condition = norm(triangle.as_slice()) * norm(inverse.as_slice());
+    Some((triangle, condition))
 }
 
 /// For each right-hand side a column `[Aᵀr, rᵀr]` with `r = b − A x`: one pass over the rows.

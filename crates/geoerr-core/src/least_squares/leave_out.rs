@@ -193,9 +193,10 @@ fn of_block(
     let (height, rank) = (rows.len(), w.n_columns());
     let part = Matrix::from_fn(rank, height, |j, row| w[(rows.start + row, j)]);
     let right = Matrix::from_column(residual.to_vec());
-    let known = match predicted(&part, &right, limit) {
+    let inside = if height <= rank { dense::gram(&part) } else { dense::gram(&part.transposed()) };
+    let known = match predicted(&part, &inside, &right, limit) {
         Some(known) => Some(known),
-        None => by_directions(&part, &right, limit, own)?,
+        None => by_directions(&part, &inside, &right, limit, own)?,
     };
     let is_determined = known.is_some();
     let (held_out, prediction_variance) =
@@ -211,24 +212,14 @@ fn of_block(
 /// Residuals of a block against the rest, and variances of its prediction.
 type ByTheRest = (Vec<f64>, Vec<f64>);
 
-/// What the rest predicts, where it says something about every direction of the
-/// block; `part` (rank, height) is Wᵀ.
+/// What the rest predicts, where it says something about every direction of the block; `part` (rank, height) is Wᵀ,
+/// `inside` the smaller of W Wᵀ and WᵀW.
 ///
 /// `(I − W Wᵀ)⁻¹ = I + W (I − WᵀW)⁻¹ Wᵀ`: the smaller of the two is factorized.
-fn predicted(part: &Matrix, right: &Matrix, limit: f64) -> Option<ByTheRest> {
+fn predicted(part: &Matrix, inside: &Matrix, right: &Matrix, limit: f64) -> Option<ByTheRest> {
     let (rank, height) = (part.n_rows(), part.n_columns());
     let is_low = height <= rank;
-    let inside = if is_low { dense::gram(part) } else { dense::gram(&part.transposed()) };
-    let n = inside.n_columns();
-    let beyond = |most: f64| {
-        Definite::of(Matrix::from_fn(
-            n,
-            n,
-            |i, j| if i == j { most - inside[(i, j)] } else { -inside[(i, j)] },
-        ))
-    };
-    beyond(limit)?;
-    let left = beyond(1.0)?;
+    let left = Definite::complement(inside, limit)?;
     // Columns whose products with one another are what is to be added to I, or the whole where that is smaller.
     let mut spread = if is_low { Matrix::identity(height) } else { part.clone() };
     left.whiten(&mut spread);
@@ -246,19 +237,18 @@ fn predicted(part: &Matrix, right: &Matrix, limit: f64) -> Option<ByTheRest> {
 /// at their best. Nothing where there are more.
 fn by_directions(
     part: &Matrix,
+    inside: &Matrix,
     right: &Matrix,
     limit: f64,
     own: usize,
 ) -> Result<Option<ByTheRest>, LeastSquaresError> {
     let (rank, height) = (part.n_rows(), part.n_columns());
     // Columns of `spread` are the directions, of squared length λ; residuals have no part in those of length 1.
-    let (values, spread) = if height <= rank {
-        let (values, vectors) = dense::symmetric_eigen(&dense::gram(part))?;
-        let root = |j: usize| values[j].max(0.0).sqrt();
-        (values.clone(), Matrix::from_fn(height, height, |row, j| vectors[(row, j)] * root(j)))
+    let (values, vectors) = dense::symmetric_eigen(inside)?;
+    let spread = if height <= rank {
+        Matrix::from_fn(height, height, |row, j| vectors[(row, j)] * values[j].max(0.0).sqrt())
     } else {
-        let (values, vectors) = dense::symmetric_eigen(&dense::gram(&part.transposed()))?;
-        (values, dense::transposed_product(part, &vectors))
+        dense::transposed_product(part, &vectors)
     };
     if values.iter().filter(|&&value| value >= limit).count() > own {
         return Ok(None);

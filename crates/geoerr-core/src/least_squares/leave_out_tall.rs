@@ -74,12 +74,7 @@ impl<D: Design + ?Sized> Tall<'_, D> {
     /// P, the covariance of the unknowns by the other rows, of `Fᵀ G F`; `None` where they do not determine the block.
     fn covariance_without(&self, inside: &Matrix, own: usize) -> Result<Option<Matrix>, LeastSquaresError> {
         let rank = inside.n_columns();
-        let beyond = |most: f64| {
-            Matrix::from_fn(rank, rank, |i, j| if i == j { most - inside[(i, j)] } else { -inside[(i, j)] })
-        };
-        if Definite::of(beyond(self.limit)).is_some()
-            && let Some(left) = Definite::of(beyond(1.0))
-        {
+        if let Some(left) = Definite::complement(inside, self.limit) {
             let mut spread = self.root.transposed();
             left.whiten(&mut spread);
             return Ok(Some(dense::gram(&spread)));

@@ -13,9 +13,8 @@
 
 use super::blocks::{Design, Spares, tree};
 use super::dense;
-use super::gram::{CONDITION_LIMIT, gram_of, sum};
-use super::matrix::{Matrix, norm};
-use super::solution::{divide_columns, scales};
+use super::gram::{CONDITION_LIMIT, cholesky_with_condition, gram_of, scaled_gram, sum};
+use super::matrix::Matrix;
 use super::triangle::Triangle;
 
 /// What is dropped is below the tolerance by this factor, singular values of columns of norm 1.
@@ -51,17 +50,14 @@ fn from_gram<D: Design + ?Sized>(design: &D, tolerance: f64) -> Result<Option<Ma
         return Ok(None);
     }
     let gram = gram_of(design)?;
-    let squares = (0..n).map(|column| gram[(column, column)]);
     // A column of which nothing is seen may be one of zeros, or one whose squares are no numbers.
-    if gram.first_non_finite().is_some() || squares.clone().any(|square| square < LEAST_SQUARE) {
+    if gram.first_non_finite().is_some() || (0..n).any(|column| gram[(column, column)] < LEAST_SQUARE) {
         return Ok(None);
     }
-    let scale = scales(squares.map(f64::sqrt))?;
-    let mut unit = Matrix::from_fn(n, n, |row, column| gram[(row, column)] / scale[row]);
-    divide_columns(&mut unit, &scale);
-    let mut triangle = match well_conditioned(&unit) {
-        Some(triangle) => triangle,
-        None => match Directions::of(&unit, least_dropped)? {
+    let (unit, scale) = scaled_gram(&gram, n)?;
+    let mut triangle = match cholesky_with_condition(unit.clone()) {
+        Some((triangle, condition)) if condition < CONDITION_LIMIT => triangle,
+        _ => match Directions::of(&unit, least_dropped)? {
             Some(directions) => directions.turned(design, &scale)?,
             None => return Ok(None),
         },
@@ -70,14 +66,6 @@ fn from_gram<D: Design + ?Sized>(design: &D, tolerance: f64) -> Result<Option<Ma
         triangle.column_mut(column).iter_mut().for_each(|value| *value *= scale);
     }
     Ok(Some(triangle))
-}
-
-/// The Cholesky factor of a matrix all of whose directions are kept.
-fn well_conditioned(unit: &Matrix) -> Option<Matrix> {
-    let triangle = dense::cholesky(unit.clone())?;
-    let inverse = dense::upper_inverse(&triangle);
-    let condition = norm(triangle.as_slice()) * norm(inverse.as_slice());
-    (condition < CONDITION_LIMIT).then_some(triangle)
 }
 
 /// Eigenvectors of a scaled Gram matrix, in two lots far from one another.

@@ -1,6 +1,8 @@
 //! A triangle from the Gram matrix: what it tells is what QR tells, and it is not used where it could not.
 
-use geoerr_core::least_squares::{LeastSquaresError, Matrix, Options, Solution, Triangle, design_fn, solve};
+use geoerr_core::least_squares::{
+    LeastSquaresError, Matrix, Options, Solution, StoredDesign, Triangle, design_fn, solve,
+};
 use nalgebra::DMatrix;
 use rayon::ThreadPoolBuilder;
 
@@ -9,41 +11,23 @@ use crate::draws::Draws;
 
 const TOLERANCE: f64 = 1e-5;
 
-/// A design without right-hand sides.
-struct Columns<'a>(&'a Matrix);
+fn by_rank(a: &Matrix, tolerance: f64) -> Result<Triangle, LeastSquaresError> {
+    Triangle::for_rank(&StoredDesign::new(a, &Matrix::zeros(a.n_rows(), 0))?, tolerance)
+}
 
-impl geoerr_core::least_squares::Design for Columns<'_> {
-    type Error = LeastSquaresError;
-
-    fn n_rows(&self) -> usize {
-        self.0.n_rows()
-    }
-
-    fn n_columns(&self) -> usize {
-        self.0.n_columns()
-    }
-
-    fn n_rhs(&self) -> usize {
-        0
-    }
-
-    fn fill(&self, rows: std::ops::Range<usize>, block: &mut Matrix) -> Result<(), LeastSquaresError> {
-        for column in 0..self.0.n_columns() {
-            block.column_mut(column).copy_from_slice(&self.0.column(column)[rows.clone()]);
-        }
-        Ok(())
-    }
+fn by_qr(a: &Matrix) -> Result<Triangle, LeastSquaresError> {
+    Triangle::of(&StoredDesign::new(a, &Matrix::zeros(a.n_rows(), 0))?)
 }
 
 fn both(a: &Matrix) -> [Solution; 2] {
     let options = Options { rank_tolerance: Some(TOLERANCE), ..Options::default() };
-    let quick = Triangle::for_rank(&Columns(a), TOLERANCE).unwrap();
-    let qr = Triangle::of(&Columns(a)).unwrap();
+    let quick = by_rank(a, TOLERANCE).unwrap();
+    let qr = by_qr(a).unwrap();
     [quick, qr].map(|triangle| solve(&triangle, &options).unwrap())
 }
 
 fn is_quick(a: &Matrix) -> bool {
-    Triangle::for_rank(&Columns(a), TOLERANCE).unwrap() != Triangle::of(&Columns(a)).unwrap()
+    by_rank(a, TOLERANCE).unwrap() != by_qr(a).unwrap()
 }
 
 /// Columns with these singular values, turned at random.
@@ -109,7 +93,7 @@ fn what_is_neither_seen_nor_lost_goes_to_qr() {
     }
     // A tolerance below what a Gram matrix tells, and columns whose squares are no numbers.
     let a = with_singular_values(&mut draws, 900, &[1.0, 0.5, 0.0]);
-    assert_eq!(Triangle::for_rank(&Columns(&a), 1e-8).unwrap(), Triangle::of(&Columns(&a)).unwrap());
+    assert_eq!(by_rank(&a, 1e-8).unwrap(), by_qr(&a).unwrap());
     let sizes = [1e200, 1.0, 1e-200];
     let a = Matrix::from_fn(600, 3, |_, j| draws.symmetric() * sizes[j]);
     assert!(!is_quick(&a));
@@ -124,7 +108,7 @@ fn rows_may_be_appended() {
     let a = with_singular_values(&mut draws, 800, &[1.0, 0.5, 0.2, 0.0]);
     let prior = draws.matrix(3, 4);
     let options = Options { rank_tolerance: Some(TOLERANCE), ..Options::default() };
-    let roots = [Triangle::for_rank(&Columns(&a), TOLERANCE), Triangle::of(&Columns(&a))].map(|triangle| {
+    let roots = [by_rank(&a, TOLERANCE), by_qr(&a)].map(|triangle| {
         let mut triangle = triangle.unwrap();
         triangle.append(&prior).unwrap();
         let solution = solve(&triangle, &options).unwrap();
@@ -139,7 +123,7 @@ fn rows_may_be_appended() {
 fn a_bad_entry_is_named() {
     let mut a = Draws::new(14).matrix(2000, 3);
     a[(1234, 1)] = f64::NAN;
-    let error = Triangle::for_rank(&Columns(&a), TOLERANCE).unwrap_err();
+    let error = by_rank(&a, TOLERANCE).unwrap_err();
     assert_eq!(error, LeastSquaresError::NonFinite { row: 1234, column: 1 });
     let with_rhs = design_fn(50, 2, |rows, block| {
         for (at, row) in rows.enumerate() {
@@ -156,7 +140,7 @@ fn threads_change_no_byte() {
     let a = with_singular_values(&mut draws, 9000, &[1.0, 0.9, 0.5, 0.1, 0.0, 0.0]);
     let of = |threads: usize| {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| Triangle::for_rank(&Columns(&a), TOLERANCE).unwrap())
+        pool.install(|| by_rank(&a, TOLERANCE).unwrap())
     };
     assert_eq!(of(1), of(4));
 }

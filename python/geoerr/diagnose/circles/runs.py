@@ -287,11 +287,7 @@ def _with_senses(frame: pl.DataFrame) -> pl.DataFrame:
     indexed = frame.with_columns(pl.int_range(frame.height).alias("_place"))
     sense = np.zeros(frame.height, dtype=np.int64)
     for part in indexed.partition_by(keys, maintain_order=True) if keys else [indexed]:
-        q = part.select("x", "y", "z").to_numpy().astype(np.float64)
-        first, second, _ = _axes_of(q)
-        centre, _ = _circle(q[:, [first, second]])
-        arm = q[:, [first, second]] - centre
-        step = np.angle(np.exp(1j * np.diff(np.arctan2(arm[:, 1], arm[:, 0]))))
+        step = _turns(_arms(part)[0])
         steps = np.sign(np.append(step[:1], step))
         sense[part["_place"].to_numpy()] = np.where(steps == 0.0, np.sign(steps.sum()) or 1.0, steps)
     known = pl.Series("dir", sense)
@@ -332,7 +328,8 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
         arc = np.degrees(2.0 * np.pi - gaps.max())
         return none(f"the run covers {arc:.0f}° of the circle, {np.degrees(_LEAST_ARC_RAD):.0f}° are needed")
     if "t" in part.columns and not part["t"].null_count():
-        stated, turned = int(np.sign(part["dir"][0])), _sense(part.sort("t", maintain_order=True))
+        in_time = np.argsort(part["t"].to_numpy()[~off], kind="stable")
+        stated, turned = int(np.sign(part["dir"][0])), _sense(arm[in_time])
         if turned not in (0, stated):
             ways = {1: "counter-clockwise", -1: "clockwise"}
             seen = f"seen from + of {'xyz'[third]}"
@@ -348,13 +345,22 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
     return part.filter(pl.Series(~off)), strays
 
 
-def _sense(part: pl.DataFrame) -> int:
-    """Give the sense in which rows run, one after the other: +1 counter-clockwise, −1, or 0 where they do not say."""
+def _arms(part: pl.DataFrame) -> tuple[Numbers, float]:
+    """Give a run's points from the centre of their circle (n, 2), in its plane's axes, and its radius."""
     q = part.select("x", "y", "z").to_numpy().astype(np.float64)
     first, second, _ = _axes_of(q)
-    centre, _ = _circle(q[:, [first, second]])
-    arm = q[:, [first, second]] - centre
-    turned = float(np.angle(np.exp(1j * np.diff(np.arctan2(arm[:, 1], arm[:, 0])))).sum())
+    centre, radius = _circle(q[:, [first, second]])
+    return q[:, [first, second]] - centre, radius
+
+
+def _turns(arm: Numbers) -> Numbers:
+    """Give the angle from each point (n, 2) to the next (n − 1,), the shorter way round, rad."""
+    return np.asarray(np.angle(np.exp(1j * np.diff(np.arctan2(arm[:, 1], arm[:, 0])))))
+
+
+def _sense(arm: Numbers) -> int:
+    """Give the sense in which points (n, 2) run: +1 counter-clockwise, −1, or 0 where they do not say."""
+    turned = float(_turns(arm).sum())
     return int(np.sign(turned)) if abs(turned) > _LEAST_ARC_RAD / 2.0 else 0
 
 
@@ -375,13 +381,10 @@ def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
             part = part.sort("t", maintain_order=True)
             t = part["t"].to_numpy().astype(np.float64)
         else:
-            if _sense(part) == -int(np.sign(part["dir"][0])):
+            arm, radius = _arms(part)
+            if _sense(arm) == -int(np.sign(part["dir"][0])):
                 # Without times rows may be in the order of their angles.
-                part = part.reverse()
-            q = part.select("x", "y", "z").to_numpy().astype(np.float64)
-            first, second, _ = _axes_of(q)
-            centre, radius = _circle(q[:, [first, second]])
-            arm = q[:, [first, second]] - centre
+                part, arm = part.reverse(), arm[::-1]
             turned = np.abs(np.diff(np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))))
             speed = part["feed"].to_numpy().astype(np.float64) / 60.0
             t = np.concatenate([[0.0], np.cumsum(turned * radius / speed[1:])])
