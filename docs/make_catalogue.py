@@ -59,7 +59,9 @@ def _entry(effect: Effect, effects: Catalogue) -> str:
     lines = [f"### {effect.id}", "", f"**{effect.title}.** {_sentence(effect.looks_like)}", ""]
     lines.append(f"- **Cause:** {effect.cause}")
     lines.append(f"- **What to do:** {effect.remedy}")
-    lines += [f"- **Formula**{_form_words(form)}: {_formula(form)}" for form in effect.forms if form.parts]
+    lines += [
+        f"- **Formula**{_form_words(form)}: {_formula(form)}" for form in effect.forms if form.parts and not form.only
+    ]
     if effect.is_smooth:
         lines.append(f"- **Formula:** smooth functions of the position, {effect.channel} the axis")
     if effect.detector is not None:
@@ -93,6 +95,8 @@ def _notes(effect: Effect) -> list[str]:
         notes.append(f"Contains {', '.join(effect.contains)}: offered as what it adds")
     if effect.offered_as is not None:
         notes.append(f"Offered as {effect.offered_as}; named so where the value fits")
+    if any(form.only for form in effect.forms):
+        notes.append("Tried about each axis alone as well, with one coefficient")
     if effect.follows_temperature:
         notes.append("Each temperature may also be followed through a first-order lag")
     return notes

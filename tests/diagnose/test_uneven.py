@@ -1,4 +1,4 @@
-"""What is no unevenness along an axis, and no effect of the catalogue, has no name; an uneven wave keeps its own."""
+"""What is no unevenness along an axis has no name; an uneven wave, and a special case, keep their own."""
 
 from collections.abc import Callable
 
@@ -34,6 +34,11 @@ def squared(moved: Motion) -> Numbers:
     return along_x(200.0 * warm**2 * moved.q[:, 2] / LENGTH_MM)
 
 
+def yaw_on_reversal(moved: Motion) -> Numbers:
+    """X's carriage turns about z alone when it turns back; how far Y is out is the lever."""
+    return along_x(-1e3 * 40e-6 * moved.d[:, 0] * moved.q[:, 1])
+
+
 def worn_screw(moved: Motion) -> Numbers:
     """A wave of 8 mm that is larger where the gantry is far out."""
     size = 12.0 * (1.0 + 0.5 * (2.0 * moved.q[:, 1] / LENGTH_MM - 1.0))
@@ -53,3 +58,13 @@ def test_what_is_left_of_an_uneven_wave_is_told() -> None:
     assert [str(one.reference) for one in found.found] == ["periodic:x"]
     assert found.unknown is not None
     assert (found.unknown.component, set(found.unknown.depends_on)) == ("x", {"x", "y"})
+
+
+def test_a_tilt_about_one_axis_is_no_racking() -> None:
+    """A gantry's racking can be as much, in one number more: it would grow with the place across."""
+    found = diagnosed(yaw_on_reversal, 4)
+    assert [str(one.reference) for one in found.found] == ["angular-reversal:x"]
+    assert {one.name: one.value for one in found.found[0].term.coefficients} == {"c_z": pytest.approx(40e-6, rel=0.1)}
+    racking = next(one for one in found.candidates if str(one.reference) == "gantry-racking:x")
+    assert not racking.tied
+    assert racking.aliases[0].correlation == pytest.approx(1.0, abs=1e-3)

@@ -98,6 +98,7 @@ def test_formulas_of_the_catalogue_by_hand() -> None:
         term = effect.term(resolved.axis, resolved.covariate, machine(), n_sessions=3)
         return by_channel(term, rows | values)
 
+    one_turn = catalogue()["angular-reversal"].term("x", None, machine(), form="z only")
     bowl = (rows["bed_x"] - 90.0) ** 2 + (rows["bed_y"] - 70.0) ** 2
     expected: list[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]] = [
         (channels("scale:x", k=1e-5), {"EXX": 1e-5 * x}),
@@ -112,6 +113,7 @@ def test_formulas_of_the_catalogue_by_hand() -> None:
             channels("angular-reversal:x", c_x=1e-5, c_y=2e-5, c_z=3e-5),
             {"EAX": 1e-5 * d, "EBX": 2e-5 * d, "ECX": 3e-5 * d},
         ),
+        (by_channel(one_turn, rows | {"c_z": 3e-5}), {"ECX": 3e-5 * d}),
         (
             channels("periodic:y", A=0.01, B=0.02, P=8.0),
             {"EYY": 0.01 * np.sin(2 * np.pi * y / 8) + 0.02 * np.cos(2 * np.pi * y / 8)},

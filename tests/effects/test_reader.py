@@ -213,6 +213,7 @@ def test_a_name_that_no_effect_has_is_answered_with_what_may_be_meant() -> None:
     ("body", "problem"),
     [
         ('channel = "tool"\nexpression = "k"', "needs a direction"),
+        ('channel = "along"\naxes = ["x"]\none_direction = true\nexpression = "k"', "nothing to choose from"),
         ('channel = "tool"\naxes = ["xy"]\nexpression = "k"', "needs a direction"),
         ('channel = "rig"\ndirection = "tx"\nexpression = "k*q"', "belongs to an axis"),
         ('channel = "rig"\ndirection = "tx"\nexpression = "k*T"', "names no temperature"),

@@ -94,11 +94,14 @@ class FormSpec:
         difference of two.
     parts
         Places where it acts; empty for smooth effects and detectors.
+    only
+        The one direction in which it acts; None for all that its channels have.
     """
 
     name: str
     covariates: tuple[str, ...]
     parts: tuple[PartSpec, ...]
+    only: str | None = None
 
 
 @dataclass(frozen=True)

@@ -213,7 +213,7 @@ class Effect(Description):
         parts: list[Part] = []
         suffixes: dict[str, dict[str, None]] = {spec.name: {} for spec in self.coefficients}
         for spec in chosen.parts:
-            for place, part in self._parts(spec, reference.axis, machine, temperature, n_sessions):
+            for place, part in self._parts(spec, chosen.only, reference.axis, machine, temperature, n_sessions):
                 parts.append(part)
                 for name in names_in(spec.expression):
                     if name in suffixes:
@@ -290,7 +290,13 @@ class Effect(Description):
         return f"lag({text}, {name})", (Parameter(name, "s", low=low, high=high, spacing="log"),)
 
     def _parts(
-        self, spec: PartSpec, candidate: str | None, machine: Machine, temperature: str | None, n_sessions: int
+        self,
+        spec: PartSpec,
+        only: str | None,
+        candidate: str | None,
+        machine: Machine,
+        temperature: str | None,
+        n_sessions: int,
     ) -> list[tuple[Place, Part]]:
         first, second = pair_of(candidate)
         axis = {"first": first, "second": second}.get(spec.axis, spec.axis)
@@ -300,6 +306,8 @@ class Effect(Description):
         names = [parameter.name for parameter in self.coefficients]
         found = []
         for place in places(spec, axis, candidate, machine):
+            if only is not None and place.suffix != only:
+                continue
             for suffix in self._suffixes(place, n_sessions):
                 text = renamed(spec.expression, {name: _suffixed(name, suffix) for name in names})
                 if self.each_session:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ _FORM_KEYS = ("name", "covariates", "part", *_PART_KEYS)
 _EFFECT_KEYS = (
     *("id", "title", "axes", "covariates", "source", "looks_like", "cause", "remedy", "mistaken_for", "twins"),
     *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session"),
-    *("part", "form", "coefficients", "inner", *_PART_KEYS),
+    *("one_direction", "part", "form", "coefficients", "inner", *_PART_KEYS),
 )
 _PARAMETER_KEYS = ("unit", "plausible", "range", "spacing", "sign")
 _RANGES = ("axis", *AXES, "time")
@@ -95,7 +96,7 @@ def _description(
         origin=origin,
         channel=channel,
         axes=axes,
-        forms=_forms(entries, has_no_formula=is_smooth or detector is not None),
+        forms=_in_one_direction(entries, _forms(entries, has_no_formula=is_smooth or detector is not None)),
         coefficients=_parameters(entries.table("coefficients"), is_inner=False),
         inner=_parameters(entries.table("inner"), is_inner=True),
         looks_like=entries.text("looks_like", ""),
@@ -149,6 +150,16 @@ def _forms(entries: Entries, *, has_no_formula: bool) -> tuple[FormSpec, ...]:
     if len({form.name for form in forms}) != len(forms):
         raise entries.refuse("form", "two forms have one name", "name each differently")
     return forms
+
+
+def _in_one_direction(entries: Entries, forms: tuple[FormSpec, ...]) -> tuple[FormSpec, ...]:
+    """Add the forms that turn about one axis of three, where the entry asks for them."""
+    if not entries.flag("one_direction"):
+        return forms
+    if len(forms) > 1 or any(part.channel != "angular" or part.direction is not None for part in forms[0].parts):
+        remedy = "it is for one formula on channel angular, without a direction"
+        raise entries.refuse("one_direction", "has nothing to choose from", remedy)
+    return (*forms, *(replace(forms[0], name=f"{axis} only", only=axis) for axis in AXES))
 
 
 def _form(form: Entries, effect: Entries, name: str) -> FormSpec:
