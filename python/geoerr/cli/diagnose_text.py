@@ -45,6 +45,8 @@ def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose
     yield ""
     yield from narrow(f"{capitalised(diagnosis.sentence)}.")
     yield from _figures(diagnosis)
+    for text in diagnosis.notes:
+        yield from narrow(f"note: {text}")
     drifts_most = diagnosis.between_passes.worth_um > max((one.worth_um for one in diagnosis.found), default=0.0)
     if drifts_most:
         yield from _between_passes(diagnosis)

@@ -17,6 +17,7 @@ from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.few_knots import searched_beside_knots
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
+from geoerr.diagnose.notes import notes_of
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, settle
 from geoerr.diagnose.summary import diagnosis_html
@@ -81,6 +82,11 @@ class Diagnosis(Answer):
         """What does not come back from pass to pass, and what rows scatter, beside all that was found."""
         return between_passes(self.searched.last.space)
 
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What one has to know before trusting it: sentences, without a full stop."""
+        return notes_of(self.fitted, self.comparison, has_found=bool(self.found) or self.unknown is not None)
+
     @property
     def tied(self) -> tuple[Finding, ...]:
         """The first candidate and those that these data cannot tell from it; none where nothing was found."""
@@ -143,6 +149,7 @@ class Diagnosis(Answer):
             **super().to_document(),
             "sentence": self.sentence,
             "between_passes": self.between_passes.to_document(),
+            "notes": list(self.notes),
         }
 
 

@@ -76,7 +76,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     sentence = diagnosis.sentence
     return summary_html(
         "Diagnosis",
-        sentences_html(f"{capitalised(sentence)}."),
+        sentences_html(f"{capitalised(sentence)}.", *(f"{capitalised(note)}." for note in diagnosis.notes)),
         facts_html(facts),
         table_html(header, rows),
     )

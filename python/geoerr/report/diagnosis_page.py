@@ -34,6 +34,7 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
         sentences.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
     if any(finding.is_rig for finding in diagnosis.found):
         sentences.append("An error of the cameras is explained, and never compensated in a program.")
+    sentences += [f"{capitalised(note)}." for note in diagnosis.notes]
     return sentences
 
 

@@ -12,6 +12,7 @@ from geoerr.diagnose.findings import Alias, Named
 from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.effects import Effect, catalogue
 from geoerr.report.diagnosis_page import circle_diagnosis_sentences
+from geoerr.summaries import capitalised
 
 _MOST_ALIKE = 4
 # What is said, and of what; the first may be empty.
@@ -116,7 +117,7 @@ def _of_points(diagnosis: Diagnosis, titles: Mapping[str, str]) -> Told:
     others = [_finding(one, why, titles) for one in diagnosis.candidates if str(one.reference) not in known]
     return Told(
         verdict=diagnosis.sentence,
-        sentences=(),
+        sentences=tuple(f"{capitalised(note)}." for note in diagnosis.notes),
         cards=tuple(cards),
         others=tuple(others),
         others_title=f"{len(others)} more, {why}",

@@ -1,0 +1,72 @@
+"""What to know before trusting a diagnosis: of the fit, of the model's numbers, of how lines are named."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoerr.diagnose.comparison import Comparison, all_terms
+from geoerr.diagnose.words import listed
+from geoerr.fit import Fitted
+from geoerr.fit.sightings import Sightings
+from geoerr.fit.variables import times_s
+from geoerr.summaries import counted
+
+# Lines that a sentence names.
+_SPOKEN = 3
+
+
+def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) -> tuple[str, ...]:
+    """Give them, a sentence each; none where nothing stands in the way."""
+    said = []
+    if not fitted.solved.converged:
+        said.append(
+            "the fit has not settled, so that what it leaves is not only what the model lacks: leave out the term "
+            "that runs away, or measure what would hold it"
+        )
+    if has_found and comparison is not None and comparison.freedom == "held" and all_terms(comparison.model):
+        said.append(
+            "the model's numbers come from other data: where the cause acted there already they hold a part of it, "
+            "and its image is what is seen here; --refit fits them to these data"
+        )
+    broken = interrupted_lines(fitted)
+    if broken:
+        names = [*broken[:_SPOKEN], *([f"{len(broken) - _SPOKEN} more"] if len(broken) > _SPOKEN else [])]
+        said.append(
+            f"{counted(len(broken), 'line')} ({listed(names)}) {'was' if len(broken) == 1 else 'were'} left and come "
+            "back to, and both visits count as one pass: number them in the column repeat"
+        )
+    return tuple(said)
+
+
+def interrupted_lines(fitted: Fitted) -> list[str]:
+    """Give the lines of which one pass has a whole other one between its rows.
+
+    Rows that take turns (several targets in one picture) are not meant: there no pass lies between two rows.
+    """
+    sightings = fitted.sightings
+    if sightings.n_passes < 2 or "line" not in sightings.table.columns:
+        return []
+    place = _place_in_order(sightings)
+    order = np.lexsort((place, sightings.pass_number))
+    passes, places = sightings.pass_number[order], place[order]
+    starts = np.flatnonzero(np.diff(passes, prepend=-1))
+    first, last = places[starts], np.maximum.reduceat(places, starts)
+    # The last place of the passes that begin after a row: the least of them ends first.
+    by_start = np.argsort(first)
+    soonest_end = np.minimum.accumulate(last[by_start][::-1])[::-1]
+    same = np.flatnonzero(passes[1:] == passes[:-1])
+    before, after = places[same], places[same + 1]
+    nearest = np.searchsorted(first[by_start], before, side="right")
+    has_one = nearest < len(first)
+    is_broken = has_one & (soonest_end[np.minimum(nearest, len(first) - 1)] < after)
+    names = sightings.texts("line")
+    return list(dict.fromkeys(names[order[row]] for row in same[is_broken]))
+
+
+def _place_in_order(sightings: Sightings) -> np.ndarray:
+    """Give every row's place in the order of measurement: by time where there is one, within its session."""
+    time = times_s(sightings) if "t" in sightings.table.columns else np.zeros(len(sightings))
+    order = np.lexsort((np.arange(len(sightings)), np.nan_to_num(time), sightings.session))
+    place = np.empty(len(sightings), dtype=np.int64)
+    place[order] = np.arange(len(sightings))
+    return place
