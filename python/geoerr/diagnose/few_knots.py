@@ -12,6 +12,7 @@ from geoerr.diagnose.candidates import n_waves
 from geoerr.diagnose.search import Searched, search, waves_seen
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted, refit
+from geoerr.fit.more_freedom import is_worth_asking, with_more_freedom
 from geoerr.fit.wavy import MANY_WAVES, may_be_followed, without_waves
 from geoerr.terms import Term
 
@@ -34,7 +35,23 @@ def searched_beside_knots(
             searched = search(few, known, present=present, threads=threads)
             if _is_followed(changed, _waves_found(searched)):
                 return few, searched
-    return fitted, search(fitted, known, present=present, threads=threads)
+    searched = search(fitted, known, present=present, threads=threads)
+    wider = _beside(fitted, searched)
+    return (fitted, searched) if wider is None else (wider, search(wider, known, present=present, threads=threads))
+
+
+def _beside(fitted: Fitted, searched: Searched) -> Fitted | None:
+    """Fit with more knots where what was found had hidden that they are wanting; None where they are not.
+
+    Chosen in the scatter of a large effect they are few, and what they leave would be named a wave beside it.
+    """
+    held_out = searched.bench.held_out
+    columns = [one.settled.raw for one in searched.found]
+    if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
+        return None
+    terms = [one.settled.term for one in searched.found if one.settled.term is not None]
+    more = with_more_freedom(refit(fitted, [*fitted.terms, *terms]))
+    return None if more is None else refit(fitted, more[: len(fitted.terms)])
 
 
 def _is_followed(changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -> bool:

@@ -154,7 +154,7 @@ def fit_terms(
     fitted = posed.fit((*classic, *known))
     # Where something is hardly determined its value runs away, and drags along its products with others. To choose
     # by, the first step is enough: at that order what is not seen has no effect.
-    one_step = bool(undecided) and _has_run_away(fitted)
+    one_step = bool(undecided) and has_run_away(fitted)
     if one_step:
         fitted = posed.fit((*classic, *known), one_step=True)
     for effect in effects:
@@ -183,7 +183,7 @@ def fit_terms(
     return replace(fitted, choices=choices)
 
 
-def _has_run_away(fitted: Fitted) -> bool:
+def has_run_away(fitted: Fitted) -> bool:
     """Tell whether some error is less certain than errors of machines are large."""
     return any(
         parameter.std > _ABSURD[parameter.unit]

@@ -63,7 +63,7 @@ class Fitted:
         (r, n_columns) rows P with P u = 0 ± 1 that were known besides the measurements, or None: the calibration's
         (on shared unknowns) and curvatures (on coefficients).
     again
-        Fits other terms to the same data.
+        Fits other terms to the same data; `one_step=True` stays first order.
     choices
         How each function's basis was chosen.
     """
@@ -81,7 +81,7 @@ class Fitted:
     scale: float
     dof: float
     shared: Numbers | None
-    again: Callable[[tuple[Term, ...]], Fitted]
+    again: Callable[..., Fitted]
     choices: tuple[KnotChoice, ...] = ()
     prior: Numbers | None = None
     threads: int = 0

@@ -126,6 +126,11 @@ def choose_bases(
     return tuple(choices)
 
 
+def usual_bases(name: str, rich: BasisSpec, positions_mm: Mapping[str, Numbers]) -> list[BasisSpec]:
+    """List the bases that `choose_bases` chooses from for a function of that name: the fewest functions first."""
+    return _Ladder(positions_mm).splines(name, rich)
+
+
 def _choose(
     name: str,
     rich: BasisSpec,

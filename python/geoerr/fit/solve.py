@@ -26,6 +26,8 @@ _NEAR = 0.3
 # While each is so much shorter than the one before.
 _SHORTER = 0.3
 _MAX_STEPS = 40
+# As many steps cost as much as a triangle.
+_STEPS_WITH_ANOTHER = 4
 _MAX_ROUNDS = 12
 # Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
 _GROSS = 1e-7
@@ -33,6 +35,8 @@ _GROSS = 1e-7
 _LEAST_LEFT_OVER = 0.15
 # More rows in a row than this, each once in ten million by chance, are no mistakes.
 _LONGEST_MISTAKE = 2
+# So many pairs of far neighbours are no coincidence of mistakes.
+_MANY_PAIRS = 20
 # First order is not exact: a linear model's sum of squares may rise by rounding and by that, but never by more.
 _LINEAR_RISE = 1e-2
 # An inner parameter this near to an end of its range, as a share of it, is at the end.
@@ -169,6 +173,7 @@ def solve(
     scale_of_rows = used.astype(np.float64)
     rounds = _HUBER_ROUNDS + _MAX_ROUNDS if robust else 1
     state, found, of_all = start, None, None
+    earlier: set[bytes] = set()
     for number in range(rounds):
         if one_step:
             found = _first_order(problem, start, scale_of_rows, gauge, prior, limits, threads)
@@ -195,8 +200,10 @@ def solve(
             knee = _HUBER * np.sqrt(n_numbers) * sigma
             scale_of_rows = np.sqrt(np.minimum(1.0, knee / np.maximum(distance, 1e-300)))
             continue
-        now = ~_single(sightings, distance > limit)
-        are_found = number > _HUBER_ROUNDS and bool((now == used).all())
+        now = ~_mistakes(sightings, found.whitened, n_numbers, distance > limit)
+        # Rows at the limit may come and go by turns for ever.
+        are_found = now.tobytes() in earlier
+        earlier.add(now.tobytes())
         if are_found and of_all is None:
             break
         if are_found or number == rounds - 2:
@@ -225,22 +232,73 @@ def _is_interpolated(found: _Iterated, n_numbers: np.ndarray) -> bool:
     return total - found.solution.rank < _LEAST_LEFT_OVER * total
 
 
-def _single(sightings: Sightings, is_far: np.ndarray) -> np.ndarray:
-    """Leave out of the far rows (n,) those in runs: a mistake stands alone, what the model lacks goes on.
+def _mistakes(sightings: Sightings, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray) -> np.ndarray:
+    """Leave of the far rows (n,) those that stand alone: what the model lacks goes on, and comes back.
 
-    Runs are counted along the rows of one session and target, in the order of measurement.
+    A mistake is in no longer run of far rows than two, and is like at most one of its neighbours: of the two rows
+    before it and the two after it in one session and target, and of those that were measured at the same place.
     """
-    places = np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64)
-    keys = np.column_stack([sightings.session, sightings.carrier, places])
-    order = np.lexsort((np.arange(len(keys)), *keys.T[::-1]))
-    ordered = keys[order]
-    begins = np.ones(len(keys), dtype=bool)
-    begins[1:] = (ordered[1:] != ordered[:-1]).any(axis=1) | (is_far[order][1:] != is_far[order][:-1])
-    run = np.cumsum(begins) - 1
-    length = np.bincount(run, minlength=1)
-    single = np.zeros_like(is_far)
-    single[order] = is_far[order] & (length[run] <= _LONGEST_MISTAKE)
-    return single
+    if not is_far.any():
+        return is_far
+    target = np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64)
+    of_target = np.column_stack([sightings.session, sightings.carrier, target])
+    place = np.round(sightings.commanded_mm / SAME_POSITION_MM).astype(np.int64)
+    in_time, in_place = _Rows(of_target), _Rows(np.column_stack([of_target, place]))
+    alike, neighbours = (
+        first + second
+        for first, second in zip(
+            *(one.alike(whitened, n_numbers, is_far, sightings.is_stated) for one in (in_time, in_place)),
+            strict=True,
+        )
+    )
+    return is_far & (in_time.run_length(is_far) <= _LONGEST_MISTAKE) & (alike < np.clip(neighbours, 1, 2))
+
+
+class _Rows:
+    """Rows in groups of the same keys (n, k), each in the order of measurement."""
+
+    def __init__(self, keys: np.ndarray) -> None:
+        self.order = np.lexsort((np.arange(len(keys)), *keys.T[::-1]))
+        self.begins = np.ones(len(keys), dtype=bool)
+        self.begins[1:] = (keys[self.order][1:] != keys[self.order][:-1]).any(axis=1)
+        self.group = np.cumsum(self.begins)
+
+    def run_length(self, is_one: np.ndarray) -> np.ndarray:
+        """Give the length of the run of equal marks that each row is in, (n,)."""
+        marks = is_one[self.order]
+        begins = self.begins.copy()
+        begins[1:] |= marks[1:] != marks[:-1]
+        run = np.cumsum(begins) - 1
+        length = np.empty(len(marks), dtype=np.int64)
+        length[self.order] = np.bincount(run, minlength=1)[run]
+        return length
+
+    def alike(
+        self, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray, is_stated: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Count the neighbours of each row that differ from it as neighbours do, and all of them, (n,) each.
+
+        Far rows that stand beside each other are no mistakes: where many do, it is they who tell how much neighbours
+        differ.
+        """
+        left, counted, far = whitened[self.order], n_numbers[self.order], is_far[self.order]
+        alike, neighbours = np.zeros((2, len(left)), dtype=np.int64)
+        sigma = 0.0
+        for step in range(1, _LONGEST_MISTAKE + 1):
+            is_pair = self.group[step:] == self.group[:-step]
+            distance = np.sqrt(0.5 * ((left[step:] - left[:-step]) ** 2).sum(axis=1))
+            counts = np.minimum(counted[step:], counted[:-step])
+            if step == 1:
+                sigma = robust_scale(distance[is_pair], counts[is_pair])
+                sigma = max(sigma, 1.0) if is_stated else sigma
+                both = is_pair & far[1:] & far[:-1]
+                if both.sum() >= max(_MANY_PAIRS, far.sum() // 4):
+                    sigma = max(sigma, robust_scale(distance[both], counts[both]))
+            is_near = is_pair & (distance <= np.sqrt(stats.chi2.isf(_GROSS, counts)) * sigma)
+            for own in (slice(step, None), slice(None, -step)):
+                alike[self.order[own]] += is_near
+                neighbours[self.order[own]] += is_pair
+        return alike, neighbours
 
 
 def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:
@@ -290,7 +348,8 @@ def _gauss_newton(
     ----------
     of_all
         What was found with every row counting in full. Its triangle serves for weights below 1 too: steps are shorter
-        than Newton's, none goes beyond the minimum along it, and they cost no triangle (Huber & Dutter 1974).
+        than Newton's, none goes beyond the minimum along it, and they cost no triangle (Huber & Dutter 1974). Where
+        that takes many of them one of its own is cheaper.
     """
     state = design_state = start
     residual = problem.residuals(state, threads)
@@ -311,6 +370,9 @@ def _gauss_newton(
             if moved > min(_NEAR, _SHORTER * moved_before) or moved < settled < moved_in_all:
                 triangle = problem.triangle(design_state, row_scale, prior, threads)
                 unheld, moved_in_all = triangle.solve(gauge, threads), 0.0
+        elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
+            triangle = problem.triangle(design_state, row_scale, prior, threads)
+            solution = unheld = triangle.solve(gauge, threads)
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
             gradient -= prior.T @ _held(problem, state, prior)

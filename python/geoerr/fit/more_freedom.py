@@ -1,0 +1,71 @@
+"""More knots where a fit can see more: what was chosen beside a large missing effect is too stiff without it.
+
+The freedom of an error function is weighed against the scatter. A missing effect of a hundred micrometres is scatter,
+and the functions that are chosen in it leave a micrometre of themselves, which looks like a wave once it is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from geoerr.fit.classic import coefficients_of, positions_by_axis, rich_basis, tells_noise
+from geoerr.fit.fit import has_run_away
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.knots import choose_bases, usual_bases
+from geoerr.fit.sightings import SAME_POSITION_MM
+from geoerr.terms import BasisSpec, Term
+
+# Where the error fell by this factor, what was chosen before is looked at again.
+_FELL = 1.3
+
+
+def is_worth_asking(before_um: float | None, after_um: float | None) -> bool:
+    """Tell whether an error fell so far that functions which were chosen before may be too stiff."""
+    return before_um is not None and after_um is not None and before_um > _FELL * after_um
+
+
+def with_more_freedom(fitted: Fitted) -> tuple[Term, ...] | None:
+    """Give a fit's terms with more knots for the functions of which the data show more now; None where of none.
+
+    Bases that were not chosen by `fit_terms` stay as they are, and none gets fewer.
+    """
+    sightings = fitted.sightings
+    positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+    own = {term.id: basis for term in fitted.terms if (basis := _basis_of(term)) is not None}
+    is_noise_told = tells_noise(sightings, list(own), positions)
+    rich: dict[str, BasisSpec] = {}
+    for name, basis in own.items():
+        richest = rich_basis(
+            basis.axis, positions[basis.axis], is_stated=sightings.is_stated, is_noise_told=is_noise_told
+        )
+        if richest is not None and basis in usual_bases(name, richest, positions)[:-1]:
+            rich[name] = richest
+    if not rich:
+        return None
+    terms = tuple(_on(term, rich) for term in fitted.terms)
+    free = fitted.again(terms)
+    if has_run_away(free):
+        free = fitted.again(terms, one_step=True)
+    undecided = [term for term in terms if term.id in rich]
+    chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions)
+    more = {one.name: one.basis for one in chosen if one.basis.n_functions > own[one.name].n_functions}
+    return tuple(_on(term, more) for term in fitted.terms) if more else None
+
+
+def _basis_of(term: Term) -> BasisSpec | None:
+    """Give the basis of an error function; None of any other term."""
+    return term.parts[0].basis if term.kind == "classic" else None
+
+
+def _on(term: Term, bases: Mapping[str, BasisSpec]) -> Term:
+    """Give an error function on another basis, values unknown; a straightness that follows its angle goes along."""
+    basis = bases.get(term.id)
+    if basis is None:
+        return term
+    parts = tuple(
+        replace(part, basis=replace(basis, is_tangent_integral=part.basis.is_tangent_integral))
+        for part in term.parts
+        if part.basis is not None
+    )
+    return replace(term, parts=parts, coefficients=coefficients_of(term.id, basis))
