@@ -7,6 +7,7 @@ takes for a wave may be any of these. Only the search can say; where a first loo
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from geoerr.diagnose.candidates import n_waves
 from geoerr.diagnose.search import Searched, search, waves_seen
@@ -36,22 +37,34 @@ def searched_beside_knots(
             if _is_followed(changed, _waves_found(searched)):
                 return few, searched
     searched = search(fitted, known, present=present, threads=threads)
-    wider = _beside(fitted, searched)
-    return (fitted, searched) if wider is None else (wider, search(wider, known, present=present, threads=threads))
+    beside = _beside(fitted, searched)
+    if beside is None:
+        return fitted, searched
+    again = _as_beside(fitted, beside)
+    explained = again.solved.whitened - beside.solved.whitened
+    return again, search(again, known, present=present, explained=explained, threads=threads)
 
 
 def _beside(fitted: Fitted, searched: Searched) -> Fitted | None:
-    """Fit with more knots where what was found had hidden that they are wanting; None where they are not.
+    """Fit everything anew beside what was found, where that is large beside the noise; None where it is not.
 
-    Chosen in the scatter of a large effect they are few, and what they leave would be named a wave beside it.
+    In the scatter of a large effect knots are few, and what they leave would be named a wave beside it. Rows that are
+    far off by the effect alone are left out or winsorised, and what is left of it looks like another.
     """
     held_out = searched.bench.held_out
     columns = [one.settled.raw for one in searched.found]
     if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
         return None
     terms = [one.settled.term for one in searched.found if one.settled.term is not None]
-    more = with_more_freedom(refit(fitted, [*fitted.terms, *terms]))
-    return None if more is None else refit(fitted, more[: len(fitted.terms)])
+    beside = refit(fitted, [*fitted.terms, *terms])
+    # Rows that lack a column would be rows that are not searched.
+    return beside if len(beside.sightings) == len(fitted.sightings) else None
+
+
+def _as_beside(fitted: Fitted, beside: Fitted) -> Fitted:
+    """Give the fit with the knots and the gross rows of the one beside what was found."""
+    own = (with_more_freedom(beside) or beside.terms)[: len(fitted.terms)]
+    return replace(fitted.again(own, used=beside.solved.used), choices=fitted.choices)
 
 
 def _is_followed(changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -> bool:

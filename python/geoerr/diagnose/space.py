@@ -28,6 +28,8 @@ NumbersOfDraws = npt.NDArray[np.float32]
 _SEED = 20_210_917
 # A direction of a pass that the rest determines by less than this share is the pass's own, and says nothing.
 _OWN = 1e-3
+# Of the numbers, a share that tails may have: of Student's with three degrees of freedom 1.5 % are winsorised.
+_FEW = 0.02
 # Columns whose part off the others has less than this share of their square are inside already. The core's.
 INSIDE = 1e-9
 
@@ -135,13 +137,25 @@ def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: in
 
 
 def whitened_space(
-    fitted: Fitted, noise: NoiseModel, rows: Numbers, sums: NoiseSums, *, is_winsorised: bool = True
+    fitted: Fitted,
+    noise: NoiseModel,
+    rows: Numbers,
+    sums: NoiseSums,
+    *,
+    is_winsorised: bool = True,
+    explained: Numbers | None = None,
 ) -> Space:
     """Bring a fit's residual and basis into the metric of a noise model.
 
     Winsorised: a number of the residual beyond `WINSOR` standard deviations counts as one of so many, so that a few
-    rows alone do not decide what is searched for. But what an effect does to a few rows may lie that far out, and is
-    then no chance: where its values are estimated nothing is winsorised.
+    rows alone do not decide what is searched for; where more than a few lie out there, they are no tails, and the few
+    that lie furthest count as the next. But what an effect does to a few rows may lie that far out, and is then no
+    chance: where its values are estimated nothing is winsorised.
+
+    Parameters
+    ----------
+    explained : (n, 3) or None
+        What is known to be no chance of the residual, whitened by the stated uncertainties: the rest is winsorised.
     """
     whitened = sums.whitened_basis(noise)
     if whitened is None:
@@ -153,11 +167,17 @@ def whitened_space(
     flat = flat - basis @ (basis.T @ flat)
     if not is_winsorised:
         return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), flat.reshape(rows.shape))
+    known = np.zeros_like(flat)
+    if explained is not None:
+        known = noise.whiten(explained * rows).reshape(-1)
+        known = known - basis @ (basis.T @ known)
+    left = flat - known
     # The middle of absolute values knows no tails; 0.6745 makes it a standard deviation.
     counts = rows.reshape(-1) > 0.0
-    spread = float(np.median(np.abs(flat[counts]))) / 0.6745 if counts.any() else 1.0
-    limit = WINSOR * max(spread, 1e-300)
-    clipped = np.clip(flat, -limit, limit)
+    sizes = np.abs(left[counts]) if counts.any() else np.ones(1)
+    middle, nearly_all = np.quantile(sizes, [0.5, 1.0 - _FEW])
+    limit = max(WINSOR * float(middle) / 0.6745, float(nearly_all), 1e-300)
+    clipped = known + np.clip(left, -limit, limit)
     clipped = clipped - basis @ (basis.T @ clipped)
     return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), clipped.reshape(rows.shape))
 

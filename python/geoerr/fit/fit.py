@@ -286,14 +286,28 @@ class Posed:
         self.given: Given | None = None
 
     def fit(
-        self, terms: tuple[Term, ...], smoothness: Sequence[Smoothness] = (), *, one_step: bool = False
+        self,
+        terms: tuple[Term, ...],
+        smoothness: Sequence[Smoothness] = (),
+        *,
+        one_step: bool = False,
+        used: np.ndarray | None = None,
     ) -> Fitted:
-        """Fit these terms, with what is known of the smoothness of some; `one_step` stays first order."""
+        """Fit these terms, with what is known of the smoothness of some.
+
+        Parameters
+        ----------
+        one_step
+            Stay first order.
+        used
+            Rows (n,) that take part, where that is known: no gross ones are then looked for.
+        """
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
         variables = variable_columns(sightings, compiled.variables)
         known = complete_rows_of(sightings, compiled.variables, variables, terms)
         sightings, variables, shared, given = _complete_rows(sightings, known, variables, self.shared, self.given)
+        used = given.is_used if given is not None else None if used is None else used[known]
         if not len(sightings):
             raise GeometryError("no row has all the covariates that the model needs")
         free = [
@@ -319,7 +333,7 @@ class Posed:
             is_linear=not free,
             inner_ranges=_ranges(terms, free, compiled.n_coefficients),
             one_step=one_step,
-            used=None if given is None else given.is_used,
+            used=used,
             limits=limits,
             threads=options.threads,
         )

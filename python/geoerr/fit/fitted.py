@@ -63,7 +63,7 @@ class Fitted:
         (r, n_columns) rows P with P u = 0 ± 1 that were known besides the measurements, or None: the calibration's
         (on shared unknowns) and curvatures (on coefficients).
     again
-        Fits other terms to the same data; `one_step=True` stays first order.
+        Fits other terms to the same data; keywords are those of `Posed.fit`.
     choices
         How each function's basis was chosen.
     """

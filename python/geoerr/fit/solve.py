@@ -251,7 +251,8 @@ def _mistakes(sightings: Sightings, whitened: Numbers, n_numbers: np.ndarray, is
             strict=True,
         )
     )
-    return is_far & (in_time.run_length(is_far) <= _LONGEST_MISTAKE) & (alike < np.clip(neighbours, 1, 2))
+    is_short = in_time.run_length(is_far) <= _LONGEST_MISTAKE
+    return np.asarray(is_far & is_short & (alike < np.clip(neighbours, 1, 2)))
 
 
 class _Rows:

@@ -22,10 +22,22 @@ from geoerr.machine import AXES
 
 
 class Bench:
-    """A fit, the effects added so far, and the space that they leave."""
+    """A fit, the effects added so far, and the space that they leave.
 
-    def __init__(self, fitted: Fitted, functions: Functions, *, names: Sequence[str], threads: int = 0) -> None:
+    `explained` (n, 3) is what an earlier search explained of the fit's residual, as `whitened_space` takes it.
+    """
+
+    def __init__(
+        self,
+        fitted: Fitted,
+        functions: Functions,
+        *,
+        names: Sequence[str],
+        explained: Numbers | None = None,
+        threads: int = 0,
+    ) -> None:
         self.fitted, self.functions, self.names, self.threads = fitted, functions, tuple(names), threads
+        self.explained = explained
         solved = fitted.solved
         scale = solved.used.astype(np.float64)
         raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
@@ -68,7 +80,11 @@ class Bench:
         """Give the space that the model and what was added leave, the noise estimated anew."""
         sums = self.sums(added)
         self.noise = sums.fit(start=self.noise)
-        return whitened_space(self.fitted, self.noise, self.rows, sums)
+        return self.space_in(self.noise, sums)
+
+    def space_in(self, noise: NoiseModel, sums: NoiseSums) -> Space:
+        """Give the space of what these sums are of, in this noise."""
+        return whitened_space(self.fitted, noise, self.rows, sums, explained=self.explained)
 
     def space_to_estimate_in(self, noise: NoiseModel, added: Sequence[Numbers]) -> Space:
         """Give the space that the model and what was added leave, in this noise, as it was measured."""

@@ -17,7 +17,7 @@ from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, evidence_of, freedom_of, scanned_best
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import settle
-from geoerr.diagnose.space import Space, whitened_space
+from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 
 # Functions of time, which a drift can swallow, are judged with the drift estimated anew: so many of the best, and
@@ -35,6 +35,8 @@ _FEW_LIKE_DRIFT = 10.0
 _STRONG = 1.0
 # What a plan that goes both ways is made to show (ISO 230-2), and so is asked for by itself.
 _ASKED_FOR = "backlash"
+# An exponent beyond which a ratio of likelihoods says no more by being larger.
+_CERTAIN = 600.0
 
 
 def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round:
@@ -59,7 +61,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     sums = bench.sums(added)
     calm_noise = without_drift(looked.space.noise, sums.weights, without_offsets=is_offset)
-    calm = whitened_space(bench.fitted, calm_noise, bench.rows, sums)
+    calm = bench.space_in(calm_noise, sums)
     scanner = bench.scanner(calm, n_draws=0)
     tops = scanned_best(scanner, [one.what for one in like])
     clear = sorted((one for one, _ in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)
@@ -120,7 +122,7 @@ def _surprise_of_passes(gain: float, rank: int, n_passes: int, n_trials: int) ->
     left = n_passes - 1 - rank
     if left < 1:
         return 0.0
-    ratio = math.expm1(gain / n_passes) * left / rank
+    ratio = math.expm1(min(gain / n_passes, _CERTAIN)) * left / rank
     return float(-stats.f.logsf(ratio, rank, left)) - math.log(n_trials)
 
 

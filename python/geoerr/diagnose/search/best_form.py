@@ -15,7 +15,7 @@ from geoerr.diagnose.search.inner import around, neighbours
 from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, freedom_of_term
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, settle, settle_as
-from geoerr.diagnose.space import Space, whitened_space
+from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
@@ -31,7 +31,7 @@ def in_best_form(bench: Bench, looked: Round, judged: Judged, added: Sequence[Nu
     """
     space, scanner = looked.space, looked.scanner
     if judged.noise is not None:
-        space = whitened_space(bench.fitted, judged.noise, bench.rows, bench.sums(added))
+        space = bench.space_in(judged.noise, bench.sums(added))
         scanner = bench.scanner(space, n_draws=0)
     plain = settle(space, scanner, judged)
     best, most = plain, CLEARLY_BETTER

@@ -73,7 +73,14 @@ class Searched:
     beside: tuple[Numbers, ...]
 
 
-def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0) -> Searched:
+def search(
+    fitted: Fitted,
+    known: Catalogue,
+    *,
+    present: Sequence[str] = (),
+    explained: Numbers | None = None,
+    threads: int = 0,
+) -> Searched:
     """Add what is missing, best first, until chance explains what is left.
 
     Where a probe beats every name, and two names together, there is something without a name: its columns are set
@@ -83,13 +90,15 @@ def search(fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), thr
     ----------
     present
         Ids of terms that the model has besides those of the fit.
+    explained : (n, 3) or None
+        What an earlier search explained of the residual, as `whitened_space` takes it.
     """
     candidates, not_offered, functions = candidates_of(fitted, known, present)
     variables = variables_of(fitted)
     smooth, waves = probes_of(fitted, functions, variables), UnevenWaves(functions, variables)
     everything: list[Candidate | Probe] = [*candidates, *smooth]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
-    bench = Bench(fitted, functions, names=names, threads=threads)
+    bench = Bench(fitted, functions, names=names, explained=explained, threads=threads)
     found: list[Found] = []
     unknown: Found | None = None
     # Columns of what has no name: of its probe, and where it is left of a name what is uneven or bent in that.
