@@ -22,14 +22,16 @@ NULL_NOISES = (
 # 10 µm, alone and with offsets of passes and drift.
 EFFECT_NOISES = ("gauss-10", "offsets-3", "drift-2", "offsets-3+drift-2")
 STRENGTHS_UM = (1.0, 2.0, 4.0, 8.0)
+# Three and ten times the noise: what a machine that nobody has corrected shows.
+LARGE_STRENGTHS_UM = (30.0, 100.0)
 UNLISTED_STRENGTHS_UM = (2.0, 4.0, 8.0)
 PAIR_STRENGTH_UM = 4.0
 OFF_FORMULA, OFF_STRENGTH_UM = 0.3, 8.0
 # The volume is seen from the floor and from the work by turns.
 PLAN_ORDER = ("nine-lines", "volume-relative", "mixed", "nine-lines", "volume-floor", "mixed")
-PARTS = ("nulls", "single", "pairs", "off-formula", "unlisted")
+PARTS = ("nulls", "single", "pairs", "off-formula", "unlisted", "large")
 # How many sets each cell has by default.
-USUAL_NUMBER = {"nulls": 200, "single": 20, "pairs": 200, "off-formula": 20, "unlisted": 20}
+USUAL_NUMBER = {"nulls": 200, "single": 20, "pairs": 200, "off-formula": 20, "unlisted": 20, "large": 20}
 _SEEDS_OF_A_PART, _SEEDS_OF_A_SET = 100_000, 10
 
 
@@ -105,8 +107,9 @@ def sets_of(part: str, n_each: int | None = None, kinds: Sequence[str] = ()) -> 
 def _cells(part: str, number: int) -> Iterator[tuple[str, tuple[Hidden, ...], float]]:
     if part == "nulls":
         yield from ((noise, (), 0.0) for noise in NULL_NOISES)
-    elif part == "single":
-        yield from ((kind, (Hidden(kind),), size) for kind in LISTED.kinds for size in STRENGTHS_UM)
+    elif part in ("single", "large"):
+        sizes = STRENGTHS_UM if part == "single" else LARGE_STRENGTHS_UM
+        yield from ((kind, (Hidden(kind),), size) for kind in LISTED.kinds for size in sizes)
     elif part == "pairs":
         yield "pair", _pair(number), PAIR_STRENGTH_UM
     elif part == "off-formula":

@@ -301,6 +301,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Sequence[Line]], str]]] = {
     "pairs": ("Two at once", pairs),
     "off-formula": ("30 % off the formula", off_formula),
     "unlisted": ("Not in the catalogue", unlisted),
+    "large": ("One effect of three and ten times the noise", single),
 }
 
 
@@ -324,9 +325,9 @@ def tables(lines: Sequence[Line]) -> str:
             text += f"{len(failed) - len(carried)} sets that no plan shows; {len(carried)} that ended in an error"
             text += "".join(f"\n- {line['key']}: {line['failed'][:160]}" for line in carried[:10]) + "\n\n"
         # What ended in an error was not named.
-        text += section(ran if part != "single" else [*ran, *carried])
-        if part == "single":
-            text += f"\n## Held-out error\n\n{held_out(ran)}\n## Inner parameters at 4 µm and more\n\n{inner(ran)}"
+        text += section([*ran, *carried] if section is single else ran)
+        if section is single:
+            text += f"\n### Held-out error\n\n{held_out(ran)}\n### Inner parameters at 4 µm and more\n\n{inner(ran)}"
     return text + f"\n## Time\n\n{seconds(lines)}"
 
 
