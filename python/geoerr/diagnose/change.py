@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoerr.diagnose.answer import held_out_um
 from geoerr.diagnose.summary import change_html
 from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
@@ -27,6 +28,7 @@ from geoerr.fit import (
     sightings_of,
 )
 from geoerr.fit.additions import additions, usual_terms
+from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.wavy import may_be_followed, without_waves
@@ -203,10 +205,20 @@ def _added(
 ) -> Change:
     _refuse_held(model, *(term.id for term in terms))
     after = _fitted(model, tables, [*own.terms, *terms], calibration, threads)
-    before = own.fitted
-    if before is None or not _is_of(before, {term.id for term in own.terms}, after):
-        before = refit(after, own_terms(model))
+    before = _before(model, own, after)
+    if is_worth_asking(held_out_um(before), held_out_um(after)):
+        chosen = choose_again(after)
+        if chosen is not None:
+            after = _fitted(model, tables, chosen, calibration, threads)
+            before = _before(model, own, after)
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
+
+
+def _before(model: Model, own: _Own, after: Fitted) -> Fitted:
+    """Give the fit of the model as it was to the rows of the one with the effect."""
+    if own.fitted is not None and _is_of(own.fitted, {term.id for term in own.terms}, after):
+        return own.fitted
+    return refit(after, own_terms(model))
 
 
 def _is_of(known: Fitted, held: set[str], after: Fitted) -> bool:

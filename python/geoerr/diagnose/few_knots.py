@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from geoerr.diagnose.candidates import n_waves
 from geoerr.diagnose.search import Searched, search, waves_seen
 from geoerr.effects.collection import Catalogue
-from geoerr.fit import Fitted, refit
-from geoerr.fit.more_freedom import is_worth_asking, with_more_freedom
+from geoerr.fit import Fitted, has_covariates, refit
+from geoerr.fit.choose_again import choose_again, is_worth_asking
+from geoerr.fit.sightings import Numbers
 from geoerr.fit.wavy import MANY_WAVES, may_be_followed, without_waves
 from geoerr.terms import Term
 
@@ -40,8 +43,7 @@ def searched_beside_knots(
     beside = _beside(fitted, searched)
     if beside is None:
         return fitted, searched
-    again = _as_beside(fitted, beside)
-    explained = again.solved.whitened - beside.solved.whitened
+    again, explained = _as_beside(fitted, beside)
     return again, search(again, known, present=present, explained=explained, threads=threads)
 
 
@@ -56,15 +58,23 @@ def _beside(fitted: Fitted, searched: Searched) -> Fitted | None:
     if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
         return None
     terms = [one.settled.term for one in searched.found if one.settled.term is not None]
-    beside = refit(fitted, [*fitted.terms, *terms])
-    # Rows that lack a column would be rows that are not searched.
-    return beside if len(beside.sightings) == len(fitted.sightings) else None
+    return refit(fitted, [*fitted.terms, *terms])
 
 
-def _as_beside(fitted: Fitted, beside: Fitted) -> Fitted:
-    """Give the fit with the knots and the gross rows of the one beside what was found."""
-    own = (with_more_freedom(beside) or beside.terms)[: len(fitted.terms)]
-    return replace(fitted.again(own, used=beside.solved.used), choices=fitted.choices)
+def _as_beside(fitted: Fitted, beside: Fitted) -> tuple[Fitted, Numbers]:
+    """Give the fit with the bases, gross rows and frames of the one beside what was found; and what that explains.
+
+    A frame follows what is missing, too: of a quarter of a millimetre of play a milliradian makes another error. Rows
+    without the column of what was found hold it all the same: they are left out, as they are where it is added.
+    """
+    own = (choose_again(beside) or beside.terms)[: len(fitted.terms)]
+    known = has_covariates(fitted.machine, fitted.sightings, beside.terms)
+    used = np.zeros(len(known), dtype=bool)
+    used[known] = beside.solved.used
+    again = replace(fitted.again(own, used=used, around=beside.solved.state), choices=fitted.choices)
+    explained = np.zeros_like(again.solved.whitened)
+    explained[known] = again.solved.whitened[known] - beside.solved.whitened
+    return again, explained
 
 
 def _is_followed(changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -> bool:

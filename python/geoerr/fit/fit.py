@@ -292,6 +292,7 @@ class Posed:
         *,
         one_step: bool = False,
         used: np.ndarray | None = None,
+        around: _core.FitState | None = None,
     ) -> Fitted:
         """Fit these terms, with what is known of the smoothness of some.
 
@@ -301,6 +302,9 @@ class Posed:
             Stay first order.
         used
             Rows (n,) that take part, where that is known: no gross ones are then looked for.
+        around
+            Stay first order about the values that the terms have and the frames of this state, whatever frames would
+            follow what the terms lack.
         """
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
@@ -313,7 +317,8 @@ class Posed:
         free = [
             place for place, parameter in enumerate(p for term in terms for p in term.inner) if not parameter.is_fixed
         ]
-        problem = self._problem(compiled, terms, sightings, variables, shared, given, free)
+        at = None if around is None else start_values(terms)[0]
+        problem = self._in_frames(around)._problem(compiled, terms, sightings, variables, shared, given, free, at)
         n_model = compiled.n_coefficients + len(free)
         rows = gauge_rows(terms)
         gauge = np.zeros((len(rows), problem.n_columns))
@@ -332,11 +337,13 @@ class Posed:
             robust=options.is_robust,
             is_linear=not free,
             inner_ranges=_ranges(terms, free, compiled.n_coefficients),
-            one_step=one_step,
+            one_step=one_step or around is not None,
             used=used,
             limits=limits,
             threads=options.threads,
         )
+        if around is not None:
+            solved = replace(solved, state=problem.start)
         again = self._on(sightings, shared, given).fit
         return self._summary(
             terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing, limits
@@ -382,6 +389,19 @@ class Posed:
             found = np.maximum(found, np.abs(design).max(axis=0, initial=0.0))
         largest[places] = found / float(sightings.whitening.max(initial=1e-300))
         return largest
+
+    def _in_frames(self, state: _core.FitState | None) -> Posed:
+        """Give the same in the frames of a state; None leaves them as they are."""
+        if state is None:
+            return self
+        other = copy.copy(self)
+        other.frames = replace(
+            self.frames,
+            rotations=state.rotations,
+            translations_mm=state.translations_mm,
+            excess_mm=state.excess_mm,
+        )
+        return other
 
     def _on(self, sightings: Sightings, shared: Numbers | None, given: Given | None) -> Posed:
         """Give the same with these rows only, so that what is compared is compared on the same rows."""

@@ -1,7 +1,8 @@
-"""More knots where a fit can see more: what was chosen beside a large missing effect is too stiff without it.
+"""Bases chosen again, once what was missing is known.
 
-The freedom of an error function is weighed against the scatter. A missing effect of a hundred micrometres is scatter,
-and the functions that are chosen in it leave a micrometre of themselves, which looks like a wave once it is known.
+The freedom of an error function is weighed against the scatter. A missing effect of a hundred micrometres is scatter:
+functions that are chosen in it are too stiff, and leave a micrometre of themselves, which looks like a wave once the
+effect is known; or they follow the effect with knots that the machine does not need.
 """
 
 from __future__ import annotations
@@ -16,19 +17,19 @@ from geoerr.fit.knots import choose_bases, usual_bases
 from geoerr.fit.sightings import SAME_POSITION_MM
 from geoerr.terms import BasisSpec, Term
 
-# Where the error fell by this factor, what was chosen before is looked at again.
+# Where the error fell by this factor, what was chosen before is chosen again.
 _FELL = 1.3
 
 
 def is_worth_asking(before_um: float | None, after_um: float | None) -> bool:
-    """Tell whether an error fell so far that functions which were chosen before may be too stiff."""
+    """Tell whether an error fell so far that the scatter in which bases were chosen was not the noise."""
     return before_um is not None and after_um is not None and before_um > _FELL * after_um
 
 
-def with_more_freedom(fitted: Fitted) -> tuple[Term, ...] | None:
-    """Give a fit's terms with more knots for the functions of which the data show more now; None where of none.
+def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
+    """Give a fit's terms on the bases that its data choose beside its effects; None where these are the same.
 
-    Bases that were not chosen by `fit_terms` stay as they are, and none gets fewer.
+    A basis that `fit_terms` would not choose from was given, and stays.
     """
     sightings = fitted.sightings
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
@@ -39,7 +40,7 @@ def with_more_freedom(fitted: Fitted) -> tuple[Term, ...] | None:
         richest = rich_basis(
             basis.axis, positions[basis.axis], is_stated=sightings.is_stated, is_noise_told=is_noise_told
         )
-        if richest is not None and basis in usual_bases(name, richest, positions)[:-1]:
+        if richest is not None and basis in usual_bases(name, richest, positions):
             rich[name] = richest
     if not rich:
         return None
@@ -49,8 +50,8 @@ def with_more_freedom(fitted: Fitted) -> tuple[Term, ...] | None:
         free = fitted.again(terms, one_step=True)
     undecided = [term for term in terms if term.id in rich]
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions)
-    more = {one.name: one.basis for one in chosen if one.basis.n_functions > own[one.name].n_functions}
-    return tuple(_on(term, more) for term in fitted.terms) if more else None
+    new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}
+    return tuple(_on(term, new) for term in fitted.terms) if new else None
 
 
 def _basis_of(term: Term) -> BasisSpec | None:
