@@ -14,7 +14,6 @@ from geoerr.diagnose.advice import advise
 from geoerr.diagnose.answer import Answer, Verdict, held_out_um
 from geoerr.diagnose.between_passes import BetweenPasses, between_passes
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
-from geoerr.diagnose.few_knots import searched_beside_knots
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.notes import notes_of
@@ -22,6 +21,7 @@ from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, settle
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
+from geoerr.diagnose.whole_search import searched_whole
 from geoerr.diagnose.words import chance_words, listed, sure_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
@@ -216,7 +216,7 @@ def diagnose(
     # A model that is held has its terms outside the fit.
     is_held = comparison is not None and comparison.freedom == "held"
     held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
-    fitted, searched = searched_beside_knots(fitted, known, present=held, threads=threads)
+    fitted, searched = searched_whole(fitted, known, present=held, threads=threads)
     advance(2, _STEPS)
     found = diagnosis_of(fitted, searched, known, comparison)
     advance(_STEPS, _STEPS)

@@ -1,0 +1,68 @@
+"""The whole search: beside few knots where many followed a wave, and once more beside an effect that was large.
+
+A large effect hides what is small. In its scatter bases are chosen that are too stiff, or follow it, and what they
+leave would be named a wave beside it. Rows that are far off by the effect alone are left out or winsorised, and what is
+left of it looks like another. So where what was found lets the error fall far, everything is fitted anew beside it, and
+the search begins again with the bases, rows and frames of that fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from geoerr.diagnose.few_knots import searched_beside_few_knots
+from geoerr.diagnose.search import Searched, search
+from geoerr.effects.collection import Catalogue
+from geoerr.fit import Fitted, has_covariates, refit
+from geoerr.fit.choose_again import choose_again, is_worth_asking
+from geoerr.fit.sightings import Numbers
+
+
+def searched_whole(
+    fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0
+) -> tuple[Fitted, Searched]:
+    """Give what a search finds, and the fit that was searched.
+
+    Parameters
+    ----------
+    present
+        Ids of terms that the model has besides those of the fit.
+    """
+    few = searched_beside_few_knots(fitted, known, present=present, threads=threads)
+    if few is not None:
+        return few
+    searched = search(fitted, known, present=present, threads=threads)
+    beside = _fitted_beside(fitted, searched)
+    if beside is None:
+        return fitted, searched
+    again, explained = _as_beside(fitted, beside)
+    return again, search(again, known, present=present, explained=explained, threads=threads)
+
+
+def _fitted_beside(fitted: Fitted, searched: Searched) -> Fitted | None:
+    """Fit everything anew beside what was found, where that is large beside the noise; None where it is not."""
+    held_out = searched.bench.held_out
+    columns = [one.settled.raw for one in searched.found]
+    if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
+        return None
+    terms = [one.settled.term for one in searched.found if one.settled.term is not None]
+    return refit(fitted, [*fitted.terms, *terms])
+
+
+def _as_beside(fitted: Fitted, beside: Fitted) -> tuple[Fitted, Numbers]:
+    """Give the fit with the bases, gross rows and frames of the one beside what was found; and what that explains.
+
+    A frame follows what is missing, too: of a quarter of a millimetre of play a milliradian makes another error. Rows
+    without the column of what was found hold it all the same: they are left out, as they are where it is added.
+    """
+    own = (choose_again(beside) or beside.terms)[: len(fitted.terms)]
+    known = has_covariates(fitted.machine, fitted.sightings, beside.terms)
+    used = np.zeros(len(known), dtype=bool)
+    used[known] = beside.solved.used
+    again = replace(fitted.again(own, used=used, around=beside.solved.state), choices=fitted.choices)
+    explained = np.zeros_like(again.solved.whitened)
+    explained[known] = again.solved.whitened[known] - beside.solved.whitened
+    return again, explained
