@@ -67,6 +67,9 @@ class Diagnosis(Answer):
     ----------
     searched
         Every number behind it.
+    as_it_was
+        The fit that was given, or that of the model; `fitted` is the one that was searched, which has other bases
+        beside a large effect.
     comparison
         The model held against the measurements; None where a fit was diagnosed.
     """
@@ -75,7 +78,13 @@ class Diagnosis(Answer):
     candidates: tuple[Finding, ...]
     unknown: Unknown | None
     searched: Searched
+    as_it_was: Fitted
     comparison: Comparison | None = None
+
+    @cached_property
+    def held_out_rmse_um(self) -> float | None:
+        """Held-out error of the model as it was."""
+        return held_out_um(self.as_it_was)
 
     @cached_property
     def between_passes(self) -> BetweenPasses:
@@ -85,7 +94,7 @@ class Diagnosis(Answer):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What one has to know before trusting it: sentences, without a full stop."""
-        return notes_of(self.fitted, self.comparison, has_found=bool(self.found) or self.unknown is not None)
+        return notes_of(self.as_it_was, self.comparison, has_found=bool(self.found) or self.unknown is not None)
 
     @property
     def tied(self) -> tuple[Finding, ...]:
@@ -216,25 +225,38 @@ def diagnose(
     # A model that is held has its terms outside the fit.
     is_held = comparison is not None and comparison.freedom == "held"
     held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
-    fitted, searched = searched_whole(fitted, known, present=held, threads=threads)
+    whole, searched = searched_whole(fitted, known, present=held, threads=threads)
     advance(2, _STEPS)
-    found = diagnosis_of(fitted, searched, known, comparison)
+    found = diagnosis_of(whole, searched, known, comparison, as_it_was=fitted)
     advance(_STEPS, _STEPS)
     return found
 
 
 def diagnosis_of(
-    fitted: Fitted, searched: Searched, known: Catalogue, comparison: Comparison | None = None
+    fitted: Fitted,
+    searched: Searched,
+    known: Catalogue,
+    comparison: Comparison | None = None,
+    *,
+    as_it_was: Fitted | None = None,
 ) -> Diagnosis:
     """Say what a search has found; `known` is the catalogue that it was made with."""
-    return _Summary(fitted, searched, known, comparison).diagnosis()
+    return _Summary(fitted, searched, known, comparison, as_it_was or fitted).diagnosis()
 
 
 class _Summary:
     """From what the search found to what is said of it."""
 
-    def __init__(self, fitted: Fitted, searched: Searched, known: Catalogue, comparison: Comparison | None) -> None:
+    def __init__(
+        self,
+        fitted: Fitted,
+        searched: Searched,
+        known: Catalogue,
+        comparison: Comparison | None,
+        as_it_was: Fitted,
+    ) -> None:
         self.fitted, self.searched, self.known, self.comparison = fitted, searched, known, comparison
+        self.as_it_was = as_it_was
         held = () if comparison is None or comparison.freedom != "held" else all_terms(comparison.model)
         self.held = {term.id for term in held}
 
@@ -266,6 +288,7 @@ class _Summary:
             unknown,
             (*searched.not_offered, *_invisible(searched)),
             searched,
+            self.as_it_was,
             self.comparison,
         )
         return self._with_advice(diagnosis) if verdict == "ambiguous" else diagnosis
@@ -358,7 +381,8 @@ class _Summary:
         """Give the held-out error with the earlier ones in the model, and with this one too."""
         columns = [one.raw for one in earlier]
         after = self.searched.bench.held_out
-        return HeldOut(after.um(columns), after.um([*columns, settled.raw]))
+        before = after.um(columns) if columns else held_out_um(self.as_it_was)
+        return HeldOut(before, after.um([*columns, settled.raw]))
 
     def _where(self, settled: Settled, variables: Sequence[str]) -> Where:
         moved_um = displacement_um(settled.space, settled.displacement)

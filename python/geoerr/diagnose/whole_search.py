@@ -1,9 +1,9 @@
 """The whole search: beside few knots where many followed a wave, and once more beside an effect that was large.
 
 A large effect hides what is small. In its scatter bases are chosen that are too stiff, or follow it, and what they
-leave would be named a wave beside it. Rows that are far off by the effect alone are left out or winsorised, and what is
-left of it looks like another. So where what was found lets the error fall far, everything is fitted anew beside it, and
-the search begins again with the bases, rows and frames of that fit.
+leave would be named a wave beside it. Rows that are far off by the effect alone are left out or winsorised, and what
+is left of it looks like another. So where what was found lets the error fall far, everything is fitted anew beside
+it, and the search begins again with the bases, rows and frames of that fit.
 """
 
 from __future__ import annotations
