@@ -99,3 +99,13 @@ def test_rows_that_are_far_by_what_is_missing_are_no_mistakes(name: str) -> None
     observations = observed(HIDDEN[name], outliers=0.01)
     after = added(dirty, observations, name).after
     assert 0.007 * n_rows < len(after.outliers) < 0.02 * n_rows
+
+
+def test_first_order_about_a_fit_is_that_fit() -> None:
+    fitted = fitted_to(observed(play, outliers=0.01))
+    again = fitted.again(fitted.terms, used=fitted.solved.used, around=fitted.solved.state)
+    rows = fitted.solved.used
+    np.testing.assert_array_equal(again.solved.used, rows)
+    # In standard errors.
+    np.testing.assert_allclose(again.solved.whitened[rows], fitted.solved.whitened[rows], atol=2e-3)
+    np.testing.assert_array_equal(again.solved.state.rotations, fitted.solved.state.rotations)

@@ -47,6 +47,14 @@ def test_lines_one_after_the_other_or_by_turns_are_whole(names: list[str]) -> No
     assert notes_of(fitted, None, has_found=False) == ()
 
 
+def test_a_reference_marker_is_looked_at_between_passes() -> None:
+    rows = observed()
+    names = ["A"] * 10 + ["marker"] * 2 + ["B"] * 10 + ["marker"] * 2
+    carriers = ["base" if name == "marker" else "tool" for name in names]
+    frame = rows.frame.head(24).with_columns(pl.Series("carrier", carriers))
+    assert interrupted_lines(of_lines(names, replace(rows, frame=frame))) == []
+
+
 def test_time_decides_the_order_and_not_the_file() -> None:
     rows = observed()
     names = ["A"] * 10 + ["B"] * 4 + ["A"] * 10

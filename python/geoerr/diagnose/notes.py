@@ -9,6 +9,7 @@ from geoerr.diagnose.words import listed
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
+from geoerr.observations import CARRIERS
 from geoerr.summaries import counted
 
 # Lines that a sentence names.
@@ -41,7 +42,8 @@ def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) 
 def interrupted_lines(fitted: Fitted) -> list[str]:
     """Give the lines of which one pass has a whole other one between its rows.
 
-    Rows that take turns (several targets in one picture) are not meant: there no pass lies between two rows.
+    Rows that take turns (several targets in one picture) are not meant: there no pass lies between two rows; nor are
+    reference markers, which are looked at between passes.
     """
     sightings = fitted.sightings
     if sightings.n_passes < 2 or "line" not in sightings.table.columns:
@@ -59,6 +61,7 @@ def interrupted_lines(fitted: Fitted) -> list[str]:
     nearest = np.searchsorted(first[by_start], before, side="right")
     has_one = nearest < len(first)
     is_broken = has_one & (soonest_end[np.minimum(nearest, len(first) - 1)] < after)
+    is_broken &= sightings.carrier[order[same]] != CARRIERS.index("base")
     names = sightings.texts("line")
     return list(dict.fromkeys(names[order[row]] for row in same[is_broken]))
 

@@ -59,10 +59,11 @@ def _as_beside(fitted: Fitted, beside: Fitted) -> tuple[Fitted, Numbers]:
     without the column of what was found hold it all the same: they are left out, as they are where it is added.
     """
     own = (choose_again(beside) or beside.terms)[: len(fitted.terms)]
-    known = has_covariates(fitted.machine, fitted.sightings, beside.terms)
-    used = np.zeros(len(known), dtype=bool)
-    used[known] = beside.solved.used
+    has_all, has_own = (has_covariates(fitted.machine, fitted.sightings, terms) for terms in (beside.terms, own))
+    used = np.zeros(len(has_all), dtype=bool)
+    used[has_all] = beside.solved.used
     again = replace(fitted.again(own, used=used, around=beside.solved.state), choices=fitted.choices)
+    known = has_all[has_own]
     explained = np.zeros_like(again.solved.whitened)
     explained[known] = again.solved.whitened[known] - beside.solved.whitened
     return again, explained
