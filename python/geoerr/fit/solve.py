@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from geoerr import _core
 from geoerr.fit.free_directions import held_smallest
-from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.gross_rows import Neighbours, gross_limit, robust_scale
+from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
@@ -29,14 +29,8 @@ _MAX_STEPS = 40
 # As many steps cost as much as a triangle.
 _STEPS_WITH_ANOTHER = 4
 _MAX_ROUNDS = 12
-# Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
-_GROSS = 1e-7
 # Share of the numbers that must be left over beyond the unknowns: below it medians of residuals tell no scale.
 _LEAST_LEFT_OVER = 0.15
-# More rows in a row than this, each once in ten million by chance, are no mistakes.
-_LONGEST_MISTAKE = 2
-# So many pairs of far neighbours are no coincidence of mistakes.
-_MANY_PAIRS = 20
 # First order is not exact: a linear model's sum of squares may rise by rounding and by that, but never by more.
 _LINEAR_RISE = 1e-2
 # An inner parameter this near to an end of its range, as a share of it, is at the end.
@@ -173,6 +167,7 @@ def solve(
     scale_of_rows = used.astype(np.float64)
     rounds = _HUBER_ROUNDS + _MAX_ROUNDS if robust else 1
     state, found, of_all = start, None, None
+    neighbours: Neighbours | None = None
     earlier: set[bytes] = set()
     for number in range(rounds):
         if one_step:
@@ -192,7 +187,7 @@ def solve(
             # Residuals are smaller than the noise by the unknowns that were fitted; nothing is gross that is not so
             # against what is stated.
             sigma = max(sigma, 1.0)
-        limit = np.sqrt(stats.chi2.isf(_GROSS, n_numbers)) * sigma
+        limit = gross_limit(n_numbers) * sigma
         if number < _HUBER_ROUNDS:
             if number == 0 and not (distance > limit).any():
                 # Nothing stands out: no weights are needed.
@@ -200,7 +195,8 @@ def solve(
             knee = _HUBER * np.sqrt(n_numbers) * sigma
             scale_of_rows = np.sqrt(np.minimum(1.0, knee / np.maximum(distance, 1e-300)))
             continue
-        now = ~_mistakes(sightings, found.whitened, n_numbers, distance > limit)
+        neighbours = neighbours or Neighbours(sightings)
+        now = ~neighbours.mistakes(found.whitened, n_numbers, distance > limit)
         # Rows at the limit may come and go by turns for ever.
         are_found = now.tobytes() in earlier
         earlier.add(now.tobytes())
@@ -230,94 +226,6 @@ def _is_interpolated(found: _Iterated, n_numbers: np.ndarray) -> bool:
     """Tell whether too little is left over to tell a gross row by: an interpolation leaves 0 but for a few."""
     total = int(n_numbers.sum())
     return total - found.solution.rank < _LEAST_LEFT_OVER * total
-
-
-def _mistakes(sightings: Sightings, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray) -> np.ndarray:
-    """Leave of the far rows (n,) those that stand alone: what the model lacks goes on, and comes back.
-
-    A mistake is in no longer run of far rows than two, and is like at most one of its neighbours: of the two rows
-    before it and the two after it in one session and target, and of those that were measured at the same place.
-    """
-    if not is_far.any():
-        return is_far
-    target = np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64)
-    of_target = np.column_stack([sightings.session, sightings.carrier, target])
-    place = np.round(sightings.commanded_mm / SAME_POSITION_MM).astype(np.int64)
-    in_time, in_place = _Rows(of_target), _Rows(np.column_stack([of_target, place]))
-    alike, neighbours = (
-        first + second
-        for first, second in zip(
-            *(one.alike(whitened, n_numbers, is_far, sightings.is_stated) for one in (in_time, in_place)),
-            strict=True,
-        )
-    )
-    is_short = in_time.run_length(is_far) <= _LONGEST_MISTAKE
-    return np.asarray(is_far & is_short & (alike < np.clip(neighbours, 1, 2)))
-
-
-class _Rows:
-    """Rows in groups of the same keys (n, k), each in the order of measurement."""
-
-    def __init__(self, keys: np.ndarray) -> None:
-        self.order = np.lexsort((np.arange(len(keys)), *keys.T[::-1]))
-        self.begins = np.ones(len(keys), dtype=bool)
-        self.begins[1:] = (keys[self.order][1:] != keys[self.order][:-1]).any(axis=1)
-        self.group = np.cumsum(self.begins)
-
-    def run_length(self, is_one: np.ndarray) -> np.ndarray:
-        """Give the length of the run of equal marks that each row is in, (n,)."""
-        marks = is_one[self.order]
-        begins = self.begins.copy()
-        begins[1:] |= marks[1:] != marks[:-1]
-        run = np.cumsum(begins) - 1
-        length = np.empty(len(marks), dtype=np.int64)
-        length[self.order] = np.bincount(run, minlength=1)[run]
-        return length
-
-    def alike(
-        self, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray, is_stated: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Count the neighbours of each row that differ from it as neighbours do, and all of them, (n,) each.
-
-        Far rows that stand beside each other are no mistakes: where many do, it is they who tell how much neighbours
-        differ.
-        """
-        left, counted, far = whitened[self.order], n_numbers[self.order], is_far[self.order]
-        alike, neighbours = np.zeros((2, len(left)), dtype=np.int64)
-        sigma = 0.0
-        for step in range(1, _LONGEST_MISTAKE + 1):
-            is_pair = self.group[step:] == self.group[:-step]
-            distance = np.sqrt(0.5 * ((left[step:] - left[:-step]) ** 2).sum(axis=1))
-            counts = np.minimum(counted[step:], counted[:-step])
-            if step == 1:
-                sigma = robust_scale(distance[is_pair], counts[is_pair])
-                sigma = max(sigma, 1.0) if is_stated else sigma
-                both = is_pair & far[1:] & far[:-1]
-                if both.sum() >= max(_MANY_PAIRS, far.sum() // 4):
-                    sigma = max(sigma, robust_scale(distance[both], counts[both]))
-            is_near = is_pair & (distance <= np.sqrt(stats.chi2.isf(_GROSS, counts)) * sigma)
-            for own in (slice(step, None), slice(None, -step)):
-                alike[self.order[own]] += is_near
-                neighbours[self.order[own]] += is_pair
-        return alike, neighbours
-
-
-def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:
-    """Give the factor by which the whitened residuals exceed 1, from the medians of rows with as many numbers.
-
-    The median of a chi-squared distribution is known for every number of components, so that rows of one, two and
-    three components agree; a half of the rows may be wrong.
-    """
-    ratios, weights = [], []
-    for count in np.unique(n_numbers):
-        rows = n_numbers == count
-        if count == 0 or not rows.any():
-            continue
-        ratios.append(float(np.median(distance[rows] ** 2)) / float(stats.chi2.ppf(0.5, count)))
-        weights.append(int(rows.sum()))
-    if not ratios:
-        return 1.0
-    return float(np.sqrt(max(np.average(ratios, weights=weights), 1e-300)))
 
 
 @dataclass(frozen=True, eq=False)

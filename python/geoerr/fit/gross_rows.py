@@ -1,0 +1,117 @@
+"""Rows that are mistakes, as against rows that are far off because the model lacks something."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+
+# Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
+_GROSS = 1e-7
+# More rows in a row than this, each once in ten million by chance, are no mistakes.
+_LONGEST_MISTAKE = 2
+# So many pairs of far neighbours are no coincidence of mistakes.
+_MANY_PAIRS = 20
+
+
+def gross_limit(n_numbers: np.ndarray) -> Numbers:
+    """Give the distance, in standard deviations, beyond which a row of so many numbers is gross, (n,)."""
+    return np.asarray(np.sqrt(stats.chi2.isf(_GROSS, n_numbers)))
+
+
+def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:
+    """Give the factor by which the whitened residuals exceed 1, from the medians of rows with as many numbers.
+
+    The median of a chi-squared distribution is known for every number of components, so that rows of one, two and
+    three components agree; a half of the rows may be wrong.
+    """
+    ratios, weights = [], []
+    for count in np.unique(n_numbers):
+        rows = n_numbers == count
+        if count == 0 or not rows.any():
+            continue
+        ratios.append(float(np.median(distance[rows] ** 2)) / float(stats.chi2.ppf(0.5, count)))
+        weights.append(int(rows.sum()))
+    if not ratios:
+        return 1.0
+    return float(np.sqrt(max(np.average(ratios, weights=weights), 1e-300)))
+
+
+class Neighbours:
+    """Who is near whom, in time and in place: rows of one session and target, in the order of measurement."""
+
+    def __init__(self, sightings: Sightings) -> None:
+        target = np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64)
+        place = np.round(sightings.commanded_mm / SAME_POSITION_MM).astype(np.int64)
+        of_target = np.column_stack([sightings.session, sightings.carrier, target])
+        self._in_time, self._in_place = _Rows(of_target), _Rows(np.column_stack([of_target, place]))
+        self._is_stated = sightings.is_stated
+
+    def mistakes(self, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray) -> np.ndarray:
+        """Leave of the far rows (n,) those that stand alone: what the model lacks goes on, and comes back.
+
+        A mistake is in no longer run of far rows than two, and is like at most one of its neighbours: of the two rows
+        before it and the two after it, and of those that were measured at the same place.
+
+        Parameters
+        ----------
+        whitened : (n, 3)
+            Residuals in standard deviations.
+        n_numbers : (n,)
+            Measured components.
+        """
+        if not is_far.any():
+            return is_far
+        both = (self._in_time, self._in_place)
+        counts = [one.alike(whitened, n_numbers, is_far, self._is_stated) for one in both]
+        alike, neighbours = (first + second for first, second in zip(*counts, strict=True))
+        is_short = self._in_time.run_length(is_far) <= _LONGEST_MISTAKE
+        return np.asarray(is_far & is_short & (alike < np.clip(neighbours, 1, 2)))
+
+
+class _Rows:
+    """Rows in groups of the same keys (n, k), each in the order of measurement."""
+
+    def __init__(self, keys: np.ndarray) -> None:
+        self.order = np.lexsort((np.arange(len(keys)), *keys.T[::-1]))
+        self.begins = np.ones(len(keys), dtype=bool)
+        self.begins[1:] = (keys[self.order][1:] != keys[self.order][:-1]).any(axis=1)
+        self.group = np.cumsum(self.begins)
+
+    def run_length(self, is_one: np.ndarray) -> np.ndarray:
+        """Give the length of the run of equal marks that each row is in, (n,)."""
+        marks = is_one[self.order]
+        begins = self.begins.copy()
+        begins[1:] |= marks[1:] != marks[:-1]
+        run = np.cumsum(begins) - 1
+        length = np.empty(len(marks), dtype=np.int64)
+        length[self.order] = np.bincount(run, minlength=1)[run]
+        return length
+
+    def alike(
+        self, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray, is_stated: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Count the neighbours of each row that differ from it as neighbours do, and all of them, (n,) each.
+
+        Far rows that stand beside each other are no mistakes: where many do, it is they who tell how much neighbours
+        differ.
+        """
+        left, counted, far = whitened[self.order], n_numbers[self.order], is_far[self.order]
+        alike, neighbours = np.zeros((2, len(left)), dtype=np.int64)
+        sigma = 0.0
+        for step in range(1, _LONGEST_MISTAKE + 1):
+            is_pair = self.group[step:] == self.group[:-step]
+            distance = np.sqrt(0.5 * ((left[step:] - left[:-step]) ** 2).sum(axis=1))
+            counts = np.minimum(counted[step:], counted[:-step])
+            if step == 1:
+                sigma = robust_scale(distance[is_pair], counts[is_pair])
+                sigma = max(sigma, 1.0) if is_stated else sigma
+                both = is_pair & far[1:] & far[:-1]
+                if both.sum() >= max(_MANY_PAIRS, far.sum() // 4):
+                    sigma = max(sigma, robust_scale(distance[both], counts[both]))
+            is_near = is_pair & (distance <= gross_limit(counts) * sigma)
+            for own in (slice(step, None), slice(None, -step)):
+                alike[self.order[own]] += is_near
+                neighbours[self.order[own]] += is_pair
+        return alike, neighbours
