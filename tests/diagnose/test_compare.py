@@ -24,7 +24,7 @@ import geoerr
 from geoerr.diagnose import common_rows, compare
 from geoerr.errors import GeoerrError, GeometryError, ShapeError
 from geoerr.fit import frames_only, own_freedom, sightings_of
-from geoerr.fit.given import stand_alone
+from geoerr.fit.gross_rows import stand_alone
 from geoerr.model import Model
 from geoerr.observations import Lengths, Observations
 

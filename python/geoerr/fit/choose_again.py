@@ -7,10 +7,9 @@ effect is known; or they follow the effect with knots that the machine does not 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
-from geoerr.fit.classic import coefficients_of, positions_by_axis, rich_basis, tells_noise
+from geoerr.fit.classic import on_basis, positions_by_axis, rich_bases
 from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import choose_bases, usual_bases
@@ -34,24 +33,19 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     sightings = fitted.sightings
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
     own = {term.id: basis for term in fitted.terms if (basis := _basis_of(term)) is not None}
-    is_noise_told = tells_noise(sightings, list(own), positions)
-    rich: dict[str, BasisSpec] = {}
-    for name, basis in own.items():
-        richest = rich_basis(
-            basis.axis, positions[basis.axis], is_stated=sightings.is_stated, is_noise_told=is_noise_told
-        )
-        if richest is not None and basis in usual_bases(name, richest, positions):
-            rich[name] = richest
+    richest = rich_bases(sightings, list(own), positions)
+    usual = usual_bases(richest, positions)
+    rich = {name: basis for name, basis in richest.items() if own[name] in usual[name]}
     if not rich:
         return None
-    terms = tuple(_on(term, rich) for term in fitted.terms)
+    terms = _on(fitted.terms, rich)
     free = fitted.again(terms)
     if has_run_away(free):
         free = fitted.again(terms, one_step=True)
     undecided = [term for term in terms if term.id in rich]
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}
-    return tuple(_on(term, new) for term in fitted.terms) if new else None
+    return _on(fitted.terms, new) if new else None
 
 
 def _basis_of(term: Term) -> BasisSpec | None:
@@ -59,14 +53,5 @@ def _basis_of(term: Term) -> BasisSpec | None:
     return term.parts[0].basis if term.kind == "classic" else None
 
 
-def _on(term: Term, bases: Mapping[str, BasisSpec]) -> Term:
-    """Give an error function on another basis, values unknown; a straightness that follows its angle goes along."""
-    basis = bases.get(term.id)
-    if basis is None:
-        return term
-    parts = tuple(
-        replace(part, basis=replace(basis, is_tangent_integral=part.basis.is_tangent_integral))
-        for part in term.parts
-        if part.basis is not None
-    )
-    return replace(term, parts=parts, coefficients=coefficients_of(term.id, basis))
+def _on(terms: Sequence[Term], bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
+    return tuple(on_basis(term, bases[term.id]) if term.id in bases else term for term in terms)

@@ -107,6 +107,16 @@ def coefficients_of(name: str, basis: BasisSpec) -> tuple[Parameter, ...]:
     return tuple(Parameter(f"c{number}", unit) for number in range(basis.n_functions))
 
 
+def on_basis(term: Term, basis: BasisSpec) -> Term:
+    """Give an error function on another basis, values unknown; a straightness that follows its angle goes along."""
+    parts = tuple(
+        replace(part, basis=replace(basis, is_tangent_integral=part.basis.is_tangent_integral))
+        for part in term.parts
+        if part.basis is not None
+    )
+    return replace(term, parts=parts, coefficients=coefficients_of(term.id, basis))
+
+
 def _squareness(channel: str) -> Term:
     pair = channel[-2:]
     return Term(
@@ -178,6 +188,20 @@ def rich_basis(
         return BasisSpec("polynomial", axis, degree=count - 1, low_mm=low, high_mm=high)
     n_functions = min(count, most)
     return spline(axis, position_mm, n_functions)
+
+
+def rich_bases(
+    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers]
+) -> dict[str, BasisSpec]:
+    """Give the richest basis of each error function (ISO names); functions of an axis that never moved have none."""
+    is_noise_told = tells_noise(sightings, names, positions_mm)
+    found = {}
+    for name in names:
+        axis = name[2].lower()
+        basis = rich_basis(axis, positions_mm[axis], is_stated=sightings.is_stated, is_noise_told=is_noise_told)
+        if basis is not None:
+            found[name] = basis
+    return found
 
 
 def spline(axis: str, position_mm: Numbers, n_functions: int) -> BasisSpec:

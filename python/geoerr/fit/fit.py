@@ -26,8 +26,7 @@ from geoerr.fit.classic import (
     gauge_rows,
     names_of,
     positions_by_axis,
-    rich_basis,
-    tells_noise,
+    rich_bases,
 )
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.free_directions import concerned, held_smallest, limits_of
@@ -135,17 +134,7 @@ def fit_terms(
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
     shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     given = dict(options.bases or {})
-    rich = dict(given)
-    names = names_of(options.components)
-    is_noise_told = tells_noise(sightings, names, positions)
-    is_stated = sightings.is_stated
-    for name in names:
-        places = positions[name[2].lower()]
-        basis = given.get(name) or rich_basis(
-            name[2].lower(), places, is_stated=is_stated, is_noise_told=is_noise_told
-        )
-        if basis is not None:
-            rich[name] = basis
+    rich = {**rich_bases(sightings, names_of(options.components), positions), **given}
     posed = Posed(machine, sightings, shared, options)
     classic = classic_terms(machine, options.components, rich, follows_tangent=options.follows_tangent)
     choices: tuple[KnotChoice, ...] = ()

@@ -13,6 +13,13 @@ _GROSS = 1e-7
 _LONGEST_MISTAKE = 2
 # So many pairs of far neighbours are no coincidence of mistakes.
 _MANY_PAIRS = 20
+# Rows on either side that a row is held against.
+_NEIGHBOURS = 2
+# The scale of differences is the larger of what their median and their ninth decile say: where most of them are 0, as
+# of a device that counts steps, the median says nothing, and fewer than a tenth of the rows are mistakes.
+_SHARES = (0.5, 0.9)
+# Where the neighbours themselves are far apart the machine is on its way somewhere: no row of it stands alone.
+_TIMES_THE_SPREAD = 2.0
 
 
 def gross_limit(n_numbers: np.ndarray) -> Numbers:
@@ -36,6 +43,60 @@ def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:
     if not ratios:
         return 1.0
     return float(np.sqrt(max(np.average(ratios, weights=weights), 1e-300)))
+
+
+def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
+    """Tell which rows lie off by themselves, (n,): far from neighbours in the same pass that agree with each other.
+
+    Against the whole of the data an error that the model does not have would count as gross, and be dropped: the rows
+    of a machine that has warmed up, seen with a cold one's model.
+
+    Parameters
+    ----------
+    whitened : (n, 3)
+        Residuals in standard deviations.
+    """
+    keys = np.column_stack(
+        [
+            sightings.pass_number,
+            sightings.carrier,
+            np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64),
+        ]
+    )
+    _, group = np.unique(keys, axis=0, return_inverse=True)
+    difference, spread = np.zeros_like(whitened), np.zeros(len(sightings))
+    is_told = np.zeros(len(sightings), dtype=bool)
+    reach = np.array([*range(-_NEIGHBOURS, 0), *range(1, _NEIGHBOURS + 1)])
+    for number in range(int(group.max(initial=-1)) + 1):
+        rows = np.flatnonzero(group.ravel() == number)
+        if len(rows) <= len(reach):
+            continue
+        # At the ends the nearest rows on the one side that there is.
+        middle = np.clip(np.arange(len(rows)), _NEIGHBOURS, len(rows) - 1 - _NEIGHBOURS)
+        window = middle[:, None] + np.array([0, *reach])
+        own = np.arange(len(rows))[:, None]
+        others = np.sort(np.where(window == own, np.iinfo(np.int64).max, window), axis=1)[:, : len(reach)]
+        beside = whitened[rows[others]]
+        difference[rows] = whitened[rows] - np.median(beside, axis=1)
+        spread[rows] = np.linalg.norm(np.ptp(beside, axis=1), axis=1)
+        is_told[rows] = True
+    n_numbers = sightings.is_measured.sum(axis=1)
+    square = (difference**2).sum(axis=1)
+    scale2 = max(
+        (
+            float(np.quantile(square[rows], share)) / float(stats.chi2.ppf(share, count))
+            for count in np.unique(n_numbers)
+            if (rows := is_told & (n_numbers == count)).any()
+            for share in _SHARES
+        ),
+        default=0.0,
+    )
+    if sightings.is_stated:
+        scale2 = max(scale2, 1.0)
+    if scale2 == 0.0:
+        return np.zeros(len(sightings), dtype=bool)
+    is_far = square > np.maximum(stats.chi2.isf(_GROSS, n_numbers) * scale2, (_TIMES_THE_SPREAD * spread) ** 2)
+    return np.asarray(is_told & is_far)
 
 
 class Neighbours:

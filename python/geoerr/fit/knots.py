@@ -126,9 +126,10 @@ def choose_bases(
     return tuple(choices)
 
 
-def usual_bases(name: str, rich: BasisSpec, positions_mm: Mapping[str, Numbers]) -> list[BasisSpec]:
-    """List the bases that `choose_bases` chooses from for a function of that name: the fewest functions first."""
-    return _Ladder(positions_mm).splines(name, rich)
+def usual_bases(rich: Mapping[str, BasisSpec], positions_mm: Mapping[str, Numbers]) -> dict[str, list[BasisSpec]]:
+    """List the bases that `choose_bases` chooses from, up to the richest of each function: the fewest first."""
+    ladder = _Ladder(positions_mm)
+    return {name: ladder.splines(name, basis) for name, basis in rich.items()}
 
 
 def _choose(

@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from geoerr.bases import basis_of
-from geoerr.fit.classic import coefficients_of, positions_by_axis, spline
+from geoerr.fit.classic import on_basis, positions_by_axis, spline
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import determined_values, misfit
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
@@ -44,8 +43,7 @@ def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
         if basis is not None:
             plain = spline(basis.axis, positions[basis.axis], _SMOOTH)
             if _is_wave(fitted, term, own, basis, plain, positions[basis.axis], price):
-                parts = tuple(replace(part, basis=plain) for part in term.parts)
-                term = replace(term, parts=parts, coefficients=coefficients_of(term.id, plain))
+                term = on_basis(term, plain)
         terms.append(term)
     return None if tuple(terms) == tuple(fitted.terms) else tuple(terms)
 
