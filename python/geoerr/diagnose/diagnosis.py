@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from geoerr.diagnose.advice import advise
 from geoerr.diagnose.answer import Answer, Verdict, held_out_um
 from geoerr.diagnose.between_passes import BetweenPasses, between_passes
@@ -17,7 +15,7 @@ from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.notes import notes_of
-from geoerr.diagnose.probes import Probe
+from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, settle
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
@@ -32,9 +30,9 @@ from geoerr.fit import refit as fit_again
 from geoerr.fit.empirical import curve_of, empirical_term
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
-from geoerr.observations import CARRIERS, CircularTest, Observations
+from geoerr.observations import CircularTest, Observations
 from geoerr.summaries import uncapitalised
-from geoerr.terms import EMPIRICAL, EffectReference, Term
+from geoerr.terms import EffectReference, Term
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -392,7 +390,7 @@ class _Summary:
         judged, settled = found.judged, found.settled
         assert isinstance(judged.what, Probe)
         probe = judged.what
-        reference = f"{EMPIRICAL}:{self._axis(probe.component)}@{'*'.join(probe.depends_on)}"
+        reference = curve_reference(self.fitted, probe)
         earlier = [one.settled.term for one in self.searched.found]
         curve, held_out = None, None
         before = with_terms(self.fitted, earlier)
@@ -412,12 +410,6 @@ class _Summary:
             curve,
             held_out,
         )
-
-    def _axis(self, component: str) -> str:
-        """Give the component as a reference writes it: the work's own where nothing else was seen."""
-        carriers = set(np.unique(self.fitted.sightings.carrier[self.fitted.solved.used]).tolist())
-        on_tool = {CARRIERS.index("tool"), CARRIERS.index("relative")}
-        return component if carriers & on_tool else f"work-{component}"
 
 
 def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:

@@ -21,6 +21,7 @@ from geoerr.diagnose.probe_variables import MOST_DEGREES, PLAYS, Variable
 from geoerr.fit.fitted import Fitted
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
+from geoerr.terms import EMPIRICAL
 
 _Degrees = tuple[tuple[int, int], ...]
 Form = Literal["smooth", "play", "waves", "hum"]
@@ -107,6 +108,13 @@ def bodies(fitted: Fitted) -> list[str]:
     """Give the bodies whose displacement was seen: what one does, targets on the other do not show."""
     seen = {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
     return [body for body in ("tool", "work") if body in seen] or ["tool"]
+
+
+def curve_reference(fitted: Fitted, probe: Probe) -> str:
+    """Give a probe as the reference of an empirical curve writes it: on the work where nothing else was seen."""
+    carriers = {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
+    component = probe.component if carriers & {"tool", "relative"} else f"work-{probe.component}"
+    return f"{EMPIRICAL}:{component}@{'*'.join(probe.depends_on)}"
 
 
 def shapes_on(channel: str, codes: Sequence[Sequence[int]], trials: Sequence[tuple[float, ...]] = ((),)) -> Shapes:

@@ -8,17 +8,22 @@ it, and the search begins again with the bases, rows and frames of that fit.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from geoerr.diagnose.few_knots import searched_beside_few_knots
-from geoerr.diagnose.search import Searched, search
+from geoerr.diagnose.probes import Probe, curve_reference
+from geoerr.diagnose.search import Found, Searched, search
 from geoerr.effects.collection import Catalogue
+from geoerr.errors import InputFileError
 from geoerr.fit import Fitted, has_covariates, refit
 from geoerr.fit.choose_again import choose_again, is_worth_asking
+from geoerr.fit.empirical import empirical_term
 from geoerr.fit.sightings import Numbers
+from geoerr.terms import Term
 
 
 def searched_whole(
@@ -45,11 +50,21 @@ def searched_whole(
 def _fitted_beside(fitted: Fitted, searched: Searched) -> Fitted | None:
     """Fit everything anew beside what was found, where that is large beside the noise; None where it is not."""
     held_out = searched.bench.held_out
-    columns = [one.settled.raw for one in searched.found]
+    found = searched.found or ((searched.unknown,) if searched.unknown is not None else ())
+    columns = [one.settled.raw for one in found]
     if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
         return None
-    terms = [one.settled.term for one in searched.found if one.settled.term is not None]
-    return refit(fitted, [*fitted.terms, *terms])
+    terms = [_term_of(fitted, one) for one in found]
+    return refit(fitted, [*fitted.terms, *(term for term in terms if term is not None)])
+
+
+def _term_of(fitted: Fitted, found: Found) -> Term | None:
+    """Give what was found as a term: a curve of what has no name; None where the data leave nothing to draw it by."""
+    if not isinstance(found.judged.what, Probe):
+        return found.settled.term
+    with contextlib.suppress(InputFileError):
+        return empirical_term(fitted, curve_reference(fitted, found.judged.what))
+    return None
 
 
 def _as_beside(fitted: Fitted, beside: Fitted) -> tuple[Fitted, Numbers]:

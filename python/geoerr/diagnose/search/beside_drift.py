@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr.diagnose.candidates import Candidate
-from geoerr.diagnose.noise import without_drift
+from geoerr.diagnose.noise import NoiseModel, without_drift
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search.bench import Bench
@@ -47,7 +47,8 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     There what the plan was made to show is no find of a search: it is asked for by itself, at half the level, and the
     search has the other half.
     """
-    drifts, is_offset = _drift_to_scatter(looked.space) > _STRONG, _offset_to_scatter(looked.space) > _STRONG
+    drifts = drift_to_scatter(looked.space, looked.space.noise) > _STRONG
+    is_offset = _offset_to_scatter(looked.space) > _STRONG
     like = [
         one
         for one in looked.candidates
@@ -126,9 +127,9 @@ def _surprise_of_passes(gain: float, rank: int, n_passes: int, n_trials: int) ->
     return float(-stats.f.logsf(ratio, rank, left)) - math.log(n_trials)
 
 
-def _drift_to_scatter(space: Space) -> float:
+def drift_to_scatter(space: Space, noise: NoiseModel) -> float:
     """Give the variance of the drift over that of the mean of a block of rows, the largest of all components."""
-    return float((space.noise.drift**2 * space.rows.sum(axis=0)).max()) / len(space.noise.blocks)
+    return float((noise.drift**2 * space.rows.sum(axis=0)).max()) / len(noise.blocks)
 
 
 def _offset_to_scatter(space: Space) -> float:

@@ -21,7 +21,6 @@ from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found
 from geoerr.diagnose.search.settle import Settled
 from geoerr.diagnose.search.uneven import Uneven, columns_along, explained_by, most_uneven
-from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import displacement_um
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
@@ -65,7 +64,7 @@ def without_remainders(found: Sequence[Found], probes: Sequence[Judged]) -> tupl
         if not _accelerated(one):
             continue
         least = _REMAINDER**2 * one.settled.gain
-        part = _components_of(one.looked.space, one.settled)
+        part = _components_of(one.settled)
         probes = [
             probe
             for probe in probes
@@ -179,7 +178,7 @@ def misnamed(found: Sequence[Found], probe: Judged) -> Found | None:
     """
     for one in found:
         is_more = probe.gain >= _BENT_SHARE * one.settled.gain and probe.evidence >= _BENT
-        if is_more and not acts_elsewhere(one.looked.space, one.settled, probe) and _is_probe_of(probe, _own(one)):
+        if is_more and not acts_elsewhere(one.settled, probe) and _is_probe_of(probe, _own(one)):
             return one
     return None
 
@@ -205,7 +204,7 @@ def not_taken_back(bench: Bench, found: list[Found], unknown: Found) -> list[Fou
     Names on its component were parts of it where it does clearly more without them than they did; an effect whose
     formula is a little off keeps its name, and what it leaves is the unknown.
     """
-    part = [one for one in found if not acts_elsewhere(one.looked.space, one.settled, unknown.judged)]
+    part = [one for one in found if not acts_elsewhere(one.settled, unknown.judged)]
     if not part:
         return found
     others = [one for one in found if one not in part]
@@ -218,12 +217,12 @@ def not_taken_back(bench: Bench, found: list[Found], unknown: Found) -> list[Fou
     return found if is_only_uneven else others
 
 
-def acts_elsewhere(space: Space, settled: Settled, unknown: Judged) -> bool:
+def acts_elsewhere(settled: Settled, unknown: Judged) -> bool:
     """Tell whether a name acts on other components than something without a name, of which it would be a part."""
-    return component_of(unknown) not in _components_of(space, settled)
+    return component_of(unknown) not in _components_of(settled)
 
 
-def _components_of(space: Space, settled: Settled) -> set[str]:
+def _components_of(settled: Settled) -> set[str]:
     """Give the components on which a name does a good part of what it does."""
-    energy = (displacement_um(space, settled.displacement) ** 2).sum(axis=0)
+    energy = (displacement_um(settled.space, settled.displacement) ** 2).sum(axis=0)
     return {axis for axis, own in zip(AXES, energy, strict=True) if own >= (1.0 - _ELSEWHERE) * energy.sum()}

@@ -26,6 +26,7 @@ from geoerr.diagnose.search.nameless import (
     unevenness,
     without_remainders,
 )
+from geoerr.diagnose.search.own_noise import in_own_noise
 from geoerr.diagnose.search.rivals import Found, rivals_of
 from geoerr.diagnose.search.settle import Settled, resettle, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
@@ -150,10 +151,11 @@ def search(
             unknown = _nameless(looked, bent[0])
             aside = [unknown.settled.raw, bent[1]]
             continue
-        if unknown is not None and not acts_elsewhere(looked.space, settled, unknown.judged):
+        if unknown is not None and not acts_elsewhere(settled, unknown.judged):
             break
         settled = at_likeliest_period(looked.space, looked.scanner, settled)
-        found.append(Found(best, settled, tuple(rivals_of(looked, best, settled)), looked))
+        rivals = tuple(rivals_of(looked, best, settled))
+        found.append(Found(best, in_own_noise(bench, settled, added), rivals, looked))
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])
         taken = {id(one.judged.what) for one in found}

@@ -1,0 +1,42 @@
+"""A large effect estimated in the noise that it leaves, and not in the drift that had learnt it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoerr.diagnose.noise import NoiseModel
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.beside_drift import drift_to_scatter
+from geoerr.diagnose.search.settle import Settled, resettle
+from geoerr.fit.sightings import Numbers
+
+# A drift has learnt an effect if no more than this share of it is left beside that.
+_LEARNT = 0.7
+# A drift that moves the mean of a block by less than this share of its scatter (variances) hides nothing.
+_STRONG = 1.0
+_MOST_TIMES = 4
+
+
+def in_own_noise(bench: Bench, settled: Settled, others: list[Numbers]) -> Settled:
+    """Give an effect as it is estimated in the noise beside it, where a strong drift had learnt it; else as it is.
+
+    Of three millimetres of warming up half a per cent in a time constant is a micrometre, and a strong drift forgives
+    that: beside the effect it is gone, and what the time constant leaves would look like something else.
+    """
+    term = settled.term
+    if term is None or not any(one.std > 0.0 for one in term.inner):
+        return settled
+    noise, found = settled.space.noise, settled
+    for _ in range(_MOST_TIMES):
+        if drift_to_scatter(settled.space, noise) <= _STRONG:
+            break
+        own = bench.sums([*others, found.raw]).fit(start=noise)
+        if not _is_learnt(noise, own):
+            break
+        space = bench.space_to_estimate_in(own, others)
+        found, noise = resettle(space, bench.scanner(space, n_draws=0), found), own
+    return found
+
+
+def _is_learnt(before: NoiseModel, beside: NoiseModel) -> bool:
+    return bool(np.max(before.sigma * before.drift) * _LEARNT > np.max(beside.sigma * beside.drift))
