@@ -3,7 +3,8 @@
 A large effect hides what is small. In its scatter bases are chosen that are too stiff, or follow it, and what they
 leave would be named a wave beside it. Rows that are far off by the effect alone are left out or winsorised, and what
 is left of it looks like another. So where what was found lets the error fall far, everything is fitted anew beside
-it, and the search begins again with the bases, rows and frames of that fit.
+it, and the search begins again with the bases, rows and frames of that fit. What has no name is fitted as a
+curve: a name may be found then.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ def _fitted_beside(fitted: Fitted, searched: Searched) -> Fitted | None:
     columns = [one.settled.raw for one in found]
     if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
         return None
-    terms = [_term_of(fitted, one) for one in found]
-    return refit(fitted, [*fitted.terms, *(term for term in terms if term is not None)])
+    terms = [term for one in found if (term := _term_of(fitted, one)) is not None]
+    return refit(fitted, [*fitted.terms, *terms]) if terms else None
 
 
 def _term_of(fitted: Fitted, found: Found) -> Term | None:

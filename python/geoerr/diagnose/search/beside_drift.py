@@ -47,7 +47,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     There what the plan was made to show is no find of a search: it is asked for by itself, at half the level, and the
     search has the other half.
     """
-    drifts = drift_to_scatter(looked.space, looked.space.noise) > _STRONG
+    drifts = drifts_far(looked.space, looked.space.noise)
     is_offset = _offset_to_scatter(looked.space) > _STRONG
     like = [
         one
@@ -127,9 +127,9 @@ def _surprise_of_passes(gain: float, rank: int, n_passes: int, n_trials: int) ->
     return float(-stats.f.logsf(ratio, rank, left)) - math.log(n_trials)
 
 
-def drift_to_scatter(space: Space, noise: NoiseModel) -> float:
-    """Give the variance of the drift over that of the mean of a block of rows, the largest of all components."""
-    return float((noise.drift**2 * space.rows.sum(axis=0)).max()) / len(noise.blocks)
+def drifts_far(space: Space, noise: NoiseModel) -> bool:
+    """Tell whether some component drifts so far, beside the scatter of a block's mean, as to hide something."""
+    return float((noise.drift**2 * space.rows.sum(axis=0)).max()) / len(noise.blocks) > _STRONG
 
 
 def _offset_to_scatter(space: Space) -> float:

@@ -6,14 +6,12 @@ import numpy as np
 
 from geoerr.diagnose.noise import NoiseModel
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.beside_drift import drift_to_scatter
+from geoerr.diagnose.search.beside_drift import drifts_far
 from geoerr.diagnose.search.settle import Settled, resettle
 from geoerr.fit.sightings import Numbers
 
 # A drift has learnt an effect if no more than this share of it is left beside that.
 _LEARNT = 0.7
-# A drift that moves the mean of a block by less than this share of its scatter (variances) hides nothing.
-_STRONG = 1.0
 _MOST_TIMES = 4
 
 
@@ -28,7 +26,7 @@ def in_own_noise(bench: Bench, settled: Settled, others: list[Numbers]) -> Settl
         return settled
     noise, found = settled.space.noise, settled
     for _ in range(_MOST_TIMES):
-        if drift_to_scatter(settled.space, noise) <= _STRONG:
+        if not drifts_far(settled.space, noise):
             break
         own = bench.sums([*others, found.raw]).fit(start=noise)
         if not _is_learnt(noise, own):
