@@ -106,15 +106,19 @@ def probes_of(fitted: Fitted, functions: Functions, variables: Sequence[Variable
 
 def bodies(fitted: Fitted) -> list[str]:
     """Give the bodies whose displacement was seen: what one does, targets on the other do not show."""
-    seen = {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
+    seen = _carriers(fitted)
     return [body for body in ("tool", "work") if body in seen] or ["tool"]
 
 
 def curve_reference(fitted: Fitted, probe: Probe) -> str:
     """Give a probe as the reference of an empirical curve writes it: on the work where nothing else was seen."""
-    carriers = {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
-    component = probe.component if carriers & {"tool", "relative"} else f"work-{probe.component}"
+    component = probe.component if _carriers(fitted) & {"tool", "relative"} else f"work-{probe.component}"
     return f"{EMPIRICAL}:{component}@{'*'.join(probe.depends_on)}"
+
+
+def _carriers(fitted: Fitted) -> set[str]:
+    """Give what carried the targets that were seen."""
+    return {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
 
 
 def shapes_on(channel: str, codes: Sequence[Sequence[int]], trials: Sequence[tuple[float, ...]] = ((),)) -> Shapes:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from geoerr.diagnose.noise import NoiseModel
@@ -15,7 +17,7 @@ _LEARNT = 0.7
 _MOST_TIMES = 4
 
 
-def in_own_noise(bench: Bench, settled: Settled, others: list[Numbers]) -> Settled:
+def in_own_noise(bench: Bench, settled: Settled, others: Sequence[Numbers]) -> Settled:
     """Give an effect as it is estimated in the noise beside it, where a strong drift had learnt it; else as it is.
 
     Of three millimetres of warming up half a per cent in a time constant is a micrometre, and a strong drift forgives
