@@ -20,6 +20,7 @@ from validation.hidden_effects.judge import (
     found_both,
     further,
     inner_errors,
+    is_alone_but_for_alike,
     named,
     unknown_outcome,
 )
@@ -90,6 +91,20 @@ def test_naming_by_the_issue_s_rule() -> None:
     assert named(line(truth, [], failed="ValueError: no")) == "failed"
     assert not alarmed(line([], []))
     assert further(line(truth, [finding("backlash:x"), finding("lag:x")])) == ["lag:x"]
+
+
+def test_what_is_alike_is_one_set() -> None:
+    """Which of the set comes first is chance's; what is tied beside it is not of the set."""
+    truth, alike = ["drift:z"], (("drift:z", 0.97),)
+    assert is_alone_but_for_alike(line(truth, [finding("drift:z")]))
+    assert is_alone_but_for_alike(line(truth, [finding("drift:work-z", like=alike)]))
+    assert not is_alone_but_for_alike(line(truth, [finding("drift:work-z", like=(("drift:z", 0.9),))]))
+    both = [finding("drift:work-z", like=alike), finding("lag:z", tied=True)]
+    assert not is_alone_but_for_alike(line(truth, both[:1], candidates=both))
+    # Tied by the report, and not so alike: told as a tie, and not as one set.
+    tied = [finding("drift:work-z", like=(("drift:z", 0.9),)), finding("drift:z", tied=True)]
+    assert not is_alone_but_for_alike(line(truth, tied[:1], candidates=tied))
+    assert not is_alone_but_for_alike(line(truth, []))
 
 
 def test_both_of_a_pair_need_two_findings() -> None:

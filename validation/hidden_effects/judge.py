@@ -60,6 +60,16 @@ def named(line: Line) -> Named:
     return "second" if truth in tied_with_first(line) else "wrong"
 
 
+def is_alone_but_for_alike(line: Line) -> bool:
+    """Tell whether the set of what is alike (by the rule) stands first, the right name in it and nothing else tied.
+
+    No data of the same plan could tell its members apart, and which of them comes first is chance's.
+    """
+    how, alike = named(line), alike_to_first(line)
+    is_first = how in ("alone", "tied") or (how == "second" and line["truth"][0]["name"] in alike)
+    return is_first and told_as_tied(line) <= alike
+
+
 def is_among_three(line: Line) -> bool:
     """Tell whether the right name is among the first three."""
     truth = line["truth"][0]["name"]

@@ -18,16 +18,15 @@ from scipy import stats
 from validation.hidden_effects.judge import (
     Line,
     alarmed,
-    alike_to_first,
     depends_on,
     fall,
     found_both,
     further,
     inner_errors,
+    is_alone_but_for_alike,
     is_among_three,
     is_mostly_itself,
     named,
-    told_as_tied,
     unknown_outcome,
 )
 from validation.hidden_effects.sets import sets_of
@@ -125,7 +124,9 @@ def single(lines: Sequence[Line]) -> str:
     visible = [line for line in lines if line["strength_um"] >= 1.0]
     strong = [line for line in lines if line["strength_um"] >= 4.0]
     text += "\n" + standing_out(visible, lambda one: named(one) not in RIGHT, "names")
-    text += "\n" + standing_out(strong, lambda one: named(one) != "alone", "first alone at 4 µm and more")
+    text += "\n" + standing_out(
+        strong, lambda one: not is_alone_but_for_alike(one), "first, alone but for what is alike, at 4 µm and more"
+    )
     rows = []
     for kind, of_kind in _by(lines, "cell").items():
         for size, own in sorted(_by(of_kind, "strength_um").items()):
@@ -137,8 +138,7 @@ def single(lines: Sequence[Line]) -> str:
 
 def _how_named(lines: Sequence[Line], write: Callable[[int, int], str]) -> list[str]:
     count, n = Counter(map(named, lines)), len(lines)
-    # By the rule what is alike (> 0.95) is one set: no data of this plan could tell it apart.
-    alike = sum(named(one) in ("alone", "tied") and told_as_tied(one) <= alike_to_first(one) for one in lines)
+    alike = sum(map(is_alone_but_for_alike, lines))
     counts = [sum(count[one] for one in RIGHT), count["alone"], alike, sum(map(is_among_three, lines))]
     counts += [count[one] for one in ("wrong", "unknown", "silent", "failed")]
     return [write(k, n) for k in [*counts, sum(bool(further(one)) for one in lines if not one["failed"])]]

@@ -134,7 +134,7 @@ def _tied(diagnosis: Diagnosis) -> Iterator[str]:
     yield ""
     yield from narrow("these data cannot tell it from:")
     for rival in rivals:
-        yield from narrow(f"{rival.reference}: {rival.effect.title}", "  ")
+        yield from narrow(f"{rival.reference}: {rival.effect.title}{rival.others_words}", "  ")
         yield from narrow("; ".join(rival.value_words), "    ")
         after = "" if rival.held_out_words is None else f", {rival.held_out_words}"
         yield from narrow(f"worth {um_words(rival.worth_um)} rms{after}", "    ")

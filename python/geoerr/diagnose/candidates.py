@@ -114,6 +114,11 @@ class Candidate:
         """Number of ways to write it, over forms, lags and trial values."""
         return sum(len(one.trials) for one in self.shapes)
 
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Its terms in every form, those that find it first."""
+        return (*(one.term for one in self.shapes if one.term is not None), *self.refined)
+
 
 def candidates_of(
     fitted: Fitted, known: Catalogue, present: Sequence[str] = ()

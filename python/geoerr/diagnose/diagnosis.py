@@ -107,9 +107,10 @@ class Diagnosis(Answer):
             names = listed([f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.found])
             return f"{'an effect is' if len(self.found) == 1 else 'effects are'} missing: {names}{more}"
         if self.verdict == "ambiguous":
-            shown = [f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.tied[:_SPOKEN]]
-            if len(self.tied) > _SPOKEN:
-                shown.append(f"{len(self.tied) - _SPOKEN} more")
+            told = list(dict.fromkeys(one.company_words for one in self.tied))
+            shown = told[:_SPOKEN]
+            if len(told) > _SPOKEN:
+                shown.append(f"{len(told) - _SPOKEN} more")
             names = listed(shown, "or")
             others = [f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.found[1:]]
             also = f"; missing besides: {listed(others)}" if others else ""
@@ -260,7 +261,7 @@ class _Summary:
 
     def diagnosis(self) -> Diagnosis:
         searched = self.searched
-        rivals = [rival.settled for one in searched.found[:1] for rival in one.rivals[:_LISTED]]
+        rivals = [rival.settled for one in searched.found[:1] for rival in _listed(one)]
         searched.bench.held_out.prepare([one.raw for one in (*(one.settled for one in searched.found), *rivals)])
         found = tuple(self._found(place) for place in range(len(searched.found)))
         if searched.found:
@@ -329,21 +330,20 @@ class _Summary:
                 aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
                 against=name,
                 held_out=self._held_out(rival.settled, []),
+                together=rival.together,
             )
-            for rival in first.rivals[:_LISTED]
+            for rival in _listed(first)
         ]
 
     def _is_tied(self, first: EffectReference, rival: Rival) -> bool:
-        """Tell whether the data cannot tell them apart, or nothing can.
+        """Tell whether the data cannot tell them apart.
 
-        An effect of all axes alike is the twin of those of each axis: together these do what it does. One that
-        contains the first as a special case is no rival: the first says the same in fewer numbers.
+        One that contains the first as a special case is no rival: the first says the same in fewer numbers.
         """
         other = reference_of(rival.judged)
         if first.effect in self.known[other.effect].contains and first.axis == other.axis:
             return False
-        is_part = first.axis is None and other.axis is not None and self.known.are_twins(first, other)
-        return rival.is_tied or (is_part and rival.correlation > _ALIAS)
+        return rival.is_tied
 
     def _finding(
         self,
@@ -354,6 +354,7 @@ class _Summary:
         aliases: tuple[Alias, ...] = (),
         against: EffectReference | None = None,
         held_out: HeldOut | None = None,
+        together: tuple[str, ...] = (),
     ) -> Finding:
         reference = reference_of(judged)
         assert settled.term is not None
@@ -373,6 +374,7 @@ class _Summary:
             held_out=held_out,
             moments=moments_of(settled.term, self.fitted.sightings),
             in_model=str(reference) in self.held,
+            together=together,
         )
 
     def _held_out(self, settled: Settled, earlier: Sequence[Settled]) -> HeldOut:
@@ -429,6 +431,11 @@ def reference_of(judged: Judged) -> EffectReference:
     """Give the name of a candidate."""
     assert not isinstance(judged.what, Probe)
     return judged.what.reference
+
+
+def _listed(first: Found) -> list[Rival]:
+    """Give the rivals that are listed: the nearest, and all that the data do not tell from the first."""
+    return [one for place, one in enumerate(first.rivals) if place < _LISTED or one.is_tied]
 
 
 def _invisible(searched: Searched) -> list[tuple[str, str]]:

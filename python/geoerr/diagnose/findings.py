@@ -23,7 +23,7 @@ from geoerr.diagnose.words import (
 from geoerr.effects import Effect
 from geoerr.effects.plausible import plausible_match
 from geoerr.fit.empirical import Curve
-from geoerr.summaries import capitalised
+from geoerr.summaries import capitalised, uncapitalised
 from geoerr.terms import EffectReference, Parameter, Term
 
 # More coefficients than this are a curve, not numbers to read.
@@ -152,6 +152,9 @@ class Finding(Named):
         Of inner parameters whose other values are the same at the places that were measured: name to those values.
     in_model
         Whether the model has it already, with a value that was not fitted to these data.
+    together
+        Axes whose effects of this kind do only together what the first does, this one among them; empty where it
+        stands for itself.
     """
 
     where: Where
@@ -159,6 +162,22 @@ class Finding(Named):
     moments: dict[str, Moment] = field(default_factory=dict)
     alike: dict[str, tuple[float, ...]] = field(default_factory=dict)
     in_model: bool = False
+    together: tuple[str, ...] = ()
+
+    @property
+    def company_words(self) -> str:
+        """Name it, with those that do only together with it what the first does."""
+        title = uncapitalised(self.effect.title)
+        if not self.together:
+            return f"{title} ({self.reference})"
+        names = listed([str(replace(self.reference, axis=axis)) for axis in self.together])
+        return f"{title} of {listed(self.together)} together ({names})"
+
+    @property
+    def others_words(self) -> str:
+        """Say with which other axes it does what the first does; nothing where it stands for itself."""
+        others = [axis for axis in self.together if axis != self.reference.axis]
+        return f", together with that of {listed(others)}" if others else ""
 
     @property
     def held_out_rmse_after_um(self) -> float | None:
@@ -193,7 +212,7 @@ class Finding(Named):
     def words(self) -> str:
         """Say in one paragraph what it is, its values, whether physics gives such, its worth and where, how sure."""
         texts = [
-            f"{self.effect.title} ({self.reference}): {'; '.join(self.value_words)}",
+            f"{self.effect.title} ({self.reference}){self.others_words}: {'; '.join(self.value_words)}",
             f"worth {um_words(self.worth_um)} rms, {self.where.words()}",
             self.held_out_words,
             sure_words(self.p_value),
@@ -213,6 +232,7 @@ class Finding(Named):
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
             "where": self.where.to_document(),
             "words": self.words(),
+            "together": list(self.together),
         }
 
 

@@ -109,7 +109,7 @@ def _of_points(diagnosis: Diagnosis, titles: Mapping[str, str]) -> Told:
     found = {str(one.reference) for one in diagnosis.found}
     cards = [_finding(one, _rank(number, diagnosis), titles) for number, one in enumerate(diagnosis.found)]
     tied = [one for one in diagnosis.tied[1:] if str(one.reference) not in found]
-    cards += [_finding(one, "looks the same in these data", titles) for one in tied]
+    cards += [_finding(one, f"looks the same in these data{one.others_words}", titles) for one in tied]
     if diagnosis.unknown is not None:
         cards.append(_unknown(diagnosis.unknown))
     known = found | {str(one.reference) for one in tied}

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoerr.diagnose.advice.by_hand import by_hand
 from geoerr.diagnose.advice.columns import Terms, poses_of
+from geoerr.diagnose.advice.families import Company
 from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser
 from geoerr.diagnose.findings import Separation
 from geoerr.diagnose.space import Space, noise_sums, orthonormal, whitened_space
@@ -24,7 +26,7 @@ _DECIDED, _MOST = 20.0, 8
 
 if TYPE_CHECKING:
     from geoerr.diagnose.diagnosis import Diagnosis
-    from geoerr.diagnose.search import Judged, Settled
+    from geoerr.diagnose.search import Found, Judged, Settled
 
 
 def advise(diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: float = MARGIN) -> Separation | None:
@@ -43,16 +45,33 @@ def advise(diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: floa
     first = found[0]
     references = {str(one.reference) for one in diagnosis.tied}
     # What is not tied now but not ruled out either would be, once the others are.
-    rivals = [one for one in first.rivals if first.settled.gain - one.settled.gain < _DECIDED]
-    judged = [(first.judged, first.settled), *((one.judged, one.settled) for one in rivals)]
+    rivals = [one for one in first.rivals if one.behind < _DECIDED]
+    judged = [(first.judged, first.settled), *((one.judged, one.settled) for one in rivals if not one.together)]
     forms = [own for one in judged if (own := forms_of(*one))]
     forms.sort(key=lambda own: own[0].id not in references)
-    return separation_for(first.looked.space, forms[:_MOST], known=known, margin=margin)
+    companies = _companies(first)
+    candidates: list[Sequence[Term] | Company] = [forms[0], *companies, *forms[1:]]
+    return separation_for(
+        first.looked.space, candidates[: max(_MOST, 1 + len(companies))], known=known, margin=margin
+    )
+
+
+def _companies(first: Found) -> list[Company]:
+    """Give the rivals that do only together what the first does, at its own inner values."""
+    assert first.settled.term is not None
+    shared = {one.name: one for one in first.settled.term.inner}
+    groups: dict[tuple[str | None, str | None], list[Term]] = {}
+    for one in first.rivals:
+        term = one.settled.term
+        if one.together and term is not None:
+            inner = tuple(shared.get(own.name, own) for own in term.inner)
+            groups.setdefault((term.effect, term.covariate), []).append(replace(term, inner=inner))
+    return [Company(tuple(terms)) for terms in groups.values()]
 
 
 def separation_for(
     space: Space,
-    candidates: Sequence[Term | Sequence[Term]],
+    candidates: Sequence[Term | Sequence[Term] | Company],
     *,
     added: Sequence[Term] = (),
     known: Catalogue | None = None,
@@ -71,7 +90,7 @@ def separation_for(
         noise that was estimated without has taken part of it for its own.
     candidates
         With the values that were found; one that can be written in several ways as a sequence of them, the one that
-        fits best first.
+        fits best first; those that are one candidate only together as a `Company`.
     added
         Effects that were found before, and count as the model's own.
     known
@@ -85,7 +104,11 @@ def separation_for(
     advice = adviser.separation(margin=margin)
     if advice.plan is not None:
         return advice
-    firsts = [one if isinstance(one, Term) else one[0] for one in candidates]
+    firsts = [
+        term
+        for one in candidates
+        for term in (one.terms if isinstance(one, Company) else (one,) if isinstance(one, Term) else one[:1])
+    ]
     said = _by_catalogue(firsts, known or catalogue())
     hand = by_hand(adviser.situation, firsts)
     if hand is not None:

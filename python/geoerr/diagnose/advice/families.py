@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.advice.columns import Poses, Terms
+from geoerr.diagnose.advice.measurement import listed
 from geoerr.fit.sightings import Sightings
 from geoerr.machine import Machine
 from geoerr.terms import Parameter, Term
@@ -54,6 +55,36 @@ class Family:
         ends = np.cumsum(counts).tolist()
         own = [range(end - count, end) for end, count in zip(ends, counts, strict=True)]
         return [[column for place in trial for column in own[place]] for trial in self.trials]
+
+
+@dataclass(frozen=True)
+class Company:
+    """Effects that are one candidate: only together they do what is in question.
+
+    Attributes
+    ----------
+    terms
+        With the same inner parameters, as those of one kind along different axes.
+    """
+
+    terms: tuple[Term, ...]
+
+    @property
+    def id(self) -> str:
+        """Their references."""
+        return listed([term.id for term in self.terms])
+
+
+def joined(families: Sequence[Family], name: str) -> Family:
+    """Give families that act together as one: the first trial of each, then the second, coefficients of all free."""
+    offsets = np.cumsum([0, *(len(one.terms) for one in families)]).tolist()
+    trials = zip(*(one.trials for one in families), strict=False)
+    together = tuple(
+        tuple(offset + place for offset, trial in zip(offsets, own, strict=False) for place in trial)
+        for own in trials
+    )
+    terms = tuple(term for one in families for term in one.terms)
+    return Family(name, terms, together, families[0].is_spread[: len(together)])
 
 
 def family_of(machine: Machine, forms: Sequence[Term], number: int, sightings: Sightings, poses: Poses) -> Family:

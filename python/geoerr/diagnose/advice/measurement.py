@@ -37,6 +37,8 @@ class Measurement:
         a shift of that middle in the measuring frame (mm), (n_sessions, 2, 3).
     n_on_bar
         So many of the last targets sit on one static bar of known length; 0 where there is none.
+    is_from_the_floor
+        Whether cameras stand where no axis carries them, however the data were measured.
     is_circular
         Whether it is circular tests, with centre and radius free in each session.
     handling_minutes
@@ -51,6 +53,7 @@ class Measurement:
     conditions: dict[str, Numbers] = field(default_factory=dict)
     set_ups: Numbers | None = None
     n_on_bar: int = 0
+    is_from_the_floor: bool = False
     is_circular: bool = False
     handling_minutes: float = 0.0
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geoerr.diagnose.advice.course import Course, along
 from geoerr.diagnose.advice.measurement import Measurement, duration, listed, uneven
-from geoerr.diagnose.advice.menu_set_up import BAR_MINUTES, TARGETS_MINUTES, bar, lines, marker
+from geoerr.diagnose.advice.menu_set_up import BAR_MINUTES, TARGETS_MINUTES, bar, from_the_floor, lines, marker
 from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation
 from geoerr.fit.sightings import Numbers
@@ -30,11 +30,10 @@ def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
     """Give the plans that change the conditions that candidates are functions of."""
     axes = question.axes
     names = tuple(name for name in situation.temperatures if name in question.variables)
-    needs_marker = question.moves_view and not situation.has_marker
     if names or question.follows_time:
-        yield rest(situation, axes)
-        if needs_marker:
-            yield _with_marker(rest(situation, axes), situation)
+        at_rest = rest(situation, axes)
+        yield at_rest
+        yield from _seen_otherwise(at_rest, situation, question)
     if question.follows_use:
         for axis in axes:
             yield work(situation, axis)
@@ -42,13 +41,20 @@ def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
         warm = warming(situation, axes, heated)
         yield warm
         yield warming(situation, axes, heated, cools=True)
-        if needs_marker:
-            yield _with_marker(warm, situation)
+        yield from _seen_otherwise(warm, situation, question)
         if question.scales_view:
             yield _with_bar(warm, situation)
     for name, (usual, high) in situation.conditions.items():
         if name in question.variables and high > usual:
             yield changed(situation, axes, name, usual, high)
+
+
+def _seen_otherwise(plan: Measurement, situation: Situation, question: Question) -> Iterator[Measurement]:
+    """Give a plan with what shows whether it is the cameras, or which of two bodies, that moved."""
+    if question.moves_view and not situation.has_marker:
+        yield _with_marker(plan, situation)
+    if question.tells_bodies and situation.is_relative:
+        yield _from_the_floor(plan, situation)
 
 
 def rest(situation: Situation, axes: Sequence[str]) -> Measurement:
@@ -186,6 +192,22 @@ def _with_marker(plan: Measurement, situation: Situation) -> Measurement:
         title="a static reference marker",
         words=words,
         targets=(*plan.targets, marker(situation)),
+        handling_minutes=TARGETS_MINUTES,
+    )
+
+
+def _from_the_floor(plan: Measurement, situation: Situation) -> Measurement:
+    words = (
+        "Set the cameras up on the floor, with a target on the tool, one on the work and a marker on the machine's "
+        f"base, all in every picture. {plan.words}"
+    )
+    return replace(
+        plan,
+        name=f"floor+{plan.name}",
+        title="both bodies seen from the floor",
+        words=words,
+        targets=from_the_floor(situation),
+        is_from_the_floor=True,
         handling_minutes=TARGETS_MINUTES,
     )
 

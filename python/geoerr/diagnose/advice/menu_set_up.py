@@ -32,7 +32,9 @@ def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
             yield second_lever(situation, axis, moving[0])
     if question.stays_in_view:
         yield moved_cameras(situation, question.axes)
-    if question.scales_view:
+    # What a scale follows has to change while the bar is in view: at which temperature the cameras' was right nobody
+    # knows.
+    if question.scales_view and not question.variables & set(situation.temperatures):
         yield with_bar(situation, question.axes)
 
 
@@ -99,6 +101,13 @@ def marker(situation: Situation) -> Target:
     beside = 0.6 * float(np.ptp(situation.span_mm[0]))
     place = situation.middle_mm + np.array([beside, 0.0, 0.0])
     return Target(_BASE, place, situation.targets[0].whitening)
+
+
+def from_the_floor(situation: Situation) -> tuple[Target, ...]:
+    """Give what cameras on the floor would see instead of the difference of two bodies: each, and the base."""
+    seen = situation.targets[0]
+    on_work = Target(CARRIERS.index("work"), situation.middle_mm, seen.whitening)
+    return Target(CARRIERS.index("tool"), seen.offset_mm, seen.whitening), on_work, marker(situation)
 
 
 def bar(situation: Situation) -> tuple[Target, ...]:

@@ -95,7 +95,8 @@ def planned(situation: Situation, plan: Measurement) -> Planned:
 
 
 def _poses(situation: Situation, plan: Measurement, n_sessions: int) -> Poses:
-    kinds = np.full(n_sessions, KINDS["circle"] if plan.is_circular else situation.kind, dtype=np.uint8)
+    kind = KINDS["circle"] if plan.is_circular else KINDS["free"] if plan.is_from_the_floor else situation.kind
+    kinds = np.full(n_sessions, kind, dtype=np.uint8)
     rotations = np.tile(situation.rotation, (n_sessions, 1, 1))
     translations = np.tile(situation.translation_mm, (n_sessions, 1))
     if plan.is_circular:

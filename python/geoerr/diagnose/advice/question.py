@@ -82,6 +82,11 @@ class Question:
         return any(name.startswith(_SCALE) for name in self.channels)
 
     @property
+    def tells_bodies(self) -> bool:
+        """Whether one moves the tool's body and another the work's: the difference of both shows neither."""
+        return all(any(name.startswith(body) for name in self.channels) for body in ("tool-", "work-"))
+
+    @property
     def stays_in_view(self) -> bool:
         """Whether something stays in the picture when the cameras are moved."""
         return any(name.startswith(_VIEW) for name in self.channels)

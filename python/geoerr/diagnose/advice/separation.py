@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.diagnose.advice.columns import Terms, poses_of
-from geoerr.diagnose.advice.families import family_of
+from geoerr.diagnose.advice.families import Company, Family, family_of, joined
 from geoerr.diagnose.advice.information import Information, Measured, expected, measured
 from geoerr.diagnose.advice.measurement import Measurement, listed
 from geoerr.diagnose.advice.menu import menu
@@ -130,7 +130,7 @@ class Adviser:
         What a fit leaves, with its noise.
     candidates
         The tied candidates, with the values that were found; one that can be written in several ways as a sequence
-        of them, the one that fits best first.
+        of them, the one that fits best first; those that are one candidate only together as a `Company`.
     added
         Effects that the space counts as the model's own, besides the fit's.
     acceleration_mm_s2
@@ -147,7 +147,7 @@ class Adviser:
     def __init__(
         self,
         space: Space,
-        candidates: Sequence[Term | Sequence[Term]],
+        candidates: Sequence[Term | Sequence[Term] | Company],
         *,
         added: Sequence[Term] = (),
         acceleration_mm_s2: float | None = None,
@@ -156,12 +156,17 @@ class Adviser:
         fitted = space.fitted
         poses = poses_of(fitted)
         self.situation: Situation = situation_of(fitted, space.noise, acceleration_mm_s2=acceleration_mm_s2)
-        forms = [(one,) if isinstance(one, Term) else tuple(one) for one in candidates]
-        families = [
-            family_of(fitted.machine, own, number, fitted.sightings, poses) for number, own in enumerate(forms)
-        ]
-        self.names = tuple(own[0].id for own in forms)
-        terms = [term for own in forms for term in own]
+        families: list[Family] = []
+        terms: list[Term] = []
+        for one in candidates:
+            forms = [(term,) for term in one.terms] if isinstance(one, Company) else [_forms(one)]
+            own = [
+                family_of(fitted.machine, form, len(terms) + number, fitted.sightings, poses)
+                for number, form in enumerate(forms)
+            ]
+            families.append(joined(own, one.id) if isinstance(one, Company) else own[0])
+            terms += [term for form in forms for term in form]
+        self.names = tuple(family.name for family in families)
         self.space = space
         self._candidates = Candidates(families)
         self._model = Terms(fitted.machine, (*fitted.terms, *added), with_inner=True)
@@ -363,6 +368,10 @@ class Adviser:
         reached = max((self._nearest(one.left, asked) for one in options), default=0.0)
         text = f"no measurement known here would tell {names} apart at their present size"
         return Advice(text, None, None, reached, 0.0, None, (), contained, ())
+
+
+def _forms(candidate: Term | Sequence[Term]) -> tuple[Term, ...]:
+    return (candidate,) if isinstance(candidate, Term) else tuple(candidate)
 
 
 def _prior(prior: Numbers | None, model: Terms, n_fitted: int) -> Numbers | None:

@@ -129,6 +129,11 @@ class Situation:
         """Whether pictures show a static target already."""
         return any(target.carrier == CARRIERS.index("base") for target in self.targets)
 
+    @property
+    def is_relative(self) -> bool:
+        """Whether only the tool was seen from the work, and so neither of the two from the floor."""
+        return all(target.carrier == CARRIERS.index("relative") for target in self.targets)
+
 
 def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float | None = None) -> Situation:
     """Learn from the data of a fit how a further measurement would go."""

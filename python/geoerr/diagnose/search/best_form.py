@@ -43,17 +43,49 @@ def in_best_form(bench: Bench, looked: Round, judged: Judged, added: Sequence[Nu
             evidence = _more_evidence(space, plain, other, n_ways)
             if evidence > most:
                 best, most = other, evidence
-    if best is not plain:
-        judged = replace(
-            judged,
-            gain=judged.gain + best.gain - plain.gain,
-            rank=judged.rank + _more_freedom(plain, best),
-            evidence=judged.evidence + most,
-        )
-    elif judged.noise is None:
+    if best is plain and judged.noise is None:
         return judged, plain
-    judged = replace(judged, shapes=best.shapes, trial=0, is_settled=True)
+    judged = _rewritten(judged, plain, best, most if best is not plain else 0.0)
     return judged, best if judged.noise is None else settle(looked.space, looked.scanner, judged)
+
+
+def in_form_of(first: Term, looked: Round, judged: Judged, plain: Settled) -> tuple[Judged, Settled]:
+    """Give a candidate in the form in which another of the same effect was found, where it has that form.
+
+    One time constant beside two is another curve, on whichever body: what two candidates do is compared in one form.
+    """
+    term = None if plain.term is None else _like(first, judged)
+    if term is None or plain.term is None or _names(plain.term) == _names(first):
+        return judged, plain
+    inner = [one.value for one in first.inner]
+    bounds = {place: around(one, one.value, one.std) for place, one in enumerate(first.inner) if one.std > 0.0}
+    other = settle_as(looked.space, looked.scanner, term, inner, bounds)
+    evidence = _more_evidence(looked.space, plain, other, 1)
+    return (_rewritten(judged, plain, other, evidence), other) if evidence > 0.0 else (judged, plain)
+
+
+def _like(first: Term, judged: Judged) -> Term | None:
+    """Give the form of a candidate that has the parameters of another of its effect."""
+    if not isinstance(judged.what, Candidate) or judged.what.reference.effect != first.effect:
+        return None
+    return next((term for term in judged.what.terms if _names(term) == _names(first)), None)
+
+
+def _names(term: Term) -> list[str]:
+    return [one.name for one in (*term.coefficients, *term.inner)]
+
+
+def _rewritten(judged: Judged, plain: Settled, best: Settled, more_evidence: float) -> Judged:
+    """Give a candidate as it was judged, in a form that says more, or with inner parameters that were found."""
+    return replace(
+        judged,
+        gain=judged.gain + best.gain - plain.gain,
+        rank=judged.rank + _more_freedom(plain, best),
+        evidence=judged.evidence + more_evidence,
+        shapes=best.shapes,
+        trial=0,
+        is_settled=True,
+    )
 
 
 def _refined(space: Space, scanner: Scanner, plain: Term, term: Term) -> tuple[Settled, int]:

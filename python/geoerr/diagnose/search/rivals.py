@@ -6,11 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoerr.diagnose.scan import Scanner, seen
+from geoerr.diagnose.scan import seen
+from geoerr.diagnose.search.best_form import in_form_of
 from geoerr.diagnose.search.judged import Judged, freedom_of, price_of
 from geoerr.diagnose.search.look import Round
-from geoerr.diagnose.search.settle import Settled, settle
+from geoerr.diagnose.search.settle import Settled, explained_share, settle
+from geoerr.diagnose.search.together import Together, together
 from geoerr.diagnose.space import Space
+from geoerr.effects.collection import Catalogue
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
@@ -23,14 +26,6 @@ _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 _LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
 # Candidates that are looked at closely.
 _CLOSELY = 12
-
-
-def correlation(first: Settled, other: Judged, scanner: Scanner) -> float:
-    """Give the share, as a cosine, of what one candidate explains that another could have explained."""
-    columns = seen(scanner.space, scanner.raw_columns(other.shapes, other.trial))
-    flat = first.displacement.reshape(-1)
-    size = float(np.linalg.norm(flat))
-    return float(np.linalg.norm(columns.root.T @ (columns.whitened.T @ flat))) / size if size > 0.0 else 0.0
 
 
 def vuong(space: Space, first: Numbers, second: Numbers) -> float:
@@ -55,6 +50,11 @@ class Rival:
         Whether these data do not tell them apart.
     contains
         Whether it says what the best says, with more freedom: no rival, but the best written otherwise.
+    behind
+        By how much less the sum of squares falls with it than with the best, in one noise.
+    together
+        Axes whose effects of this kind do only together what the best does, this one among them; their correlation is
+        meant. Empty where it stands for itself.
     """
 
     judged: Judged
@@ -62,27 +62,51 @@ class Rival:
     correlation: float
     is_tied: bool
     contains: bool
+    behind: float
+    together: tuple[str, ...] = ()
 
 
-def rivals_of(looked: Round, first: Judged, best: Settled) -> list[Rival]:
-    """Look closely at the next best candidates."""
+def rivals_of(looked: Round, known: Catalogue, first: Judged, best: Settled) -> list[Rival]:
+    """Look closely at the next best candidates, and at those that do only together what the best does."""
     others = [one for one in looked.candidates if one.what is not first.what]
     if first.evidence <= 0.0:
         # Its rivals are what chance does not explain either, and their numbers cost as much.
         others.sort(key=lambda one: -one.surprise)
-    found = []
-    for other in others[:_CLOSELY]:
-        alike = correlation(best, other, looked.scanner)
-        is_far = best.gain - other.gain > 4.0 * _MOST_DIFFERENCE and best.gain > 2.0 * other.gain
-        settled = _unrefined(looked, other) if is_far else settle(looked.space, looked.scanner, other)
-        # In twice the logarithm of the evidence: what has more freedom has to earn it.
-        difference = best.gain - settled.gain + price_of(first) - price_of(other)
-        z = vuong(looked.space, best.displacement, settled.displacement)
-        is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
-        contains = alike > _TOO_ALIKE and freedom_of(other) > freedom_of(first) and difference > 0.0
-        tied = not contains and (alike > _TOO_ALIKE or (alike > _LEAST_CORRELATION and is_near))
-        found.append(Rival(other, settled, alike, tied, contains))
-    return found
+    company = {
+        id(member): one
+        for one in together(looked, known, first, best)
+        if _is_close(one.correlation, best.gain - one.gain)
+        for member in one.members
+    }
+    near = others[:_CLOSELY]
+    near += [one for one in others[_CLOSELY:] if id(one) in company]
+    return [_rival(looked, first, best, other, company.get(id(other))) for other in near]
+
+
+def _rival(looked: Round, first: Judged, best: Settled, judged: Judged, company: Together | None) -> Rival:
+    is_far = best.gain - judged.gain > 4.0 * _MOST_DIFFERENCE and best.gain > 2.0 * judged.gain
+    settled = _unrefined(looked, judged) if is_far else settle(looked.space, looked.scanner, judged)
+    if best.term is not None and not is_far:
+        judged, settled = in_form_of(best.term, looked, judged, settled)
+    # Where it was scanned its affine values are free; where it was settled the others are at their best.
+    alike = max(
+        explained_share(best, seen(looked.space, looked.scanner.raw_columns(shapes, trial)))
+        for shapes, trial in ((judged.shapes, judged.trial), (settled.shapes, 0))
+    )
+    # In twice the logarithm of the evidence: what has more freedom has to earn it.
+    behind = best.gain - settled.gain
+    difference = behind + price_of(first) - price_of(judged)
+    z = vuong(looked.space, best.displacement, settled.displacement)
+    is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
+    contains = alike > _TOO_ALIKE and freedom_of(judged) > freedom_of(first) and difference > 0.0
+    tied = not contains and (alike > _TOO_ALIKE or (alike > _LEAST_CORRELATION and is_near))
+    if company is not None and not tied and not contains:
+        return Rival(judged, settled, company.correlation, True, False, behind, company.axes)
+    return Rival(judged, settled, alike, tied, contains, behind)
+
+
+def _is_close(alike: float, difference: float) -> bool:
+    return alike > _TOO_ALIKE or (alike > _LEAST_CORRELATION and difference < _LEAST_DIFFERENCE)
 
 
 def _unrefined(looked: Round, judged: Judged) -> Settled:

@@ -154,7 +154,7 @@ def search(
         if unknown is not None and not acts_elsewhere(settled, unknown.judged):
             break
         settled = at_likeliest_period(looked.space, looked.scanner, settled)
-        rivals = tuple(rivals_of(looked, best, settled))
+        rivals = tuple(rivals_of(looked, known, best, settled))
         found.append(Found(best, in_own_noise(bench, settled, added), rivals, looked))
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Formulas, Shapes, is_free
-from geoerr.diagnose.scan import Scanner, seen
+from geoerr.diagnose.functions import Functions
+from geoerr.diagnose.scan import Scanner, Seen, seen
 from geoerr.diagnose.search.inner import InnerSearch, around, neighbours, standard_errors
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.space import Space
@@ -90,10 +91,16 @@ def settle_as(
     bounds: dict[int, tuple[float, float]],
 ) -> Settled:
     """Estimate a term from a start, its inner parameters between bounds by place."""
-    formulas = Formulas(scanner.functions, term)
-    n_coefficients, codes = len(term.coefficients), np.array([formulas.codes(inner)], dtype=np.int64)
-    start = Shapes(term, formulas.channels, formulas.columns, n_coefficients, ({},), (tuple(inner),), codes)
+    start = shapes_at(scanner.functions, term, inner)
     return _settled(space, scanner, start, list(inner), dict(bounds), _REFINEMENTS)
+
+
+def shapes_at(functions: Functions, term: Term, inner: Sequence[float]) -> Shapes:
+    """Give a term's columns at these inner values alone."""
+    formulas = Formulas(functions, term)
+    codes = np.array([formulas.codes(inner)], dtype=np.int64)
+    n_coefficients = len(term.coefficients)
+    return Shapes(term, formulas.channels, formulas.columns, n_coefficients, ({},), (tuple(inner),), codes)
 
 
 def settle_at(space: Space, scanner: Scanner, settled: Settled, place: int, value: float) -> Settled:
@@ -104,6 +111,13 @@ def settle_at(space: Space, scanner: Scanner, settled: Settled, place: int, valu
     inner[place] = value
     bounds = {place: around(parameter, value, parameter.std * (value / parameter.value) ** 2)}
     return _settled(space, scanner, settled.shapes, inner, bounds, _REFINEMENTS)
+
+
+def explained_share(settled: Settled, columns: Seen) -> float:
+    """Give the share, as a cosine, of what an effect explains that these columns could have explained."""
+    flat = settled.displacement.reshape(-1)
+    size = float(np.linalg.norm(flat))
+    return float(np.linalg.norm(columns.root.T @ (columns.whitened.T @ flat))) / size if size > 0.0 else 0.0
 
 
 def _settled(

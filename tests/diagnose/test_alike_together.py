@@ -1,0 +1,90 @@
+"""An effect of all axes alike beside those of each axis, which only together do the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import polars as pl
+import pytest
+from hidden_machine import Motion, Noise, Plan, machine, measure, motion
+
+from geoerr.cli.diagnose_text import diagnosis_lines
+from geoerr.diagnose.advice import Advice
+from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.fit import FitOptions, fit_terms
+from geoerr.observations import Observations
+
+PLAN = Plan(n_sessions=3, n_lines=20, n_points=16)
+NOISE = Noise(white=(4.0, 4.0, 4.0))
+COLD_C = 20.0
+SCALE_PER_K = 6e-6
+GROWTH = [f"thermal-expansion:{axis}@temp_bed" for axis in "xyz"]
+
+
+def _seen_by_warm_cameras(measured: Observations, moved: Motion) -> Observations:
+    """Let the base line of the cameras grow with the bed: everything seems nearer."""
+    scale = pl.Series(1.0 + SCALE_PER_K * (moved.bed - COLD_C))
+    return replace(
+        measured, frame=measured.frame.with_columns(*(pl.col(name) * scale for name in ("mx", "my", "mz")))
+    )
+
+
+def _diagnosed(hidden: np.ndarray | None, *, warm_cameras: bool) -> Diagnosis:
+    rng = np.random.default_rng(7)
+    moved = motion(rng, PLAN)
+    measured = measure(rng, moved, NOISE, hidden)
+    if warm_cameras:
+        measured = _seen_by_warm_cameras(measured, moved)
+    return diagnose(fit_terms(machine(), [measured], options=FitOptions(threads=1)), threads=1)
+
+
+@cache
+def _of_cameras() -> Diagnosis:
+    return _diagnosed(None, warm_cameras=True)
+
+
+def test_scale_of_cameras_is_tied_with_the_growth_of_all_three_axes() -> None:
+    diagnosis = _of_cameras()
+    assert str(diagnosis.found[0].reference) == "rig-scale-thermal@temp_bed"
+    assert diagnosis.verdict == "ambiguous"
+    together = [one for one in diagnosis.tied if one.together]
+    assert sorted(str(one.reference) for one in together) == GROWTH
+    for one in together:
+        assert one.together == ("x", "y", "z")
+        (alias,) = (alias for alias in one.aliases if alias.reference == diagnosis.found[0].reference)
+        assert alias.correlation > 0.99
+
+
+def test_they_are_told_as_one() -> None:
+    diagnosis = _of_cameras()
+    assert f"of x, y and z together ({', '.join(GROWTH[:2])} and {GROWTH[2]})" in diagnosis.sentence
+    assert diagnosis.sentence.count("thermal expansion") == 1
+    assert "together with that of y and z" in " ".join(
+        "\n".join(diagnosis_lines(diagnosis, "geoerr diagnose", "")).split()
+    )
+    documents = {one["axis"]: one for one in diagnosis.to_document()["candidates"] if one["tied"] and one["together"]}
+    assert set(documents) == {"x", "y", "z"}
+
+
+def test_a_bar_in_view_is_advised() -> None:
+    """No run of the machine tells them: what has a length of its own does, while the temperature changes."""
+    advice = _of_cameras().found[0].separate_by
+    assert isinstance(advice, Advice)
+    assert advice.plan is not None
+    assert "Stand a scale bar of Invar" in advice.plan
+    assert "heat what temp_bed measures" in advice.plan
+    assert advice.expected_delta_chi2 is not None
+    assert advice.same_again_delta_chi2 is not None
+    assert advice.expected_delta_chi2 > 4.0 * advice.same_again_delta_chi2
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_growth_of_one_axis_is_its_own(axis: int) -> None:
+    rng = np.random.default_rng(7)
+    moved = motion(rng, PLAN)
+    hidden = 12e-3 * ((moved.bed - COLD_C) * moved.q[:, axis])[:, None] * np.eye(3)[axis]
+    diagnosis = _diagnosed(hidden, warm_cameras=False)
+    assert str(diagnosis.found[0].reference) == GROWTH[axis]
+    assert "rig-scale-thermal@temp_bed" not in {str(one.reference) for one in diagnosis.tied}
