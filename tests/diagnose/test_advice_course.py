@@ -12,7 +12,7 @@ from advice_machine import lines_at_one_feed, machine, measure
 
 from geoerr.diagnose.advice.by_hand import home_again
 from geoerr.diagnose.advice.course import Course
-from geoerr.diagnose.advice.measurement import duration, tidy, uneven
+from geoerr.diagnose.advice.measurement import Measurement, duration, tidy, uneven
 from geoerr.diagnose.advice.menu import feeds_of, four_feeds, menu, ramps, short_reversals
 from geoerr.diagnose.advice.menu_conditions import warming, work
 from geoerr.diagnose.advice.planned import planned
@@ -21,12 +21,25 @@ from geoerr.diagnose.advice.situation import Situation, situation_of
 from geoerr.diagnose.space import space_of
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_terms
+from geoerr.fit.start import KINDS
+from geoerr.observations import CARRIERS
 
 EVERYTHING = Question(
     ("x", "y", "z"),
     frozenset({"x", "y", "d_x", "s_x", "v_x", "a_x", "t_rev_x", "mean_v_x", "t", "temp_bed", "temp_frame", "load"}),
     frozenset({"EXX", "EAX", "rig-scale", "rig-tx", "rig-depth", "target-x"}),
 )
+# Questions without temperatures, and of two bodies of which only the difference was seen.
+COLD = replace(EVERYTHING, variables=EVERYTHING.variables - {"temp_bed", "temp_frame"})
+BODIES = replace(EVERYTHING, channels=frozenset({"tool-x", "work-x"}))
+
+
+def _everything(situation: Situation) -> list[Measurement]:
+    """Give every plan of the menu that any question has, each once."""
+    (seen,) = situation.targets
+    relative = replace(situation, targets=(replace(seen, carrier=CARRIERS.index("relative")),))
+    plans = [*menu(situation, EVERYTHING), *menu(situation, COLD), *menu(relative, BODIES)]
+    return list({plan.name: plan for plan in plans}.values())
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +94,16 @@ def test_a_run_in_motion_takes_as_many_pictures_as_the_cameras_can(situation: Si
 
 
 def test_every_plan_stays_inside_what_was_measured_and_goes_forward_in_time(situation: Situation) -> None:
-    plans = list(menu(situation, EVERYTHING))
+    for question in (EVERYTHING, COLD):
+        names = [plan.name for plan in menu(situation, question)]
+        assert len(set(names)) == len(names)
+    plans = _everything(situation)
     names = [plan.name for plan in plans]
-    assert len(set(names)) == len(names)
     kinds = {name.split(":")[0] for name in names}
     assert {
         *("at-rest", "circles", "feeds", "abba", "short-reversals", "one-sided", "fine-pitch", "diagonals"),
         *("second-lever", "moved-cameras", "scale-bar", "rest", "marker+rest", "work", "warm", "warm-cool"),
-        *("marker+warm", "scale-bar+warm", "changed", "ramps"),
+        *("marker+warm", "scale-bar+warm", "floor+rest", "floor+warm", "changed", "ramps"),
     } <= kinds
     low, high = situation.span_mm.T
     for plan in plans:
@@ -105,9 +120,25 @@ def test_every_plan_stays_inside_what_was_measured_and_goes_forward_in_time(situ
         assert len(rows.sightings) == len(pictures) * len(plan.targets)
 
 
+def test_a_bar_at_one_temperature_says_nothing_of_what_follows_one(situation: Situation) -> None:
+    assert "scale-bar" in {plan.name for plan in menu(situation, COLD)}
+    names = {plan.name for plan in menu(situation, EVERYTHING)}
+    assert "scale-bar" not in names
+    assert "scale-bar+warm:temp_bed" in names
+
+
+def test_a_look_from_the_floor_has_a_pose_of_its_own(situation: Situation) -> None:
+    plan = next(plan for plan in _everything(situation) if plan.name == "floor+rest")
+    rows = planned(replace(situation, kind=KINDS["parallel"]), plan)
+    assert rows.poses.kinds.tolist() == [KINDS["free"]]
+    assert [CARRIERS[target.carrier] for target in plan.targets] == ["tool", "work", "base"]
+    # Where the target on the work and the marker sit nobody knows beforehand: three numbers each.
+    assert rows.own.shape[2] == 6
+
+
 def test_every_plan_is_in_the_documentation(situation: Situation) -> None:
     page = (Path(__file__).parents[2] / "docs" / "next_measurement.md").read_text(encoding="utf-8")
-    plans = [*menu(situation, EVERYTHING), *menu(replace(situation, is_circular=True), EVERYTHING)]
+    plans = [*_everything(situation), *menu(replace(situation, is_circular=True), EVERYTHING)]
     kinds = {plan.name.split(":")[0] for plan in plans}
     assert [kind for kind in kinds if f"`{re.sub('[+].*', '+...', kind)}`" not in page] == []
 

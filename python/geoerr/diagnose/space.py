@@ -132,8 +132,8 @@ def space_of(fitted: Fitted, *, threads: int = 0) -> Space:
 
 def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: int = 0) -> NoiseSums:
     """Sum up a fit's residual and basis (n, 3, r), both whitened by the stated uncertainties, for a noise model."""
-    residual = fitted.solved.whitened * rows
-    return NoiseSums(blocks_of(fitted.sightings), offset_weights(fitted), residual, raw_basis, threads=threads)
+    residual, weights = fitted.solved.whitened * rows, offset_weights(fitted) * (rows > 0.0)
+    return NoiseSums(blocks_of(fitted.sightings), weights, residual, raw_basis, threads=threads)
 
 
 def whitened_space(

@@ -15,16 +15,19 @@ from geoerr.diagnose.probes import bodies
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.space import Channels, Space, beyond, noise_sums, orthonormal, whitened_space
 from geoerr.diagnose.waves_in_time import WavesInTime
+from geoerr.fit import has_covariates
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
+from geoerr.terms import Term
 
 
 class Bench:
     """A fit, the effects added so far, and the space that they leave.
 
-    `explained` (n, 3) is what an earlier search explained of the fit's residual, as `whitened_space` takes it.
+    `explained` (n, 3) is what an earlier search explained of the fit's residual, as `whitened_space` takes it;
+    `left_out` (n,) tells rows that do not count, besides those that the fit does not use.
     """
 
     def __init__(
@@ -34,14 +37,16 @@ class Bench:
         *,
         names: Sequence[str],
         explained: Numbers | None = None,
+        left_out: np.ndarray | None = None,
         threads: int = 0,
     ) -> None:
         self.fitted, self.functions, self.names, self.threads = fitted, functions, tuple(names), threads
         self.explained = explained
         solved = fitted.solved
-        scale = solved.used.astype(np.float64)
+        used = solved.used if left_out is None else solved.used & ~left_out
+        scale = used.astype(np.float64)
         raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
-        self.rows = (fitted.sightings.is_measured & solved.used[:, None]).astype(np.float64)
+        self.rows = (fitted.sightings.is_measured & used[:, None]).astype(np.float64)
         flat = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads)
         self.base = flat.reshape(*self.rows.shape, -1)
         self.channels = Channels(fitted, self.rows, threads=threads)
@@ -49,6 +54,24 @@ class Bench:
         self.noise: NoiseModel | None = None
         self._last_sums: tuple[tuple[Numbers, ...], NoiseSums] | None = None
         self.waves = WavesInTime(fitted.sightings, [f"{body}-{axis}" for body in bodies(fitted) for axis in AXES])
+
+    def without(self, left_out: np.ndarray) -> Bench:
+        """Give the same on fewer rows: `left_out` (n,) tells which no longer count; the held-out error is of all."""
+        bench = Bench(
+            self.fitted,
+            self.functions,
+            names=self.names,
+            explained=self.explained,
+            left_out=left_out | ~self.rows.any(axis=1),
+            threads=self.threads,
+        )
+        bench.noise, bench.held_out = self.noise, self.held_out
+        return bench
+
+    def lacks(self, term: Term) -> np.ndarray:
+        """Tell which rows count, and have not what a term needs, (n,): what it does there nobody can say."""
+        known = has_covariates(self.fitted.machine, self.fitted.sightings, [term])
+        return np.asarray(self.rows.any(axis=1) & ~known)
 
     def scanner(self, space: Space, *, n_draws: int = N_DRAWS) -> Scanner:
         """Give a space in the form in which the core multiplies it."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from geoerr.diagnose.candidates import Candidate, candidates_of
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
@@ -156,6 +158,7 @@ def search(
         settled = at_likeliest_period(looked.space, looked.scanner, settled)
         rivals = tuple(rivals_of(looked, known, best, settled))
         found.append(Found(best, in_own_noise(bench, settled, added), rivals, looked))
+        bench, found, finer, aside = _where_it_is_known(bench, found, finer, aside)
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])
         taken = {id(one.judged.what) for one in found}
@@ -163,6 +166,23 @@ def search(
     beside = [*finer, *aside]
     together = tuple(_together(bench, found, beside, looked))
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside))
+
+
+def _where_it_is_known(
+    bench: Bench, found: list[Found], finer: list[Numbers], aside: list[Numbers]
+) -> tuple[Bench, list[Found], list[Numbers], list[Numbers]]:
+    """Go on without the rows at which nobody can say what the last find does: they hold it, and nothing tells of it.
+
+    At the first picture of a session nothing shows how long ago an axis turned. What an effect of that did there
+    would be named a jump, or warming up.
+    """
+    term = found[-1].settled.term
+    lacking = None if term is None else bench.lacks(term)
+    if lacking is None or not lacking.any():
+        return bench, found, finer, aside
+    known = (~lacking[:, None, None]).astype(np.float64)
+    kept = [replace(one, settled=replace(one.settled, raw=one.settled.raw * known)) for one in found]
+    return bench.without(lacking), kept, [one * known for one in finer], [one * known for one in aside]
 
 
 def _claims(
