@@ -1,6 +1,6 @@
 """What a diagnosis costs: candidates laid out, the space of a fit, the ranking of everything, one search.
 
-    python benches/python/diagnosis.py [--points 10000] [--threads 0] [--repeats 3]
+    python benches/python/diagnosis.py [--points 10000] [--threads 1 2] [--repeats 3]
 
 The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three
 temperatures. Nothing is hidden in them. `ranking` is one look at everything: all candidates of the catalogue
@@ -69,7 +69,7 @@ def print_costs(n_points: int, threads: int, repeats: int) -> None:
     fitted = fit_terms(machine, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
 
     def row(step: str, seconds: tuple[float, float]) -> None:
-        print(f"| {n_points} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
+        print(f"| {n_points} | {threads} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
 
     (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, known), repeats)
     probes = probes_of(fitted, functions, variables_of(fitted))
@@ -78,8 +78,10 @@ def print_costs(n_points: int, threads: int, repeats: int) -> None:
     bench = Bench(fitted, functions, names=all_channels(shapes), threads=threads)
     space, seconds = timed(lambda: bench.space([]), repeats)
     row("noise fitted, space whitened", seconds)
+    _, seconds = timed(lambda: look(bench, space, candidates, []), repeats)
+    row("ranking of names, with what chance finds", seconds)
     _, seconds = timed(lambda: look(bench, space, candidates, probes), repeats)
-    row("ranking, with what chance finds", seconds)
+    row("ranking of names and of what has no name, with what chance finds", seconds)
     _, seconds = timed(lambda: search(fitted, known, threads=threads), 1)
     row("search", seconds)
 
@@ -88,12 +90,13 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--points", type=int, nargs="+", default=[10_000])
-    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
-    print("| points | step | wall s | CPU s |\n| --- | --- | --- | --- |")
+    print("| points | threads | step | wall s | CPU s |\n| --- | --- | --- | --- | --- |")
     for n_points in arguments.points:
-        print_costs(n_points, arguments.threads, arguments.repeats)
+        for threads in arguments.threads:
+            print_costs(n_points, threads, arguments.repeats)
 
 
 if __name__ == "__main__":

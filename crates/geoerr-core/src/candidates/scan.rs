@@ -20,8 +20,8 @@ use super::waves::{Wave, families};
 use crate::least_squares::Real;
 
 /// Functions on channels of one tile: so many that groups of other channels seldom sum the same again, and few enough for
-/// a tile's sums to stay in the cache.
-const PAIRS: usize = 2048;
+/// a tile's sums to stay in the cache and for every thread to have tiles to the end.
+const PAIRS: usize = 512;
 /// Coarser numbers than these only rank, and need no more digits than nodes give.
 const RANKING: f64 = 1e-10;
 
@@ -76,12 +76,12 @@ pub fn scan<T: Real + FftNum>(
         };
         place_of(functions, &numbering, place, at_moments.as_ref())
     });
-    let at_nodes: Vec<NodeOperands<'_, T>> = (lattices.iter().enumerate())
+    let at_nodes: Vec<NodeOperands<'_, T>> = (lattices.par_iter().enumerate())
         .map(|(number, lattice)| {
             NodeOperands::new(scene, lattice, groups, &pieces_on(&tiles, Place::Nodes(number)))
         })
         .collect();
-    let of_waves: Vec<WaveOperands<T>> = (families.iter().enumerate())
+    let of_waves: Vec<WaveOperands<T>> = (families.par_iter().enumerate())
         .map(|(number, family)| {
             let pieces = pieces_on(&tiles, Place::Waves(number));
             WaveOperands::new(scene, family, harmonics_of(number, &wave_of), groups, &pieces)
