@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -178,6 +179,13 @@ def test_draws_are_white_off_the_model_and_always_the_same() -> None:
     # Sums of squares of `free` numbers with the tails of the residual: kurtosis below 10, 40 draws.
     assert float((flat**2).sum() / 40) == pytest.approx(free, rel=4.0 * np.sqrt(10.0 / (40 * free)))
     assert (draws == space.draws(40)).all()
+
+
+def test_draws_are_of_the_size_that_winsorising_left() -> None:
+    """Tails that were cut are no part of what the residual's gains are made of."""
+    space = _scene()[0]
+    small = replace(space, residual=0.9 * space.residual)
+    assert (small.draws(8)).std() == pytest.approx(0.9 * space.draws(8).std(), rel=1e-5)
 
 
 def test_surprise_is_the_tail_of_chi_squared_even_where_it_has_no_number() -> None:

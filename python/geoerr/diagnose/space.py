@@ -77,13 +77,13 @@ class Space:
         """Give noise off Q as chance might have left it, (n_draws, n, 3), whitened, in single precision.
 
         Numbers of the residual, each in units of its own standard deviation, drawn with replacement and a sign:
-        white, with the tails that they have. Always the same draws of the same residual.
+        white, with the tails that they have, and of their size: winsorised tails are less than the noise was
+        estimated with. Always the same draws of the same residual.
         """
         basis = self.basis.reshape(-1, self.basis.shape[2]).astype(np.float32)
         counts = self.rows.reshape(-1) > 0.0
         own = 1.0 - np.einsum("ir,ir->i", basis, basis)
         residual = self.residual.reshape(-1)[counts] / np.sqrt(np.maximum(own[counts], _OWN))
-        residual /= max(float(np.sqrt((residual**2).mean())), 1e-300)
         rng = np.random.default_rng(_SEED)
         drawn = np.zeros((len(counts), n_draws), dtype=np.float32)
         picked = rng.integers(0, 2 * len(residual), size=(len(residual), n_draws), dtype=np.int32)
