@@ -1,38 +1,45 @@
-"""What a diagnosis costs: candidates laid out, the space of a fit, the ranking of everything, one search.
+"""What a diagnosis costs: candidates laid out, the space of a fit, the ranking, one search; and adding a find.
 
     python benches/python/diagnosis.py [--points 10000] [--threads 1 2] [--repeats 3]
 
 The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three
-temperatures. Nothing is hidden in them. `ranking` is one look at everything: all candidates of the catalogue
-on all axes, covariates and inner parameters, all probes, and the largest of every draw of noise. `search` is
-a whole search; on such data it is one look. The median of the repeats counts, wall and processor seconds: the
-latter where others use the machine too.
+temperatures. Nothing is hidden in them, but where something is added. `ranking` is one look at everything: all
+candidates of the catalogue on all axes, covariates and inner parameters, all probes, and the largest of every draw
+of noise. `search` is a whole search; on such data it is one look. `add` puts what a search found into the model:
+the refit, and the held-out error before and after. The median of the repeats counts, wall and processor seconds:
+the latter where others use the machine too.
 """
 
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from joint_fit import LENGTH_MM, OFFSETS_MM, STD_MM, timed
 
 from geoerr.diagnose.candidates import candidates_of
+from geoerr.diagnose.change import add_terms
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search import Bench, look, search
 from geoerr.effects import catalogue
-from geoerr.fit import FitOptions, fit_terms
+from geoerr.fit import FitOptions, fit_terms, result_of
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.observations import Observations, observations_from_columns
 
 ROWS_OF_A_PASS = 40
 SECONDS = 4.0
 FEEDS_MM_MIN = (300.0, 1000.0, 3000.0, 6000.0)
+# What is added: what hides it.
+HIDDEN = {"backlash:x": {"play_mm": 0.01}, "thermal-expansion:y@temp_bed": {"growth_per_k": 11.5e-6}}
 
 
-def measured(n_points: int, rng: np.random.Generator) -> Observations:
+def measured(
+    n_points: int, rng: np.random.Generator, *, play_mm: float = 0.0, growth_per_k: float = 0.0
+) -> Observations:
     """Lines there and back over the volume, in five sessions, while three temperatures rise in their own time."""
     row = np.arange(n_points)
     line = row // ROWS_OF_A_PASS
@@ -54,6 +61,8 @@ def measured(n_points: int, rng: np.random.Generator) -> Observations:
     }
     for number, name in enumerate(("temp_bed", "temp_frame", "temp_room")):
         columns[name] = 20.0 + 30.0 / (number + 1) * (1.0 - np.exp(-(t + 600.0 * session) / (900.0 * (1 + number))))
+    seen[:, 0] -= 0.5 * play_mm * np.sign(end - start)[line, 0]
+    seen[:, 1] += growth_per_k * (np.asarray(columns["temp_bed"]) - 20.0) * q[:, 1]
     for axis, name in enumerate("xyz"):
         columns |= {name: q[:, axis], f"t{name}": offset[:, axis], f"m{name}": (seen + offset)[:, axis]}
         columns |= {f"dir_{name}": np.sign(end - start)[line, axis], f"s{name}": np.full(n_points, STD_MM)}
@@ -84,6 +93,17 @@ def print_costs(n_points: int, threads: int, repeats: int) -> None:
     row("ranking of names and of what has no name, with what chance finds", seconds)
     _, seconds = timed(lambda: search(fitted, known, threads=threads), 1)
     row("search", seconds)
+    for name, hidden in HIDDEN.items():
+        table = measured(n_points, np.random.default_rng(1), **hidden)
+        fitted = fit_terms(machine, [table], options=FitOptions(threads=threads))
+        found = search(fitted, known, threads=threads).found[0].settled.term
+        assert found is not None
+        if found.id != name:
+            raise SystemExit(f"{found.id} was found, {name} is hidden")
+        model = result_of(fitted).model
+        add = partial(add_terms, model, [table], [found], name, found.title, known=fitted, threads=threads)
+        _, seconds = timed(add, repeats)
+        row(f"add {name}", seconds)
 
 
 def main() -> None:

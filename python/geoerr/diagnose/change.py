@@ -7,12 +7,12 @@ no part in either figure. The model file remembers every change (`history`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoerr.diagnose.answer import held_out_um
 from geoerr.diagnose.summary import change_html
 from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
@@ -30,7 +30,7 @@ from geoerr.fit import (
 from geoerr.fit.additions import additions, usual_terms
 from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.wavy import may_be_followed, without_waves
 from geoerr.model import HistoryEntry, Model
 from geoerr.observations import CircularTest, Observations
@@ -105,18 +105,21 @@ def add_effect(
     """
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     _refuse_held(model, str(parse_effect_reference(reference)))
-    calibration = _Calibration(rig_sensitivity, rig_covariance)
-    sightings = sightings_of(*tables)
-    like = () if is_empirical(reference) else usual_terms(*known.resolve(reference), model.machine, sightings)
-    own = _own_beside(model, tables, like, calibration, threads)
+    data = _Data(tables, rig_sensitivity, rig_covariance, threads)
+    like = () if is_empirical(reference) else usual_terms(*known.resolve(reference), model.machine, data.sightings)
+    own = _own_beside(model, data, like)
 
     def fit(more: Sequence[Term]) -> Fitted:
-        if not more and own.fitted is not None and not own.has_fewer_knots:
-            return own.fitted
-        return _fitted(model, tables, [*own.terms, *more], calibration, threads)
+        nonlocal own
+        if more or own.has_fewer_knots:
+            return data.fitted(model, [*own.terms, *more])
+        # What the form is chosen beside is what was before, too.
+        own = replace(own, fitted=own.fitted or data.fitted(model, own.terms))
+        assert own.fitted is not None
+        return own.fitted
 
-    found = additions([reference], known, model.machine, sightings, "none", fit, way)[0]
-    return _added(model, tables, own, found.terms, found.reference, found.title, calibration, threads)
+    found = additions([reference], known, model.machine, data.sightings, "none", fit, way)[0]
+    return _added(model, data, own, found.terms, found.reference, found.title)
 
 
 def _refuse_held(model: Model, *names: str) -> None:
@@ -161,9 +164,9 @@ def add_terms(
     GeoerrError
         where the model has the effect already.
     """
-    calibration = _Calibration(rig_sensitivity, rig_covariance)
-    own = _own_beside(model, tables, terms, calibration, threads, known)
-    return _added(model, tables, own, terms, reference, title, calibration, threads)
+    data = _Data(tables, rig_sensitivity, rig_covariance, threads)
+    own = _own_beside(model, data, terms, known)
+    return _added(model, data, own, terms, reference, title)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,55 +178,47 @@ class _Own:
     has_fewer_knots: bool = False
 
 
-def _own_beside(
-    model: Model,
-    tables: Sequence[Observations | CircularTest],
-    terms: Sequence[Term],
-    calibration: _Calibration,
-    threads: int,
-    fitted: Fitted | None = None,
-) -> _Own:
+def _own_beside(model: Model, data: _Data, terms: Sequence[Term], fitted: Fitted | None = None) -> _Own:
     """Give a model's own terms, with few knots where many would share with an effect what it explains."""
     own = own_terms(model)
     shared = {one.id for one in own if any(may_be_followed(one, term) for term in terms)}
     if not shared:
         return _Own(own, fitted)
-    fitted = fitted or _fitted(model, tables, own, calibration, threads)
+    fitted = fitted or data.fitted(model, own)
     few = {term.id: term for term in without_waves(fitted) or () if term.id in shared}
     return _Own([few.get(one.id, one) for one in own], fitted, bool(few))
 
 
-def _added(
-    model: Model,
-    tables: Sequence[Observations | CircularTest],
-    own: _Own,
-    terms: Sequence[Term],
-    reference: str,
-    title: str,
-    calibration: _Calibration,
-    threads: int,
-) -> Change:
+def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], reference: str, title: str) -> Change:
     _refuse_held(model, *(term.id for term in terms))
-    after = _fitted(model, tables, [*own.terms, *terms], calibration, threads)
+    after = data.fitted(model, [*own.terms, *terms])
     before = _before(model, own, after)
-    if is_worth_asking(held_out_um(before), held_out_um(after)):
+    if is_worth_asking(before.figures.headline_um, after.figures.headline_um):
         chosen = choose_again(after)
         if chosen is not None:
-            after = _fitted(model, tables, chosen, calibration, threads)
-            before = _before(model, own, after)
+            first, after = after, data.fitted(model, chosen)
+            before = before if _are_of_the_same_rows(first, after) else _before(model, own, after)
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
 
 
 def _before(model: Model, own: _Own, after: Fitted) -> Fitted:
-    """Give the fit of the model as it was to the rows of the one with the effect."""
+    """Give the fit of the model as it was to the rows of the one with the effect.
+
+    To just these: rows that are far off by the effect alone are gross to a model that lacks it, and count.
+    """
+    terms = own_terms(model)
     if own.fitted is not None and _is_of(own.fitted, {term.id for term in own.terms}, after):
         return own.fitted
-    return refit(after, own_terms(model))
+    return replace(after.again(terms, used=after.solved.used), choices=after.choices)
 
 
 def _is_of(known: Fitted, held: set[str], after: Fitted) -> bool:
     """Tell whether a fit is that of these terms to the rows of another one."""
-    return {term.id for term in known.terms} == held and np.array_equal(known.solved.used, after.solved.used)
+    return {term.id for term in known.terms} == held and _are_of_the_same_rows(known, after)
+
+
+def _are_of_the_same_rows(one: Fitted, other: Fitted) -> bool:
+    return np.array_equal(one.solved.used, other.solved.used)
 
 
 def remove_terms(
@@ -256,7 +251,7 @@ def remove_terms(
             f"the model has no effect {reference!r}\nhint: it has {', '.join(effects) if effects else 'no effects'}"
         )
     title = next(term.title for term in terms if term.id == reference)
-    before = _fitted(model, tables, terms, _Calibration(rig_sensitivity, rig_covariance), threads)
+    before = _Data(tables, rig_sensitivity, rig_covariance, threads).fitted(model, terms)
     after = refit(before, [term for term in before.terms if term.id != reference])
     return _change(model, before, after, "removed", reference, title, [reference])
 
@@ -267,28 +262,29 @@ def own_terms(model: Model) -> tuple[Term, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Calibration:
-    """How the calibration moves the points, (n, 3, p), and its covariance (p, p); None where it is not told."""
+class _Data:
+    """Measurements, joined once, with how the calibration moves the points (n, 3, p) and its covariance (p, p)."""
 
-    sensitivity: Numbers | None
-    covariance: Numbers | None
+    tables: Sequence[Observations | CircularTest]
+    rig_sensitivity: Numbers | None
+    rig_covariance: Numbers | None
+    threads: int
 
+    @cached_property
+    def sightings(self) -> Sightings:
+        return sightings_of(*self.tables)
 
-def _fitted(
-    model: Model,
-    tables: Sequence[Observations | CircularTest],
-    terms: Sequence[Term],
-    calibration: _Calibration,
-    threads: int,
-) -> Fitted:
-    return fit_terms(
-        model.machine,
-        tables,
-        effects=terms,
-        options=FitOptions(components="none", threads=threads),
-        rig_sensitivity=calibration.sensitivity,
-        rig_covariance=calibration.covariance,
-    )
+    def fitted(self, model: Model, terms: Sequence[Term]) -> Fitted:
+        """Fit these terms alone."""
+        return fit_terms(
+            model.machine,
+            self.tables,
+            effects=terms,
+            options=FitOptions(components="none", threads=self.threads),
+            rig_sensitivity=self.rig_sensitivity,
+            rig_covariance=self.rig_covariance,
+            sightings=self.sightings,
+        )
 
 
 def _change(

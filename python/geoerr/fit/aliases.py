@@ -8,7 +8,7 @@ more than their simplest form, as far as they can be made so.
 | symbol | code | what |
 |---|---|---|
 | N | `null_space` | (m, d) directions that the data leave free |
-| C | `bent` | (n, k) what a function is beyond its simplest form, at places along its axis |
+| C | `bent` | (n, k) what a function is beyond its simplest form, at places along its axis (the triangle of that) |
 | x − N (C N)⁺ C x | `simplified` | the same for the data, and simplest |
 
 Verified in tests/fit/test_aliases.py.
@@ -86,10 +86,10 @@ def simplified(
 
 
 def _beyond(spec: BasisSpec, simplest: BasisSpec, places_mm: Numbers) -> Numbers:
-    """Give what a function of one basis is beyond another one at places (n, k)."""
+    """Give what a function of one basis is beyond another one, (n, k): as long, and turned into as few rows."""
     simple, _ = np.linalg.qr(basis_of(simplest).evaluate(places_mm))
     columns = basis_of(spec).evaluate(places_mm)
-    return np.asarray(columns - simple @ (simple.T @ columns))
+    return np.asarray(np.linalg.qr(columns - simple @ (simple.T @ columns), mode="r"))
 
 
 def _straightened(known: Determined, bent: Numbers, own: slice) -> Determined:

@@ -39,9 +39,10 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     if not rich:
         return None
     terms = _on(fitted.terms, rich)
-    free = fitted.again(terms)
+    # On the rows that were found not to be gross.
+    free = fitted.again(terms, used=fitted.solved.used)
     if has_run_away(free):
-        free = fitted.again(terms, one_step=True)
+        free = fitted.again(terms, used=fitted.solved.used, one_step=True)
     undecided = [term for term in terms if term.id in rich]
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}

@@ -104,6 +104,7 @@ def fit_terms(
     options: FitOptions | None = None,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
+    sightings: Sightings | None = None,
 ) -> Fitted:
     """Fit the classic errors and any effects to all observations at once.
 
@@ -118,6 +119,8 @@ def fit_terms(
     rig_sensitivity : (n, 3, p), rig_covariance : (p, p)
         How the calibration moves the points of the first table, and its covariance: fitted along, as unknowns that
         the calibration holds.
+    sightings
+        The tables joined (`sightings_of`), where that was done before.
 
     Raises
     ------
@@ -130,7 +133,7 @@ def fit_terms(
     `validation/joint.py` against the nine-line arithmetic.
     """
     options = options or FitOptions()
-    sightings = sightings_of(*tables)
+    sightings = sightings_of(*tables) if sightings is None else sightings
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
     shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     given = dict(options.bases or {})
@@ -306,7 +309,9 @@ class Posed:
         free = [
             place for place, parameter in enumerate(p for term in terms for p in term.inner) if not parameter.is_fixed
         ]
-        at = None if around is None else start_values(terms)[0]
+        # What follows inner parameters begins where it is known to be: an inner parameter of an effect of size 0 does
+        # nothing.
+        at = None if around is None and not free else start_values(terms)[0]
         problem = self._in_frames(around)._problem(compiled, terms, sightings, variables, shared, given, free, at)
         n_model = compiled.n_coefficients + len(free)
         rows = gauge_rows(terms)
