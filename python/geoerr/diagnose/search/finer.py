@@ -7,8 +7,8 @@ slow wave along an axis may be no more than what too few splines left of a smoot
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,8 @@ _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
 def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | None:
     """Give columns (n, 3, k) of errors of an axis with more knots, if they have more evidence than what is claimed.
 
-    Of what the model does most already, it is enough that they do as much, and predict better; but many waves along
+    Of what the model does most already, it is enough that they do as much, and predict better. So it is of what gains
+    less than the price at which they were not chosen: so much of a smooth error evidence leaves. But many waves along
     an axis are no smooth error, however many knots follow them.
 
     Parameters
@@ -44,22 +45,36 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | Non
     axis = _axis_of(claim)
     if axis is None:
         return None
-    ways = list(_ways(bench, claim, axis))
-    is_own = claim.share < _MOSTLY_OWN and _n_waves(bench, claim) < MANY_WAVES
-    best, most = None, 0.0 if is_own else max(claim.evidence, 0.0)
-    for way in ways:
-        columns = np.concatenate([_columns(bench, term, finer) for term, finer in way], axis=2)
-        _, root, gain = estimate(looked.space, columns)
-        rank = root.shape[1]
-        if is_own:
-            # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
-            worth = 0.5 * float(gain) - rank - math.log(len(ways))
-            is_enough = float(gain) >= _AS_MUCH * claim.gain
-        else:
-            worth, is_enough = float(evidence_of(looked.space, gain, np.array(rank), len(ways))), True
-        if is_enough and worth > most:
-            best, most = columns, worth
-    return best
+    ways = [_asked(bench, looked, way) for way in _ways(bench, claim, axis)]
+    is_smooth = _n_waves(bench, claim) < MANY_WAVES
+    does_as_much = [one for one in ways if one.gain >= _AS_MUCH * claim.gain]
+    # Twice the logarithm that Schwarz takes for the fewest knots that do as much.
+    price = min((one.rank for one in does_as_much), default=0) * math.log(max(looked.space.n_numbers, 2))
+    if is_smooth and (claim.share < _MOSTLY_OWN or claim.gain < price):
+        # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
+        worth = [(0.5 * one.gain - one.rank - math.log(len(ways)), one.columns) for one in does_as_much]
+        least = 0.0
+    else:
+        evidence = [evidence_of(looked.space, np.array(one.gain), np.array(one.rank), len(ways)) for one in ways]
+        worth = [(float(of_one), one.columns) for of_one, one in zip(evidence, ways, strict=True)]
+        least = max(claim.evidence, 0.0)
+    most, columns = max(worth, key=lambda one: one[0], default=(-math.inf, None))
+    return columns if most > least else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """Columns (n, 3, k) of more knots: the directions that they add, and how far the sum of squares falls."""
+
+    columns: Numbers
+    rank: int
+    gain: float
+
+
+def _asked(bench: Bench, looked: Round, way: Sequence[tuple[Term, BasisSpec]]) -> _Way:
+    columns = np.concatenate([_columns(bench, term, finer) for term, finer in way], axis=2)
+    _, root, gain = estimate(looked.space, columns)
+    return _Way(columns, root.shape[1], float(gain))
 
 
 def _ways(bench: Bench, claim: Judged, axis: str) -> Iterator[tuple[tuple[Term, BasisSpec], ...]]:
