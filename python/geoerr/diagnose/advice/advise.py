@@ -44,8 +44,9 @@ def advise(diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: floa
         return None
     first = found[0]
     references = {str(one.reference) for one in diagnosis.tied}
-    # What is not tied now but not ruled out either would be, once the others are.
-    rivals = [one for one in first.rivals if one.behind < _DECIDED]
+    # What is not tied now but not ruled out either would be, once the others are. What is too alike to be told by its
+    # χ² is tied however far behind it is.
+    rivals = [one for one in first.rivals if one.is_tied or one.behind < _DECIDED]
     judged = [(first.judged, first.settled), *((one.judged, one.settled) for one in rivals if not one.together)]
     forms = [own for one in judged if (own := forms_of(*one))]
     forms.sort(key=lambda own: own[0].id not in references)
