@@ -193,12 +193,13 @@ def _own_beside(model: Model, data: _Data, terms: Sequence[Term], fitted: Fitted
 def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], reference: str, title: str) -> Change:
     _refuse_held(model, *(term.id for term in terms))
     after = data.fitted(model, [*own.terms, *terms])
-    before = _before(model, own, after)
+    before = own.fitted or _before(model, own, after)
     if is_worth_asking(held_out_um(before), held_out_um(after)):
         chosen = choose_again(after)
         if chosen is not None:
-            first, after = after, data.fitted(model, chosen)
-            before = before if _are_of_the_same_rows(first, after) else _before(model, own, after)
+            after = data.fitted(model, chosen)
+    if not _are_of_the_same_rows(before, after) or before is own.fitted:
+        before = _before(model, own, after)
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
 
 
