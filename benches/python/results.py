@@ -62,6 +62,9 @@ OTHERS = {
     ),
 }
 
+# What is aimed at on two threads is shown on two as well.
+TWO_THREADS, ALSO_ON_TWO = ("1", "2"), ("diagnosis.py",)
+
 
 def versions() -> str:
     """Tell what was measured with what."""
@@ -132,7 +135,8 @@ def main() -> None:
         keep("G-code", programs.measure((1, 10) if arguments.quick else (1, 10, 100), 1 if arguments.quick else 5))
     if not arguments.quick:
         for title, (script, note) in OTHERS.items():
-            run = [sys.executable, str(Path(__file__).parent / script), "--threads", "1"]
+            threads = TWO_THREADS if script in ALSO_ON_TWO else ("1",)
+            run = [sys.executable, str(Path(__file__).parent / script), "--threads", *threads]
             sections[title] = f"{note}\n\n{subprocess.run(run, capture_output=True, text=True, check=True).stdout}"
             print(sections[title], flush=True)
     plot(all_costs, arguments.to / "cost.svg")
