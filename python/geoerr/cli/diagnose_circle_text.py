@@ -61,7 +61,7 @@ def _cause(cause: Cause, number: str) -> Iterator[str]:
     yield from alias_lines(cause)
     separation = cause.separate_by
     if separation is not None:
-        minutes = "" if separation.minutes is None else f" (≈ {separation.minutes:g} min)"
+        minutes = "" if separation.minutes is None else f" (≈ {separation.minutes:.0f} min)"
         plan = "" if separation.plan is None else f": {separation.plan}"
         yield from narrow(f"these runs cannot tell it apart; {separation.text} would{minutes}{plan}", "    ")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
-from geoerr.diagnose.findings import Finding, Unknown
+from geoerr.diagnose.findings import Finding, Separation, Unknown
 from geoerr.diagnose.words import chance_words
 from geoerr.effects import Effect
 from geoerr.report.figures import diagnosis as figures
@@ -104,7 +104,7 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
         sections.append(Section(f"{finding.effect.title}: {finding.reference}", _blocks(finding)))
     rivals = diagnosis.tied[1:]
     if rivals:
-        sections.append(Section("What these data cannot tell from it", tuple(map(_rival, rivals))))
+        sections.append(Section("What these data cannot tell from it", _rivals(rivals)))
     if diagnosis.unknown is not None:
         sections.append(Section("What has no name", _unknown(diagnosis, diagnosis.unknown)))
     if diagnosis.between_passes.stands_out:
@@ -149,14 +149,17 @@ def _advice(effect: Effect) -> list[str]:
     return [f"{what}: {text}." for what, text in said.items() if text]
 
 
-def _rival(finding: Finding) -> Paragraph:
-    text = f"{finding.words()}."
-    separation = finding.separate_by
-    if separation is not None:
-        minutes = "" if separation.minutes is None else f" (about {separation.minutes:g} minutes)"
-        plan = "" if separation.plan is None else f": {separation.plan}"
-        text += f" What would tell it: {separation.text}{minutes}{plan}."
-    return Paragraph(text)
+def _rivals(rivals: Sequence[Finding]) -> tuple[Paragraph, ...]:
+    """Describe what is tied, and what would tell it: one measurement for all of it is said once."""
+    said = [f"{rival.words()}." for rival in rivals]
+    advice = dict.fromkeys(_apart(rival.separate_by) for rival in rivals if rival.separate_by is not None)
+    return tuple(Paragraph(text) for text in (*said, *advice))
+
+
+def _apart(separation: Separation) -> str:
+    minutes = "" if separation.minutes is None else f" (about {separation.minutes:.0f} minutes)"
+    plan = "" if separation.plan is None else f": {separation.plan}"
+    return f"What would tell it: {separation.text}{minutes}{plan}."
 
 
 def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:

@@ -236,7 +236,7 @@ def _apart(one: Named) -> str:
     separation = one.separate_by
     if separation is None:
         return ""
-    minutes = "" if separation.minutes is None else f" (about {separation.minutes:g} minutes)"
+    minutes = "" if separation.minutes is None else f" (about {separation.minutes:.0f} minutes)"
     plan = "" if separation.plan is None else f": {separation.plan}"
     return f"{separation.text}{minutes}{plan}"
 

@@ -30,7 +30,7 @@ _PARTS = (2, 4)
 _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
 
 
-def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | None:
+def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged) -> Numbers | None:
     """Give columns (n, 3, k) of errors of an axis with more knots, if they have more evidence than what is claimed.
 
     Of what the model does most already, it is enough that they do as much, and predict better. So it is of what gains
@@ -41,12 +41,14 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged) -> Numbers | Non
     ----------
     claim
         A candidate or probe; only what is a function of the position of one axis can be such an error.
+    as_found
+        The same in the plain form that found it: one wave.
     """
     axis = _axis_of(claim)
     if axis is None:
         return None
     ways = [_asked(bench, looked, way) for way in _ways(bench, claim, axis)]
-    is_smooth = _n_waves(bench, claim) < MANY_WAVES
+    is_smooth = _n_waves(bench, as_found) < MANY_WAVES
     does_as_much = [one for one in ways if one.gain >= _AS_MUCH * claim.gain]
     # Twice the logarithm that Schwarz takes for the fewest knots that do as much.
     price = min((one.rank for one in does_as_much), default=0) * math.log(max(looked.space.n_numbers, 2))

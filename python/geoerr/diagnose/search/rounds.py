@@ -120,7 +120,8 @@ def search(
         first, seen = first or looked, None
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
         best, probe = _claims(looked, level, found, unknown)
-        more = _finer(bench, looked, best, probe)
+        formed = None if best is None else in_best_form(bench, looked, best, added)
+        more = _finer(bench, looked, None if best is None or formed is None else (formed[0], best), probe)
         if more is not None:
             finer.append(more)
             first = first if found or unknown is not None else None
@@ -130,7 +131,6 @@ def search(
             unknown = _nameless(looked, uneven[0])
             aside = [unknown.settled.raw, uneven[1].raw]
             continue
-        formed = None if best is None else in_best_form(bench, looked, best, added)
         if probe is not None and is_impostor(bench, formed, probe, added, candidates, level):
             wrong = misnamed(found, probe)
             if wrong is not None:
@@ -198,10 +198,14 @@ def _claims(
     return best, next((one for one in looked.probes if one.p_value <= _NO_CHANCE), None)
 
 
-def _finer(bench: Bench, looked: Round, best: Judged | None, probe: Judged | None) -> Numbers | None:
-    """Give the model more freedom where that does as well as the best of names and probes."""
-    claims = [one for one in (best, probe) if one is not None]
-    return finer_functions(bench, looked, max(claims, key=lambda one: one.evidence)) if claims else None
+def _finer(bench: Bench, looked: Round, best: tuple[Judged, Judged] | None, probe: Judged | None) -> Numbers | None:
+    """Give the model more freedom where that does as well as the best of names and probes.
+
+    A name in the form that the data ask for, and as it was found: of a wave with a second harmonic one harmonic is a
+    part, and so many knots follow both.
+    """
+    claims = [one for one in (best, None if probe is None else (probe, probe)) if one is not None]
+    return finer_functions(bench, looked, *max(claims, key=lambda one: one[0].evidence)) if claims else None
 
 
 def _nameless(looked: Round, probe: Judged) -> Found:
