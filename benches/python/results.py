@@ -45,25 +45,26 @@ Limits are what memory allows: the same bytes copied or summed by NumPy. Memory 
 next call, for all paths alike.
 """
 PACKAGES = ("numpy", "scipy", "opencv-contrib-python-headless", "opencv-python-headless", "opencv-python", "numba")
+# The script, on how many threads, and what is said of it.
 OTHERS = {
     "Least squares, 30,000 × 300": (
         "least_squares.py",
+        ("1",),
         "Aim: 60 × `scipy.optimize.least_squares`; with rank and covariance no slower than NumPy's `lstsq`.",
     ),
     "Joint fit of 21 spline functions": (
         "joint_fit.py",
+        ("1",),
         "Points all over a volume, three numbers each; from the table to coefficients, covariance and rank.",
     ),
     "Diagnosis": (
         "diagnosis.py",
+        ("1", "2"),
         "10,000 points in five sessions, three temperature columns; 119 draws of noise. Aims on two threads: a "
         "ranking in 0.2 s, an add in 0.3 s. Half of a ranking is products of matrices, the rest formulas and sums by "
         "block; an add chooses the bases of the machine's errors again where the error falls by a quarter.",
     ),
 }
-
-# What is aimed at on two threads is shown on two as well.
-TWO_THREADS, ALSO_ON_TWO = ("1", "2"), ("diagnosis.py",)
 
 
 def versions() -> str:
@@ -134,8 +135,7 @@ def main() -> None:
     if programs.BINARY.exists():
         keep("G-code", programs.measure((1, 10) if arguments.quick else (1, 10, 100), 1 if arguments.quick else 5))
     if not arguments.quick:
-        for title, (script, note) in OTHERS.items():
-            threads = TWO_THREADS if script in ALSO_ON_TWO else ("1",)
+        for title, (script, threads, note) in OTHERS.items():
             run = [sys.executable, str(Path(__file__).parent / script), "--threads", *threads]
             sections[title] = f"{note}\n\n{subprocess.run(run, capture_output=True, text=True, check=True).stdout}"
             print(sections[title], flush=True)

@@ -16,7 +16,7 @@ from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknow
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.notes import notes_of
 from geoerr.diagnose.probes import Probe, curve_reference
-from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, settle
+from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, reference_of, settle
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.whole_search import searched_whole
@@ -425,12 +425,6 @@ def _on_common_rows(before: Fitted, after: Fitted) -> HeldOut:
     if len(after.sightings) < len(before.sightings):
         before = fit_again(after, before.terms)
     return HeldOut(held_out_um(before), held_out_um(after))
-
-
-def reference_of(judged: Judged) -> EffectReference:
-    """Give the name of a candidate."""
-    assert not isinstance(judged.what, Probe)
-    return judged.what.reference
 
 
 def _listed(first: Found) -> list[Rival]:

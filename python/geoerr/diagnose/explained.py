@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from geoerr.diagnose.diagnosis import Diagnosis, reference_of
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Unknown
-from geoerr.diagnose.search import Settled, settle
+from geoerr.diagnose.search import Settled, reference_of, settle
 from geoerr.diagnose.where import displacement_um
 from geoerr.errors import GeoerrError
 from geoerr.fit.sightings import Numbers

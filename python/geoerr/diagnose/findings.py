@@ -54,6 +54,13 @@ class Separation:
     plan: str | None
     minutes: float | None
 
+    @property
+    def words(self) -> str:
+        """Say what has to differ, how long it takes and what to do."""
+        minutes = "" if self.minutes is None else f" (about {self.minutes:.0f} minutes)"
+        plan = "" if self.plan is None else f": {self.plan}"
+        return f"{self.text}{minutes}{plan}"
+
 
 @dataclass(frozen=True)
 class HeldOut:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
-from geoerr.diagnose.findings import Finding, Separation, Unknown
+from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.diagnose.words import chance_words
 from geoerr.effects import Effect
 from geoerr.report.figures import diagnosis as figures
@@ -152,14 +152,8 @@ def _advice(effect: Effect) -> list[str]:
 def _rivals(rivals: Sequence[Finding]) -> tuple[Paragraph, ...]:
     """Describe what is tied, and what would tell it: one measurement for all of it is said once."""
     said = [f"{rival.words()}." for rival in rivals]
-    advice = dict.fromkeys(_apart(rival.separate_by) for rival in rivals if rival.separate_by is not None)
-    return tuple(Paragraph(text) for text in (*said, *advice))
-
-
-def _apart(separation: Separation) -> str:
-    minutes = "" if separation.minutes is None else f" (about {separation.minutes:.0f} minutes)"
-    plan = "" if separation.plan is None else f": {separation.plan}"
-    return f"What would tell it: {separation.text}{minutes}{plan}."
+    apart = dict.fromkeys(rival.separate_by.words for rival in rivals if rival.separate_by is not None)
+    return tuple(Paragraph(text) for text in (*said, *(f"What would tell it: {words}." for words in apart)))
 
 
 def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:

@@ -233,12 +233,7 @@ def _title(alias: Alias, titles: Mapping[str, str]) -> str:
 
 
 def _apart(one: Named) -> str:
-    separation = one.separate_by
-    if separation is None:
-        return ""
-    minutes = "" if separation.minutes is None else f" (about {separation.minutes:.0f} minutes)"
-    plan = "" if separation.plan is None else f": {separation.plan}"
-    return f"{separation.text}{minutes}{plan}"
+    return "" if one.separate_by is None else one.separate_by.words
 
 
 def _card_from(document: Mapping[str, Any]) -> Card:

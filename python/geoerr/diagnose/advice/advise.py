@@ -105,13 +105,8 @@ def separation_for(
     advice = adviser.separation(margin=margin)
     if advice.plan is not None:
         return advice
-    firsts = [
-        term
-        for one in candidates
-        for term in (one.terms if isinstance(one, Company) else (one,) if isinstance(one, Term) else one[:1])
-    ]
-    said = _by_catalogue(firsts, known or catalogue())
-    hand = by_hand(adviser.situation, firsts)
+    said = _by_catalogue(adviser.firsts, known or catalogue())
+    hand = by_hand(adviser.situation, adviser.firsts)
     if hand is not None:
         plan = hand.measurement
         return Advice(plan.title, hand.plan, plan.minutes(), measurements=((plan, 1),))

@@ -142,6 +142,8 @@ class Adviser:
         How this machine is measured.
     names
         Of the candidates.
+    firsts
+        Each in the form that fits best, those of a `Company` one after the other.
     """
 
     def __init__(
@@ -158,6 +160,7 @@ class Adviser:
         self.situation: Situation = situation_of(fitted, space.noise, acceleration_mm_s2=acceleration_mm_s2)
         families: list[Family] = []
         terms: list[Term] = []
+        firsts: list[Term] = []
         for one in candidates:
             forms = [(term,) for term in one.terms] if isinstance(one, Company) else [_forms(one)]
             own = [
@@ -165,8 +168,10 @@ class Adviser:
                 for number, form in enumerate(forms)
             ]
             families.append(joined(own, one.id) if isinstance(one, Company) else own[0])
+            firsts += [form[0] for form in forms]
             terms += [term for form in forms for term in form]
         self.names = tuple(family.name for family in families)
+        self.firsts = tuple(firsts)
         self.space = space
         self._candidates = Candidates(families)
         self._model = Terms(fitted.machine, (*fitted.terms, *added), with_inner=True)

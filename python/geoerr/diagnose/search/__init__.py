@@ -2,7 +2,7 @@
 
 from geoerr.diagnose.search.alike import other_periods
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.judged import Judged
+from geoerr.diagnose.search.judged import Judged, reference_of
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found, Rival
 from geoerr.diagnose.search.rounds import Searched, search
@@ -19,6 +19,7 @@ __all__ = [
     "Settled",
     "look",
     "other_periods",
+    "reference_of",
     "search",
     "settle",
     "waves_seen",

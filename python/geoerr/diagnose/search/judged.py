@@ -15,7 +15,7 @@ from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import Scanned, Scanner, seen
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import Term
+from geoerr.terms import EffectReference, Term
 
 # Family-wise: one half for the catalogue, the other for probes.
 ALPHA = 0.05
@@ -173,6 +173,12 @@ def simplest_to_pass(probes: Sequence[Judged], level: float) -> Judged | None:
         one for one in near if component_of(one) == component_of(best) and variables_of(one) < variables_of(best)
     ]
     return min(fewer, key=lambda one: len(variables_of(one)), default=best)
+
+
+def reference_of(judged: Judged) -> EffectReference:
+    """Give the name of a candidate."""
+    assert isinstance(judged.what, Candidate)
+    return judged.what.reference
 
 
 def component_of(judged: Judged) -> str | None:

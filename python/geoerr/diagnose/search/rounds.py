@@ -121,7 +121,7 @@ def search(
         level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
         best, probe = _claims(looked, level, found, unknown)
         formed = None if best is None else in_best_form(bench, looked, best, added)
-        more = _finer(bench, looked, None if best is None or formed is None else (formed[0], best), probe)
+        more = _finer(bench, looked, best, formed, probe)
         if more is not None:
             finer.append(more)
             first = first if found or unknown is not None else None
@@ -177,8 +177,9 @@ def _where_it_is_known(
     would be named a jump, or warming up.
     """
     term = found[-1].settled.term
-    lacking = None if term is None else bench.lacks(term)
-    if lacking is None or not lacking.any():
+    assert term is not None
+    lacking = bench.lacks(term)
+    if not lacking.any():
         return bench, found, finer, aside
     known = (~lacking[:, None, None]).astype(np.float64)
     kept = [replace(one, settled=replace(one.settled, raw=one.settled.raw * known)) for one in found]
@@ -198,13 +199,17 @@ def _claims(
     return best, next((one for one in looked.probes if one.p_value <= _NO_CHANCE), None)
 
 
-def _finer(bench: Bench, looked: Round, best: tuple[Judged, Judged] | None, probe: Judged | None) -> Numbers | None:
+def _finer(
+    bench: Bench, looked: Round, best: Judged | None, formed: tuple[Judged, Settled] | None, probe: Judged | None
+) -> Numbers | None:
     """Give the model more freedom where that does as well as the best of names and probes.
 
     A name in the form that the data ask for, and as it was found: of a wave with a second harmonic one harmonic is a
     part, and so many knots follow both.
     """
-    claims = [one for one in (best, None if probe is None else (probe, probe)) if one is not None]
+    claims = [] if best is None or formed is None else [(formed[0], best)]
+    if probe is not None:
+        claims.append((probe, probe))
     return finer_functions(bench, looked, *max(claims, key=lambda one: one[0].evidence)) if claims else None
 
 

@@ -11,12 +11,12 @@ import numpy as np
 from geoerr.diagnose.candidates import Candidate, is_free
 from geoerr.diagnose.scan import Scanner, seen
 from geoerr.diagnose.search.inner import range_of
-from geoerr.diagnose.search.judged import Judged
+from geoerr.diagnose.search.judged import Judged, reference_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, explained_share, shapes_at
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import EffectReference, Term
+from geoerr.terms import Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Together:
     @property
     def axes(self) -> tuple[str, ...]:
         """Of the members, x before y before z."""
-        return tuple(sorted(str(_reference(one).axis) for one in self.members))
+        return tuple(sorted(str(reference_of(one).axis) for one in self.members))
 
 
 def together(looked: Round, known: Catalogue, first: Judged, best: Settled) -> list[Together]:
@@ -49,12 +49,12 @@ def together(looked: Round, known: Catalogue, first: Judged, best: Settled) -> l
     They are asked at its own inner values: a scale of the cameras' that lags behind a temperature is the growth of
     three axes that lag as much.
     """
-    own = _reference(first)
+    own = reference_of(first)
     if own.axis is not None or best.term is None:
         return []
     groups: dict[tuple[str, str | None], list[Judged]] = {}
     for one in looked.candidates:
-        reference = _reference(one)
+        reference = reference_of(one)
         if reference.axis is not None and known.are_twins(own, reference):
             groups.setdefault((reference.effect, reference.covariate), []).append(one)
     shared = {one.name: one.value for one in best.term.inner}
@@ -88,8 +88,3 @@ def _columns(scanner: Scanner, term: Term, shared: dict[str, float]) -> Numbers:
     ]
     corners = [shapes_at(scanner.functions, term, inner) for inner in itertools.product(*choices)]
     return np.concatenate([scanner.raw_columns(one, 0) for one in corners], axis=2)
-
-
-def _reference(judged: Judged) -> EffectReference:
-    assert isinstance(judged.what, Candidate)
-    return judged.what.reference
