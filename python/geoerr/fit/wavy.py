@@ -6,7 +6,9 @@ covariance,
 
     χ²(B) = min_α (f − B α)ᵀ V⁺ (f − B α),   score = χ² + ln n · (free numbers)   (Schwarz)
 
-for the knots as they are, for few knots, and for few knots with a wave of any period that the many could follow.
+for the knots as they are, for few knots, and for few knots with a wave of any period that the many could follow. Of a
+large wave many knots make something that is only nearly one, so that a wave that does nearly all of what few knots
+leave is enough, too.
 """
 
 from __future__ import annotations
@@ -31,6 +33,8 @@ MANY_WAVES = 5.0
 _STEP = 0.125
 # Twice the logarithm of the evidence by which a wave has to be the better description.
 _CLEARLY = 6.0
+# Of what few knots leave, a wave that leaves less than this does nearly all.
+_NEARLY_ALL = 0.1
 
 
 def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
@@ -84,7 +88,8 @@ def _is_wave(
     # A period is one number more.
     best, rank_with = min(by(np.concatenate([smooth, wave], axis=1)) for wave in waves)
     with_wave = best + price * (rank_with + 1) + 2.0 * math.log(len(waves))
-    return with_wave + _CLEARLY < min(alone + price * rank, price * len(target))
+    is_as_good = with_wave + _CLEARLY < price * len(target) or best < _NEARLY_ALL * alone
+    return is_as_good and with_wave + _CLEARLY < alone + price * rank
 
 
 def _waves(places_mm: Numbers, basis: BasisSpec) -> Iterator[Numbers]:

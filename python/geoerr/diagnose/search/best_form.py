@@ -49,6 +49,14 @@ def in_best_form(bench: Bench, looked: Round, judged: Judged, added: Sequence[Nu
     return judged, best if judged.noise is None else settle(looked.space, looked.scanner, judged)
 
 
+def at_its_values(judged: Judged, settled: Settled) -> Judged:
+    """Give a candidate with what it gains at the inner values that were found, and not at those that were tried."""
+    more = settled.gain - judged.gain
+    if judged.noise is not None or more <= 0.0:
+        return judged
+    return replace(judged, gain=settled.gain, evidence=judged.evidence + 0.5 * more)
+
+
 def in_form_of(first: Term, looked: Round, judged: Judged, plain: Settled) -> tuple[Judged, Settled]:
     """Give a candidate in the form in which another of the same effect was found, where it has that form.
 

@@ -14,7 +14,7 @@ from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
-from geoerr.diagnose.search.best_form import in_best_form
+from geoerr.diagnose.search.best_form import at_its_values, in_best_form
 from geoerr.diagnose.search.finer import finer_functions
 from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, is_admissible, simplest_to_pass
 from geoerr.diagnose.search.look import Round, look
@@ -204,10 +204,11 @@ def _finer(
 ) -> Numbers | None:
     """Give the model more freedom where that does as well as the best of names and probes.
 
-    A name in the form that the data ask for, and as it was found: of a wave with a second harmonic one harmonic is a
-    part, and so many knots follow both.
+    A name in the form and at the values that the data ask for, and as it was found: of a wave with a second harmonic
+    one harmonic is a part, and one midway between two periods that were tried gains more than at either; so many knots
+    follow all of it.
     """
-    claims = [] if best is None or formed is None else [(formed[0], best)]
+    claims = [] if best is None or formed is None else [(at_its_values(*formed), best)]
     if probe is not None:
         claims.append((probe, probe))
     return finer_functions(bench, looked, *max(claims, key=lambda one: one[0].evidence)) if claims else None

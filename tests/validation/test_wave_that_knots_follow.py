@@ -1,0 +1,29 @@
+"""A wave of a few centimetres, which many knots follow, too: it is the wave's whole, and as sure as it can be."""
+
+from validation.hidden_effects.bound import inner_bounds
+from validation.hidden_effects.record import OPTIONS
+from validation.hidden_effects.sets import sets_of
+
+from geoerr.diagnose.whole_search import searched_whole
+from geoerr.effects import catalogue
+from geoerr.fit import fit_terms
+
+STRENGTH_UM, NUMBER = 8.0, 5
+
+
+def test_the_period_is_as_sure_as_a_smooth_error_lets_it_be() -> None:
+    """Beside many knots half of this wave was left, and its period six times as unsure."""
+    one = next(
+        one
+        for one in sets_of("single", NUMBER + 1, ["periodic"])
+        if one.number == NUMBER and one.strength_um == STRENGTH_UM
+    )
+    case = one.case(4_000, is_study=False)
+    fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
+    _, searched = searched_whole(fitted, catalogue(), threads=1)
+    (found,) = searched.found
+    assert found.settled.term is not None
+    assert found.settled.term.effect == "periodic"
+    (period,) = found.settled.term.inner
+    assert abs(period.value - case.truth[0].parameters["P"]) < 4.0 * period.std
+    assert period.std < 2.5 * inner_bounds(case)["P"]
