@@ -205,8 +205,8 @@ def _finer(
     """Give the model more freedom where that does as well as the best of names and probes.
 
     A name in the form and at the values that the data ask for, and as it was found: of a wave with a second harmonic
-    one harmonic is a part, and one midway between two periods that were tried gains more than at either; so many knots
-    follow all of it.
+    one harmonic is a part, and one midway between two periods that were tried gains more than at either; so many
+    knots follow all of it.
     """
     claims = [] if best is None or formed is None else [(at_its_values(*formed), best)]
     if probe is not None:
