@@ -4,7 +4,8 @@ A large effect hides what is small. In its scatter bases are chosen that are too
 leave would be named a wave beside it. Rows that are far off by the effect alone are left out or winsorised, and what
 is left of it looks like another. So where what was found lets the error fall far, everything is fitted anew beside
 it, and the search begins again with the bases, rows and frames of that fit. What has no name is fitted as a
-curve: a name may be found then.
+curve: a name may be found then. A search is of the first order, and a turn of some milliradians leaves a second that
+would be called another formula: it is taken off, as the fit beside has it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from geoerr.diagnose.few_knots import searched_beside_few_knots
 from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import Found, Searched, search
+from geoerr.diagnose.second_order import second_order
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import InputFileError
 from geoerr.fit import Fitted, has_covariates, refit
@@ -25,6 +27,9 @@ from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import empirical_term
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
+
+# A search ends where something large is found, and begins again beside it: so many times at most.
+_MOST_TIMES = 3
 
 
 def searched_whole(
@@ -40,12 +45,17 @@ def searched_whole(
     few = searched_beside_few_knots(fitted, known, present=present, threads=threads)
     if few is not None:
         return few
-    searched = search(fitted, known, present=present, threads=threads)
-    beside = _fitted_beside(fitted, searched)
-    if beside is None:
-        return fitted, searched
-    again, explained = _as_beside(fitted, beside)
-    return again, search(again, known, present=present, explained=explained, threads=threads)
+    searched, again = search(fitted, known, present=present, ends_beside_large=[], threads=threads), fitted
+    for times_left in reversed(range(_MOST_TIMES)):
+        beside = _fitted_beside(fitted, searched)
+        if beside is None:
+            break
+        again, explained = _as_beside(fitted, beside)
+        own = [term.id for term in beside.terms[len(fitted.terms) :]] if times_left else None
+        searched = search(again, known, present=present, explained=explained, ends_beside_large=own, threads=threads)
+        if not searched.ends_early:
+            break
+    return again, searched
 
 
 def _fitted_beside(fitted: Fitted, searched: Searched) -> Fitted | None:
@@ -80,6 +90,8 @@ def _as_beside(fitted: Fitted, beside: Fitted) -> tuple[Fitted, Numbers]:
     used[has_all] = beside.solved.used
     again = replace(fitted.again(own, used=used, around=beside.solved.state), choices=fitted.choices)
     known = has_all[has_own]
-    explained = np.zeros_like(again.solved.whitened)
-    explained[known] = again.solved.whitened[known] - beside.solved.whitened
-    return again, explained
+    whitened = again.solved.whitened.copy()
+    whitened[known] -= second_order(beside, range(len(fitted.terms), len(beside.terms)))
+    explained = np.zeros_like(whitened)
+    explained[known] = whitened[known] - beside.solved.whitened
+    return replace(again, solved=replace(again.solved, whitened=whitened)), explained

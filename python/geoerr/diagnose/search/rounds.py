@@ -33,6 +33,7 @@ from geoerr.diagnose.search.rivals import Found, rivals_of
 from geoerr.diagnose.search.settle import Settled, resettle, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.effects.collection import Catalogue
+from geoerr.fit.choose_again import is_worth_asking
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 
@@ -65,6 +66,8 @@ class Searched:
         Effects that the data cannot carry, and why.
     beside
         Columns (n, 3, k) that stood beside what was found: more freedom of the model, and what has no name.
+    ends_early
+        Whether it ended where something large was found.
     """
 
     bench: Bench
@@ -74,6 +77,7 @@ class Searched:
     unknown: Found | None
     not_offered: tuple[tuple[str, str], ...]
     beside: tuple[Numbers, ...]
+    ends_early: bool = False
 
 
 def search(
@@ -82,6 +86,7 @@ def search(
     *,
     present: Sequence[str] = (),
     explained: Numbers | None = None,
+    ends_beside_large: Sequence[str] | None = None,
     threads: int = 0,
 ) -> Searched:
     """Add what is missing, best first, until chance explains what is left.
@@ -95,6 +100,9 @@ def search(
         Ids of terms that the model has besides those of the fit.
     explained : (n, 3) or None
         What an earlier search explained of the residual, as `whitened_space` takes it.
+    ends_beside_large
+        Whether to end where something is found that lets the error fall far: all but the terms of these ids; None to
+        go on in any case.
     """
     candidates, not_offered, functions = candidates_of(fitted, known, present)
     variables = variables_of(fitted)
@@ -109,9 +117,10 @@ def search(
     # Columns of errors of an axis with more freedom than the fit gave them.
     finer: list[Numbers] = []
     first: Round | None = None
+    ends_early = False
     # Without a name that is no find another look would show nothing new.
     seen: Round | None = None
-    while True:
+    while not ends_early:
         added = [*finer, *aside, *(one.settled.raw for one in found)]
         probes = [*smooth, *waves.probes(found)]
         plain = seen or look(bench, bench.space(added), candidates, probes)
@@ -148,24 +157,40 @@ def search(
             candidates = [one for one in candidates if one is not best.what]
             seen = replace(plain, candidates=tuple(one for one in plain.candidates if one.what is not best.what))
             continue
-        bent = bent_by_its_covariate(looked, best, settled) if unknown is None else None
+        if unknown is not None and not acts_elsewhere(settled, unknown.judged):
+            break
+        ends_early = _is_large_and_new(bench, settled, added, ends_beside_large)
+        bent = bent_by_its_covariate(looked, best, settled) if unknown is None and not ends_early else None
         if bent is not None:
             unknown = _nameless(looked, bent[0])
             aside = [unknown.settled.raw, bent[1]]
             continue
-        if unknown is not None and not acts_elsewhere(settled, unknown.judged):
-            break
-        settled = at_likeliest_period(looked.space, looked.scanner, settled)
-        rivals = tuple(rivals_of(looked, known, best, settled))
-        found.append(Found(best, in_own_noise(bench, settled, added), rivals, looked))
+        found.append(_found(bench, looked, best, settled, added, None if ends_early else known))
         bench, found, finer, aside = _where_it_is_known(bench, found, finer, aside)
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
+    assert first is not None
     beside = [*finer, *aside]
     together = tuple(_together(bench, found, beside, looked))
-    return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside))
+    return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early)
+
+
+def _found(
+    bench: Bench, looked: Round, best: Judged, settled: Settled, added: Sequence[Numbers], known: Catalogue | None
+) -> Found:
+    """Give what was found with its values, and its rivals from a catalogue; with none where that is None."""
+    settled = at_likeliest_period(looked.space, looked.scanner, settled)
+    rivals = () if known is None else tuple(rivals_of(looked, known, best, settled))
+    return Found(best, in_own_noise(bench, settled, added), rivals, looked)
+
+
+def _is_large_and_new(bench: Bench, settled: Settled, added: Sequence[Numbers], known: Sequence[str] | None) -> bool:
+    """Tell whether an effect lets the error fall so far that what else there is had better be sought beside it."""
+    if known is None or settled.term is None or settled.term.id in known:
+        return False
+    return is_worth_asking(bench.held_out.um(added), bench.held_out.um([*added, settled.raw]))
 
 
 def _where_it_is_known(

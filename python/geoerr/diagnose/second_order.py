@@ -1,0 +1,60 @@
+"""What large effects do beyond the first order, in which a search takes everything.
+
+An effect that turns a carriage by ε displaces a target at a distance r by ε r, and by ε² r/2 besides: of five
+milliradians and 300 mm these are 4 µm, and follow the square of what turns it. So do two large effects together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoerr.diagnose.functions import Functions
+from geoerr.diagnose.scan import raw_columns
+from geoerr.diagnose.search.settle import shapes_at
+from geoerr.diagnose.space import Channels
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.sightings import Numbers
+from geoerr.terms import Term
+
+
+def second_order(fitted: Fitted, places: Sequence[int]) -> Numbers:
+    """Give what some terms of a fit do beyond the first order, (n, 3), whitened by the stated uncertainties.
+
+    By exact kinematics: where targets are with them less where they are without, less columns times coefficients.
+
+    Parameters
+    ----------
+    places
+        Of the terms. Of curves nothing is given.
+
+    Notes
+    -----
+    Verified against kinematics written anew (`tests/validation/test_second_order.py`).
+    """
+    terms = [fitted.terms[place] for place in places]
+    of_formulas = [place for place, term in zip(places, terms, strict=True) if _is_of_formulas(term)]
+    problem, state = fitted.problem, fitted.solved.state
+    correction = np.zeros(problem.n_columns)
+    for place in of_formulas:
+        own = fitted.compiled.coefficient_slices[place]
+        correction[own] = -np.asarray(state.coefficients)[own]
+    threads = fitted.threads
+    without = problem.residuals(problem.corrected(state, correction), threads)
+    result = np.asarray(problem.whitened(without - problem.residuals(state, threads)))
+    channels = Channels(fitted, np.ones_like(result), threads=threads)
+    functions = Functions(fitted, [fitted.terms[place] for place in of_formulas])
+    for place in of_formulas:
+        result -= _first_order(channels, functions, fitted.terms[place])
+    return result
+
+
+def _is_of_formulas(term: Term) -> bool:
+    return all(part.basis is None for part in term.parts)
+
+
+def _first_order(channels: Channels, functions: Functions, term: Term) -> Numbers:
+    shapes = shapes_at(functions, term, [one.value for one in term.inner])
+    columns = raw_columns(channels, shapes, functions.values(shapes.codes[0]))
+    return np.asarray(columns @ np.array([one.value for one in term.coefficients]))

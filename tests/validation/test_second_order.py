@@ -1,0 +1,66 @@
+"""Milliradians that follow a temperature: their squares are no other formula."""
+
+import numpy as np
+import pytest
+from validation.hidden_effects.cases import development_seed
+from validation.hidden_effects.generate import Case, Hidden, Scene, acting_of, generate, in_effects
+from validation.hidden_effects.record import OPTIONS
+
+from geoerr.diagnose import diagnose
+from geoerr.diagnose.second_order import second_order
+from geoerr.diagnose.whole_search import searched_whole
+from geoerr.effects import catalogue
+from geoerr.fit import Fitted, fit_terms, refit
+
+# Of an axis that turns by some milliradians, and of a plan that shows little of that.
+KIND, CHAIN, PLAN, STRENGTH_UM = "angular-thermal", "wbYXZt", "volume-relative", 8.0
+SMALL = 1e-3
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return generate(development_seed(700_001), CHAIN, PLAN, "gauss-10", (Hidden(KIND, "z"),), STRENGTH_UM, 4_000)
+
+
+@pytest.fixture(scope="module")
+def fitted(case: Case) -> Fitted:
+    return fit_terms(case.machine, [case.observations], options=OPTIONS)
+
+
+def test_the_second_order_is_that_of_exact_kinematics(case: Case, fitted: Fitted) -> None:
+    _, searched = searched_whole(fitted, catalogue(), threads=1)
+    term = searched.found[0].settled.term
+    assert term is not None
+    beside = refit(fitted, [*fitted.terms, term])
+    whitened = second_order(beside, [len(fitted.terms)])
+    mm = np.einsum("nij,nj->ni", beside.sightings.unwhitening, whitened)
+    told_mm = beside.problem.in_base_axes(beside.solved.state, np.ascontiguousarray(mm))
+
+    scene = Scene(case.log, case.errors.at(case.machine, case.log.q_mm))
+    truth = case.truth[0]
+    unit, _, _ = acting_of(case.log, in_effects(case.seed), Hidden(truth.kind, truth.axis, truth.covariate))
+    first = next(iter(unit.linear))
+    moved = unit.moved.scaled(truth.parameters[first] / unit.linear[first])
+    true_mm = scene.effect_mm(moved) - scene.effect_mm(moved.scaled(SMALL)) / SMALL
+    assert np.sqrt(np.mean(true_mm**2)) > 1e-3
+    # The errors and frames of a fit are not those of the machine: what they do with the effect is told with it.
+    assert np.sqrt(np.mean((told_mm - true_mm) ** 2)) < 0.1 * np.sqrt(np.mean(true_mm**2))
+
+
+def test_it_is_named_and_not_bent(case: Case, fitted: Fitted) -> None:
+    found, truth = diagnose(fitted, threads=1), case.truth[0]
+    assert [str(one.reference) for one in found.found] == [f"{truth.effect}:{truth.axis}@{truth.covariate}"]
+    assert found.unknown is None
+
+
+def test_what_only_shifts_has_no_second_order() -> None:
+    case = generate(
+        development_seed(700_001), CHAIN, PLAN, "gauss-10", (Hidden("backlash", "y"),), STRENGTH_UM, 4_000
+    )
+    fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
+    _, searched = searched_whole(fitted, catalogue(), threads=1)
+    term = searched.found[0].settled.term
+    assert term is not None
+    beside = refit(fitted, [*fitted.terms, term])
+    left_um = 1e3 * np.einsum("nij,nj->ni", beside.sightings.unwhitening, second_order(beside, [len(fitted.terms)]))
+    assert np.abs(left_um).max() < 0.01 * STRENGTH_UM
