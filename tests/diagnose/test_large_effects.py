@@ -61,6 +61,13 @@ def test_one_large_effect_has_one_name(name: str) -> None:
     assert after < 1.15 * 2.0 * np.sqrt(3.0)
 
 
+def test_two_large_effects_are_both_named() -> None:
+    """The search ends beside the larger, and once more beside both."""
+    found = diagnose(fitted_to(observed(lambda moved: play(moved) + warmth(moved))), threads=1)
+    assert set(named(found)) == set(HIDDEN)
+    assert found.unknown is None
+
+
 @pytest.mark.parametrize("name", HIDDEN)
 def test_beside_it_the_machine_has_the_functions_that_it_has_without(name: str) -> None:
     observations = observed(HIDDEN[name])

@@ -28,7 +28,7 @@ from geoerr.fit.empirical import empirical_term
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
-# A search ends where something large is found, and begins again beside it: so many times at most.
+# A search ends where something large is found, and begins again beside it; after so many times it goes on to its end.
 _MOST_TIMES = 3
 
 
@@ -45,16 +45,19 @@ def searched_whole(
     few = searched_beside_few_knots(fitted, known, present=present, threads=threads)
     if few is not None:
         return few
-    searched, again = search(fitted, known, present=present, ends_beside_large=[], threads=threads), fitted
-    for times_left in reversed(range(_MOST_TIMES)):
-        beside = _fitted_beside(fitted, searched)
+    again, explained, beside_large = fitted, None, list[str]()
+    for _ in range(_MOST_TIMES):
+        searched = search(
+            again, known, present=present, explained=explained, ends_beside_large=beside_large, threads=threads
+        )
+        is_first = explained is None
+        beside = _fitted_beside(fitted, searched) if is_first or searched.ends_early else None
         if beside is None:
             break
         again, explained = _as_beside(fitted, beside)
-        own = [term.id for term in beside.terms[len(fitted.terms) :]] if times_left else None
-        searched = search(again, known, present=present, explained=explained, ends_beside_large=own, threads=threads)
-        if not searched.ends_early:
-            break
+        beside_large = [term.id for term in beside.terms[len(fitted.terms) :]]
+    if searched.ends_early:
+        searched = search(again, known, present=present, explained=explained, threads=threads)
     return again, searched
 
 
