@@ -31,7 +31,7 @@ def second_order(fitted: Fitted, places: Sequence[int]) -> Numbers:
 
     Notes
     -----
-    Verified against kinematics written anew (`tests/validation/test_second_order.py`).
+    Verified against kinematics written anew (`tests/validation/test_turns_of_milliradians.py`).
     """
     terms = [fitted.terms[place] for place in places]
     of_formulas = [place for place, term in zip(places, terms, strict=True) if _is_of_formulas(term)]
