@@ -19,34 +19,37 @@ from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
 
-def second_order(fitted: Fitted, places: Sequence[int]) -> Numbers:
+def second_order(beside: Fitted, places: Sequence[int], searched: Fitted, known: np.ndarray) -> Numbers:
     """Give what some terms of a fit do beyond the first order, (n, 3), whitened by the stated uncertainties.
 
     By exact kinematics: where targets are with them less where they are without, less columns times coefficients.
 
     Parameters
     ----------
+    beside
+        The fit with the terms, of n rows.
     places
-        Of the terms. Of curves nothing is given.
+        Of the terms in it. Of curves nothing is given.
+    searched, known
+        A fit without them whose columns a search takes, in the same frames, and which of its rows (m,) the other has:
+        how an axis came to a place is told by all the rows before.
 
     Notes
     -----
     Verified against kinematics written anew (`tests/validation/test_turns_of_milliradians.py`).
     """
-    terms = [fitted.terms[place] for place in places]
-    of_formulas = [place for place, term in zip(places, terms, strict=True) if _is_of_formulas(term)]
-    problem, state = fitted.problem, fitted.solved.state
+    terms = [beside.terms[place] for place in places if _is_of_formulas(beside.terms[place])]
+    problem, state, threads = beside.problem, beside.solved.state, beside.threads
     correction = np.zeros(problem.n_columns)
-    for place in of_formulas:
-        own = fitted.compiled.coefficient_slices[place]
-        correction[own] = -np.asarray(state.coefficients)[own]
-    threads = fitted.threads
+    for term, own in zip(beside.terms, beside.compiled.coefficient_slices, strict=True):
+        if term in terms:
+            correction[own] = -np.asarray(state.coefficients)[own]
     without = problem.residuals(problem.corrected(state, correction), threads)
     result = np.asarray(problem.whitened(without - problem.residuals(state, threads)))
-    channels = Channels(fitted, np.ones_like(result), threads=threads)
-    functions = Functions(fitted, [fitted.terms[place] for place in of_formulas])
-    for place in of_formulas:
-        result -= _first_order(channels, functions, fitted.terms[place])
+    channels = Channels(searched, np.ones((len(searched.sightings), 3)), threads=threads)
+    functions = Functions(searched, terms)
+    for term in terms:
+        result -= _first_order(channels, functions, term)[known]
     return result
 
 

@@ -94,7 +94,7 @@ def _as_beside(fitted: Fitted, beside: Fitted) -> tuple[Fitted, Numbers]:
     again = replace(fitted.again(own, used=used, around=beside.solved.state), choices=fitted.choices)
     known = has_all[has_own]
     whitened = again.solved.whitened.copy()
-    whitened[known] -= second_order(beside, range(len(fitted.terms), len(beside.terms)))
+    whitened[known] -= second_order(beside, range(len(fitted.terms), len(beside.terms)), again, known)
     explained = np.zeros_like(whitened)
     explained[known] = whitened[known] - beside.solved.whitened
     return replace(again, solved=replace(again.solved, whitened=whitened)), explained
