@@ -34,9 +34,9 @@ def test_the_second_order_is_that_of_exact_kinematics(case: Case, fitted: Fitted
     term = searched.found[0].settled.term
     assert term is not None
     beside = refit(fitted, [*fitted.terms, term])
-    whitened = second_order(
-        beside, [len(fitted.terms)], fitted, has_covariates(fitted.machine, fitted.sightings, beside.terms)
-    )
+    # Columns in the frames of the fit beside, as a search that begins again takes them.
+    all_rows = np.ones(len(beside.sightings), dtype=bool)
+    whitened = second_order(beside, [len(fitted.terms)], beside, all_rows)
     mm = np.einsum("nij,nj->ni", beside.sightings.unwhitening, whitened)
     told_mm = beside.problem.in_base_axes(beside.solved.state, np.ascontiguousarray(mm))
 
