@@ -1,7 +1,7 @@
 """What was found in its plain form is added in the one that the data ask for: with a harmonic or second constant."""
 
 import pytest
-from validation.hidden_effects.sets import sets_of
+from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
@@ -11,7 +11,7 @@ from geoerr.fit import FitOptions, fit_terms
     ("kind", "reference", "number"), [("periodic-harmonics", "periodic", 0), ("warm-up-two", "warm-up", 0)]
 )
 def test_the_fuller_form_is_found_with_its_values(kind: str, reference: str, number: int) -> None:
-    one = next(one for one in sets_of("single", 1, [kind]) if one.number == number and one.strength_um == 4.0)
+    one = single_set(kind, number, 4.0)
     case = one.case(6000, is_study=False)
     fitted = fit_terms(case.machine, [case.observations], options=FitOptions(threads=1))
     diagnosis = diagnose(fitted, threads=1)
@@ -25,7 +25,7 @@ def test_the_fuller_form_is_found_with_its_values(kind: str, reference: str, num
 
 
 def test_one_harmonic_stays_one() -> None:
-    one = next(one for one in sets_of("single", 1, ["periodic"]) if one.number == 0 and one.strength_um == 4.0)
+    one = single_set("periodic", 0, 4.0)
     case = one.case(6000, is_study=False)
     (found,) = diagnose(fit_terms(case.machine, [case.observations], options=FitOptions(threads=1)), threads=1).found
     assert {one.name for one in found.parameters} == {"A", "B", "P"}

@@ -2,7 +2,7 @@
 
 import pytest
 from validation.hidden_effects.record import OPTIONS
-from validation.hidden_effects.sets import sets_of
+from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.search import search
 from geoerr.effects import catalogue
@@ -15,11 +15,7 @@ STRENGTH_UM = 4.0
 @pytest.mark.parametrize("number", [1, 6])
 def test_a_centre_is_as_sure_as_it_says(number: int) -> None:
     """In the first set two centres explain the same; in the second one does, far from where a search begins."""
-    one = next(
-        one
-        for one in sets_of("single", number + 1, ["bed-bow"])
-        if one.number == number and one.strength_um == STRENGTH_UM
-    )
+    one = single_set("bed-bow", number, STRENGTH_UM)
     case = one.case(4_000, is_study=False)
     fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
     (found,) = search(fitted, Catalogue({"bed-bow": catalogue()["bed-bow"]}), threads=1).found

@@ -1,6 +1,6 @@
 """A jump that a drift had learnt keeps its moment: settled in the drift, it was put where the drift forgave it."""
 
-from validation.hidden_effects.sets import sets_of
+from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
@@ -8,7 +8,7 @@ from geoerr.fit.variables import times_s, variable_columns
 
 
 def test_lost_steps_under_a_drift_are_named_at_their_moment() -> None:
-    one = next(one for one in sets_of("single", 2, ["lost-steps"]) if one.number == 1 and one.strength_um == 4.0)
+    one = single_set("lost-steps", 1, 4.0)
     case = one.case(4000, is_study=False)
     fitted = fit_terms(case.machine, [case.observations], options=FitOptions(threads=1))
     (found,) = diagnose(fitted, threads=1).found

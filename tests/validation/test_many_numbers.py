@@ -1,13 +1,13 @@
 """What chance does not explain is named, also where its many numbers cost more than they gain (Schwarz)."""
 
-from validation.hidden_effects.sets import sets_of
+from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
 
 def test_an_effect_of_many_numbers_is_named_where_chance_is_out_of_the_question() -> None:
-    one = next(one for one in sets_of("single", 7, ["cross-coupling"]) if one.number == 6 and one.strength_um == 1.0)
+    one = single_set("cross-coupling", 6, 1.0)
     case = one.case(4000, is_study=False)
     fitted = fit_terms(case.machine, [case.observations], options=FitOptions(threads=1))
     found = diagnose(fitted, threads=1)

@@ -3,7 +3,7 @@
 from functools import cache
 
 from validation.hidden_effects.record import OPTIONS
-from validation.hidden_effects.sets import sets_of
+from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.diagnose.advice import Advice
@@ -12,7 +12,7 @@ from geoerr.fit import fit_terms
 
 @cache
 def _diagnosis() -> Diagnosis:
-    one = next(one for one in sets_of("single", 2, ["warm-up-two"]) if one.number == 1 and one.strength_um == 8.0)
+    one = single_set("warm-up-two", 1, 8.0)
     case = one.case(4_000, is_study=False)
     assert case.plan == "volume-relative"
     return diagnose(fit_terms(case.machine, [case.observations], options=OPTIONS), threads=1)

@@ -2,7 +2,7 @@
 
 from validation.hidden_effects.bound import inner_bounds
 from validation.hidden_effects.record import OPTIONS
-from validation.hidden_effects.sets import sets_of
+from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
@@ -13,11 +13,7 @@ STRENGTH_UM, NUMBER = 8.0, 5
 
 def test_the_period_is_as_sure_as_a_smooth_error_lets_it_be() -> None:
     """Beside many knots half of this wave was left, and its period six times as unsure."""
-    one = next(
-        one
-        for one in sets_of("single", NUMBER + 1, ["periodic"])
-        if one.number == NUMBER and one.strength_um == STRENGTH_UM
-    )
+    one = single_set("periodic", NUMBER, STRENGTH_UM)
     case = one.case(4_000, is_study=False)
     fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
     _, searched = searched_whole(fitted, catalogue(), threads=1)

@@ -104,6 +104,15 @@ def sets_of(part: str, n_each: int | None = None, kinds: Sequence[str] = ()) -> 
             yield Set(part, cell, number, index, noise, hidden, strength_um)
 
 
+def single_set(kind: str, number: int, strength_um: float) -> Set:
+    """Give one set of the part `single`: the one of that number and strength of a kind of effect."""
+    return next(
+        one
+        for one in sets_of("single", number + 1, [kind])
+        if one.number == number and one.strength_um == strength_um
+    )
+
+
 def _cells(part: str, number: int) -> Iterator[tuple[str, tuple[Hidden, ...], float]]:
     if part == "nulls":
         yield from ((noise, (), 0.0) for noise in NULL_NOISES)
