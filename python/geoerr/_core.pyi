@@ -382,6 +382,14 @@ class NoiseBlocks:
     def less_one(
         self, weights: npt.NDArray[np.float64], logs: npt.NDArray[np.float64], threads: int
     ) -> list[list[npt.NDArray[np.float64]]]: ...
+    def fitted_to_draws(
+        self,
+        weights: npt.NDArray[np.float64],
+        logs: npt.NDArray[np.float64],
+        shortest_memory: float,
+        sums: npt.NDArray[np.float64],
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
     def whiten(
         self,
         values: npt.NDArray[np.float64],

@@ -17,7 +17,7 @@ from geoerr.diagnose.null import Null, largest_surprise, surprise
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import OWNED, Scanner, all_channels, estimate, off_model
-from geoerr.diagnose.space import Channels, Space, space_of
+from geoerr.diagnose.space import Channels, Space, offset_weights, space_of
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import FitOptions, fit_terms
@@ -186,6 +186,27 @@ def test_draws_are_of_the_size_that_winsorising_left() -> None:
     space = _scene()[0]
     small = replace(space, residual=0.9 * space.residual)
     assert (small.draws(8)).std() == pytest.approx(0.9 * space.draws(8).std(), rel=1e-5)
+
+
+def test_a_draw_that_drifts_is_whitened_by_its_own_noise() -> None:
+    """As the residual is: what looks like a drift is taken for one, and a search finds less of it."""
+    space = _scene()[0]
+    rng = np.random.default_rng(3)
+    drawn = rng.standard_normal((*space.rows.shape, 2)) * space.rows[:, :, None]
+    slow = np.sin(np.linspace(0.0, 9.0, len(space.rows)))[:, None] * space.rows
+    drawn[:, :, 1] += slow
+    before = drawn.copy()
+    flat = space.basis.reshape(-1, space.basis.shape[2])
+    inside = flat.T @ drawn.reshape(-1, 2)
+    weights = offset_weights(space.fitted) * space.rows
+    change = space.noise.fit_to_draws(drawn, space.basis, inside, weights)
+    assert flat.T @ drawn.reshape(-1, 2) == pytest.approx(inside + change, abs=1e-9)
+    along = (slow.ravel() / np.linalg.norm(slow)) @ (drawn - before).reshape(-1, 2)
+    was = (slow.ravel() / np.linalg.norm(slow)) @ before.reshape(-1, 2)
+    # What chance does not do is taken off only as far as chance goes: trial values end two deviations from the noise.
+    assert was[1] > 20.0
+    assert -0.5 * was[1] < along[1] < -0.1 * was[1]
+    assert abs(along[0]) < 1.5
 
 
 def test_surprise_is_the_tail_of_chi_squared_even_where_it_has_no_number() -> None:

@@ -95,6 +95,32 @@ impl PyNoiseBlocks {
         less_one.into_iter().map(|of_component| of_component.into_iter().map(array).collect()).collect()
     }
 
+    /// By how much Uᵀ w (3, n_blocks, n_draws) of each draw changes when the noise is fitted to it.
+    fn fitted_to_draws<'py>(
+        &self,
+        py: Python<'py>,
+        weights: PyReadonlyArray2<'py, f64>,
+        logs: PyReadonlyArray2<'py, f64>,
+        shortest_memory: f64,
+        sums: PyReadonlyArray3<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (weights, logs) = (rows::<3>(&weights, "weights")?, logs_of(&logs)?);
+        let refused =
+            || CoreError::shape("sums must be a C-contiguous (3, n_blocks, n_draws) array of float64");
+        let all = contiguous(&sums, refused)?;
+        let shape = [sums.shape()[0], sums.shape()[1], sums.shape()[2]];
+        if shape[..2] != [3, self.blocks.len()] {
+            return Err(refused().into());
+        }
+        let size = shape[1] * shape[2];
+        let own = [0, 1, 2].map(|c| &all[c * size..(c + 1) * size]);
+        let changes = enter_core(py, threads, || {
+            self.blocks.fitted_to_draws(weights, &logs, shortest_memory, own, shape[2])
+        })?;
+        changes.concat().into_pyarray(py).reshape(shape)
+    }
+
     #[expect(clippy::too_many_arguments, reason = "what whitens, and what is whitened")]
     fn whiten<'py>(
         &self,

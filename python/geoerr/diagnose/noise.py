@@ -182,6 +182,46 @@ class NoiseModel:
         )
         return whitened.reshape(values.shape)
 
+    def fit_to_draws(
+        self,
+        drawn: np.ndarray,
+        basis: Numbers,
+        inside: np.ndarray,
+        weights: Numbers,
+        *,
+        size: float = 1.0,
+        threads: int = 0,
+    ) -> Numbers:
+        """Whiten whitened draws (n, 3, n_draws) in place by the noise that would be fitted to each.
+
+        Parameters
+        ----------
+        basis, inside
+            Orthonormal columns (n, 3, r) of what a fit is free to do, and their products with the draws (r, n_draws).
+        weights
+            As for `NoiseSums`.
+        size
+            Standard deviation of the draws, where tails were cut off.
+
+        Returns
+        -------
+        (r, n_draws)
+            By how much the products change.
+        """
+        of_basis = [unit.T @ basis[:, c] for c, unit in enumerate(self.unit)]
+        off_basis = zip(self.unit, of_basis, strict=True)
+        sums = np.stack([unit.T @ drawn[:, c] - own @ inside for c, (unit, own) in enumerate(off_basis)])
+        changes = size * self.blocks.core.fitted_to_draws(
+            np.ascontiguousarray(weights),
+            self.logs,
+            self.blocks.shortest,
+            np.ascontiguousarray(sums / max(size, 1e-300), dtype=np.float64),
+            threads,
+        )
+        for c, unit in enumerate(self.unit):
+            drawn[:, c] += unit @ changes[c]
+        return np.asarray(sum(own.T @ change for own, change in zip(of_basis, changes, strict=True)))
+
     @property
     def logs(self) -> Numbers:
         """Logarithms of σ², a², b² and τ of each component, (3, 4)."""

@@ -83,7 +83,7 @@ class Scanner:
         parts = [
             self.space.basis.transpose(1, 0, 2).astype(np.float32),
             self.space.residual.T[:, :, None].astype(np.float32),
-            self.space.draws(self.n_draws).transpose(2, 1, 0),
+            self.space.draws(self.n_draws, threads=self.threads).transpose(2, 1, 0),
         ]
         return self._scene(np.concatenate(parts, axis=2))
 

@@ -73,12 +73,13 @@ class Space:
         """Number of measured numbers that count."""
         return int(self.rows.sum())
 
-    def draws(self, n_draws: int) -> NumbersOfDraws:
+    def draws(self, n_draws: int, *, threads: int = 0) -> NumbersOfDraws:
         """Give noise off Q as chance might have left it, (n_draws, n, 3), whitened, in single precision.
 
         Numbers of the residual, each in units of its own standard deviation, drawn with replacement and a sign:
         white, with the tails that they have, and of their size: winsorised tails are less than the noise was
-        estimated with. Always the same draws of the same residual.
+        estimated with. Every draw is whitened by the noise that would be fitted to it, as the residual was by its own
+        (`geoerr_core::noise_likelihood::draws`). Always the same draws of the same residual.
         """
         basis = self.basis.reshape(-1, self.basis.shape[2]).astype(np.float32)
         counts = self.rows.reshape(-1) > 0.0
@@ -88,7 +89,12 @@ class Space:
         drawn = np.zeros((len(counts), n_draws), dtype=np.float32)
         picked = rng.integers(0, 2 * len(residual), size=(len(residual), n_draws), dtype=np.int32)
         drawn[counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
-        drawn -= basis @ (basis.T @ drawn)
+        inside = basis.T @ drawn
+        weights = offset_weights(self.fitted) * (self.rows > 0.0)
+        size = float(np.sqrt((self.residual**2).sum() / max(self.n_numbers - len(inside), 1)))
+        whitened = drawn.reshape(*self.rows.shape, n_draws)
+        inside += self.noise.fit_to_draws(whitened, self.basis, inside, weights, size=size, threads=threads)
+        drawn -= basis @ inside
         return drawn.T.reshape(n_draws, *self.rows.shape)
 
     @cached_property

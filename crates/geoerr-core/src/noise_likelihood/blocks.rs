@@ -88,6 +88,11 @@ impl Blocks {
         &self.sessions
     }
 
+    /// Pass of each block.
+    pub(super) fn passes(&self) -> &[i64] {
+        &self.pass_number
+    }
+
     /// Block of each row.
     pub(super) fn of_row(&self) -> &[usize] {
         &self.of_row

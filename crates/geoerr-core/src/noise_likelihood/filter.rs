@@ -187,6 +187,69 @@ impl Filter {
         );
     }
 
+    /// Adds the squares of the columns of `T B` to `squares`: as `whiten`, of which only that is wanted.
+    pub fn add_squares(&self, rows: &[f64], squares: &mut [f64]) {
+        in_wide_registers(
+            #[inline(always)]
+            || self.squares_beyond(rows, squares),
+        );
+    }
+
+    #[inline(always)]
+    fn squares_beyond(&self, rows: &[f64], squares: &mut [f64]) {
+        let width = squares.len();
+        let [mut drift, mut beyond] = [vec![0.0; width], vec![0.0; width]];
+        let mut offsets = vec![vec![0.0; width]; self.n_offsets];
+        for (own, step) in rows.chunks_exact(width.max(1)).zip(&self.steps) {
+            let offset = &mut offsets[step.offset];
+            if step.begins {
+                offset.fill(0.0);
+            }
+            let per_variance = 1.0 / step.variance;
+            let state = drift.iter_mut().zip(offset).zip(&mut beyond);
+            for ((value, square), ((drift, offset), beyond)) in own.iter().zip(&mut *squares).zip(state) {
+                *beyond = value - step.reach * (*drift + *offset);
+                *square += per_variance * *beyond * *beyond;
+                *drift = step.keep * (*drift + step.drift_gain * *beyond);
+                *offset += step.offset_gain * *beyond;
+            }
+            for &(place, gain) in &step.others {
+                offsets[place].iter_mut().zip(&beyond).for_each(|(offset, value)| *offset += gain * value);
+            }
+        }
+    }
+
+    /// `T⁻¹ B` in place: what `whiten` has taken off comes back.
+    pub fn unwhiten(&self, rows: &mut [f64], width: usize) {
+        in_wide_registers(
+            #[inline(always)]
+            || self.foretold_again(rows, width),
+        );
+    }
+
+    #[inline(always)]
+    fn foretold_again(&self, rows: &mut [f64], width: usize) {
+        let mut drift = vec![0.0; width];
+        let mut offsets = vec![vec![0.0; width]; self.n_offsets];
+        for (own, step) in rows.chunks_exact_mut(width.max(1)).zip(&self.steps) {
+            let root = step.variance.sqrt();
+            own.iter_mut().for_each(|value| *value *= root);
+            for &(place, gain) in &step.others {
+                offsets[place].iter_mut().zip(&*own).for_each(|(offset, value)| *offset += gain * value);
+            }
+            let offset = &mut offsets[step.offset];
+            if step.begins {
+                offset.fill(0.0);
+            }
+            for ((value, drift), offset) in own.iter_mut().zip(&mut drift).zip(offset) {
+                let beyond = *value;
+                *value += step.reach * (*drift + *offset);
+                *drift = step.keep * (*drift + step.drift_gain * beyond);
+                *offset += step.offset_gain * beyond;
+            }
+        }
+    }
+
     /// Takes off each block's numbers what those before it foretell.
     #[inline(always)]
     fn beyond(&self, rows: &mut [f64], width: usize) {

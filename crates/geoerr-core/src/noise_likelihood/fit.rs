@@ -14,7 +14,7 @@ use crate::least_squares::Matrix;
 const LEAST_LOG: f64 = -16.0;
 const MOST_LOG: f64 = 9.0;
 /// A drift with a longer memory, in spans of its session, is a straight line.
-const LONGEST_MEMORY: f64 = 2.0;
+pub(super) const LONGEST_MEMORY: f64 = 2.0;
 /// The interval of ln τ has at least this length.
 const LEAST_INTERVAL: f64 = 0.1;
 /// In one step σ² falls to a fifth and rises fivefold at most, and τ changes by a factor of e: so far the model of the

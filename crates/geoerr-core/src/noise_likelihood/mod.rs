@@ -34,6 +34,7 @@
 
 mod blocks;
 mod box_step;
+mod draws;
 mod dual;
 mod error;
 mod evaluate;

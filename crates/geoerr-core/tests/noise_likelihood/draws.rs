@@ -1,0 +1,171 @@
+//! Draws whitened by the noise that their own fits find: against such fits, one by one.
+
+use geoerr_core::noise_likelihood::{Blocks, Likelihood, Logs};
+
+use crate::draws::Draws;
+
+const SHORTEST: f64 = 0.05;
+const N_DRAWS: usize = 40;
+
+/// Rows in blocks of twelve, two sessions of 40 blocks, passes of four blocks; one column for each session's mean.
+struct Scene {
+    weights: Vec<[f64; 3]>,
+    basis: Vec<f64>,
+    blocks: Blocks,
+    n_rows: usize,
+}
+
+impl Scene {
+    fn new() -> Self {
+        let (n_blocks, rows_of_block) = (80, 12);
+        let n_rows = n_blocks * rows_of_block;
+        let of_row: Vec<usize> = (0..n_rows).map(|row| row / rows_of_block).collect();
+        let passes = (0..n_blocks).map(|block| (block / 4) as i64).collect();
+        let time = (0..n_blocks).map(|block| (block % 40) as f64 / 40.0).collect();
+        let session = |row: usize| if row < n_rows / 2 { [1.0, 0.0] } else { [0.0, 1.0] };
+        let size = (2.0 / (3.0 * n_rows as f64)).sqrt();
+        let basis = (0..3 * n_rows).flat_map(|place| session(place / 3).map(|one| size * one)).collect();
+        let blocks = Blocks::new(of_row, &[0, 40], passes, time).unwrap();
+        Self { weights: vec![[1.0; 3]; n_rows], basis, blocks, n_rows }
+    }
+
+    /// Uᵀ y of each block.
+    fn sums(&self, y: &[[f64; 3]], c: usize) -> Vec<f64> {
+        y.chunks_exact(12)
+            .map(|block| block.iter().map(|row| row[c]).sum::<f64>() / 12.0_f64.sqrt())
+            .collect()
+    }
+}
+
+/// Of a drift, offsets and scatter 1, as one component has them after the first-order process is run.
+fn noise(scene: &Scene, draws: &mut Draws, offset: f64, drift: f64, memory: f64) -> Vec<f64> {
+    let (mut y, mut state, mut own) = (Vec::new(), 0.0, 0.0);
+    for block in 0..scene.blocks.len() {
+        let keep = if block % 40 == 0 { 0.0 } else { (-1.0 / (40.0 * memory)).exp() };
+        state = keep * state + drift * (1.0 - keep * keep).sqrt() * draws.normal();
+        if block % 4 == 0 {
+            own = offset * draws.normal();
+        }
+        y.extend((0..12).map(|_| draws.normal() + state + own));
+    }
+    y
+}
+
+/// Falls of the sums of squares of every draw and component, by fits of the whole likelihood and by trial values.
+fn falls(offset: f64, drift: f64, memory: f64) -> Vec<[f64; 2]> {
+    let scene = Scene::new();
+    let logs: [Logs; 3] = [[0.0, 2.0 * offset.max(1e-7).ln(), 2.0 * drift.max(1e-7).ln(), memory.ln()]; 3];
+    let mut draws = Draws::new(11);
+    let less_one = scene.blocks.less_one(&scene.weights, &logs).unwrap();
+    let whitened = |sums: &[f64], of: &[geoerr_core::least_squares::Matrix]| -> Vec<f64> {
+        let mut result = sums.to_vec();
+        for (session, matrix) in of.iter().enumerate() {
+            for i in 0..40 {
+                result[40 * session + i] +=
+                    (0..=i).map(|j| matrix[(j, i)] * sums[40 * session + j]).sum::<f64>();
+            }
+        }
+        result
+    };
+    // (n_blocks, n_draws) of each component, off the means of sessions in the metric of the noise.
+    let mut all = [vec![0.0; 80 * N_DRAWS], vec![0.0; 80 * N_DRAWS], vec![0.0; 80 * N_DRAWS]];
+    let mut own_fits = Vec::new();
+    for draw in 0..N_DRAWS {
+        let by_component = [0, 1, 2].map(|_| noise(&scene, &mut draws, offset, drift, memory));
+        let y: Vec<[f64; 3]> =
+            (0..scene.n_rows).map(|row| by_component.each_ref().map(|own| own[row])).collect();
+        let likelihood = Likelihood::new(scene.blocks.clone(), &scene.weights, &y, &scene.basis, 2).unwrap();
+        let fitted = likelihood.fit(Some(logs), SHORTEST, true).unwrap();
+        let refitted = likelihood.fit(None, SHORTEST, true).unwrap();
+        let better = if refitted.minus_twice_ln_likelihood < fitted.minus_twice_ln_likelihood {
+            refitted
+        } else {
+            fitted
+        };
+        let of_fit = scene.blocks.less_one(&scene.weights, &better.logs).unwrap();
+        for c in 0..3 {
+            let sums = scene.sums(&y, c);
+            let own = whitened(&sums, &less_one[c]);
+            let square = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+            let scatter = (-better.logs[c][0]).exp();
+            let anew = square(&whitened(&sums, &of_fit[c]));
+            own_fits.push((anew - square(&own), scatter));
+            for (block, value) in own.iter().enumerate() {
+                all[c][block * N_DRAWS + draw] = *value;
+            }
+        }
+    }
+    let sums = all.each_ref().map(Vec::as_slice);
+    let changes = scene.blocks.fitted_to_draws(&scene.weights, &logs, SHORTEST, sums, N_DRAWS).unwrap();
+    let mut result = Vec::new();
+    for draw in 0..N_DRAWS {
+        for c in 0..3 {
+            let fall: f64 = (0..80)
+                .map(|block| {
+                    let (was, change) = (all[c][block * N_DRAWS + draw], changes[c][block * N_DRAWS + draw]);
+                    (was + change).powi(2) - was * was
+                })
+                .sum();
+            result.push([own_fits[3 * draw + c].0, fall]);
+        }
+    }
+    result
+}
+
+fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let count = values.clone().count() as f64;
+    values.sum::<f64>() / count
+}
+
+fn correlation(pairs: &[[f64; 2]]) -> f64 {
+    let [a, b] = [0, 1].map(|i| mean(pairs.iter().map(move |pair| pair[i])));
+    let product = |i: usize, j: usize| {
+        let centre = [a, b];
+        mean(pairs.iter().map(move |pair| (pair[i] - centre[i]) * (pair[j] - centre[j])))
+    };
+    product(0, 1) / (product(0, 0) * product(1, 1)).sqrt()
+}
+
+#[test]
+fn trial_values_do_what_fits_of_the_whole_likelihood_do() {
+    // White noise, of which fits find a little of both; offsets alone; a drift that is known well.
+    for (offset, drift, memory) in [(0.0, 0.0, 0.3), (0.5, 0.0, 0.3), (0.2, 0.8, 0.2)] {
+        let pairs = falls(offset, drift, memory);
+        let [by_fits, by_trials] = [0, 1].map(|i| mean(pairs.iter().map(move |pair| pair[i])));
+        let told = correlation(&pairs);
+        // A sum of 80 squares scatters by 12.6; the means are of 120 of them. Trial values are coarse, and know nothing of
+        // scatter: draw by draw they tell more than half of what differs.
+        assert!((by_fits - by_trials).abs() < 3.0, "{offset} {drift}: {by_fits} and {by_trials}");
+        assert!(told > 0.5_f64.sqrt(), "{offset} {drift}: {told}");
+    }
+}
+
+#[test]
+fn bytes_of_draws_do_not_depend_on_the_number_of_threads() {
+    let scene = Scene::new();
+    let logs: [Logs; 3] = [[0.0, -3.0, -2.0, -1.0], [0.0, -16.0, -16.0, 0.0], [0.0, -1.0, -16.0, 0.0]];
+    let mut draws = Draws::new(5);
+    let all = [0, 1, 2].map(|_| (0..80 * N_DRAWS).map(|_| draws.normal()).collect::<Vec<f64>>());
+    let by = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let sums = all.each_ref().map(Vec::as_slice);
+        pool.install(|| scene.blocks.fitted_to_draws(&scene.weights, &logs, SHORTEST, sums, N_DRAWS).unwrap())
+    };
+    let one = by(1);
+    assert_eq!(one, by(2));
+    assert_eq!(one, by(5));
+}
+
+#[test]
+fn no_draws_and_components_without_numbers_change_nothing_and_lengths_are_held_to() {
+    let scene = Scene::new();
+    let logs = [[0.0, -3.0, -2.0, -1.0]; 3];
+    let none = scene.blocks.fitted_to_draws(&scene.weights, &logs, SHORTEST, [&[]; 3], 0).unwrap();
+    assert!(none.iter().all(Vec::is_empty));
+    let sums = vec![1.0; 160];
+    let weights: Vec<[f64; 3]> = scene.weights.iter().map(|_| [1.0, 0.0, 1.0]).collect();
+    let some = scene.blocks.fitted_to_draws(&weights, &logs, SHORTEST, [&sums; 3], 2).unwrap();
+    assert!(some[0].iter().any(|change| *change != 0.0) && some[1].iter().all(|change| *change == 0.0));
+    assert!(scene.blocks.fitted_to_draws(&weights, &logs, SHORTEST, [&sums, &sums, &sums[1..]], 2).is_err());
+    assert!(scene.blocks.fitted_to_draws(&weights[1..], &logs, SHORTEST, [&sums; 3], 2).is_err());
+}
