@@ -8,6 +8,7 @@ are alike.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -41,8 +42,9 @@ from geoerr.terms import (
 # Trial values of each inner parameter that is not affine, by how many of them a formula has.
 _TRIALS = {1: 8, 2: 5}
 _FEWEST_TRIALS = 4
-# Of the moment of a jump: so many for each session, and no more than that.
-_MOMENTS, _MOST_MOMENTS = 32, 128
+# Of the moment of a jump: so many for each session, evenly, and no more than that in all; towards both its ends
+# others, each so many times as far from the end as the one before.
+_MOMENTS, _MOST_MOMENTS, _TOWARDS_AN_END = 32, 128, 1.6
 # Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.8 of its gain.
 _ALIKE = 0.6
 _DEEPEST = 14
@@ -467,21 +469,33 @@ def is_wave_in_some_form(functions: Functions, candidate: Candidate) -> bool:
 
 
 def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:
-    """Give moments of a jump, midway between rows that are evenly apart in number.
+    """Give moments of a jump, midway between rows: evenly apart in number, and closer towards the ends of a session.
 
-    As columns jumps of a later session are alike; beside a frame of each session they are not.
+    As columns jumps of a later session are alike; beside a frame of each session they are not. Off its mean the
+    correlation of two jumps at shares f < g of a session is the root of f(1 − g)/(g(1 − f)): near its ends it is the
+    ratio of their distances from the end that counts.
     """
     functions = formulas.functions
     low, high = _ends(parameter)
-    clock = np.unique(functions.variables[functions.names.index(CLOCK_NAME)])
-    clock = clock[(clock >= low) & (clock <= high)]
-    middle = 0.5 * (clock[1:] + clock[:-1])
-    if not len(middle):
-        return _spaced(parameter, 1)
-    most = min(_MOMENTS * max(len(functions.starts), 1), _MOST_MOMENTS, len(middle))
-    return [
-        float(middle[place]) for place in np.unique(np.linspace(0, len(middle) - 1, most).round().astype(np.int64))
-    ]
+    clock = functions.variables[functions.names.index(CLOCK_NAME)]
+    ends = [*functions.starts[1:], len(clock)]
+    sessions = [np.unique(clock[start:end]) for start, end in zip(functions.starts, ends, strict=True)]
+    most = min(_MOMENTS, max(_MOST_MOMENTS // max(len(sessions), 1), 1))
+    moments = [_towards_ends(0.5 * (own[1:] + own[:-1]), most) for own in sessions if len(own) > 1]
+    found = np.unique(np.concatenate(moments)) if moments else np.empty(0)
+    found = found[(found >= low) & (found <= high)]
+    return found.tolist() if len(found) else _spaced(parameter, 1)
+
+
+def _towards_ends(middle: Numbers, most: int) -> Numbers:
+    """Give of moments between rows so many evenly, and between them and both ends some in a geometric row."""
+    last = len(middle) - 1
+    evenly = np.linspace(0, last, min(most, last + 1))
+    step = evenly[1] if len(evenly) > 1 else 1.0
+    # The first lies one row from the end.
+    n_closer = math.ceil(math.log(step + 1.0) / math.log(_TOWARDS_AN_END))
+    closer = np.minimum(_TOWARDS_AN_END ** np.arange(n_closer) - 1.0, last)
+    return np.asarray(middle[np.unique(np.concatenate([evenly, closer, last - closer]).round().astype(np.int64))])
 
 
 def _spaces(values: Numbers, columns: Sequence[tuple[int, int]]) -> Numbers:

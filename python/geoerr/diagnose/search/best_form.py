@@ -31,7 +31,7 @@ def in_best_form(bench: Bench, looked: Round, judged: Judged, added: Sequence[Nu
     """
     space, scanner = looked.space, looked.scanner
     if judged.noise is not None:
-        space = bench.space_in(judged.noise, bench.sums(added))
+        space = bench.space_to_estimate_in(judged.noise, added)
         scanner = bench.scanner(space, n_draws=0)
     plain = settle(space, scanner, judged)
     best, most = plain, CLEARLY_BETTER

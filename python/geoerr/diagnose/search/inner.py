@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
 
 from geoerr.diagnose.candidates import Shapes, is_free
 from geoerr.diagnose.scan import Scanner, Seen, seen
+from geoerr.diagnose.search.jumps import Gaps, jump_places
 from geoerr.diagnose.space import Space, lengths
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Parameter, Term
@@ -81,6 +83,23 @@ class InnerSearch:
         """Places of inner parameters that may have any value in their range."""
         return [place for place, one in enumerate(self.term.inner) if is_free(one)]
 
+    @cached_property
+    def gaps(self) -> dict[int, Gaps]:
+        """Spans between rows, by the places of inner parameters that are moments of a jump."""
+        places = [place for place in jump_places(self.term) if is_free(self.term.inner[place])]
+        return dict.fromkeys(places, Gaps.of(self.space)) if places else {}
+
+    def jump_errors(self, found: Derived) -> dict[int, float]:
+        """Give the standard errors of moments of a jump, by place."""
+
+        def gains(place: int, moments: Numbers) -> Numbers:
+            trials = [[*found.inner[:place], float(at), *found.inner[place + 1 :]] for at in moments]
+            return self._gains(trials)
+
+        return {
+            place: gaps.standard_error(found.inner[place], partial(gains, place)) for place, gaps in self.gaps.items()
+        }
+
     def best(
         self, start: Sequence[float], bounds: dict[int, tuple[float, float]], refinements: int
     ) -> tuple[Derived, list[Derived]]:
@@ -133,12 +152,17 @@ class InnerSearch:
             for place, (low, high) in narrowed.items():
                 if not low < high:
                     continue
-                points = _between(self.term.inner[place], low, high, _REFINED)
+                points = self._points(place, low, high)
                 trials = [[*inner[:place], value, *inner[place + 1 :]] for value in points]
                 best = int(np.argmax(self._gains(trials)))
                 inner[place] = points[best]
                 narrowed[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
         return inner
+
+    def _points(self, place: int, low: float, high: float) -> list[float]:
+        """Give the values of a parameter to try between bounds: of a jump's moment every gap, where few are."""
+        gaps = self.gaps[place].within(low, high) if place in self.gaps else None
+        return _between(self.term.inner[place], low, high, _REFINED) if gaps is None else gaps.tolist()
 
     def _along_valley(self, found: Derived) -> Derived:
         """Follow all inner parameters together to where the gain is largest: Gauss & Newton, steps halved if need be.

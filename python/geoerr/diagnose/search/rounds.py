@@ -32,6 +32,7 @@ from geoerr.diagnose.search.own_noise import in_own_noise
 from geoerr.diagnose.search.rivals import Found, rivals_of
 from geoerr.diagnose.search.settle import Settled, resettle, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
+from geoerr.diagnose.space import Space
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.choose_again import is_worth_asking
 from geoerr.fit.fitted import Fitted
@@ -42,6 +43,8 @@ MOST_EFFECTS = 6
 _FURTHER = 0.2
 # Less sure than this, a name has to help where the fit did not see the data.
 _SURE = 1e-3
+# What gains less than this share of what it gained when it was found may be nothing beside what was found later.
+_REMAINS = 0.5
 # What chance does no more often than this is missing, also where it gains less than its many numbers cost (Schwarz).
 _NO_CHANCE = 1e-4
 
@@ -252,14 +255,27 @@ def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers
 
 
 def _together(bench: Bench, found: list[Found], aside: list[Numbers], last: Round) -> list[Found]:
-    """Estimate each effect beside all the others, in the noise that all of them leave."""
-    columns = [one.settled.raw for one in found]
+    """Estimate each effect beside all the others, in the noise that all of them leave.
+
+    One after another, the others as they have become: a jump at a moment that was not quite right leaves another,
+    of which nothing is left where the moment is right. Such a remainder goes.
+    """
+    settled = [one.settled for one in found]
     result = []
     for place, one in enumerate(found):
-        space = bench.space_to_estimate_in(last.space.noise, [*aside, *columns[:place], *columns[place + 1 :]])
+        others = [own.raw for number, own in enumerate(settled) if number != place]
+        space = bench.space_to_estimate_in(last.space.noise, [*aside, *others])
         again = resettle(space, bench.scanner(space, n_draws=0), one.settled)
+        settled[place] = again
+        if others and again.gain < _REMAINS * one.settled.gain and _evidence(space, again, one) <= 0.0:
+            return _together(bench, [other for other in found if other is not one], aside, last)
         result.append(replace(one, beside_others=again.term))
     return result
+
+
+def _evidence(space: Space, settled: Settled, found: Found) -> float:
+    gain, rank = np.array([settled.gain]), np.array([found.judged.rank])
+    return float(evidence_of(space, gain, rank, found.judged.what.n_trials)[0])
 
 
 def _without_superfluous(bench: Bench, found: list[Found], aside: list[Numbers]) -> list[Found]:

@@ -146,6 +146,8 @@ def _settled(
     found, others = search.best(inner, bounds, refinements)
     k = len(found.coefficients)
     std = standard_errors(search.free, found, others)
+    for place, error in search.jump_errors(found).items():
+        std[k + place] = error
     own = found.seen.first(k)
     std[:k][own.is_open] = np.nan
     valued = term.with_values(

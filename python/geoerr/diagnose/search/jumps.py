@@ -1,0 +1,82 @@
+"""Moments at which a term jumps: between two rows one is as good as another, and a derivative tells nothing.
+
+Each gap between rows is a trial of its own. How sure the moment is follows from all of them: each counts by its
+likelihood, and is as wide as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.diagnose.space import Space
+from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import clock_s
+from geoerr.terms import CLOCK_NAME, Term
+
+# Gaps that are tried one by one; of more than that a few are, evenly.
+MOST_GAPS = 256
+# So many gaps on each side of the best are weighed at first, and twice as many while the last weigh something.
+_BESIDE, _NO_WEIGHT = 16, 1e-3
+
+
+def jump_places(term: Term) -> tuple[int, ...]:
+    """Give the places of inner parameters that are moments of a jump, `step(clock - t0)`, and nothing else."""
+    texts = [text for part in term.parts for text in (part.expression or "", *(own for _, own in part.definitions))]
+    places = []
+    for place, one in enumerate(term.inner):
+        name = re.escape(one.name)
+        without = [re.sub(rf"(?<!\w)step\(\s*{CLOCK_NAME}\s*-\s*{name}\s*\)", "", text) for text in texts]
+        if without != texts and not any(re.search(rf"(?<!\w){name}(?!\w)", text) for text in without):
+            places.append(place)
+    return tuple(places)
+
+
+@dataclass(frozen=True, eq=False)
+class Gaps:
+    """Spans between the moments of rows that count, on the clock of all sessions.
+
+    Attributes
+    ----------
+    middle, width : (n,)
+        In seconds.
+    """
+
+    middle: Numbers
+    width: Numbers
+
+    @classmethod
+    def of(cls, space: Space) -> Gaps:
+        """Give those of a space."""
+        moments = np.unique(clock_s(space.fitted.sightings)[space.rows.any(axis=1)])
+        return cls(0.5 * (moments[1:] + moments[:-1]), np.diff(moments))
+
+    def within(self, low: float, high: float) -> Numbers | None:
+        """Give the middles between two moments, (k,); None where there are none, or too many to try one by one."""
+        inside = self.middle[(low <= self.middle) & (self.middle <= high)]
+        return inside if 0 < len(inside) <= MOST_GAPS else None
+
+    def standard_error(self, value: float, gains: Callable[[Numbers], Numbers]) -> float:
+        """Give the root of the mean square from a moment, each gap with its likelihood and width.
+
+        Parameters
+        ----------
+        gains
+            Falls of the sum of squares at some moments.
+        """
+        if not len(self.middle):
+            return 0.0
+        best = int(np.argmin(np.abs(self.middle - value)))
+        beside = _BESIDE
+        while True:
+            first, last = max(best - beside, 0), min(best + beside + 1, len(self.middle))
+            middle, width = self.middle[first:last], self.width[first:last]
+            found = gains(middle)
+            weight = width * np.exp(0.5 * (found - found.max()))
+            edges = max(weight[0] if first else 0.0, weight[-1] if last < len(self.middle) else 0.0)
+            if edges <= _NO_WEIGHT * weight.max():
+                return float(np.sqrt(np.average((middle - value) ** 2 + width**2 / 12.0, weights=weight)))
+            beside *= 2
