@@ -10,9 +10,9 @@ from hidden_machine import Noise, Plan, machine, measure, motion
 
 from geoerr.diagnose.candidates import _towards_ends
 from geoerr.diagnose.diagnosis import diagnose
-from geoerr.diagnose.search.jumps import MOST_GAPS, Gaps, jump_places
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_terms
+from geoerr.fit.jumps import MOST_GAPS, Gaps, jump_places
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import variable_columns
 
@@ -109,3 +109,27 @@ def test_steps_lost_six_rows_after_a_session_began_are_found() -> None:
     assert abs(moment.value - truth) < 4.0 * moment.std
     # Rows are 3 s apart, and a jump of 3.5 standard deviations is sure to a row or two.
     assert moment.std < 6.0
+
+
+def test_the_moment_of_an_added_jump_is_as_unsure_as_the_rows_around_it_leave_it() -> None:
+    """Its derivative is 0, and would say that it is sure."""
+    rng = np.random.default_rng(6)
+    plan = Plan(n_sessions=2, n_lines=20, n_points=24)
+    moved = motion(rng, plan)
+    for size_um, least, most in ((60.0, 0.86, 1.0), (15.0, 2.0, 60.0)):
+        hidden = np.zeros((len(moved.q), 3))
+        hidden[700:, 0] = size_um
+        observations = measure(rng, moved, Noise(), hidden, plan)
+        fitted = fit_terms(
+            machine(),
+            [observations],
+            options=FitOptions(threads=1),
+            effects=[catalogue()["lost-steps"].term("x", None, machine())],
+        )
+        (moment,) = fitted.terms[-1].inner
+        clock = variable_columns(fitted.sightings, ["clock"])[0]
+        # Rows are 3 s apart: 3 over the root of 12 is 0.87, and six standard deviations are sure to a row.
+        assert least < moment.std < most
+        assert abs(moment.value - 0.5 * (clock[699] + clock[700])) < 4.0 * moment.std
+        place = fitted.compiled.n_coefficients
+        assert fitted.covariance[place, place] == pytest.approx(moment.std**2)

@@ -31,6 +31,7 @@ from geoerr.fit.classic import (
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.free_directions import concerned, held_smallest, limits_of
 from geoerr.fit.inner import has_unknown_inner, started
+from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
@@ -488,6 +489,12 @@ class Posed:
         all_root = held_smallest(solved.solution.covariance_root, solved.solution.null_space, limits)
         root = all_root[:n_model]
         covariance[np.ix_(places, places)] = root @ root.T * scale**2
+        jumps = jump_errors(problem, solved, terms, sightings, free, scale, threads=self.options.threads)
+        for place, error in jumps.items():
+            # By no derivative: a prediction has none by the moment of a jump.
+            at = compiled.n_coefficients + place
+            covariance[at, :] = covariance[:, at] = 0.0
+            covariance[at, at] = error**2
         std = np.sqrt(np.diagonal(covariance)[: compiled.n_coefficients])
         directions, is_determined = concerned(
             solved.solution.null_space, np.asarray(solved.solution.is_determined), terms, limits, std

@@ -17,8 +17,8 @@ import numpy as np
 
 from geoerr.diagnose.candidates import Shapes, is_free
 from geoerr.diagnose.scan import Scanner, Seen, seen
-from geoerr.diagnose.search.jumps import Gaps, jump_places
 from geoerr.diagnose.space import Space, lengths
+from geoerr.fit.jumps import Gaps, jump_places
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Parameter, Term
 
@@ -87,7 +87,8 @@ class InnerSearch:
     def gaps(self) -> dict[int, Gaps]:
         """Spans between rows, by the places of inner parameters that are moments of a jump."""
         places = [place for place in jump_places(self.term) if is_free(self.term.inner[place])]
-        return dict.fromkeys(places, Gaps.of(self.space)) if places else {}
+        counts = np.asarray(self.space.rows.any(axis=1))
+        return dict.fromkeys(places, Gaps.of(self.space.fitted.sightings, counts)) if places else {}
 
     def jump_errors(self, found: Derived) -> dict[int, float]:
         """Give the standard errors of moments of a jump, by place."""

@@ -7,13 +7,14 @@ likelihood, and is as wide as it is.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.diagnose.space import Space
-from geoerr.fit.sightings import Numbers
+from geoerr import _core
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.solve import Solved
 from geoerr.fit.variables import clock_s
 from geoerr.terms import CLOCK_NAME, Term
 
@@ -49,9 +50,9 @@ class Gaps:
     width: Numbers
 
     @classmethod
-    def of(cls, space: Space) -> Gaps:
-        """Give those of a space."""
-        moments = np.unique(clock_s(space.fitted.sightings)[space.rows.any(axis=1)])
+    def of(cls, sightings: Sightings, counts: np.ndarray) -> Gaps:
+        """Give those between the rows that count, (n,)."""
+        moments = np.unique(clock_s(sightings)[counts])
         return cls(0.5 * (moments[1:] + moments[:-1]), np.diff(moments))
 
     def within(self, low: float, high: float) -> Numbers | None:
@@ -80,3 +81,55 @@ class Gaps:
             if edges <= _NO_WEIGHT * weight.max():
                 return float(np.sqrt(np.average((middle - value) ** 2 + width**2 / 12.0, weights=weight)))
             beside *= 2
+
+
+def jump_errors(
+    problem: _core.FitProblem,
+    solved: Solved,
+    terms: Sequence[Term],
+    sightings: Sightings,
+    free: Sequence[int],
+    scale: float,
+    *,
+    threads: int = 0,
+) -> dict[int, float]:
+    """Give the standard errors of moments of a jump in a fit, by the place of an inner parameter among all.
+
+    All else as it was fitted: rows before a moment with their residual without the jump, rows after it with that with
+    it.
+
+    Parameters
+    ----------
+    free
+        Places of inner parameters that were fitted.
+    scale
+        What the stated standard uncertainties were multiplied by.
+    """
+    places, first = list[int](), 0
+    for term in terms:
+        places += [first + place for place in jump_places(term) if first + place in free]
+        first += len(term.inner)
+    if not places:
+        return {}
+    gaps = Gaps.of(sightings, solved.used)
+    clock = clock_s(sightings)[solved.used]
+    order = np.argsort(clock, kind="stable")
+    n_coefficients, errors = len(solved.state.coefficients), {}
+    for place in places:
+        value = float(solved.state.inner[place])
+
+        def squares(moment: float, value: float = value, place: int = place) -> Numbers:
+            correction = np.zeros(problem.n_columns)
+            correction[n_coefficients + list(free).index(place)] = moment - value
+            moved = problem.residuals(problem.corrected(solved.state, correction), threads)
+            return np.asarray((problem.whitened(moved)[solved.used] ** 2).sum(axis=1)[order])
+
+        ends = float(clock.max()) + 1.0, float(clock.min()) - 1.0
+        before, after = (np.concatenate([[0.0], np.cumsum(squares(at))]) for at in ends)
+
+        def gains(at: Numbers, before: Numbers = before, after: Numbers = after) -> Numbers:
+            n_before = np.searchsorted(clock[order], at)
+            return -(before[n_before] - after[n_before]) / scale**2
+
+        errors[place] = gaps.standard_error(value, gains)
+    return errors
