@@ -10,12 +10,14 @@ white columns and residual in the presence of offsets and drift. Sets are those 
 | peer | how it is asked |
 | --- | --- |
 | geoerr | `fit_terms`, `diagnose` |
+| geoerr, one look | its candidates judged once against what the base leaves, chance drawn: the first that passes |
 | LassoLarsIC | `criterion="bic"`, noise variance given (1); the candidate that explains most of the prediction |
 | OMP | `OrthogonalMatchingPursuitCV`, passes left out by turns; likewise; it cannot say none |
 | stepwise BIC | forward by candidate in NumPy, k ln N for k columns; the first that enters |
 | lmfit | a fit of each of the 40 candidates that gain most, inner parameters too, from its best trial; lowest BIC |
 
-Times are of one thread, without making the columns; geoerr's has everything but the fit of the base.
+Times are of one thread and without the fit of the base. The peers' are given without the columns, which they were
+handed, and with them; geoerr's have everything.
 """
 
 from __future__ import annotations
@@ -42,11 +44,16 @@ from validation.hidden_effects.record import OPTIONS, answer_of, truth_of
 from validation.hidden_effects.sets import Set, sets_of
 from validation.hidden_effects.tables import rate, table
 
-from geoerr.diagnose.candidates import Shapes
+from geoerr.diagnose.candidates import Shapes, candidates_of
 from geoerr.diagnose.diagnosis import diagnose
-from geoerr.diagnose.scan import OWNED
+from geoerr.diagnose.scan import OWNED, all_channels
 from geoerr.diagnose.search import Round
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.beside_drift import beside_drift
+from geoerr.diagnose.search.judged import ALPHA, first_to_pass
+from geoerr.diagnose.search.look import look
 from geoerr.diagnose.space import orthonormal
+from geoerr.effects import catalogue
 from geoerr.fit import Fitted, fit_terms
 from geoerr.fit.held_out import projected_rows
 
@@ -246,6 +253,16 @@ PEERS: dict[str, Callable[[Problem], str | None]] = {
 }
 
 
+def one_look(fitted: Fitted) -> str | None:
+    """Name what geoerr's first look at its candidates alone would: no curves beside them, no second look."""
+    candidates, _, functions = candidates_of(fitted, catalogue())
+    names = all_channels([shapes for one in candidates for shapes in one.shapes])
+    bench = Bench(fitted, functions, names=names, threads=1)
+    looked = beside_drift(bench, look(bench, bench.space([]), candidates, []), [])
+    best = first_to_pass(looked.candidates, ALPHA)
+    return None if best is None else str(best.what.reference)
+
+
 def compare(one: Set, n_rows: int, names: Sequence[str], *, is_study: bool) -> Iterator[dict[str, Any]]:
     """Ask geoerr and every peer about one set."""
     case = one.case(n_rows, is_study=is_study)
@@ -257,9 +274,20 @@ def compare(one: Set, n_rows: int, names: Sequence[str], *, is_study: bool) -> I
     line["truth"] = [truth_of(case, place) for place in range(len(case.truth))]
     answer = line | answer_of(diagnosis)
     yield answer | {"peer": "geoerr", "outcome": outcome(answer), "seconds": seconds}
+    start = time.perf_counter()
+    found = one_look(fitted)
+    seconds = time.perf_counter() - start
+    yield line | {
+        "peer": "geoerr, one look",
+        "outcome": _peer_outcome(line, found),
+        "seconds": seconds,
+        "said": found,
+    }
     looked = diagnosis.searched.first
     for mark in ("", " +"):
+        start = time.perf_counter()
         problem = problem_of(looked, fitted, with_noise_model=bool(mark))
+        of_columns = time.perf_counter() - start
         for name in names:
             start = time.perf_counter()
             with warnings.catch_warnings():
@@ -271,6 +299,7 @@ def compare(one: Set, n_rows: int, names: Sequence[str], *, is_study: bool) -> I
                 "peer": name + mark,
                 "outcome": _peer_outcome(line, found),
                 "seconds": seconds,
+                "seconds_of_columns": of_columns,
                 "said": found,
             }
 
@@ -323,12 +352,14 @@ def tables(lines: Sequence[dict[str, Any]]) -> str:
                 *(rate(right + count["single"]["tied"], n["single"]), rate(count["single"]["wrong"], n["single"])),
                 *(rate(count["unlisted"]["unknown"], n["unlisted"]), rate(count["unlisted"]["named"], n["unlisted"])),
                 f"{np.median([one['seconds'] for one in own]):.2f}",
+                f"{np.median([one['seconds'] + one.get('seconds_of_columns', 0.0) for one in own]):.2f}",
             ]
         )
         alarms = [Counter(one["outcome"] for one in parts["nulls"] if one["noise"] == noise) for noise in NULL_NOISES]
         more.append([peer, *(f"{one['alarm']}/{one.total()}" for one in alarms)])
     head = ["", "false alarms", "right name first", "right or listed as tied", "wrong name"]
-    text = table([*head, "unknown, right variables", "unknown effect named", "s, median"], rows)
+    more_heads = ["unknown, right variables", "unknown effect named", "s, median", "s with columns"]
+    text = table([*head, *more_heads], rows)
     return text + "\n" + table(["false alarms", *NULL_NOISES], more)
 
 
