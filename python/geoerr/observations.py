@@ -346,10 +346,8 @@ def _directions_from_order(commanded_mm: Numbers) -> npt.NDArray[np.int8]:
     if len(commanded_mm) < 2:
         return directions
     steps = np.sign(np.diff(commanded_mm, axis=0)).astype(np.int8)
-    for axis in range(3):
-        current = np.int8(0)
-        for row in range(1, len(commanded_mm)):
-            if steps[row - 1, axis]:
-                current = steps[row - 1, axis]
-            directions[row, axis] = current
+    row = np.arange(len(steps))[:, None]
+    # The last step that was one; before the first there is none, and nothing is known.
+    last = np.maximum.accumulate(np.where(steps != 0, row, -1), axis=0)
+    directions[1:] = np.where(last >= 0, np.take_along_axis(steps, np.maximum(last, 0), axis=0), 0)
     return directions
