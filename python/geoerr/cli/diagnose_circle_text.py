@@ -59,11 +59,8 @@ def _cause(cause: Cause, number: str) -> Iterator[str]:
     )
     yield from remedy_lines(cause, "the measuring device")
     yield from alias_lines(cause)
-    separation = cause.separate_by
-    if separation is not None:
-        minutes = "" if separation.minutes is None else f" (≈ {separation.minutes:.0f} min)"
-        plan = "" if separation.plan is None else f": {separation.plan}"
-        yield from narrow(f"these runs cannot tell it apart; {separation.text} would{minutes}{plan}", "    ")
+    if cause.separate_by is not None:
+        yield from narrow(f"these runs cannot tell it apart; what would: {cause.separate_by.words}", "    ")
 
 
 def _others(diagnosis: CircleDiagnosis, *, verbose: bool) -> Iterator[str]:

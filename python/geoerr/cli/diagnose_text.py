@@ -138,17 +138,10 @@ def _tied(diagnosis: Diagnosis) -> Iterator[str]:
         yield from narrow("; ".join(rival.value_words), "    ")
         after = "" if rival.held_out_words is None else f", {rival.held_out_words}"
         yield from narrow(f"worth {um_words(rival.worth_um)} rms{after}", "    ")
-    separations = dict.fromkeys(
-        (one.separate_by.text, one.separate_by.plan, one.separate_by.minutes)
-        for one in rivals
-        if one.separate_by is not None
-    )
-    for text, plan, minutes in separations:
-        if plan is None:
-            yield from narrow(text, "  ")
-            continue
-        time = "" if minutes is None else f" (≈ {minutes:.0f} min)"
-        yield from narrow(f"what would: {text}{time}: {plan}", "  ")
+    separations = dict.fromkeys(one.separate_by for one in rivals if one.separate_by is not None)
+    for separation in separations:
+        would = "" if separation.plan is None else "what would: "
+        yield from narrow(f"{would}{separation.words}", "  ")
 
 
 def _unknown(unknown: Unknown) -> Iterator[str]:
@@ -253,7 +246,7 @@ def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
 def narrow(text: str, indent: str = "") -> list[str]:
     """Break a sentence into lines of eighty columns, the first indented, the next ones more."""
     # A number stays with its sign, its error and its unit.
-    for tied in (" µm", " mm", " ± ", " = ", "≈ "):
+    for tied in (" µm", " mm", " ± ", " = "):
         text = text.replace(tied, tied.replace(" ", "\u00a0"))
     lines = textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False)
     return [line.replace("\u00a0", " ") for line in lines]
