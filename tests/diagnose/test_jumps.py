@@ -84,6 +84,19 @@ def test_a_sure_jump_is_as_unsure_as_its_gap_is_wide() -> None:
     assert _gaps(np.array([3.0])).standard_error(3.0, lambda at: at) == 0.0
 
 
+def test_a_jump_that_nothing_tells_may_be_anywhere_and_is_not_sought_row_by_row() -> None:
+    gaps, asked = _gaps(np.arange(20_001.0)), []
+
+    def gains(at: Numbers) -> Numbers:
+        asked.append(len(at))
+        return np.zeros(len(at))
+
+    # Evenly over 20,000 s from its middle.
+    assert gaps.standard_error(1e4, gains) == pytest.approx(2e4 / np.sqrt(12.0), rel=0.02)
+    assert max(asked) <= MOST_GAPS
+    assert np.isnan(gaps.standard_error(1e4, lambda at: np.full(len(at), np.nan)))
+
+
 def test_gaps_are_tried_one_by_one_where_they_are_few() -> None:
     gaps = _gaps(np.arange(1000.0))
     assert gaps.within(10.0, 12.0) == pytest.approx([10.5, 11.5])

@@ -22,6 +22,8 @@ from geoerr.terms import CLOCK_NAME, Term
 MOST_GAPS = 256
 # So many gaps on each side of the best are weighed at first, and twice as many while the last weigh something.
 _BESIDE, _NO_WEIGHT = 16, 1e-3
+# A scale below this is none: a nanometre, or so many of the stated standard uncertainties.
+_LEAST_SCALE = 1e-6
 
 
 def jump_places(term: Term) -> tuple[int, ...]:
@@ -73,12 +75,14 @@ class Gaps:
         best = int(np.argmin(np.abs(self.middle - value)))
         beside = _BESIDE
         while True:
-            first, last = max(best - beside, 0), min(best + beside + 1, len(self.middle))
-            middle, width = self.middle[first:last], self.width[first:last]
+            first, last = max(best - beside, 0), min(best + beside, len(self.middle) - 1)
+            # Of many some will do, evenly.
+            places = np.unique(np.linspace(first, last, min(last - first + 1, MOST_GAPS)).round().astype(np.int64))
+            middle, width = self.middle[places], self.width[places]
             found = gains(middle)
             weight = width * np.exp(0.5 * (found - found.max()))
-            edges = max(weight[0] if first else 0.0, weight[-1] if last < len(self.middle) else 0.0)
-            if edges <= _NO_WEIGHT * weight.max():
+            edges = max(weight[0] if first else 0.0, weight[-1] if last < len(self.middle) - 1 else 0.0)
+            if edges <= _NO_WEIGHT * weight.max() or len(self.middle) <= last - first + 1:
                 return float(np.sqrt(np.average((middle - value) ** 2 + width**2 / 12.0, weights=weight)))
             beside *= 2
 
@@ -109,8 +113,10 @@ def jump_errors(
     for term in terms:
         places += [first + place for place in jump_places(term) if first + place in free]
         first += len(term.inner)
-    if not places:
+    if not places or not np.isfinite(scale):
         return {}
+    # Of data without noise the rows around a jump are all that is unsure.
+    scale = max(scale, _LEAST_SCALE)
     gaps = Gaps.of(sightings, solved.used)
     clock = clock_s(sightings)[solved.used]
     order = np.argsort(clock, kind="stable")

@@ -37,6 +37,8 @@ const AROUND: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 /// Less than this, in the same units, is nothing; and a logarithm is known if its standard deviation is less than 1.
 const NOTHING: f64 = 0.05;
 const KNOWN: f64 = 1.0;
+/// On the way to trial values one is at most so many times the one before.
+const STEP: f64 = 3.4;
 /// Memories to try besides the one that was found.
 const MEMORIES: usize = 3;
 /// A trace is the mean over so many draws.
@@ -108,27 +110,15 @@ impl<'a> Component<'a> {
         let traced: Vec<f64> =
             sums.chunks_exact(n_draws).flat_map(|block| &block[..n_traced]).copied().collect();
         let traced_square = traced.iter().map(|value| value * value).sum::<f64>() / n_traced as f64;
-        let (own, coloured) = ([0.0, own[1], own[2], own[3]], sums.to_vec());
-        let mut new = Self { blocks, reach, own, n_draws, coloured, traced, n_traced, traced_square };
-        let mut coloured = std::mem::take(&mut new.coloured);
-        new.with_filters(own, &mut coloured, n_draws, Filter::unwhiten)?;
-        new.coloured = coloured;
-        Some(new)
+        let own = [0.0, own[1], own[2], own[3]];
+        let mut coloured = sums.to_vec();
+        filtered(blocks, &reach, own, &mut coloured, n_draws, Filter::unwhiten)?;
+        Some(Self { blocks, reach, own, n_draws, coloured, traced, n_traced, traced_square })
     }
 
-    /// Applies the filter of each session to `width` numbers of each of its blocks, in place.
-    fn with_filters(
-        &self,
-        logs: Logs,
-        rows: &mut [f64],
-        width: usize,
-        apply: impl Fn(&Filter, &mut [f64], usize),
-    ) -> Option<()> {
-        for (session, own) in self.blocks.sessions().iter().enumerate() {
-            let filter = self.blocks.filter(session, &self.reach, logs)?;
-            apply(&filter, &mut rows[own.start * width..own.end * width], width);
-        }
-        Some(())
+    /// Whitens `width` columns in place.
+    fn whiten(&self, logs: Logs, rows: &mut [f64], width: usize) -> Option<()> {
+        filtered(self.blocks, &self.reach, logs, rows, width, Filter::whiten)
     }
 
     /// Squares of `width` columns, whitened.
@@ -171,7 +161,7 @@ impl<'a> Component<'a> {
     fn best_drifts(&self, offset2: f64, charge_of_offset: f64, shortest_memory: f64) -> Option<Vec<Best>> {
         let alone = [0.0, offset2.ln(), f64::NEG_INFINITY, 0.0];
         let mut traced = self.traced.clone();
-        self.with_filters(alone, &mut traced, self.n_traced, Filter::unwhiten)?;
+        filtered(self.blocks, &self.reach, alone, &mut traced, self.n_traced, Filter::unwhiten)?;
         let width = self.n_draws + self.n_traced;
         let both: Vec<f64> = (self.coloured.chunks_exact(self.n_draws))
             .zip(traced.chunks_exact(self.n_traced))
@@ -211,7 +201,7 @@ impl<'a> Component<'a> {
                 let own = self.coloured.chunks_exact(self.n_draws);
                 let mut rows: Vec<f64> =
                     own.flat_map(|block| draws.iter().map(|&draw| block[draw])).collect();
-                self.with_filters(logs, &mut rows, draws.len(), Filter::whiten)?;
+                self.whiten(logs, &mut rows, draws.len())?;
                 Some((draws, rows))
             })
             .collect::<Option<Vec<_>>>()?;
@@ -242,7 +232,7 @@ impl<'a> Component<'a> {
         trials(self.own[2].exp(), reach2 * per_memory, (count / per_memory).max(sessions))
     }
 
-    /// From the shortest to the longest; the one that was found stands for the one next to it.
+    /// From the shortest to the longest, and the one that was found.
     fn memories(&self, shortest: f64) -> Vec<f64> {
         let (low, high) = (shortest.min(LONGEST_MEMORY).ln(), LONGEST_MEMORY.ln());
         let mut all: Vec<f64> =
@@ -250,6 +240,22 @@ impl<'a> Component<'a> {
         all.push(self.own[3]);
         all.into_iter().map(f64::exp).collect()
     }
+}
+
+/// Applies the filter of each session to `width` numbers of each of its blocks, in place; `None` where there is none.
+fn filtered(
+    blocks: &Blocks,
+    reach: &[f64],
+    logs: Logs,
+    rows: &mut [f64],
+    width: usize,
+    apply: impl Fn(&Filter, &mut [f64], usize),
+) -> Option<()> {
+    for (session, own) in blocks.sessions().iter().enumerate() {
+        let filter = blocks.filter(session, reach, logs)?;
+        apply(&filter, &mut rows[own.start * width..own.end * width], width);
+    }
+    Some(())
 }
 
 /// C on the way from no variance to more of it.
@@ -306,9 +312,6 @@ fn trials(own: f64, scale: f64, count: f64) -> Vec<Trial> {
     }
     whole
 }
-
-/// One value of a way is at most so many times the one before.
-const STEP: f64 = 3.4;
 
 #[cfg(test)]
 mod tests {
@@ -371,13 +374,13 @@ mod tests {
             let one = Component::new(&blocks, reach, [0.0, -16.0, -16.0, 0.0], &sums, 3).unwrap();
             let mut rows = sums.clone();
             let logs = [0.0, a, b, t];
-            one.with_filters(logs, &mut rows, 3, Filter::whiten).unwrap();
+            one.whiten(logs, &mut rows, 3).unwrap();
             let squares = one.whitened_squares(logs, &sums, 3).unwrap();
             for (draw, square) in squares.iter().enumerate() {
                 let whole: f64 = rows.iter().skip(draw).step_by(3).map(|value| value * value).sum();
                 prop_assert!((whole - square).abs() < 1e-9 * whole);
             }
-            one.with_filters(logs, &mut rows, 3, Filter::unwhiten).unwrap();
+            filtered(&blocks, &one.reach, logs, &mut rows, 3, Filter::unwhiten).unwrap();
             for (back, sum) in rows.iter().zip(&sums) {
                 prop_assert!((back - sum).abs() < 1e-9);
             }
