@@ -131,7 +131,7 @@ def test_what_the_data_cannot_tell_apart_is_said_with_what_would(ambiguous: Diag
     assert "these data cannot tell which" in text
     assert "these data cannot tell it from:" in text
     assert "  what would: " in text
-    assert " min): " in text.replace("\n    ", " ")
+    assert " minutes): " in text.replace("\n    ", " ")
     # One measurement for all of them.
     assert len({id(one.separate_by) for one in ambiguous.tied}) == 1
 
