@@ -24,6 +24,7 @@ from geoerr.effects.description import FormSpec
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S, Effect
 from geoerr.errors import InputFileError
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.jumps import Gaps, is_jump_in_time
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.fit.variables import clock_span_s
 from geoerr.machine import AXES
@@ -35,7 +36,6 @@ from geoerr.terms import (
     EffectReference,
     Parameter,
     Term,
-    mentions,
     names_in,
 )
 
@@ -253,9 +253,7 @@ class Formulas:
         self.parts: list[CompiledPart] = [one for part in term.parts for one in functions.parts(term, part)]
         self.channels = tuple((part.channel, part.factor) for part in self.parts)
         self.columns = tuple((number, place) for number, part in enumerate(self.parts) for place in part.coefficients)
-        self.is_jump = term.variables == (CLOCK_NAME,) and all(
-            mentions(part.expression or "", "step") for part in term.parts
-        )
+        self.is_jump = is_jump_in_time(term)
         self.key = tuple((part.expression, part.inner, part.follows) for part in self.parts)
 
     @property
@@ -479,9 +477,9 @@ def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:
     low, high = _ends(parameter)
     clock = functions.variables[functions.names.index(CLOCK_NAME)]
     ends = [*functions.starts[1:], len(clock)]
-    sessions = [np.unique(clock[start:end]) for start, end in zip(functions.starts, ends, strict=True)]
+    sessions = [Gaps.of(clock[start:end]).middle for start, end in zip(functions.starts, ends, strict=True)]
     most = min(_MOMENTS, max(_MOST_MOMENTS // max(len(sessions), 1), 1))
-    moments = [_towards_ends(0.5 * (own[1:] + own[:-1]), most) for own in sessions if len(own) > 1]
+    moments = [_towards_ends(middle, most) for middle in sessions if len(middle)]
     found = np.unique(np.concatenate(moments)) if moments else np.empty(0)
     found = found[(found >= low) & (found <= high)]
     return found.tolist() if len(found) else _spaced(parameter, 1)

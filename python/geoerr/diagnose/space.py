@@ -90,7 +90,7 @@ class Space:
         picked = rng.integers(0, 2 * len(residual), size=(len(residual), n_draws), dtype=np.int32)
         drawn[counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
         inside = basis.T @ drawn
-        weights = offset_weights(self.fitted) * (self.rows > 0.0)
+        weights = _counting_weights(self.fitted, self.rows)
         size = float(np.sqrt((self.residual**2).sum() / max(self.n_numbers - len(inside), 1)))
         whitened = drawn.reshape(*self.rows.shape, n_draws)
         inside += self.noise.fit_to_draws(whitened, self.basis, inside, weights, size=size, threads=threads)
@@ -138,7 +138,7 @@ def space_of(fitted: Fitted, *, threads: int = 0) -> Space:
 
 def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: int = 0) -> NoiseSums:
     """Sum up a fit's residual and basis (n, 3, r), both whitened by the stated uncertainties, for a noise model."""
-    residual, weights = fitted.solved.whitened * rows, offset_weights(fitted) * (rows > 0.0)
+    residual, weights = fitted.solved.whitened * rows, _counting_weights(fitted, rows)
     return NoiseSums(blocks_of(fitted.sightings), weights, residual, raw_basis, threads=threads)
 
 
@@ -186,6 +186,10 @@ def whitened_space(
     clipped = known + np.clip(left, -limit, limit)
     clipped = clipped - basis @ (basis.T @ clipped)
     return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), clipped.reshape(rows.shape))
+
+
+def _counting_weights(fitted: Fitted, rows: Numbers) -> Numbers:
+    return offset_weights(fitted) * (rows > 0.0)
 
 
 def offset_weights(fitted: Fitted) -> Numbers:

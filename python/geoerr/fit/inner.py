@@ -26,11 +26,12 @@ import numpy as np
 from geoerr import _core
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
+from geoerr.fit.jumps import Gaps, is_jump_in_time
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
 from geoerr.model.compile import Compiled, compile_terms, core_part
-from geoerr.terms import CLOCK_NAME, Parameter, Part, Term, mentions
+from geoerr.terms import Parameter, Part, Term
 
 # Trial values of each of so many inner parameters before any are put in between.
 _SEEDS = {1: 49, 2: 17, 3: 9}
@@ -235,15 +236,13 @@ def _moments(candidate: _Candidate, term: Term) -> list[float]:
 
     A frame takes up what is behind a jump in all later sessions: jumps that are alike as columns are not beside it.
     """
-    jumps = all(part.expression is not None and mentions(part.expression, "step") for part in term.parts)
-    if not jumps or len(term.inner) != 1 or not np.isnan(term.inner[0].value) or term.variables != (CLOCK_NAME,):
+    if not is_jump_in_time(term) or len(term.inner) != 1 or not np.isnan(term.inner[0].value):
         return []
     low, high = term.inner[0].low, term.inner[0].high
     assert low is not None
     assert high is not None
     seen = np.abs(candidate.directions).max(axis=(0, 2)) > 0.0
-    clock = np.unique(candidate.variables[0, seen])
-    middle = 0.5 * (clock[1:] + clock[:-1])
+    middle = Gaps.of(candidate.variables[0, seen]).middle
     return [float(moment) for moment in middle if low <= moment <= high]
 
 

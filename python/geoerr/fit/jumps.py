@@ -16,7 +16,7 @@ from geoerr import _core
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
 from geoerr.fit.variables import clock_s
-from geoerr.terms import CLOCK_NAME, Term
+from geoerr.terms import CLOCK_NAME, Term, mentions
 
 # Gaps that are tried one by one; of more than that a few are, evenly.
 MOST_GAPS = 256
@@ -38,6 +38,11 @@ def jump_places(term: Term) -> tuple[int, ...]:
     return tuple(places)
 
 
+def is_jump_in_time(term: Term) -> bool:
+    """Tell whether all that a term does begins at some moment, and follows nothing but the clock."""
+    return term.variables == (CLOCK_NAME,) and all(mentions(part.expression or "", "step") for part in term.parts)
+
+
 @dataclass(frozen=True, eq=False)
 class Gaps:
     """Spans between the moments of rows that count, on the clock of all sessions.
@@ -52,9 +57,9 @@ class Gaps:
     width: Numbers
 
     @classmethod
-    def of(cls, sightings: Sightings, counts: np.ndarray) -> Gaps:
-        """Give those between the rows that count, (n,)."""
-        moments = np.unique(clock_s(sightings)[counts])
+    def of(cls, clock: Numbers) -> Gaps:
+        """Give those between moments on the clock, in any order."""
+        moments = np.unique(clock)
         return cls(0.5 * (moments[1:] + moments[:-1]), np.diff(moments))
 
     def within(self, low: float, high: float) -> Numbers | None:
@@ -117,8 +122,8 @@ def jump_errors(
         return {}
     # Of data without noise the rows around a jump are all that is unsure.
     scale = max(scale, _LEAST_SCALE)
-    gaps = Gaps.of(sightings, solved.used)
     clock = clock_s(sightings)[solved.used]
+    gaps = Gaps.of(clock)
     order = np.argsort(clock, kind="stable")
     n_coefficients, errors = len(solved.state.coefficients), {}
     for place in places:

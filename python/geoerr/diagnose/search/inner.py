@@ -20,6 +20,7 @@ from geoerr.diagnose.scan import Scanner, Seen, seen
 from geoerr.diagnose.space import Space, lengths
 from geoerr.fit.jumps import Gaps, jump_places
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import clock_s
 from geoerr.terms import Parameter, Term
 
 # Refinement of an inner parameter: points between two trials.
@@ -87,8 +88,10 @@ class InnerSearch:
     def gaps(self) -> dict[int, Gaps]:
         """Spans between rows, by the places of inner parameters that are moments of a jump."""
         places = [place for place in jump_places(self.term) if is_free(self.term.inner[place])]
-        counts = np.asarray(self.space.rows.any(axis=1))
-        return dict.fromkeys(places, Gaps.of(self.space.fitted.sightings, counts)) if places else {}
+        if not places:
+            return {}
+        clock = clock_s(self.space.fitted.sightings)[self.space.rows.any(axis=1)]
+        return dict.fromkeys(places, Gaps.of(clock))
 
     def jump_errors(self, found: Derived) -> dict[int, float]:
         """Give the standard errors of moments of a jump, by place."""
