@@ -12,7 +12,10 @@ from geoerr.terms import BasisSpec
 COARSE = BasisSpec("bspline", "x", knots_mm=tuple(np.linspace(0.0, LENGTH_MM, 4).tolist()), degree=3)
 
 
-def diagnosed(wave_um: float) -> Diagnosis:
+CUBIC = BasisSpec("polynomial", "x", degree=3, low_mm=0.0, high_mm=LENGTH_MM)
+
+
+def diagnosed(wave_um: float, basis: BasisSpec = COARSE) -> Diagnosis:
     rng = np.random.default_rng(4)
     moved = motion(rng, Plan())
     hidden = np.outer(wave_um * np.sin(2.0 * np.pi * moved.q[:, 0] / 20.0), [1.0, 0.0, 0.0])
@@ -20,12 +23,13 @@ def diagnosed(wave_um: float) -> Diagnosis:
     hidden[:, 0] += 15.0 * np.sin(2.0 * np.pi * moved.q[:, 0] / (0.75 * LENGTH_MM) + 1.0)
     observations = measure(rng, moved, Noise(white=(3.0, 3.0, 4.0)), hidden)
     return diagnose(
-        fit_terms(machine(), [observations], options=FitOptions(bases={"EXX": COARSE}, threads=1)), threads=1
+        fit_terms(machine(), [observations], options=FitOptions(bases={"EXX": basis}, threads=1)), threads=1
     )
 
 
-def test_too_few_splines_are_no_wave() -> None:
-    found = diagnosed(0.0)
+@pytest.mark.parametrize("basis", [COARSE, CUBIC], ids=["splines", "polynomial"])
+def test_too_few_functions_are_no_wave(basis: BasisSpec) -> None:
+    found = diagnosed(0.0, basis)
     assert found.verdict == "nothing-missing"
     assert found.p_value == pytest.approx(found.searched.first.p_value)
     assert found.p_value > 0.01

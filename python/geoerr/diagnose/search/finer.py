@@ -24,8 +24,9 @@ from geoerr.fit.wavy import MANY_WAVES
 from geoerr.machine import AXES
 from geoerr.terms import BasisSpec, Term
 
-# Intervals between knots are cut in so many parts.
-_PARTS = (2, 4)
+# Intervals between knots are cut in so many parts; a single one, a polynomial's, in as many as follow a few waves.
+_PARTS, _PARTS_OF_ONE = (2, 4), (2, 4, 8)
+_CUBIC = 3
 # Of what leaves a smaller share than this, the model does most already; what gains this share of it does as much.
 _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
 
@@ -111,10 +112,14 @@ def _term_of(claim: Judged) -> Term:
 
 def _finer(term: Term, axis: str) -> Iterator[BasisSpec]:
     basis = term.parts[0].basis
-    if len(term.parts) != 1 or basis is None or basis.axis != axis or not basis.knots_mm:
+    if len(term.parts) != 1 or basis is None or basis.axis != axis:
         return
+    if basis.kind == "polynomial":
+        assert basis.low_mm is not None
+        assert basis.high_mm is not None
+        basis = BasisSpec("bspline", axis, knots_mm=(basis.low_mm, basis.high_mm), degree=_CUBIC)
     knots = np.array(basis.knots_mm)
-    for parts in _PARTS:
+    for parts in (_PARTS_OF_ONE if len(knots) == 2 else _PARTS) if knots.size else ():
         places = np.arange(parts * (len(knots) - 1) + 1) / parts
         yield replace(basis, knots_mm=tuple(np.interp(places, np.arange(len(knots)), knots).tolist()))
 
