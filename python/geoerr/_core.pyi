@@ -680,3 +680,12 @@ def orthonormal_columns(a: npt.NDArray[np.float64], threads: int) -> npt.NDArray
 def products_of_columns(
     a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], threads: int
 ) -> npt.NDArray[np.float64]: ...
+def fit_marker(
+    picture: npt.NDArray[np.uint8],
+    focal_px: tuple[float, float],
+    principal_point_px: tuple[float, float],
+    distortion: npt.NDArray[np.float64],
+    pattern: npt.NDArray[np.bool_],
+    corners_px: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float, float, npt.NDArray[np.float64], float]:
+    """Corners (4, 2), their covariance (8, 8), noise, contrast, blur (2,) and misfit of one marker's picture."""

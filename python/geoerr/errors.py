@@ -28,6 +28,14 @@ class DetectionError(GeoerrError):
     """Pictures in which what was looked for cannot be used."""
 
 
+class MarkerFitError(DetectionError):
+    """The photometric fit has no trustworthy answer here; the message says why."""
+
+
+class NotThisMarkerError(MarkerFitError):
+    """The picture here is not that of this marker: something else, or most of it is covered."""
+
+
 class NotDeterminedError(GeoerrError):
     """A quantity that the given data do not determine."""
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from rendering import Lens, as_picture, marker_plate, render, turned
 
-from geoerr.vision import marker_fit
 from geoerr.vision.camera import Camera
 from geoerr.vision.marker_fit import MarkerFitError, NotThisMarkerError, fit_marker
 from geoerr.vision.patterns import marker_bits
@@ -176,30 +175,3 @@ def test_too_small_is_refused():
     _, bits, corners = scene(15.0, (0.0, 0.0, 0.0))
     with pytest.raises(MarkerFitError, match=r"too small: 2\.\d px a module"):
         fitted(picture, bits, corners)
-
-
-def test_derivatives_by_differences():
-    """Residual by each of the 23 parameters; what the step holds fixed (blur by place) is small."""
-    plate, bits, corners = scene(130.0, (30.0, -25.0, 20.0))
-    lens = Camera(LENS.matrix, LENS.distortion)
-    shown = marker_fit._Scene(as_picture(photographed(plate, 1.0)), lens, bits, LENS.pixel(corners) + 0.2)
-    state = shown.starting_state()
-    pixels = shown.select(state, 5000)
-    state = marker_fit._with_levels(shown, pixels, state)
-    columns = marker_fit._evaluate(shown, pixels, state, True).columns
-    for k in range(len(columns)):
-        size = 2e-3 if k < 11 else 0.5
-        change = size * np.eye(len(columns))[k]
-        residuals = []
-        for sign in (1.0, -1.0):
-            moved = marker_fit._State(
-                state.homography + sign * change[:8],
-                state.blur_px2 + sign * change[8:11],
-                state.levels + sign * change[11:],
-            )
-            residuals.append(marker_fit._evaluate(shown, pixels, moved, True).residual)
-        difference = (residuals[1] - residuals[0]) / (2.0 * size)
-        scale = np.abs(columns[k]).max()
-        # By the blur, terms of the third order at the pattern's vertices are left out.
-        bound = 0.06 if 8 <= k < 11 else 0.03
-        assert np.sqrt(np.mean((difference - columns[k]) ** 2)) < bound * scale, k

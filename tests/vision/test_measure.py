@@ -325,7 +325,7 @@ def test_few_frames_are_in_hand_at_once():
 
     frames = pl.DataFrame({"left": ["a"] * 500, "right": ["b"] * 500})
     order = []
-    for result in measure_module._in_order(Reader(), frames, 3):
+    for result in measure_module._in_order(Reader(), frames, 3, range(500)):
         order.append(result.n_found)
         with lock:
             alive -= 1

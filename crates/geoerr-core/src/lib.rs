@@ -12,6 +12,7 @@ pub mod history;
 pub mod kinematics;
 pub mod least_squares;
 pub mod line;
+pub mod marker;
 pub mod newton;
 pub mod noise_likelihood;
 pub mod straightness;

@@ -62,10 +62,13 @@ pub fn numbers<'a>(array: &'a PyReadonlyArray1<'_, f64>, name: &str) -> Result<&
         .map_err(|_| CoreError::shape(format!("{name} must be a C-contiguous (n,) array of float64")))
 }
 
-/// Rows of three as an (n, 3) array; the memory changes hands.
-pub fn from_rows<'py>(py: Python<'py>, rows: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+/// Rows as an (n, K) array; the memory changes hands.
+pub fn from_rows<'py, const K: usize>(
+    py: Python<'py>,
+    rows: Vec<[f64; K]>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let n = rows.len();
-    rows.into_flattened().into_pyarray(py).reshape([n, 3])
+    rows.into_flattened().into_pyarray(py).reshape([n, K])
 }
 
 /// 3 × 3 matrices as an (n, 3, 3) array; the memory changes hands.

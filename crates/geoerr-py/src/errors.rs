@@ -8,6 +8,7 @@ use geoerr_core::history::HistoryError;
 use geoerr_core::kinematics::KinematicsError;
 use geoerr_core::least_squares::LeastSquaresError;
 use geoerr_core::line::LineError;
+use geoerr_core::marker::MarkerError;
 use geoerr_core::newton::NewtonError;
 use geoerr_core::noise_likelihood::NoiseError;
 use geoerr_core::straightness::StraightnessError;
@@ -22,7 +23,9 @@ import_exception!(geoerr.errors, ExpressionError);
 import_exception!(geoerr.errors, GcodeError);
 import_exception!(geoerr.errors, GeoerrError);
 import_exception!(geoerr.errors, GeometryError);
+import_exception!(geoerr.errors, MarkerFitError);
 import_exception!(geoerr.errors, NotConvergedError);
+import_exception!(geoerr.errors, NotThisMarkerError);
 import_exception!(geoerr.errors, ShapeError);
 
 /// A core error on its way to Python.
@@ -150,6 +153,17 @@ impl From<TriangulateError> for CoreError {
             | E::ProjectionSingular { .. }
             | E::CentresCoincide { .. }
             | E::SigmaNotPositive { .. } => GeometryError::new_err(message),
+        })
+    }
+}
+
+impl From<MarkerError> for CoreError {
+    fn from(error: MarkerError) -> Self {
+        let message = error.to_string();
+        Self(match error {
+            MarkerError::Length { .. } => ShapeError::new_err(message),
+            _ if error.is_another() => NotThisMarkerError::new_err(message),
+            _ => MarkerFitError::new_err(message),
         })
     }
 }

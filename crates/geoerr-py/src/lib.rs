@@ -15,6 +15,7 @@ mod history;
 mod kinematics;
 mod least_squares;
 mod line;
+mod marker;
 mod noise_likelihood;
 mod straightness;
 mod term_machine;
@@ -35,6 +36,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     kinematics::register(module)?;
     least_squares::register(module)?;
     line::register(module)?;
+    marker::register(module)?;
     noise_likelihood::register(module)?;
     straightness::register(module)?;
     term_machine::register(module)?;

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,10 @@ from geoerr.vision.markers import Found, find_markers, refine_marker
 from geoerr.vision.rig import Rig
 from geoerr.vision.session import Target
 
+Array = npt.NDArray[np.float64]
 GreyImage = npt.NDArray[np.uint8]
+# A corner nearer to the picture's end than a corner detector's window is searched for.
+_MARGIN_PX = 8.0
 CAMERAS = ("left", "right")
 
 
@@ -77,22 +81,35 @@ class FrameResult:
     n_found: int
 
 
+class Places(Protocol):
+    """Tells where targets should be."""
+
+    def corners_px(self, row: int, target: int) -> tuple[Array, Array] | None:
+        """Give distorted pixels (4, 2) of a target's corners in either picture of a frame; None where unknown."""
+
+
 @dataclass(frozen=True)
 class FrameReader:
-    """Reads frames of one session with one rig; holds nothing that changes, so that threads may share it."""
+    """Reads frames of one session with one rig; holds nothing that changes, so that threads may share it.
+
+    A target is fitted where it is expected; a picture is searched for those that are not, or are not there.
+    """
 
     directory: Path
     rig: Rig
     targets: tuple[Target, ...]
+    expected: Places | None = None
 
     def read(self, row: int, left: str, right: str) -> FrameResult:
         """Read both pictures of one frame."""
         pictures, missed = self._pictures(row, (left, right))
         if missed:
             return FrameResult((), tuple(missed), False, 0)
-        found = tuple(find_markers(picture, self._keys) for picture in pictures)
-        seen = []
-        for index, target in enumerate(self.targets):
+        seen = {index: SeenTarget(row, index, *fits) for index, fits in self._where_expected(row, pictures)}
+        n_expected = len(seen)
+        wanted = {index: target for index, target in enumerate(self.targets) if index not in seen}
+        found = self._found(pictures, wanted) if wanted else ()
+        for index, target in wanted.items():
             whys = tuple(_why_not(view, (target.dictionary, target.id)) for view in found)
             reasons = list(_by_camera(whys))
             fits: list[MarkerFit] = []
@@ -100,13 +117,32 @@ class FrameReader:
                 fits, reasons = self._fits(pictures, found, target)
             missed += [Missed(row, left, camera, target.name, why) for camera, why in reasons]
             if not reasons:
-                seen.append(SeenTarget(row, index, fits[0], fits[1]))
-        n_found = sum(len(view.corners_px) + len(view.repeated) for view in found)
-        return FrameResult(tuple(seen), tuple(missed), True, n_found)
+                seen[index] = SeenTarget(row, index, fits[0], fits[1])
+        n_found = 2 * n_expected + sum(len(view.corners_px) + len(view.repeated) for view in found)
+        return FrameResult(tuple(seen[index] for index in sorted(seen)), tuple(missed), True, n_found)
 
-    @property
-    def _keys(self) -> list[tuple[str, int]]:
-        return [(target.dictionary, target.id) for target in self.targets]
+    def _where_expected(
+        self, row: int, pictures: Sequence[GreyImage]
+    ) -> Iterator[tuple[int, tuple[MarkerFit, MarkerFit]]]:
+        """Fit targets where they should be, both pictures of each; those that are elsewhere are left out."""
+        for index, target in enumerate(self.targets if self.expected is not None else ()):
+            assert self.expected is not None
+            places = self.expected.corners_px(row, index)
+            if places is None or not all(map(_is_inside, pictures, places)):
+                continue
+            key = (target.dictionary, target.id)
+            lenses = (self.rig.left, self.rig.right)
+            try:
+                left, right = map(refine_marker, pictures, lenses, (key, key), places)
+            except MarkerFitError:
+                continue
+            if left.method == right.method == "photometric":
+                yield index, (left, right)
+
+    @staticmethod
+    def _found(pictures: Sequence[GreyImage], wanted: Mapping[int, Target]) -> tuple[Found, ...]:
+        keys = [(target.dictionary, target.id) for target in wanted.values()]
+        return tuple(find_markers(picture, keys) for picture in pictures)
 
     def _pictures(self, row: int, names: Sequence[str]) -> tuple[list[GreyImage], list[Missed]]:
         pictures: list[GreyImage] = []
@@ -137,6 +173,11 @@ class FrameReader:
             except MarkerFitError as error:
                 reasons.append((camera, str(error)))
         return fits, reasons
+
+
+def _is_inside(picture: GreyImage, corners_px: Array) -> bool:
+    size = np.array([picture.shape[1], picture.shape[0]])
+    return bool(((corners_px > _MARGIN_PX) & (corners_px < size - 1 - _MARGIN_PX)).all())
 
 
 def _why_not(found: Found, key: tuple[str, int]) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import polars as pl
 
 from geoerr.observations import COVARIANCE, MEASURED, observations_from_columns
 from geoerr.vision.consistency import agreement
+from geoerr.vision.expected import expected_places, rows_to_search
 from geoerr.vision.frame import FrameReader, FrameResult, Missed
 from geoerr.vision.measured import Measured
 from geoerr.vision.opencv_threads import one_opencv_thread
@@ -50,13 +52,15 @@ def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | N
     Notes
     -----
     For each target: corners by photometric fit in both pictures (`marker_fit`), a parallelogram in space through
-    them (`plate`), its centre as the observation. A bad frame never stops the rest: it is listed in `missed`.
+    them (`plate`), its centre as the observation. A bad frame never stops the rest: it is listed in `missed`. Of a
+    long session a few frames are searched whole; in the others targets are looked for where those and the commanded
+    positions say that they are (`expected`), and searched for only where they are not.
     """
     frames = session.require_frames()
     reader = FrameReader(session.directory, rig, session.require_targets())
     collected = Collector(rig, threads, len(frames) * len(reader.targets))
     with one_opencv_thread():
-        for done, result in enumerate(_in_order(reader, frames, threads), start=1):
+        for done, result in enumerate(_some_searched_first(reader, frames, threads), start=1):
             collected.add(result)
             if progress is not None:
                 progress(done, len(frames))
@@ -64,14 +68,29 @@ def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | N
     return _finished(session, rig, collected, len(frames))
 
 
-def _in_order(reader: FrameReader, frames: pl.DataFrame, threads: int) -> Iterator[FrameResult]:
+def _some_searched_first(reader: FrameReader, frames: pl.DataFrame, threads: int) -> Iterator[FrameResult]:
+    """Read all frames, in order; some are searched ahead, and tell where targets are in the others.
+
+    Which ones is a matter of the frames alone: the result is the same for any number of threads.
+    """
+    first = rows_to_search(frames)
+    searched = dict(zip(first, _in_order(reader, frames, threads, first), strict=True))
+    if searched:
+        reader = replace(reader, expected=expected_places(reader.rig, frames, searched))
+    others = _in_order(reader, frames, threads, [row for row in range(len(frames)) if row not in searched])
+    for row in range(len(frames)):
+        yield searched.pop(row) if row in searched else next(others)
+
+
+def _in_order(reader: FrameReader, frames: pl.DataFrame, threads: int, rows: Sequence[int]) -> Iterator[FrameResult]:
     """Read frames side by side, give results in order; never more in hand than twice the threads."""
     n_workers = threads or os.cpu_count() or 1
     waiting: deque[Future[FrameResult]] = deque()
+    left, right = frames["left"], frames["right"]
     with ThreadPoolExecutor(n_workers) as pool:
         try:
-            for row, names in enumerate(zip(frames["left"], frames["right"], strict=True)):
-                waiting.append(pool.submit(reader.read, row, *names))
+            for row in rows:
+                waiting.append(pool.submit(reader.read, row, left[row], right[row]))
                 if len(waiting) >= 2 * n_workers:
                     yield waiting.popleft().result()
             while waiting:

@@ -92,3 +92,15 @@ pub fn set_product<T: Real>(result: &mut [T], left: &[T], right: &[T], n_rows: u
     let result = MatMut::from_column_major_slice_mut(&mut result[..n_rows * k], n_rows, k);
     matmul::matmul(result, Accum::Replace, left, right, T::nearest(1.0), Par::Seq);
 }
+
+/// `result = columnsᵀ · columns`, row after row: `columns` (n × m) column after column.
+pub fn set_gram<T: Real>(result: &mut [T], columns: &[T], n_rows: usize) {
+    let _wide = WideRegisters;
+    let m = columns.len() / n_rows.max(1);
+    if result.len() < m * m || n_rows == 0 || m == 0 {
+        return;
+    }
+    let columns = MatRef::from_column_major_slice(&columns[..n_rows * m], n_rows, m);
+    let result = MatMut::from_row_major_slice_mut(&mut result[..m * m], m, m);
+    matmul::matmul(result, Accum::Replace, columns.transpose(), columns, T::nearest(1.0), Par::Seq);
+}

@@ -100,7 +100,7 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
             for one in of_shapes
         ]
         largest = largest_surprise(of_draws, scanner.n_draws)
-        if group is probes:
+        if group is probes and probes:
             waves, drawn = hums(bench, space, scanner)
             own = [*(wave for wave in waves if not _is_of_a_variable(wave, own)), *own]
             largest = np.maximum(largest, drawn)

@@ -1,0 +1,151 @@
+//! Corners, and their covariance from the scatter of what is left.
+
+use nalgebra::{DMatrix, SMatrix};
+
+use super::error::MarkerError;
+use super::homography::{back, points_by_homography};
+use super::lanes::WIDTH;
+use super::model::{FIRST_LEVEL, N_LEVELS, N_UNKNOWNS, State};
+use super::pixels::Pixels;
+use super::products::Products;
+use super::scene::{ROUNDING_GREY, Scene};
+
+/// A pixel at which the model changes with the corners by more than this share of the most is at an edge.
+const STEEP: f32 = 0.05;
+/// So many pixels for each unknown, or there is no covariance.
+const LEAST_PIXELS: usize = 10;
+
+/// Four corners of one marker in one picture.
+#[derive(Clone, Debug)]
+pub struct MarkerFit {
+    /// Undistorted pixels, clockwise from the marker's own top left corner.
+    pub corners_px: [[f64; 2]; 4],
+    /// Covariance of u₀, v₀, u₁, ..., row by row, px².
+    pub covariance_px2: [[f64; 8]; 8],
+    /// Standard deviation of what the model leaves.
+    pub noise_grey: f64,
+    /// White minus black at the marker's centre.
+    pub contrast_grey: f64,
+    /// Standard deviations of the blur along its long and short axis, the pixel's own square included.
+    pub blur_px: [f64; 2],
+    /// Residual near edges over residual in flat areas: 1 where the model is right.
+    pub misfit: f64,
+}
+
+pub(super) fn result(scene: &Scene<'_>, pixels: &Pixels, state: &State) -> Result<MarkerFit, MarkerError> {
+    let used = pixels.kept().iter().filter(|&&kept| kept).count();
+    if used < LEAST_PIXELS * N_UNKNOWNS {
+        return Err(MarkerError::TooFew);
+    }
+    let last = LastLook::new(scene, pixels, state);
+    let covariance = covariance(&last, pixels, used).ok_or(MarkerError::Undetermined)?;
+    let rays = back(&state.homography, &scene.marker_corners);
+    let mut by_homography =
+        points_by_homography(&state.homography, &rays).ok_or(MarkerError::Undetermined)?;
+    for row in 0..8 {
+        by_homography.row_mut(row).scale_mut(scene.ray_scale * scene.lens.focal_px[row % 2]);
+    }
+    let of_homography = SMatrix::<f64, 8, 8>::from_fn(|i, j| covariance[(i, j)]);
+    let of_corners = by_homography * of_homography * by_homography.transpose();
+    let scatter = Scatter::of(&last);
+    Ok(MarkerFit {
+        corners_px: scene.corners_px(&state.homography),
+        covariance_px2: std::array::from_fn(|i| std::array::from_fn(|j| of_corners[(i, j)])),
+        noise_grey: scatter.all,
+        contrast_grey: state.contrast(),
+        blur_px: state.blur_axes(),
+        misfit: scatter.steep / scatter.level.max(ROUNDING_GREY),
+    })
+}
+
+/// Everything at the state that was found.
+struct LastLook {
+    /// `Σ c cᵀ` of pixels near edges.
+    information: Gram,
+    /// The same, each pixel with its squared residual as its weight.
+    by_residual: Gram,
+    /// How steep the picture is, and what is left, of pixels near edges that count.
+    edge: Vec<(f32, f32)>,
+    /// What is left of black pixels and of white ones.
+    flat: [Vec<f32>; 2],
+}
+
+impl LastLook {
+    fn new(scene: &Scene<'_>, pixels: &Pixels, state: &State) -> Self {
+        let (mut information, mut by_residual) = (Products::new(), Products::new());
+        let mut edge: Vec<(f32, f32)> = Vec::with_capacity(pixels.n_edge);
+        pixels.each(
+            state,
+            scene,
+            false,
+            #[inline(always)]
+            |kept, own| {
+                information.add(&own.columns);
+                by_residual.add(&own.columns.map(|column| column * own.residual));
+                let slope = own.columns[2] * own.columns[2] + own.columns[5] * own.columns[5];
+                for lane in 0..WIDTH {
+                    if kept.0[lane] > 0.0 {
+                        edge.push((slope.0[lane].sqrt(), own.residual.0[lane]));
+                    }
+                }
+            },
+        );
+        Self {
+            information: information.finished(),
+            by_residual: by_residual.finished(),
+            edge,
+            flat: pixels.flat.residuals(&state.levels),
+        }
+    }
+}
+
+type Gram = [[f64; N_UNKNOWNS]; N_UNKNOWNS];
+
+/// Each pixel with its own squared residual (White's covariance): bright pixels are noisier than dark ones.
+fn covariance(last: &LastLook, pixels: &Pixels, used: usize) -> Option<DMatrix<f64>> {
+    let (mut information, mut middle) = (last.information, last.by_residual);
+    let of_flat = pixels.flat.weighted_gram(&last.flat);
+    for i in 0..N_LEVELS {
+        for j in 0..N_LEVELS {
+            information[FIRST_LEVEL + i][FIRST_LEVEL + j] += pixels.flat.gram[i][j];
+            middle[FIRST_LEVEL + i][FIRST_LEVEL + j] += of_flat[i][j];
+        }
+    }
+    let whole =
+        |of: &[[f64; N_UNKNOWNS]; N_UNKNOWNS]| DMatrix::from_fn(N_UNKNOWNS, N_UNKNOWNS, |i, j| of[i][j]);
+    let inverse = whole(&information).try_inverse()?;
+    let share = used as f64 / (used - N_UNKNOWNS) as f64;
+    Some(&inverse * whole(&middle) * &inverse * share)
+}
+
+/// Root mean squares of what is left.
+struct Scatter {
+    all: f64,
+    /// At edges.
+    steep: f64,
+    /// Elsewhere.
+    level: f64,
+}
+
+impl Scatter {
+    fn of(last: &LastLook) -> Self {
+        let steep = STEEP * last.edge.iter().fold(0.0_f32, |most, one| most.max(one.0));
+        let squares = |is_steep: Option<bool>, with_flat: bool| {
+            let of_edge = (last.edge.iter())
+                .filter(|one| is_steep.is_none_or(|is| is == (one.0 > steep)))
+                .map(|one| f64::from(one.1));
+            let flat = if with_flat { &last.flat[..] } else { &[] };
+            let (mut sum, mut count) = (0.0, 0_usize);
+            for value in of_edge.chain(flat.iter().flatten().map(|&value| f64::from(value))) {
+                sum += value * value;
+                count += 1;
+            }
+            if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
+        };
+        Self {
+            all: squares(None, true),
+            steep: squares(Some(true), false),
+            level: squares(Some(false), true),
+        }
+    }
+}
