@@ -9,7 +9,6 @@ use super::pixels::Pixels;
 use super::products::Products;
 use super::scene::{PER_MEDIAN, Scene, is_below, largest_step};
 
-const LEAST_CONTRAST_GREY: f64 = 5.0;
 const LEAST_BLUR_PX2: f64 = 0.04;
 /// A pixel that is this far off shows dirt, a scratch or a reflection, not the marker.
 const OUTLIER_SIGMAS: f64 = 6.0;
@@ -92,7 +91,7 @@ fn with_levels(scene: &Scene<'_>, pixels: &Pixels, state: State) -> Result<State
     let levels = solved(&of_levels, &right[FIRST_LEVEL..]).ok_or(MarkerError::NoBlackAndWhite)?;
     let mut state = state;
     state.levels.copy_from_slice(&levels);
-    if state.contrast() > LEAST_CONTRAST_GREY { Ok(state) } else { Err(MarkerError::NoContrast) }
+    if state.has_contrast() { Ok(state) } else { Err(MarkerError::NoContrast) }
 }
 
 /// Normal equations of a step.

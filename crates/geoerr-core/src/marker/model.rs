@@ -10,6 +10,7 @@ pub(super) const FIRST_LEVEL: usize = 11;
 /// Everything that is adjusted: homography, blur, levels.
 pub(super) const N_UNKNOWNS: usize = FIRST_LEVEL + N_LEVELS;
 pub(super) const SATURATED_GREY: f32 = 255.0;
+const LEAST_CONTRAST_GREY: f64 = 5.0;
 
 /// What is being adjusted.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +26,11 @@ impl State {
     /// White minus black at the marker's centre.
     pub(super) fn contrast(&self) -> f64 {
         self.levels[N_LIGHT] - self.levels[0]
+    }
+
+    /// Whether that is enough to tell black from white.
+    pub(super) fn has_contrast(&self) -> bool {
+        self.contrast() > LEAST_CONTRAST_GREY
     }
 
     /// Standard deviations along the long and the short axis.

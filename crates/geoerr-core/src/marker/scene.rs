@@ -16,7 +16,6 @@ pub(super) const PAD: usize = 4;
 pub(super) const ROUNDING_GREY: f64 = 0.289;
 const SMALLEST_MODULE_PX: f64 = 3.0;
 const COARSE_BLUR_PX: f64 = 1.5;
-const LEAST_CONTRAST_GREY: f64 = 5.0;
 /// Median of differences of two normal numbers to their standard deviation.
 pub(super) const PER_MEDIAN: f64 = 1.4826;
 /// Rays are exact at so many Chebyshev nodes each way, and interpolated between (to 10⁻⁸ px).
@@ -241,7 +240,7 @@ impl<'a> Scene<'a> {
         if !is_below(long_px, most) {
             return Err(MarkerError::Blurred { long_px, short_px });
         }
-        if !is_below(LEAST_CONTRAST_GREY, state.contrast()) {
+        if !state.has_contrast() {
             return Err(MarkerError::NoContrast);
         }
         Ok(())
