@@ -80,24 +80,30 @@ class Scanner:
     @cached_property
     def single(self) -> _core.CandidateScene:
         """With draws of noise, in single precision."""
-        parts = [
-            self.space.basis.transpose(1, 0, 2).astype(np.float32),
-            self.space.residual.T[:, :, None].astype(np.float32),
-            self.space.draws(self.n_draws, threads=self.threads).transpose(2, 1, 0),
-        ]
-        return self._scene(np.concatenate(parts, axis=2))
+        return self._scene(self._beside_each_other(self.space.draws(self.n_draws, threads=self.threads)))
 
     @cached_property
     def double(self) -> _core.CandidateScene:
         """Without draws, in double precision."""
-        parts = [self.space.basis.transpose(1, 0, 2), self.space.residual.T[:, :, None]]
-        return self._scene(np.concatenate(parts, axis=2))
+        return self._scene(self._beside_each_other(np.zeros((0, *self.space.rows.shape))))
+
+    def _beside_each_other(self, draws: np.ndarray) -> np.ndarray:
+        """Give basis, residual and draws (n_draws, n, 3) of each component, (3, n, r + 1 + n_draws), as precise as these.
+
+        Written once: in double precision each copy is a hundred megabytes.
+        """
+        n, _, n_basis = self.space.basis.shape
+        whitened = np.empty((3, n, n_basis + 1 + len(draws)), dtype=draws.dtype)
+        whitened[:, :, :n_basis] = self.space.basis.transpose(1, 0, 2)
+        whitened[:, :, n_basis] = self.space.residual.T
+        whitened[:, :, n_basis + 1 :] = draws.transpose(2, 1, 0)
+        return whitened
 
     def _scene(self, whitened: np.ndarray) -> _core.CandidateScene:
         noise = self.space.noise
         starts = np.array([own.start for own in noise.blocks.slices], dtype=np.int64)
         return _core.CandidateScene(
-            np.ascontiguousarray(whitened),
+            whitened,
             self.space.basis.shape[2],
             self.directions,
             noise.sigma.tolist(),

@@ -19,9 +19,10 @@ use super::tile::{Piece, Tile};
 use super::waves::{Wave, families};
 use crate::least_squares::Real;
 
-/// Functions on channels of one tile: so many that groups of other channels seldom sum the same again, and few enough for
-/// a tile's sums to stay in the cache and for every thread to have tiles to the end.
-const PAIRS: usize = 512;
+/// Functions on channels of one tile: so many that groups which share them seldom sum the same again (a bow about some
+/// centre is tried with every temperature and every difference of two), and few enough for every thread to have tiles to
+/// the end.
+const PAIRS: usize = 1024;
 /// Coarser numbers than these only rank, and need no more digits than nodes give.
 const RANKING: f64 = 1e-10;
 

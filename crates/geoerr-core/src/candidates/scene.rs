@@ -8,7 +8,7 @@ use super::error::CandidateError;
 use super::lanes;
 use super::moments::Moments;
 use super::noise::{Noise, length};
-use crate::least_squares::{Real, set_product};
+use crate::least_squares::{Real, set_product, set_product_within};
 
 /// Share of a sum that is rounding, in units of the precision.
 const ROUNDED: f64 = 64.0;
@@ -102,6 +102,15 @@ impl<T: Real> Scene<T> {
             let own = session.start * width..session.end * width;
             // Row after row of one is column after column of its transpose, and the matrix is symmetric.
             set_product(&mut beyond[own.clone()], &sums[own], not_white, width);
+        }
+        beyond
+    }
+
+    /// The same of sums column after column, a number for each block in each.
+    pub(super) fn beyond_white_of_columns(&self, c: usize, sums: &[T]) -> Vec<T> {
+        let mut beyond = vec![T::default(); sums.len()];
+        for (session, not_white) in self.noise.sessions.iter().zip(&self.not_white[c]) {
+            set_product_within(&mut beyond, not_white, sums, self.noise.n_blocks, session.start);
         }
         beyond
     }

@@ -20,6 +20,8 @@ const TAPS: usize = 7;
 /// The grid has so many nodes or more for each wave of the highest frequency: half as many again as Nyquist asks for.
 const NODES_PER_WAVE: usize = 3;
 const FEWEST_NODES: usize = 64;
+/// Places at which a polynomial meets the kernel: between them it misses by 10⁻⁹ of the kernel's largest value.
+const NODES: usize = 12;
 /// Columns that are transformed beside each other.
 const BESIDE: usize = 16;
 
@@ -28,8 +30,18 @@ pub(super) struct Spectrum {
     n_nodes: usize,
     /// How steep the kernel is.
     steepness: f64,
-    /// Row, first node, weights: in the order of the places.
-    spread: Vec<(usize, usize, [f64; TAPS])>,
+    /// Rows in the order of their places.
+    rows: Vec<usize>,
+    places: Vec<Place>,
+}
+
+/// Rows of one place, which are added before they are spread.
+struct Place {
+    /// The first of them in `rows`, and the one after the last.
+    start: usize,
+    end: usize,
+    first_node: usize,
+    weights: [f64; TAPS],
 }
 
 impl Spectrum {
@@ -37,23 +49,28 @@ impl Spectrum {
     pub(super) fn new(turns: &[f64], highest: usize) -> Self {
         let n_nodes = quickly_transformed((NODES_PER_WAVE * highest).max(FEWEST_NODES));
         let steepness = steepness(n_nodes as f64 / (2 * highest.max(1)) as f64);
-        let mut spread: Vec<(usize, usize, [f64; TAPS])> = (turns.iter().enumerate())
+        let mut at: Vec<(usize, f64)> = (turns.iter().enumerate())
             .filter(|(_, turn)| turn.is_finite())
-            .map(|(row, turn)| {
-                let place = (turn - turn.floor()) * n_nodes as f64;
+            .map(|(row, turn)| (row, (turn - turn.floor()) * n_nodes as f64))
+            .collect();
+        at.sort_by(|(row, place), (other_row, other)| place.total_cmp(other).then(row.cmp(other_row)));
+        let kernel = Kernel::new(steepness);
+        let mut end = 0;
+        let places = (at.chunk_by(|one, other| one.1.to_bits() == other.1.to_bits()))
+            .map(|own| {
+                end += own.len();
+                let place = own[0].1;
                 let first = (place - 0.5 * TAPS as f64).ceil();
-                let weights = std::array::from_fn(|tap| kernel(first + tap as f64 - place, steepness));
-                (row, (first + n_nodes as f64) as usize % n_nodes, weights)
+                Place {
+                    start: end - own.len(),
+                    end,
+                    first_node: (first + n_nodes as f64) as usize % n_nodes,
+                    weights: kernel.weights(first - place),
+                }
             })
             .collect();
-        // Rows of one place lie together: they are added before they are spread.
-        spread.sort_by(|(row, first, weights), (other_row, other_first, other)| {
-            (first.cmp(other_first))
-                .then(weights[0].total_cmp(&other[0]))
-                .then(weights[TAPS - 1].total_cmp(&other[TAPS - 1]))
-                .then(row.cmp(other_row))
-        });
-        Self { n_nodes, steepness, spread }
+        let rows = at.into_iter().map(|(row, _)| row).collect();
+        Self { n_nodes, steepness, rows, places }
     }
 
     /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
@@ -69,14 +86,13 @@ impl Spectrum {
         let half = width.div_ceil(2);
         let mut grid = vec![T::default(); self.n_nodes * 2 * half];
         let mut own = vec![T::default(); width];
-        for place in self.spread.chunk_by(|one, other| (one.1, one.2) == (other.1, other.2)) {
+        for place in &self.places {
             own.fill(T::default());
-            for &(row, ..) in place {
+            for &row in &self.rows[place.start..place.end] {
                 add_row(&mut own, row);
             }
-            let (_, first, weights) = place[0];
-            for (tap, weight) in weights.into_iter().enumerate() {
-                let node = (first + tap) % self.n_nodes;
+            for (tap, weight) in place.weights.into_iter().enumerate() {
+                let node = (place.first_node + tap) % self.n_nodes;
                 lanes::add_scaled(&mut grid[node * 2 * half..][..width], T::nearest(weight), &own);
             }
         }
@@ -128,6 +144,40 @@ fn kernel(distance: f64, steepness: f64) -> f64 {
     if inside < 0.0 { 0.0 } else { bessel_i0(steepness * inside.sqrt()) }
 }
 
+/// The kernel between one node of the grid and the next, a polynomial for each tap: its series at every row would take
+/// longer than all else.
+struct Kernel {
+    /// Chebyshev's nodes of the distance of the first tap.
+    nodes: [f64; NODES],
+    /// By tap: divided differences.
+    differences: [[f64; NODES]; TAPS],
+}
+
+impl Kernel {
+    fn new(steepness: f64) -> Self {
+        let half = 0.5 * TAPS as f64;
+        let nodes = std::array::from_fn(|j| 0.5 + 0.5 * (PI * (j as f64 + 0.5) / NODES as f64).cos() - half);
+        let differences = std::array::from_fn(|tap| {
+            let mut own: [f64; NODES] = nodes.map(|distance: f64| kernel(distance + tap as f64, steepness));
+            for order in 1..NODES {
+                for j in (order..NODES).rev() {
+                    own[j] = (own[j] - own[j - 1]) / (nodes[j] - nodes[j - order]);
+                }
+            }
+            own
+        });
+        Self { nodes, differences }
+    }
+
+    /// Weights of all taps, by the distance of the first one.
+    fn weights(&self, distance: f64) -> [f64; TAPS] {
+        self.differences.map(|own| {
+            let above = own[..NODES - 1].iter().zip(&self.nodes).rev();
+            above.fold(own[NODES - 1], |sum, (difference, node)| sum * (distance - node) + difference)
+        })
+    }
+}
+
 /// For a grid of so many times the nodes that are needed, but not many more than twice (Beatty, Nishimura & Pauly 2005).
 fn steepness(oversampling: f64) -> f64 {
     let ratio = oversampling.min(2.0);
@@ -150,4 +200,24 @@ fn bessel_i0(x: f64) -> f64 {
         n += 1.0;
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polynomials_meet_the_kernel() {
+        for oversampling in [1.5, 1.7, 2.0] {
+            let steepness = steepness(oversampling);
+            let (polynomials, most) = (Kernel::new(steepness), kernel(0.0, steepness));
+            for step in 0..=1000 {
+                let distance = f64::from(step) / 1000.0 - 0.5 * TAPS as f64;
+                for (tap, weight) in polynomials.weights(distance).into_iter().enumerate() {
+                    let miss = weight - kernel(distance + tap as f64, steepness);
+                    assert!(miss.abs() < 1e-9 * most, "{oversampling} {distance} {tap}: {miss}");
+                }
+            }
+        }
+    }
 }

@@ -143,15 +143,11 @@ impl<'a, T: Real> Tile<'a, T> {
     /// Adds to the information what is not white.
     fn add_levels(&mut self) {
         let n_blocks = self.scene.noise.n_blocks;
-        let mut blocks_first = Vec::new();
         for (c, level) in self.level.iter().enumerate().filter(|(_, level)| !level.is_empty()) {
-            lanes::transpose(&mut blocks_first, level, n_blocks);
-            let beyond = self.scene.beyond_white(c, &blocks_first, self.pairs.len());
-            let mut of_pairs = Vec::new();
-            lanes::transpose(&mut of_pairs, &beyond, self.pairs.len());
+            let beyond = self.scene.beyond_white_of_columns(c, level);
             for (&[a, b], sum) in self.wanted.iter().zip(&mut self.information) {
                 let [a, b] = [a, b].map(|pair| pair * n_blocks..(pair + 1) * n_blocks);
-                *sum += lanes::dot(&level[a], &of_pairs[b]).double();
+                *sum += lanes::dot(&level[a], &beyond[b]).double();
             }
         }
     }

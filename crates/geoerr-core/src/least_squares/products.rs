@@ -93,6 +93,22 @@ pub fn set_product<T: Real>(result: &mut [T], left: &[T], right: &[T], n_rows: u
     matmul::matmul(result, Accum::Replace, left, right, T::nearest(1.0), Par::Seq);
 }
 
+/// `result = left · right` for some rows of both: `left` (m × m) and all of `right` and `result`, of `n_rows` rows, column
+/// after column; `first` is the first of the m rows.
+pub fn set_product_within<T: Real>(result: &mut [T], left: &[T], right: &[T], n_rows: usize, first: usize) {
+    let _wide = WideRegisters;
+    let m = left.len().isqrt();
+    let k = right.len() / n_rows.max(1);
+    if result.len() < n_rows * k || first + m > n_rows || m == 0 || k == 0 {
+        return;
+    }
+    let (last, m_square) = (n_rows * k, m * m);
+    let left = MatRef::from_column_major_slice(&left[..m_square], m, m);
+    let right = MatRef::from_column_major_slice_with_stride(&right[first..last], m, k, n_rows);
+    let result = MatMut::from_column_major_slice_with_stride_mut(&mut result[first..last], m, k, n_rows);
+    matmul::matmul(result, Accum::Replace, left, right, T::nearest(1.0), Par::Seq);
+}
+
 /// `result = columnsᵀ · columns`, row after row: `columns` (n × m) column after column.
 pub fn set_gram<T: Real>(result: &mut [T], columns: &[T], n_rows: usize) {
     let _wide = WideRegisters;
