@@ -382,14 +382,16 @@ class NoiseBlocks:
     def less_one(
         self, weights: npt.NDArray[np.float64], logs: npt.NDArray[np.float64], threads: int
     ) -> list[list[npt.NDArray[np.float64]]]: ...
-    def fitted_to_draws(
+    def take_off(
         self,
+        drawn: npt.NDArray[np.float32],
+        basis: npt.NDArray[np.float64],
         weights: npt.NDArray[np.float64],
         logs: npt.NDArray[np.float64],
         shortest_memory: float,
-        sums: npt.NDArray[np.float64],
+        size: float,
         threads: int,
-    ) -> npt.NDArray[np.float64]: ...
+    ) -> None: ...
     def whiten(
         self,
         values: npt.NDArray[np.float64],

@@ -195,18 +195,22 @@ def test_a_draw_that_drifts_is_whitened_by_its_own_noise() -> None:
     drawn = rng.standard_normal((*space.rows.shape, 2)) * space.rows[:, :, None]
     slow = np.sin(np.linspace(0.0, 9.0, len(space.rows)))[:, None] * space.rows
     drawn[:, :, 1] += slow
-    before = drawn.copy()
     flat = space.basis.reshape(-1, space.basis.shape[2])
-    inside = flat.T @ drawn.reshape(-1, 2)
-    weights = offset_weights(space.fitted) * space.rows
-    change = space.noise.fit_to_draws(drawn, space.basis, inside, weights)
-    assert flat.T @ drawn.reshape(-1, 2) == pytest.approx(inside + change, abs=1e-9)
-    along = (slow.ravel() / np.linalg.norm(slow)) @ (drawn - before).reshape(-1, 2)
-    was = (slow.ravel() / np.linalg.norm(slow)) @ before.reshape(-1, 2)
+
+    def along(values: np.ndarray) -> np.ndarray:
+        left = values.reshape(-1, 2)
+        return (slow.ravel() / np.linalg.norm(slow)) @ (left - flat @ (flat.T @ left))
+
+    was = along(drawn)
+    whitened = drawn.astype(np.float32)
+    space.noise.take_off(whitened, space.basis, offset_weights(space.fitted) * space.rows)
+    # Single precision, over the root of the number of rows that each product sums.
+    assert float(np.abs(flat.T @ whitened.reshape(-1, 2)).max()) < 1e-4
+    change = along(whitened) - was
     # What chance does not do is taken off only as far as chance goes: trial values end two deviations from the noise.
-    assert was[1] > 20.0
-    assert -0.5 * was[1] < along[1] < -0.1 * was[1]
-    assert abs(along[0]) < 1.5
+    assert was[1] > 10.0
+    assert -0.5 * was[1] < change[1] < -0.1 * was[1]
+    assert abs(change[0]) < 1.5
 
 
 def test_surprise_is_the_tail_of_chi_squared_even_where_it_has_no_number() -> None:

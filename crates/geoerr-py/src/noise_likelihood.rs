@@ -4,7 +4,7 @@ use geoerr_core::least_squares::Matrix;
 use geoerr_core::noise_likelihood::{Blocks, Direction, Likelihood, Logs, Whitening};
 use numpy::{
     IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    PyReadwriteArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -95,30 +95,28 @@ impl PyNoiseBlocks {
         less_one.into_iter().map(|of_component| of_component.into_iter().map(array).collect()).collect()
     }
 
-    /// By how much Uᵀ w (3, n_blocks, n_draws) of each draw changes when the noise is fitted to it.
-    fn fitted_to_draws<'py>(
+    /// Takes off whitened draws (n, 3, n_draws), in place, a basis (n, 3, r) and what a fit of their noise would.
+    #[expect(clippy::too_many_arguments, reason = "the draws, and all that a fit of their noise depends on")]
+    fn take_off(
         &self,
-        py: Python<'py>,
-        weights: PyReadonlyArray2<'py, f64>,
-        logs: PyReadonlyArray2<'py, f64>,
+        py: Python<'_>,
+        mut drawn: PyReadwriteArray3<'_, f32>,
+        basis: PyReadonlyArray3<'_, f64>,
+        weights: PyReadonlyArray2<'_, f64>,
+        logs: PyReadonlyArray2<'_, f64>,
         shortest_memory: f64,
-        sums: PyReadonlyArray3<'py, f64>,
+        size: f64,
         threads: usize,
-    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    ) -> PyResult<()> {
         let (weights, logs) = (rows::<3>(&weights, "weights")?, logs_of(&logs)?);
-        let refused =
-            || CoreError::shape("sums must be a C-contiguous (3, n_blocks, n_draws) array of float64");
-        let all = contiguous(&sums, refused)?;
-        let shape = [sums.shape()[0], sums.shape()[1], sums.shape()[2]];
-        if shape[..2] != [3, self.blocks.len()] {
-            return Err(refused().into());
-        }
-        let size = shape[1] * shape[2];
-        let own = [0, 1, 2].map(|c| &all[c * size..(c + 1) * size]);
-        let changes = enter_core(py, threads, || {
-            self.blocks.fitted_to_draws(weights, &logs, shortest_memory, own, shape[2])
-        })?;
-        changes.concat().into_pyarray(py).reshape(shape)
+        let (basis, _) = three_wide(&basis, "basis")?;
+        let n_draws = drawn.shape()[2];
+        let drawn = drawn
+            .as_slice_mut()
+            .map_err(|_| CoreError::shape("draws must be a C-contiguous (n, 3, n_draws) array of float32"))?;
+        enter_core(py, threads, || {
+            self.blocks.take_off(drawn, n_draws, basis, weights, &logs, shortest_memory, size)
+        })
     }
 
     #[expect(clippy::too_many_arguments, reason = "what whitens, and what is whitened")]

@@ -182,45 +182,33 @@ class NoiseModel:
         )
         return whitened.reshape(values.shape)
 
-    def fit_to_draws(
-        self,
-        drawn: np.ndarray,
-        basis: Numbers,
-        inside: np.ndarray,
-        weights: Numbers,
-        *,
-        size: float = 1.0,
-        threads: int = 0,
-    ) -> Numbers:
-        """Whiten whitened draws (n, 3, n_draws) in place by the noise that would be fitted to each.
+    def take_off(
+        self, drawn: np.ndarray, basis: Numbers, weights: Numbers, *, size: float = 1.0, threads: int = 0
+    ) -> None:
+        """Take off whitened draws (n, 3, n_draws), in place, what a fit is free to do, and whiten each by its noise.
+
+        That is the noise that would be fitted to it: what looks like a drift is taken for one.
 
         Parameters
         ----------
-        basis, inside
-            Orthonormal columns (n, 3, r) of what a fit is free to do, and their products with the draws (r, n_draws).
+        drawn
+            In single precision, C-contiguous.
+        basis
+            Orthonormal columns (n, 3, r) of what a fit is free to do.
         weights
             As for `NoiseSums`.
         size
             Standard deviation of the draws, where tails were cut off.
-
-        Returns
-        -------
-        (r, n_draws)
-            By how much the products change.
         """
-        of_basis = [unit.T @ basis[:, c] for c, unit in enumerate(self.unit)]
-        off_basis = zip(self.unit, of_basis, strict=True)
-        sums = np.stack([unit.T @ drawn[:, c] - own @ inside for c, (unit, own) in enumerate(off_basis)])
-        changes = size * self.blocks.core.fitted_to_draws(
+        self.blocks.core.take_off(
+            drawn,
+            np.ascontiguousarray(basis),
             np.ascontiguousarray(weights),
             self.logs,
             self.blocks.shortest,
-            np.ascontiguousarray(sums / max(size, 1e-300), dtype=np.float64),
+            size,
             threads,
         )
-        for c, unit in enumerate(self.unit):
-            drawn[:, c] += unit @ changes[c]
-        return np.asarray(sum(own.T @ change for own, change in zip(of_basis, changes, strict=True)))
 
     @property
     def logs(self) -> Numbers:

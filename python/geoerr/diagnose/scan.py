@@ -88,7 +88,7 @@ class Scanner:
         return self._scene(self._beside_each_other(np.zeros((0, *self.space.rows.shape))))
 
     def _beside_each_other(self, draws: np.ndarray) -> np.ndarray:
-        """Give basis, residual and draws (n_draws, n, 3) of each component, (3, n, r + 1 + n_draws), as precise as these.
+        """Give basis, residual and draws (n_draws, n, 3) by component, (3, n, r + 1 + n_draws), as precise as these.
 
         Written once: in double precision each copy is a hundred megabytes.
         """

@@ -81,21 +81,18 @@ class Space:
         estimated with. Every draw is whitened by the noise that would be fitted to it, as the residual was by its own
         (`geoerr_core::noise_likelihood::draws`). Always the same draws of the same residual.
         """
-        basis = self.basis.reshape(-1, self.basis.shape[2]).astype(np.float32)
         counts = self.rows.reshape(-1) > 0.0
-        own = 1.0 - np.einsum("ir,ir->i", basis, basis)
+        own = 1.0 - np.einsum("ncr,ncr->nc", self.basis, self.basis).reshape(-1)
         residual = self.residual.reshape(-1)[counts] / np.sqrt(np.maximum(own[counts], _OWN))
         rng = np.random.default_rng(_SEED)
-        drawn = np.zeros((len(counts), n_draws), dtype=np.float32)
         picked = rng.integers(0, 2 * len(residual), size=(len(residual), n_draws), dtype=np.int32)
+        drawn = np.zeros((len(counts), n_draws), dtype=np.float32)
         drawn[counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
-        inside = basis.T @ drawn
+        drawn = drawn.reshape(*self.rows.shape, n_draws)
+        size = float(np.sqrt((self.residual**2).sum() / max(self.n_numbers - self.basis.shape[2], 1)))
         weights = _counting_weights(self.fitted, self.rows)
-        size = float(np.sqrt((self.residual**2).sum() / max(self.n_numbers - len(inside), 1)))
-        whitened = drawn.reshape(*self.rows.shape, n_draws)
-        inside += self.noise.fit_to_draws(whitened, self.basis, inside, weights, size=size, threads=threads)
-        drawn -= basis @ inside
-        return drawn.T.reshape(n_draws, *self.rows.shape)
+        self.noise.take_off(drawn, self.basis, weights, size=size, threads=threads)
+        return drawn.transpose(2, 0, 1)
 
     @cached_property
     def basis_back(self) -> Numbers:

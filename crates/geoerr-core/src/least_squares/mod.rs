@@ -34,7 +34,10 @@ pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
 pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};
 pub use matrix::Matrix;
 pub use orthonormal::{orthonormal, orthonormalizing};
-pub use products::{Real, add_product_of_rows, set_gram, set_product, set_product_within};
+pub use products::{
+    Real, add_cross_product, add_product_by_rows, add_product_of_rows, set_gram, set_product,
+    set_product_within,
+};
 pub use rank::RankDecision;
 pub use registers::clear_wide_registers;
 pub use restriction::Restriction;

@@ -109,6 +109,33 @@ pub fn set_product_within<T: Real>(result: &mut [T], left: &[T], right: &[T], n_
     matmul::matmul(result, Accum::Replace, left, right, T::nearest(1.0), Par::Seq);
 }
 
+/// `sum += leftᵀ · right`, all row after row: `left` (n × m), `right` (n × k).
+pub fn add_cross_product<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize) {
+    let _wide = WideRegisters;
+    let (m, k) = (left.len() / n_rows.max(1), right.len() / n_rows.max(1));
+    if sum.len() < m * k || n_rows == 0 || m == 0 || k == 0 {
+        return;
+    }
+    let left = MatRef::from_row_major_slice(&left[..n_rows * m], n_rows, m);
+    let right = MatRef::from_row_major_slice(&right[..n_rows * k], n_rows, k);
+    let sum = MatMut::from_row_major_slice_mut(&mut sum[..m * k], m, k);
+    matmul::matmul(sum, Accum::Add, left.transpose(), right, T::nearest(1.0), Par::Seq);
+}
+
+/// `sum += scale · left · right`, all row after row: `left` (n × m), `right` (m × k).
+pub fn add_product_by_rows<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize, scale: f64) {
+    let _wide = WideRegisters;
+    let m = left.len() / n_rows.max(1);
+    let k = right.len() / m.max(1);
+    if sum.len() < n_rows * k || n_rows == 0 || m == 0 || k == 0 {
+        return;
+    }
+    let left = MatRef::from_row_major_slice(&left[..n_rows * m], n_rows, m);
+    let right = MatRef::from_row_major_slice(&right[..m * k], m, k);
+    let sum = MatMut::from_row_major_slice_mut(&mut sum[..n_rows * k], n_rows, k);
+    matmul::matmul(sum, Accum::Add, left, right, T::nearest(scale), Par::Seq);
+}
+
 /// `result = columnsᵀ · columns`, row after row: `columns` (n × m) column after column.
 pub fn set_gram<T: Real>(result: &mut [T], columns: &[T], n_rows: usize) {
     let _wide = WideRegisters;

@@ -41,6 +41,7 @@ mod evaluate;
 mod filter;
 mod fit;
 mod lanes;
+mod off_basis;
 mod slopes;
 mod sums;
 mod whitening;

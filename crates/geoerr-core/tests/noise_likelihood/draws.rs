@@ -177,3 +177,64 @@ fn no_draws_and_components_without_numbers_change_nothing_and_lengths_are_held_t
     assert!(scene.blocks.fitted_to_draws(&weights, &logs, SHORTEST, [&sums, &sums, &sums[1..]], 2).is_err());
     assert!(scene.blocks.fitted_to_draws(&weights[1..], &logs, SHORTEST, [&sums; 3], 2).is_err());
 }
+
+#[test]
+fn what_is_taken_off_is_as_written_out_for_any_number_of_threads() {
+    let scene = Scene::new();
+    let logs: [Logs; 3] = [[0.0, -3.0, -2.0, -1.0], [0.0, -16.0, -16.0, 0.0], [0.0, -1.0, -16.0, 0.0]];
+    let (n, n_draws, size) = (scene.n_rows, 7, 0.8);
+    let mut draws = Draws::new(23);
+    let drawn: Vec<f32> = (0..3 * n * n_draws).map(|_| (size * draws.normal()) as f32).collect();
+    let by = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut own = drawn.clone();
+        let (basis, weights) = (&scene.basis, &scene.weights);
+        pool.install(|| scene.blocks.take_off(&mut own, n_draws, basis, weights, &logs, SHORTEST, size))
+            .unwrap();
+        own
+    };
+    let found = by(1);
+    assert_eq!(found, by(2));
+    assert_eq!(found, by(5));
+
+    let off_basis = |values: &[f64]| -> Vec<f64> {
+        let mut left = values.to_vec();
+        for column in 0..6 {
+            let inside: f64 = (0..3 * n).map(|at| scene.basis[6 * at + column] * values[at]).sum();
+            (0..3 * n).for_each(|at| left[at] -= scene.basis[6 * at + column] * inside);
+        }
+        left
+    };
+    let column =
+        |draw: usize| -> Vec<f64> { (0..3 * n).map(|at| f64::from(drawn[at * n_draws + draw])).collect() };
+    let left: Vec<Vec<f64>> = (0..n_draws).map(|draw| off_basis(&column(draw))).collect();
+    let sums = [0, 1, 2].map(|c| {
+        let mut own = vec![0.0; 80 * n_draws];
+        for (draw, left) in left.iter().enumerate() {
+            let rows: Vec<[f64; 3]> = left.as_chunks::<3>().0.to_vec();
+            for (block, sum) in scene.sums(&rows, c).into_iter().enumerate() {
+                own[block * n_draws + draw] = sum / size;
+            }
+        }
+        own
+    });
+    let own = sums.each_ref().map(Vec::as_slice);
+    let changes = scene.blocks.fitted_to_draws(&scene.weights, &logs, SHORTEST, own, n_draws).unwrap();
+    for draw in 0..n_draws {
+        let mut expected = column(draw);
+        for (at, value) in expected.iter_mut().enumerate() {
+            *value += size * changes[at % 3][at / 36 * n_draws + draw] / 12.0_f64.sqrt();
+        }
+        for (at, value) in off_basis(&expected).into_iter().enumerate() {
+            // Single precision, of numbers of about 1.
+            let miss = f64::from(found[at * n_draws + draw]) - value;
+            assert!(miss.abs() < 1e-5, "{at} {draw}: {miss}");
+        }
+    }
+    let mut short = drawn[1..].to_vec();
+    let (basis, weights) = (&scene.basis, &scene.weights);
+    assert!(scene.blocks.take_off(&mut short, n_draws, basis, weights, &logs, SHORTEST, size).is_err());
+    let mut own = drawn.clone();
+    assert!(scene.blocks.take_off(&mut own, n_draws, &basis[1..], weights, &logs, SHORTEST, size).is_err());
+    assert!(scene.blocks.take_off(&mut own, n_draws, basis, &weights[1..], &logs, SHORTEST, size).is_err());
+}
