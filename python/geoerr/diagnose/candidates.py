@@ -142,6 +142,7 @@ def candidates_of(
     lacking = {effect.id for _, effect, *_ in offered}
     not_offered: list[tuple[str, str]] = []
     still = _still_axes(fitted)
+    time_range_s = clock_span_s(sightings) or DEFAULT_TIME_RANGE_S
     for effect in known:
         if effect.is_smooth:
             if effect.id not in lacking:
@@ -160,7 +161,7 @@ def candidates_of(
                 continue
             terms, refined = (
                 [term for term in own if not _stands_still(fitted, term, still)]
-                for own in _terms(effect, reference, fitted, columns)
+                for own in _terms(effect, reference, fitted, columns, time_range_s)
             )
             if terms:
                 offered.append((reference, effect, terms, refined))
@@ -205,11 +206,13 @@ def _stands_still(fitted: Fitted, term: Term, still: set[str]) -> bool:
 
 
 def _terms(
-    effect: Effect, reference: EffectReference, fitted: Fitted, columns: Sequence[str]
+    effect: Effect,
+    reference: EffectReference,
+    fitted: Fitted,
+    columns: Sequence[str],
+    time_range_s: tuple[float, float],
 ) -> tuple[list[Term], list[Term]]:
     """Give the term of every form of a candidate, lagged and not; those of forms that refine another one apart."""
-    sightings = fitted.sightings
-    span = clock_span_s(sightings) or DEFAULT_TIME_RANGE_S
     plain: list[Term] = []
     refined: list[Term] = []
     for form in effect.forms:
@@ -229,8 +232,8 @@ def _terms(
                         fitted.machine,
                         lagged=lagged,
                         form=form.name,
-                        time_range_s=span,
-                        n_sessions=len(sightings.sessions),
+                        time_range_s=time_range_s,
+                        n_sessions=len(fitted.sightings.sessions),
                     )
                 )
             except InputFileError:
