@@ -197,7 +197,8 @@ def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], referenc
     if is_worth_asking(held_out_um(before), held_out_um(after)):
         chosen = choose_again(after)
         if chosen is not None:
-            after = data.fitted(model, chosen)
+            # The same rows, joined and placed already.
+            after = after.again(chosen)
     if not _are_of_the_same_rows(before, after) or before is own.fitted:
         before = _before(model, own, after)
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])

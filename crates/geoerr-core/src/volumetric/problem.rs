@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::shared_bases::SharedBases;
 use super::term::{Shape, VolumetricModel};
 use super::values::check_parameters;
 use super::{ChannelValues, Frame, Rows, VolumetricError, channel_values};
@@ -51,6 +52,7 @@ pub struct State {
 #[derive(Debug, Clone)]
 pub struct Problem {
     model: VolumetricModel,
+    bases: SharedBases,
     sightings: Sightings,
     /// Places of the free inner parameters.
     free_inner: Vec<usize>,
@@ -113,7 +115,9 @@ impl Problem {
             })
             .collect();
         let n_columns = next + sightings.n_shared;
-        Ok(Self { model, sightings, free_inner, first_frame_column, first_shared_column: next, n_columns })
+        let bases = SharedBases::of(model.parts().map(|(_, part)| part));
+        let first_shared_column = next;
+        Ok(Self { model, bases, sightings, free_inner, first_frame_column, first_shared_column, n_columns })
     }
 
     /// The model.
@@ -449,6 +453,7 @@ impl Block<'_> {
         let model = &self.problem.model;
         let rows = &self.problem.sightings.rows;
         let n_rows = rows.len();
+        let supports = self.problem.bases.supports(places.iter().map(|&row| &rows.q_mm[row]));
         for (number, (term, part)) in model.parts().enumerate() {
             let directions: Vec<[f64; 3]> =
                 sights.iter().map(|sight| sight.direction(part.channel, part.factor)).collect();
@@ -459,11 +464,11 @@ impl Block<'_> {
                 }
             };
             match &part.shape {
-                Shape::Basis { axis, basis } => {
-                    let mut functions = vec![0.0; basis.len()];
-                    for (at, (&row, direction)) in places.iter().zip(&directions).enumerate() {
-                        let (begin, count) = basis.support(rows.q_mm[row][axis.index()], &mut functions);
-                        for (k, &value) in functions[..count].iter().enumerate() {
+                Shape::Basis { .. } => {
+                    let own = &supports[self.problem.bases.of_part(number)];
+                    for (at, direction) in directions.iter().enumerate() {
+                        let (begin, functions) = own.at(at);
+                        for (k, &value) in functions.iter().enumerate() {
                             visit(first + begin + k, at, &direction.map(|along| along * value));
                         }
                     }
