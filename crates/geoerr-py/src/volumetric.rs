@@ -583,11 +583,11 @@ impl PyFitTriangle {
         if further.n_columns() != own.n_columns() {
             return Err(CoreError::shape("a constraint has one number for each unknown").into());
         }
-        let rows = Matrix::from_fn(own.n_rows() + further.n_rows(), own.n_columns(), |row, column| {
-            match row.checked_sub(own.n_rows()) {
-                None => own[(row, column)],
-                Some(row) => further[(row, column)],
-            }
+        let rows = Matrix::from_fn(own.n_rows() + further.n_rows(), own.n_columns(), |row, column| match row
+            .checked_sub(own.n_rows())
+        {
+            None => own[(row, column)],
+            Some(row) => further[(row, column)],
         });
         let restriction = if rows.n_rows() == 0 { Restriction::None } else { Restriction::Constraints(rows) };
         let options = Options { restriction, rank_tolerance: Some(PRACTICAL_RANK), ..Options::default() };

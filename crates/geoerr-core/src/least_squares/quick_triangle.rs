@@ -9,7 +9,7 @@
 //! step that turns them). Björck 1996, 2.2.4 (error of normal equations after column scaling).
 //!
 //! # Verified
-//! `tests/least_squares/quick_triangle.rs`: rank, null space, covariance and steps against those of QR.
+//! `tests/least_squares/quick_triangle.rs`: rank, null space, covariance and steps against those of QR, in a restriction too.
 
 use super::blocks::{Design, Spares, tree};
 use super::dense;
@@ -83,8 +83,9 @@ fn from_gram<D: Design + ?Sized>(
         return Ok(None);
     }
     let (unit, scale) = scaled_gram(&gram, n)?;
-    let well_conditioned =
-        |matrix: Matrix| cholesky_with_condition(matrix).filter(|(_, condition)| *condition < CONDITION_LIMIT);
+    let well_conditioned = |matrix: Matrix| {
+        cholesky_with_condition(matrix).filter(|(_, condition)| *condition < CONDITION_LIMIT)
+    };
     let (mut triangle, is_held) = if let Some((triangle, _)) = well_conditioned(unit.clone()) {
         (triangle, false)
     } else if let Some((triangle, _)) = held(&unit, &scale, constraints).and_then(well_conditioned) {

@@ -89,9 +89,8 @@ impl Triangle {
             }
         }
         let is_held = self.norms.is_some() || other.norms.is_some();
-        let norms = is_held.then(|| {
-            self.norms().iter().zip(other.norms()).map(|(one, other)| one.hypot(other)).collect()
-        });
+        let norms = is_held
+            .then(|| self.norms().iter().zip(other.norms()).map(|(one, other)| one.hypot(other)).collect());
         Ok(Self {
             n_rows: self.n_rows + other.n_rows,
             n_columns: self.n_columns,
@@ -102,7 +101,8 @@ impl Triangle {
 
     /// Norms of the columns of A.
     pub(super) fn norms(&self) -> Vec<f64> {
-        let of_whole = || (0..self.n_columns).map(|column| norm(&self.whole.column(column)[..self.n_columns]));
+        let of_whole =
+            || (0..self.n_columns).map(|column| norm(&self.whole.column(column)[..self.n_columns]));
         self.norms.clone().unwrap_or_else(|| of_whole().collect())
     }
 

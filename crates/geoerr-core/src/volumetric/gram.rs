@@ -10,7 +10,7 @@ use crate::arithmetic::in_wide_registers;
 use crate::least_squares::{Forms, Matrix};
 
 /// Sightings of one sum. The sums are added up in their order, whatever thread made them.
-const SIGHTINGS: usize = 2048;
+const SIGHTINGS: usize = 1024;
 /// Sightings whose entries are gathered together: they fit into the cache.
 const TOGETHER: usize = 64;
 /// Columns that are multiplied at once; runs are filled up with zeros to whole lanes.
@@ -120,7 +120,9 @@ impl Block<'_> {
             .map(|(chunk, rows)| {
                 let mut sum = vec![0.0; size];
                 let mut add = adding();
-                self.each_sighting(rows, row_scale, |at, entries| add(&mut sum, SIGHTINGS * chunk + at, entries));
+                self.each_sighting(rows, row_scale, |at, entries| {
+                    add(&mut sum, SIGHTINGS * chunk + at, entries)
+                });
                 sum
             })
             .collect();

@@ -60,11 +60,7 @@ pub(super) struct Supports {
 }
 
 impl Supports {
-    fn of<'a>(
-        axis: Axis,
-        basis: &Basis,
-        positions_mm: impl ExactSizeIterator<Item = &'a [f64; 3]>,
-    ) -> Self {
+    fn of<'a>(axis: Axis, basis: &Basis, positions_mm: impl ExactSizeIterator<Item = &'a [f64; 3]>) -> Self {
         let width = basis.most_support();
         let mut values = vec![0.0; width * positions_mm.len()];
         let begins = positions_mm
