@@ -173,11 +173,13 @@ def determined_values(
     # What the data do not determine of the function says nothing of its shape.
     determined = np.eye(len(coefficients)) - _onto(null_space)
     design = basis_of(basis).evaluate(places) @ determined
-    spread, direction = np.linalg.eigh(design @ covariance @ design.T)
+    # There are more places than functions: values at them differ along no other directions than the functions'.
+    along, functions = np.linalg.qr(design)
+    spread, direction = np.linalg.eigh(functions @ covariance @ functions.T)
     keep = spread > _RANK * max(float(spread[-1]), 0.0)
     if not keep.any():
         return None
-    whiten = direction[:, keep].T / np.sqrt(spread[keep])[:, None]
+    whiten = (along @ direction[:, keep]).T / np.sqrt(spread[keep])[:, None]
     return places, design, whiten, whiten @ (design @ coefficients)
 
 
