@@ -3,6 +3,8 @@
 //! A sighting sees of every function along an axis the few splines about its position, and of all frames its own: some
 //! eighty entries of five hundred. They lie in runs of neighbouring columns, and the product of two runs is a small block.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::problem::Block;
@@ -13,6 +15,8 @@ use crate::least_squares::{Forms, Matrix};
 const SIGHTINGS: usize = 1024;
 /// Sightings whose entries are gathered together: they fit into the cache.
 const TOGETHER: usize = 64;
+/// Rows and columns of a tile of a matrix: two of them fit into the nearest cache.
+const TILE: usize = 32;
 /// Columns that are multiplied at once; runs are filled up with zeros to whole lanes.
 const LANES: usize = 4;
 
@@ -50,8 +54,7 @@ impl Block<'_> {
             }
         });
         let (gram, products) = total.split_at(n * stride);
-        let both = |row: usize, column: usize| gram[row * stride + column] + gram[column * stride + row];
-        (Matrix::from_fn(n, n, both), products.to_vec())
+        (with_transposed(gram, n, stride), products.to_vec())
     }
 
     /// Of each of the three numbers of some sightings, `a` a row of the whitened design, `aᵀx` for a direction x (n) and
@@ -148,6 +151,24 @@ impl Block<'_> {
             entries.iter().enumerate().for_each(|(at, entries)| visit(TOGETHER * chunk + at, entries));
         }
     }
+}
+
+/// `H + Hᵀ` (n, n) of a square H by rows, tile by tile: what is read across its rows stays in the cache.
+fn with_transposed(half: &[f64], n: usize, stride: usize) -> Matrix {
+    let mut sum = Matrix::zeros(n, n);
+    for (columns, rows) in tiles(n).flat_map(|columns| tiles(n).map(move |rows| (columns.clone(), rows))) {
+        for column in columns {
+            let target = &mut sum.column_mut(column)[rows.clone()];
+            for (value, row) in target.iter_mut().zip(rows.clone()) {
+                *value = half[row * stride + column] + half[column * stride + row];
+            }
+        }
+    }
+    sum
+}
+
+fn tiles(n: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..n).step_by(TILE).map(move |first| first..n.min(first + TILE))
 }
 
 fn all_rows(row_scale: &[f64]) -> Vec<usize> {

