@@ -555,7 +555,7 @@ class FitSolution:
 class FitTriangle:
     """What a whitened design leaves behind."""
 
-    def solve(self, constraints: npt.NDArray[np.float64], threads: int) -> FitSolution: ...
+    def solve(self, further: npt.NDArray[np.float64] | None, threads: int) -> FitSolution: ...
 
 @final
 class FitProblem:
@@ -593,6 +593,7 @@ class FitProblem:
         self,
         state: FitState,
         row_scale: npt.NDArray[np.float64],
+        constraints: npt.NDArray[np.float64],
         prior: npt.NDArray[np.float64] | None,
         threads: int,
     ) -> FitTriangle: ...

@@ -76,7 +76,7 @@ def in_sessions(moves: list[Move], names: Sequence[str]) -> list[Move]:
     return [replace(move, session=name) for move, name in zip(moves, names, strict=True)]
 
 
-def design_of_li(machine: Machine) -> tuple[Numbers, _core.FitTriangle, Numbers]:
+def design_of_li(machine: Machine, held_to: Numbers | None = None) -> tuple[Numbers, _core.FitTriangle, Numbers]:
     """Whitened columns of Li's nine lines with every target's place unknown; the triangle; the fit's gauge."""
     observations = observe(
         machine,
@@ -116,7 +116,8 @@ def design_of_li(machine: Machine) -> tuple[Numbers, _core.FitTriangle, Numbers]
     design = problem.design(problem.start, scale, 0, len(sightings), 1)
     gauge = np.zeros((24, problem.n_columns))
     gauge[:, : compiled.n_coefficients] = gauge_rows(terms)
-    return design, problem.triangle(problem.start, scale, None, 1), gauge
+    held = np.zeros((0, problem.n_columns)) if held_to is None else np.vstack([gauge, held_to])
+    return design, problem.triangle(problem.start, scale, held, None, 1), gauge
 
 
 def rank_of(design: Numbers) -> int:
@@ -140,7 +141,7 @@ def test_nine_lines_count() -> None:
     design, triangle, gauge = design_of_li(machine_of(CHAIN))
     assert design.shape[1] == 18 * 5 + 3 + 6 + 7 * 3 == 120
     assert rank_of(design) == 93
-    bare = triangle.solve(np.zeros((0, 120)), 1)
+    bare = triangle.solve(None, 1)
     assert bare.rank == 93
     assert bare.null_space.shape == (120, 27)
     # Nothing but bends is determined of a function: each has a constant that is free.
@@ -158,6 +159,20 @@ def test_nine_lines_count() -> None:
     first_place[:, 99:102] = np.eye(3)
     whole = triangle.solve(np.vstack([gauge, first_place]), 1)
     assert (whole.rank, whole.null_space.shape[1]) == (93, 0)
+
+
+def test_a_triangle_that_is_made_for_its_gauge_is_solved_as_one_that_is_held_to_it_after() -> None:
+    _, triangle, gauge = design_of_li(machine_of(CHAIN))
+    first_place = np.zeros((3, 120))
+    first_place[:, 99:102] = np.eye(3)
+    # With three directions that stay free, with none, and with constraints that come later.
+    for early, late in [(first_place[:0], first_place[:0]), (first_place, first_place[:0]), (gauge[:0], first_place)]:
+        _, held, _ = design_of_li(machine_of(CHAIN), early)
+        after, before = triangle.solve(np.vstack([gauge, early, late]), 1), held.solve(late, 1)
+        assert after.rank == before.rank == 93
+        assert after.is_determined == before.is_determined
+        covariance, same = (one.covariance_root @ one.covariance_root.T for one in (after, before))
+        assert covariance == pytest.approx(same, abs=1e-9 * float(np.abs(same).max()))
 
 
 @pytest.mark.parametrize("chain", ALL_CHAINS)

@@ -3,6 +3,7 @@
 use geoerr_core::bases::Basis;
 use geoerr_core::expression::{Definitions, Expression, Symbols};
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Pose};
+use geoerr_core::least_squares::Matrix;
 use geoerr_core::volumetric::{
     Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, channel_values, displacements,
 };
@@ -224,6 +225,39 @@ fn the_gram_matrix_is_that_of_the_design() {
                 assert!(
                     (squares[(other, along)] - expected).abs() <= 1e-14 * size,
                     "{chain} {other} {along}"
+                );
+            }
+        }
+        // Of some rows alone, and what each of them makes of a direction and of a matrix.
+        let some: Vec<usize> = (0..n_rows).rev().step_by(3).collect();
+        let numbers: Vec<[f64; 3]> = some.iter().map(|_| [(); 3].map(|()| draws.symmetric())).collect();
+        let (own, products) = block.gram_and_products(&some, &numbers, &scale);
+        let forms = block.forms_of(&some, &scale, directions.column(0), &gram);
+        let mut expected = (Matrix::zeros(n, n), vec![0.0; n]);
+        for (at, row) in some.iter().enumerate() {
+            for c in 0..3 {
+                let a: Vec<f64> = columns.iter().map(|column| column[3 * row + c]).collect();
+                for one in 0..n {
+                    expected.1[one] += a[one] * numbers[at][c];
+                    (0..n).for_each(|two| expected.0[(one, two)] += a[one] * a[two]);
+                }
+                let along: f64 = a.iter().zip(directions.column(0)).map(|(a, x)| a * x).sum();
+                let sizes: f64 = a.iter().zip(directions.column(0)).map(|(a, x)| (a * x).abs()).sum();
+                assert!((forms.along[3 * at + c] - along).abs() <= 1e-13 * sizes, "{chain} {row} {c}");
+                let pairs = || (0..n).flat_map(|one| (0..n).map(move |two| (one, two)));
+                let square: f64 = pairs().map(|(one, two)| a[one] * gram[(one, two)] * a[two]).sum();
+                let sizes: f64 = pairs().map(|(one, two)| (a[one] * gram[(one, two)] * a[two]).abs()).sum();
+                assert!((forms.squares[3 * at + c] - square).abs() <= 1e-13 * sizes, "{chain} {row} {c}");
+            }
+        }
+        for one in 0..n {
+            let size = gram[(one, one)].sqrt();
+            assert!((products[one] - expected.1[one]).abs() <= 1e-12 * size, "{chain} {one}");
+            for two in 0..n {
+                let size = size * gram[(two, two)].sqrt();
+                assert!(
+                    (own[(one, two)] - expected.0[(one, two)]).abs() <= 1e-13 * size,
+                    "{chain} {one} {two}"
                 );
             }
         }

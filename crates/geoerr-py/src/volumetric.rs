@@ -428,30 +428,30 @@ impl PyFitProblem {
         Ok(PyFitState { state })
     }
 
-    /// The triangle of the whitened design at a state; `prior` (p, n) are further rows that hold unknowns near 0.
+    /// The triangle of the whitened design at a state, for solutions x with `C x = 0`: C (k, n) the `constraints`.
+    /// `prior` (p, n) are further rows that hold unknowns near 0.
     fn triangle<'py>(
         &self,
         py: Python<'py>,
         state: &PyFitState,
         row_scale: PyReadonlyArray1<'py, f64>,
+        constraints: PyReadonlyArray2<'py, f64>,
         prior: Option<PyReadonlyArray2<'py, f64>>,
         threads: usize,
     ) -> PyResult<PyFitTriangle> {
         let (problem, state) = (&self.problem, &state.state);
         let row_scale = numbers(&row_scale, "row_scale")?;
-        let prior = prior.map(|prior| {
-            let prior = prior.as_array();
-            Matrix::from_fn(prior.nrows(), prior.ncols(), |row, column| prior[[row, column]])
-        });
+        let constraints = matrix_of(&constraints);
+        let prior = prior.map(|prior| matrix_of(&prior));
         let triangle = enter_core(py, threads, || {
             let design = WhitenedDesign::without_residuals(problem, state, row_scale)?;
-            let mut triangle = Triangle::for_rank(&design, PRACTICAL_RANK)?;
+            let mut triangle = Triangle::for_rank_within(&design, PRACTICAL_RANK, &constraints)?;
             if let Some(prior) = &prior {
                 triangle.append(prior)?;
             }
             Ok::<_, geoerr_core::volumetric::VolumetricError>(triangle)
         })?;
-        Ok(PyFitTriangle::new(triangle))
+        Ok(PyFitTriangle { triangle, constraints })
     }
 
     /// `Aᵀ r` (n_columns,) of the whitened design at a state.
@@ -560,25 +560,35 @@ const PRACTICAL_RANK: f64 = 1e-5;
 #[pyclass(frozen, name = "FitTriangle", module = "geoerr._core")]
 pub struct PyFitTriangle {
     triangle: Triangle,
+    /// Those that every solution keeps (k, n).
+    constraints: Matrix,
 }
 
-impl PyFitTriangle {
-    fn new(triangle: Triangle) -> Self {
-        Self { triangle }
-    }
+fn matrix_of(array: &PyReadonlyArray2<'_, f64>) -> Matrix {
+    let array = array.as_array();
+    Matrix::from_fn(array.nrows(), array.ncols(), |row, column| array[[row, column]])
 }
 
 #[pymethods]
 impl PyFitTriangle {
-    /// Solves with `constraints` (k, n): `C x = 0` holds exactly.
+    /// Solves with the constraints that the triangle was made for, and `further` ones (k, n): `C x = 0` holds exactly.
     fn solve<'py>(
         &self,
         py: Python<'py>,
-        constraints: PyReadonlyArray2<'py, f64>,
+        further: Option<PyReadonlyArray2<'py, f64>>,
         threads: usize,
     ) -> PyResult<PyFitSolution> {
-        let constraints = constraints.as_array();
-        let rows = Matrix::from_fn(constraints.nrows(), constraints.ncols(), |r, c| constraints[[r, c]]);
+        let own = &self.constraints;
+        let further = further.map_or_else(|| Matrix::zeros(0, own.n_columns()), |rows| matrix_of(&rows));
+        if further.n_columns() != own.n_columns() {
+            return Err(CoreError::shape("a constraint has one number for each unknown").into());
+        }
+        let rows = Matrix::from_fn(own.n_rows() + further.n_rows(), own.n_columns(), |row, column| match row
+            .checked_sub(own.n_rows())
+        {
+            None => own[(row, column)],
+            Some(row) => further[(row, column)],
+        });
         let restriction = if rows.n_rows() == 0 { Restriction::None } else { Restriction::Constraints(rows) };
         let options = Options { restriction, rank_tolerance: Some(PRACTICAL_RANK), ..Options::default() };
         let solution = enter_core(py, threads, || solve(&self.triangle, &options))?;

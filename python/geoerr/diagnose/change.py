@@ -31,6 +31,7 @@ from geoerr.fit import (
 from geoerr.fit.additions import additions, usual_terms
 from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
+from geoerr.fit.fit import LACKING
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.wavy import may_be_followed, without_waves
 from geoerr.model import HistoryEntry, Model
@@ -165,7 +166,7 @@ def add_terms(
     GeoerrError
         where the model has the effect already.
     """
-    data = _Data(tables, rig_sensitivity, rig_covariance, threads)
+    data = _Data(tables, rig_sensitivity, rig_covariance, threads, known)
     own = _own_beside(model, data, terms, known)
     return _added(model, data, own, terms, reference, title)
 
@@ -197,7 +198,8 @@ def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], referenc
     if is_worth_asking(held_out_um(before), held_out_um(after)):
         chosen = choose_again(after)
         if chosen is not None:
-            after = data.fitted(model, chosen)
+            # The same rows, joined and placed already.
+            after = after.again(chosen)
     if not _are_of_the_same_rows(before, after) or before is own.fitted:
         before = _before(model, own, after)
     return _change(model, before, after, "added", reference, title, [term.id for term in terms])
@@ -265,16 +267,21 @@ def own_terms(model: Model) -> tuple[Term, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """Measurements, joined once, with how the calibration moves the points (n, 3, p) and its covariance (p, p)."""
+    """Measurements, joined once, with how the calibration moves the points (n, 3, p) and its covariance (p, p).
+
+    `known` is a fit to them, if there is one: where it needed all of their rows it holds them joined.
+    """
 
     tables: Sequence[Observations | CircularTest]
     rig_sensitivity: Numbers | None
     rig_covariance: Numbers | None
     threads: int
+    known: Fitted | None = None
 
     @cached_property
     def sightings(self) -> Sightings:
-        return sightings_of(*self.tables)
+        joined = None if self.known is None else self.known.sightings
+        return sightings_of(*self.tables) if joined is None or LACKING in joined.left_out else joined
 
     def fitted(self, model: Model, terms: Sequence[Term]) -> Fitted:
         """Fit these terms alone."""

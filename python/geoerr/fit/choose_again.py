@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from geoerr.fit.classic import on_basis, positions_by_axis, rich_bases
 from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.knots import choose_bases, usual_bases
+from geoerr.fit.knots import Ladder, choose_bases
 from geoerr.fit.sightings import SAME_POSITION_MM
 from geoerr.terms import BasisSpec, Term
 
@@ -34,8 +34,8 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
     own = {term.id: basis for term in fitted.terms if (basis := _basis_of(term)) is not None}
     richest = rich_bases(sightings, list(own), positions)
-    usual = usual_bases(richest, positions)
-    rich = {name: basis for name, basis in richest.items() if own[name] in usual[name]}
+    ladder = Ladder(positions)
+    rich = {name: basis for name, basis in richest.items() if own[name] in ladder.splines(name, basis)}
     if not rich:
         return None
     terms = _on(fitted.terms, rich)
@@ -44,7 +44,7 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     if has_run_away(free):
         free = fitted.again(terms, used=fitted.solved.used, one_step=True)
     undecided = [term for term in terms if term.id in rich]
-    chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions)
+    chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions, ladder=ladder)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}
     return _on(fitted.terms, new) if new else None
 

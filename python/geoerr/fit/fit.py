@@ -271,7 +271,9 @@ class Posed:
         self.frames: Frames = frames
         refuse_strangers(nominal, sightings, static, frames)
         places, offsets = target_places(sightings, static, self.frames)
-        self.sightings = replace(sightings, offset_mm=offsets)
+        is_as_stated = np.array_equal(offsets, sightings.offset_mm)
+        # What is known of the rows stays known where no target is placed anew.
+        self.sightings = sightings if is_as_stated else replace(sightings, offset_mm=offsets)
         parts = (None if shared is None else shared.derivative, places, turns)
         derivative = [part for part in parts if part is not None]
         self.shared = np.ascontiguousarray(np.concatenate(derivative, axis=2)) if derivative else None

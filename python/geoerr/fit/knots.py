@@ -72,6 +72,7 @@ def choose_bases(
     null_space: Numbers,
     positions_mm: Mapping[str, Numbers],
     family: Family = "splines",
+    ladder: Ladder | None = None,
 ) -> tuple[KnotChoice, ...]:
     """Choose a basis for each undecided function from the fit with rich ones.
 
@@ -88,8 +89,10 @@ def choose_bases(
     family
         `splines`: polynomials and cubic splines. `elements`: two-node linear and three-node quadratic elements
         (Dobariya §4), the kind and the number for each function.
+    ladder
+        Of these positions, where there is one already.
     """
-    ladder = _Ladder(positions_mm)
+    ladder = ladder or Ladder(positions_mm)
     wanted: dict[str, list[BasisSpec]] = {}
     for term in undecided:
         basis = term.parts[0].basis
@@ -126,12 +129,6 @@ def choose_bases(
     return tuple(choices)
 
 
-def usual_bases(rich: Mapping[str, BasisSpec], positions_mm: Mapping[str, Numbers]) -> dict[str, list[BasisSpec]]:
-    """List the bases that `choose_bases` chooses from, up to the richest of each function: the fewest first."""
-    ladder = _Ladder(positions_mm)
-    return {name: ladder.splines(name, basis) for name, basis in rich.items()}
-
-
 def _choose(
     name: str,
     rich: BasisSpec,
@@ -141,7 +138,7 @@ def _choose(
     positions_mm: Numbers,
     bases: Sequence[BasisSpec],
     beyond: int,
-    ladder: _Ladder,
+    ladder: Ladder,
 ) -> KnotChoice:
     known = determined_values(rich, coefficients, covariance, null_space, positions_mm)
     if known is None:
@@ -176,11 +173,13 @@ def determined_values(
     # What the data do not determine of the function says nothing of its shape.
     determined = np.eye(len(coefficients)) - _onto(null_space)
     design = basis_of(basis).evaluate(places) @ determined
-    spread, direction = np.linalg.eigh(design @ covariance @ design.T)
+    # There are more places than functions: values at them differ along no other directions than the functions'.
+    along, functions = np.linalg.qr(design)
+    spread, direction = np.linalg.eigh(functions @ covariance @ functions.T)
     keep = spread > _RANK * max(float(spread[-1]), 0.0)
     if not keep.any():
         return None
-    whiten = direction[:, keep].T / np.sqrt(spread[keep])[:, None]
+    whiten = (along @ direction[:, keep]).T / np.sqrt(spread[keep])[:, None]
     return places, design, whiten, whiten @ (design @ coefficients)
 
 
@@ -199,8 +198,8 @@ def _places(positions_mm: Numbers, most: int) -> Numbers:
     return np.asarray(np.quantile(positions_mm, np.linspace(0.0, 1.0, most)))
 
 
-class _Ladder:
-    """Candidates of each axis, made once: functions of one axis share them."""
+class Ladder:
+    """The bases that `choose_bases` chooses from, made once: functions of one axis share them."""
 
     def __init__(self, positions_mm: Mapping[str, Numbers]) -> None:
         self._positions_mm = positions_mm
@@ -208,7 +207,7 @@ class _Ladder:
         self._columns: dict[tuple[bool, int, BasisSpec], Numbers] = {}
 
     def splines(self, name: str, rich: BasisSpec) -> list[BasisSpec]:
-        """List polynomials, then cubic splines of growing number, up to the rich basis."""
+        """List polynomials, then cubic splines of growing number, up to the rich basis of a function of that name."""
         places = self._positions_mm[rich.axis]
         low, high = float(places[0]), float(places[-1])
         lowest = 2 if is_straightness(name) else 1

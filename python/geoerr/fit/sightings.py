@@ -117,8 +117,12 @@ class Sightings:
     @cached_property
     def unwhitening(self) -> Numbers:
         """Pseudo-inverses of W, (n, 3, 3): from numbers of unit variance to mm; most rows have one and the same."""
-        alike, row = np.unique(self.whitening.reshape(len(self), 9), axis=0, return_inverse=True)
-        return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3))[row.ravel()])
+        flat = self.whitening.reshape(len(self), 9)
+        # Rows that stand together mostly have the same, so that the first of each run is enough to sort.
+        begins = np.ones(len(flat), dtype=bool)
+        begins[1:] = (flat[1:] != flat[:-1]).any(axis=1)
+        alike, place = np.unique(flat[begins], axis=0, return_inverse=True)
+        return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3))[place.ravel()[np.cumsum(begins) - 1]])
 
     def select(self, mask: npt.ArrayLike, why: str) -> Sightings:
         """Give the rows where `mask` (n,) is true; the others are counted under the reason."""

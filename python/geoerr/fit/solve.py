@@ -263,8 +263,8 @@ def _gauss_newton(
     state = design_state = start
     residual = problem.residuals(state, threads)
     if of_all is None:
-        triangle = problem.triangle(design_state, row_scale, prior, threads)
-        unheld = triangle.solve(gauge, threads)
+        triangle = problem.triangle(design_state, row_scale, gauge, prior, threads)
+        unheld = triangle.solve(None, threads)
     else:
         triangle, unheld = of_all.triangle, of_all.solution
     solution = unheld
@@ -277,15 +277,15 @@ def _gauss_newton(
         if not is_linear:
             design_state = state
             if moved > min(_NEAR, _SHORTER * moved_before) or moved < settled < moved_in_all:
-                triangle = problem.triangle(design_state, row_scale, prior, threads)
-                unheld, moved_in_all = triangle.solve(gauge, threads), 0.0
+                triangle = problem.triangle(design_state, row_scale, gauge, prior, threads)
+                unheld, moved_in_all = triangle.solve(None, threads), 0.0
         elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
-            triangle = problem.triangle(design_state, row_scale, prior, threads)
-            solution = unheld = triangle.solve(gauge, threads)
+            triangle = problem.triangle(design_state, row_scale, gauge, prior, threads)
+            solution = unheld = triangle.solve(None, threads)
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
             gradient -= prior.T @ _held(problem, state, prior)
-        solution, step = _step_inside(triangle, unheld, gauge, gradient, state, ranges, limits, threads)
+        solution, step = _step_inside(triangle, unheld, gradient, state, ranges, limits, threads)
         spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
         share = float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0))
         longest = factor = 1.0 if ranges is None else ranges.share_inside(state, step)
@@ -312,7 +312,6 @@ def _gauss_newton(
 def _step_inside(
     triangle: _core.FitTriangle,
     solution: _core.FitSolution,
-    gauge: Numbers,
     gradient: Numbers,
     state: _core.FitState,
     ranges: Ranges | None,
@@ -326,7 +325,7 @@ def _step_inside(
     stays = np.zeros(len(ranges.column), dtype=bool)
     while (leaving := ranges.leaving(state, step) & ~stays).any():
         stays |= leaving
-        solution = triangle.solve(np.vstack([gauge, np.eye(len(step))[ranges.column[stays]]]), threads)
+        solution = triangle.solve(np.eye(len(step))[ranges.column[stays]], threads)
         step = held_smallest(solution.step(gradient), solution.null_space, limits)
         step[ranges.column[stays]] = 0.0
     return solution, step
@@ -342,8 +341,8 @@ def _first_order(
     threads: int,
 ) -> _Iterated:
     residual = problem.residuals(start, threads)
-    triangle = problem.triangle(start, row_scale, prior, threads)
-    solution = triangle.solve(gauge, threads)
+    triangle = problem.triangle(start, row_scale, gauge, prior, threads)
+    solution = triangle.solve(None, threads)
     gradient = problem.gradient(start, residual, row_scale, threads)
     if prior is not None:
         gradient -= prior.T @ _held(problem, start, prior)

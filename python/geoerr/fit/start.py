@@ -10,7 +10,6 @@ a millimetre off, or turned, is no error of the machine.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,16 +115,10 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     """
     offsets = sightings.offset_mm.copy()
     offsets[static] = 0.0
-    names = np.asarray(sightings.texts("target")) if "target" in sightings.table.columns else np.full(len(static), "")
-    keys = np.round(offsets / SAME_POSITION_MM).astype(np.int64).tolist()
-    carriers = sightings.carrier.tolist()
-    known: dict[tuple[int, str, str | tuple[int, ...]], list[int]] = {}
-    for row, session in enumerate(sightings.session.tolist()):
-        what = str(names[row]) if static[row] else tuple(keys[row])
-        known.setdefault((session, CARRIERS[carriers[row]], what), []).append(row)
     has_first: set[int] = set()
     free = []
-    for (session, carrier, _), rows in known.items():
+    for rows in _by_target(sightings, static, offsets):
+        session, carrier = int(sightings.session[rows[0]]), CARRIERS[sightings.carrier[rows[0]]]
         if sightings.frames[session] == "circle":
             continue
         if carrier == "base":
@@ -143,7 +136,18 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     return derivative, offsets
 
 
-def _mean_of_measured(sightings: Sightings, rows: Sequence[int], translation_mm: Numbers) -> Numbers:
+def _by_target(sightings: Sightings, static: np.ndarray, offset_mm: Numbers) -> list[np.ndarray]:
+    """Give the rows of each target of each session, targets in the order of their first rows."""
+    keys = [sightings.session, sightings.carrier, *np.round(offset_mm / SAME_POSITION_MM).astype(np.int64).T]
+    if static.any() and "target" in sightings.table.columns:
+        _, number = np.unique(np.asarray(sightings.texts("target")), return_inverse=True)
+        keys.append(np.where(static, number, 0))
+    order = np.lexsort(keys)
+    differs = np.any([np.diff(key[order]) != 0 for key in keys], axis=0)
+    return sorted(np.split(order, np.flatnonzero(differs) + 1), key=lambda rows: int(rows[0]))
+
+
+def _mean_of_measured(sightings: Sightings, rows: np.ndarray, translation_mm: Numbers) -> Numbers:
     """Give the mean place (3,) in the measuring frame from the translation; 0 along what was never measured."""
     seen = sightings.is_measured[rows]
     from_origin = np.where(seen, sightings.measured_mm[rows] - translation_mm, 0.0)

@@ -52,10 +52,41 @@ pub trait Design: Sync {
         None
     }
 
+    /// What some rows sum up to, where the design knows such a way to it; not finite where an entry is not.
+    fn sums_of(&self, _rows: Range<usize>) -> Option<Sums> {
+        None
+    }
+
+    /// Of each of some rows `aᵀx` for a direction x (n) and `aᵀ M a` for a symmetric M (n, n), where the design knows
+    /// such a way to them.
+    fn forms_of(&self, _rows: Range<usize>, _direction: &[f64], _matrix: &Matrix) -> Option<Forms> {
+        None
+    }
+
     /// Where one block ends and the next begins.
     fn blocks(&self) -> Blocks {
         Blocks::uniform(self.n_rows(), self.n_columns() + self.n_rhs())
     }
+}
+
+/// What rows `[A | b]` sum up to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sums {
+    /// `AᵀA`, both triangles.
+    pub gram: Matrix,
+    /// `Aᵀb` (n, k).
+    pub products: Matrix,
+    /// b (rows, k).
+    pub rhs: Matrix,
+}
+
+/// What rows of A make of a direction and of a symmetric matrix, one number for each row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Forms {
+    /// `aᵀx`.
+    pub along: Vec<f64>,
+    /// `aᵀ M a`.
+    pub squares: Vec<f64>,
 }
 
 /// Where the rows of a system are cut.

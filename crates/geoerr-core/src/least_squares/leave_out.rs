@@ -57,6 +57,12 @@ pub struct LeftOut {
 }
 
 impl LeftOut {
+    /// Of one block about which the rest says too little.
+    pub(super) fn not_determined(residual: Vec<f64>) -> Self {
+        let nothing = vec![f64::NAN; residual.len()];
+        Self { residual, held_out: nothing.clone(), is_determined: vec![false], prediction_variance: nothing }
+    }
+
     fn append(&mut self, mut other: Self) {
         self.residual.append(&mut other.residual);
         self.held_out.append(&mut other.held_out);

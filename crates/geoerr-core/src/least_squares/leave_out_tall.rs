@@ -6,13 +6,14 @@
 //! e_b = r_b + A_b\,P\,A_b^\mathsf{T} r_b,\qquad P = F V (I - \Lambda)^{-1} V^\mathsf{T} F^\mathsf{T}
 //! ```
 //!
-//! so that rows are made twice, a chunk at a time, and only multiplied over the columns that a chunk has. Mostly I − Λ is
-//! clearly positive, and no eigenvector is needed. Sums of products square the condition number, as in
+//! so that rows are made twice, a chunk at a time, and only multiplied over the columns that a chunk has; a design that
+//! knows of every row the few columns that it has is asked for the sums themselves. Mostly I − Λ is clearly positive, and
+//! no eigenvector is needed. Sums of products square the condition number, as in
 //! [`gram`](super::gram): the caller sees to it that κ²ε is small.
 
 use std::ops::Range;
 
-use super::blocks::{Design, Spares, check_finite};
+use super::blocks::{Design, Spares, Sums, check_finite};
 use super::definite::Definite;
 use super::dense;
 use super::error::LeastSquaresError;
@@ -35,6 +36,35 @@ pub(super) struct Tall<'a, D: ?Sized> {
 impl<D: Design + ?Sized> Tall<'_, D> {
     /// Leaves one block out; `own` as in [`leave_blocks_out_of_residuals`](super::leave_blocks_out_of_residuals).
     pub fn left_out(&self, rows: Range<usize>, own: usize) -> Result<LeftOut, D::Error> {
+        match self.sums_of(rows.clone()) {
+            Some(sums) => self.left_out_by_sums(rows, &sums, own),
+            None => self.left_out_by_chunks(rows, own),
+        }
+    }
+
+    /// What the design itself knows of the rows, if they hold the residuals and everything is finite.
+    fn sums_of(&self, rows: Range<usize>) -> Option<Sums> {
+        let sums = self.x.is_none().then(|| self.design.sums_of(rows)).flatten()?;
+        let is_finite = [&sums.gram, &sums.products].iter().all(|sum| sum.first_non_finite().is_none());
+        is_finite.then_some(sums)
+    }
+
+    fn left_out_by_sums(&self, rows: Range<usize>, sums: &Sums, own: usize) -> Result<LeftOut, D::Error> {
+        let residual = sums.rhs.column(self.rhs).to_vec();
+        let inside = dense::transposed_product(self.root, &dense::product(&sums.gram, self.root));
+        let Some(without) = self.covariance_without(&inside, own)? else {
+            return Ok(LeftOut::not_determined(residual));
+        };
+        let products = Matrix::from_column(sums.products.column(self.rhs).to_vec());
+        let correction = dense::product(&without, &products);
+        let Some(forms) = self.design.forms_of(rows.clone(), correction.as_slice(), &without) else {
+            return self.left_out_by_chunks(rows, own);
+        };
+        let held_out = residual.iter().zip(&forms.along).map(|(r, more)| r + more).collect();
+        Ok(LeftOut { residual, held_out, is_determined: vec![true], prediction_variance: forms.squares })
+    }
+
+    fn left_out_by_chunks(&self, rows: Range<usize>, own: usize) -> Result<LeftOut, D::Error> {
         let n = self.design.n_columns();
         let (mut gram, mut products) = (Matrix::zeros(n, n), Matrix::zeros(n, 1));
         self.each_chunk(rows.clone(), |in_use, part, residual| {
@@ -64,11 +94,7 @@ impl<D: Design + ?Sized> Tall<'_, D> {
                 left.prediction_variance.extend(quadratic_forms(part, &own));
             }
         })?;
-        if without.is_none() {
-            left.held_out = vec![f64::NAN; left.residual.len()];
-            left.prediction_variance = left.held_out.clone();
-        }
-        Ok(left)
+        Ok(if without.is_none() { LeftOut::not_determined(left.residual) } else { left })
     }
 
     /// P, the covariance of the unknowns by the other rows, of `Fᵀ G F`; `None` where they do not determine the block.

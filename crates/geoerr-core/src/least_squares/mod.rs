@@ -23,7 +23,7 @@ mod solution;
 mod strided;
 mod triangle;
 
-pub use blocks::{Blocks, Design, FnDesign, StoredDesign, design_fn};
+pub use blocks::{Blocks, Design, FnDesign, Forms, StoredDesign, Sums, design_fn};
 pub use definite::Definite;
 pub use dense::{
     add_lower_outer, add_lower_product, product_with_upper, product_with_upper_transposed,

@@ -9,12 +9,13 @@
 //! step that turns them). Björck 1996, 2.2.4 (error of normal equations after column scaling).
 //!
 //! # Verified
-//! `tests/least_squares/quick_triangle.rs`: rank, null space, covariance and steps against those of QR.
+//! `tests/least_squares/quick_triangle.rs`: rank, null space, covariance and steps against those of QR, in a restriction too.
 
 use super::blocks::{Design, Spares, tree};
 use super::dense;
+use super::error::LeastSquaresError;
 use super::gram::{CONDITION_LIMIT, cholesky_with_condition, gram_of, scaled_gram, sum};
-use super::matrix::Matrix;
+use super::matrix::{Matrix, norm};
 use super::triangle::Triangle;
 
 /// What is dropped is below the tolerance by this factor, singular values of columns of norm 1.
@@ -34,16 +35,43 @@ impl Triangle {
     /// # Errors
     /// As [`Triangle::of`].
     pub fn for_rank<D: Design + ?Sized>(design: &D, tolerance: f64) -> Result<Self, D::Error> {
+        Self::for_rank_within(design, tolerance, &Matrix::zeros(0, design.n_columns()))
+    }
+
+    /// The same for solutions x that are all restricted to `C x = 0`, with C (p, n) the `constraints`.
+    ///
+    /// Where these fix all that the rows leave free, as a gauge does, rows that hold them make the system definite: no
+    /// eigenvector is looked for, and in the restriction the triangle is the same.
+    ///
+    /// # Errors
+    /// As [`Triangle::of`].
+    pub fn for_rank_within<D: Design + ?Sized>(
+        design: &D,
+        tolerance: f64,
+        constraints: &Matrix,
+    ) -> Result<Self, D::Error> {
+        let (n_rows, n_columns) = (design.n_rows(), design.n_columns());
+        if constraints.n_columns() != n_columns {
+            let (expected, found) = (n_columns, constraints.n_columns());
+            return Err(LeastSquaresError::ColumnsDiffer { expected, found }.into());
+        }
         if design.n_rhs() == 0
-            && let Some(whole) = from_gram(design, tolerance)?
+            && let Some((whole, norms)) = from_gram(design, tolerance, constraints)?
         {
-            return Ok(Self { n_rows: design.n_rows(), n_columns: design.n_columns(), whole });
+            return Ok(Self { n_rows, n_columns, whole, norms });
         }
         Self::of(design)
     }
 }
 
-fn from_gram<D: Design + ?Sized>(design: &D, tolerance: f64) -> Result<Option<Matrix>, D::Error> {
+/// A triangle, and the norms that its columns have without the rows of the restriction, where it holds these.
+type Whole = (Matrix, Option<Vec<f64>>);
+
+fn from_gram<D: Design + ?Sized>(
+    design: &D,
+    tolerance: f64,
+    constraints: &Matrix,
+) -> Result<Option<Whole>, D::Error> {
     let n = design.n_columns();
     let least_dropped = (SURELY_DROPPED * tolerance).powi(2);
     if n == 0 || least_dropped < ROUNDED * n as f64 * f64::EPSILON {
@@ -55,17 +83,36 @@ fn from_gram<D: Design + ?Sized>(design: &D, tolerance: f64) -> Result<Option<Ma
         return Ok(None);
     }
     let (unit, scale) = scaled_gram(&gram, n)?;
-    let mut triangle = match cholesky_with_condition(unit.clone()) {
-        Some((triangle, condition)) if condition < CONDITION_LIMIT => triangle,
-        _ => match Directions::of(&unit, least_dropped)? {
-            Some(directions) => directions.turned(design, &scale)?,
-            None => return Ok(None),
-        },
+    let well_conditioned = |matrix: Matrix| {
+        cholesky_with_condition(matrix).filter(|(_, condition)| *condition < CONDITION_LIMIT)
+    };
+    let (mut triangle, is_held) = if let Some((triangle, _)) = well_conditioned(unit.clone()) {
+        (triangle, false)
+    } else if let Some((triangle, _)) = held(&unit, &scale, constraints).and_then(well_conditioned) {
+        (triangle, true)
+    } else if let Some(directions) = Directions::of(&unit, least_dropped)? {
+        (directions.turned(design, &scale)?, false)
+    } else {
+        return Ok(None);
     };
     for (column, scale) in scale.iter().enumerate() {
         triangle.column_mut(column).iter_mut().for_each(|value| *value *= scale);
     }
-    Ok(Some(triangle))
+    Ok(Some((triangle, is_held.then_some(scale))))
+}
+
+/// A scaled Gram matrix with what rows of the constraints, each of norm 1 in scaled unknowns, add to it; `None` without any.
+fn held(unit: &Matrix, scale: &[f64], constraints: &Matrix) -> Option<Matrix> {
+    let (p, n) = (constraints.n_rows(), constraints.n_columns());
+    let mut columns = Matrix::from_fn(n, p, |column, row| constraints[(row, column)] / scale[column]);
+    for row in 0..p {
+        let size = norm(columns.column(row));
+        if size > 0.0 {
+            columns.column_mut(row).iter_mut().for_each(|value| *value /= size);
+        }
+    }
+    let more = dense::gram(&columns.transposed());
+    (p > 0).then(|| Matrix::from_fn(n, n, |row, column| unit[(row, column)] + more[(row, column)]))
 }
 
 /// Eigenvectors of a scaled Gram matrix, in two lots far from one another.
@@ -80,7 +127,7 @@ struct Directions {
 
 impl Directions {
     /// `None` where some are neither surely kept nor surely dropped.
-    fn of<E: From<super::LeastSquaresError>>(unit: &Matrix, least_dropped: f64) -> Result<Option<Self>, E> {
+    fn of<E: From<LeastSquaresError>>(unit: &Matrix, least_dropped: f64) -> Result<Option<Self>, E> {
         let (values, vectors) = dense::symmetric_eigen(unit)?;
         let largest = values.last().copied().unwrap_or(0.0);
         let n_dropped = values.iter().take_while(|&&value| value < least_dropped * largest).count();

@@ -103,7 +103,7 @@ pub struct Functional {
 /// ```
 pub fn solve(triangle: &Triangle, options: &Options) -> Result<Solution, LeastSquaresError> {
     let (r, qtb) = (triangle.r(), triangle.qtb());
-    let scale = scales((0..r.n_columns()).map(|column| norm(r.column(column))))?;
+    let scale = scales(triangle.norms().into_iter())?;
     let mut scaled = r;
     divide_columns(&mut scaled, &scale);
     let basis = options.restriction.basis(&scale)?;

@@ -16,13 +16,15 @@ pub struct Triangle {
     pub(super) n_columns: usize,
     /// Of `[A | b]` as one matrix: R, Qᵀb beside it, below that the triangle of what is left of b.
     pub(super) whole: Matrix,
+    /// Norms of the columns of A, where rows that only hold a restriction are part of `whole`.
+    pub(super) norms: Option<Vec<f64>>,
 }
 
 impl Triangle {
     /// A system without rows.
     #[must_use]
     pub fn empty(n_columns: usize, n_rhs: usize) -> Self {
-        Self { n_rows: 0, n_columns, whole: Matrix::zeros(n_columns + n_rhs, n_columns + n_rhs) }
+        Self { n_rows: 0, n_columns, whole: Matrix::zeros(n_columns + n_rhs, n_columns + n_rhs), norms: None }
     }
 
     /// Householder QR of every block, merged pairwise in a fixed tree: the same bytes for any number of threads.
@@ -55,7 +57,7 @@ impl Triangle {
         if let Some((_, column)) = whole.first_non_finite() {
             return Err(LeastSquaresError::Overflow { column }.into());
         }
-        Ok(Self { n_rows: design.n_rows(), n_columns, whole })
+        Ok(Self { n_rows: design.n_rows(), n_columns, whole, norms: None })
     }
 
     /// Adds rows of `[A | b]`: priors, or constraints with weights.
@@ -86,11 +88,22 @@ impl Triangle {
                 return Err(LeastSquaresError::ColumnsDiffer { expected, found });
             }
         }
+        let is_held = self.norms.is_some() || other.norms.is_some();
+        let norms = is_held
+            .then(|| self.norms().iter().zip(other.norms()).map(|(one, other)| one.hypot(other)).collect());
         Ok(Self {
             n_rows: self.n_rows + other.n_rows,
             n_columns: self.n_columns,
             whole: dense::merged_triangle(self.whole, other.whole),
+            norms,
         })
+    }
+
+    /// Norms of the columns of A.
+    pub(super) fn norms(&self) -> Vec<f64> {
+        let of_whole =
+            || (0..self.n_columns).map(|column| norm(&self.whole.column(column)[..self.n_columns]));
+        self.norms.clone().unwrap_or_else(|| of_whole().collect())
     }
 
     /// Rows that have passed.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::problem::{Block, NUMBERS_OF_A_ROW};
 use super::{Problem, State, VolumetricError};
-use crate::least_squares::{Blocks, Design, Matrix};
+use crate::least_squares::{Blocks, Design, Forms, Matrix, Sums};
 
 /// A block has at least so many rows for each of its columns: merging triangles then costs a fifth of making them.
 const BLOCK_WIDTHS: usize = 4;
@@ -76,6 +76,11 @@ impl<'a> WhitenedDesign<'a> {
         let starts: Vec<usize> = first_sightings.iter().map(|row| row * NUMBERS_OF_A_ROW).collect();
         Ok(Blocks::starting_at(&starts, self.n_rows())?)
     }
+
+    /// The sightings that rows of the system are of.
+    fn sightings(&self, rows: Range<usize>) -> &[usize] {
+        &self.order[rows.start / NUMBERS_OF_A_ROW..rows.end / NUMBERS_OF_A_ROW]
+    }
 }
 
 impl Design for WhitenedDesign<'_> {
@@ -98,10 +103,9 @@ impl Design for WhitenedDesign<'_> {
     }
 
     fn fill(&self, rows: Range<usize>, block: &mut Matrix) -> Result<(), VolumetricError> {
-        let sightings = rows.start / NUMBERS_OF_A_ROW..rows.end / NUMBERS_OF_A_ROW;
         let height = rows.len();
         let (columns, rhs) = block.as_mut_slice().split_at_mut(height * self.n_columns());
-        let sightings = &self.order[sightings];
+        let sightings = self.sightings(rows);
         self.block.fill(sightings, self.row_scale, columns);
         if let Some(whitened) = &self.whitened {
             for (out, value) in rhs.iter_mut().zip(sightings.iter().flat_map(|&row| whitened[row])) {
@@ -118,6 +122,19 @@ impl Design for WhitenedDesign<'_> {
 
     fn along(&self, directions: &Matrix) -> Option<(Matrix, Matrix)> {
         self.whitened.is_none().then(|| self.block.along(directions, self.row_scale))
+    }
+
+    fn sums_of(&self, rows: Range<usize>) -> Option<Sums> {
+        let sightings = self.sightings(rows);
+        let whitened = self.whitened.as_ref()?;
+        let own: Vec<[f64; 3]> = sightings.iter().map(|&row| whitened[row]).collect();
+        let (gram, products) = self.block.gram_and_products(sightings, &own, self.row_scale);
+        let rhs = Matrix::from_column(own.into_iter().flatten().collect());
+        Some(Sums { gram, products: Matrix::from_column(products), rhs })
+    }
+
+    fn forms_of(&self, rows: Range<usize>, direction: &[f64], matrix: &Matrix) -> Option<Forms> {
+        Some(self.block.forms_of(self.sightings(rows), self.row_scale, direction, matrix))
     }
 
     /// Whole sightings in every block, and each block large against its width.

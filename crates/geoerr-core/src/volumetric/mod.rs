@@ -21,6 +21,7 @@ mod gram;
 mod machine;
 mod problem;
 mod rows;
+mod shared_bases;
 mod term;
 mod values;
 

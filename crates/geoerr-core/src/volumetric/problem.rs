@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::shared_bases::SharedBases;
 use super::term::{Shape, VolumetricModel};
 use super::values::check_parameters;
 use super::{ChannelValues, Frame, Rows, VolumetricError, channel_values};
@@ -51,6 +52,7 @@ pub struct State {
 #[derive(Debug, Clone)]
 pub struct Problem {
     model: VolumetricModel,
+    bases: SharedBases,
     sightings: Sightings,
     /// Places of the free inner parameters.
     free_inner: Vec<usize>,
@@ -113,7 +115,9 @@ impl Problem {
             })
             .collect();
         let n_columns = next + sightings.n_shared;
-        Ok(Self { model, sightings, free_inner, first_frame_column, first_shared_column: next, n_columns })
+        let bases = SharedBases::of(model.parts().map(|(_, part)| part));
+        let first_shared_column = next;
+        Ok(Self { model, bases, sightings, free_inner, first_frame_column, first_shared_column, n_columns })
     }
 
     /// The model.
@@ -352,10 +356,13 @@ impl Block<'_> {
             .par_chunks(BLOCK_ROWS)
             .map(|rows| {
                 let mut sum = vec![0.0; self.n_columns()];
-                self.each_entry(rows, row_scale, |column, at, numbers| {
+                self.each_run(rows, row_scale, |first, at, direction, values| {
                     let row = rows[at];
-                    let along: f64 = numbers.iter().zip(&whitened[row]).map(|(a, r)| a * r).sum();
-                    sum[column] += row_scale[row] * along;
+                    let along: f64 = direction.iter().zip(&whitened[row]).map(|(a, r)| a * r).sum();
+                    let along = row_scale[row] * along;
+                    for (sum, value) in sum[first..].iter_mut().zip(values) {
+                        *sum += along * value;
+                    }
                 });
                 sum
             })
@@ -396,10 +403,25 @@ impl Block<'_> {
         row_scale: &[f64],
         mut visit: impl FnMut(usize, usize, &[f64; 3]),
     ) {
+        self.each_run(rows, row_scale, |first, at, direction, values| {
+            for (k, value) in values.iter().enumerate() {
+                visit(first + k, at, &direction.map(|along| along * value));
+            }
+        });
+    }
+
+    /// Visits the same by runs of neighbouring columns: the first of them, place among the rows, three whitened numbers,
+    /// and what these are multiplied with in each column of the run.
+    fn each_run(
+        &self,
+        rows: &[usize],
+        row_scale: &[f64],
+        mut visit: impl FnMut(usize, usize, &[f64; 3], &[f64]),
+    ) {
         let sights: Vec<Sight> = rows.iter().map(|&row| self.sight(row, row_scale[row])).collect();
-        self.each_entry_of_terms(rows, &sights, &mut visit);
+        self.each_run_of_terms(rows, &sights, &mut visit);
         for (at, (&row, sight)) in rows.iter().zip(&sights).enumerate() {
-            self.each_entry_of_frame(row, sight, |column, numbers| visit(column, at, numbers));
+            self.each_entry_of_frame(row, sight, |column, numbers| visit(column, at, numbers, &[1.0]));
         }
     }
 
@@ -440,32 +462,31 @@ impl Block<'_> {
         }
     }
 
-    fn each_entry_of_terms(
+    fn each_run_of_terms(
         &self,
         places: &[usize],
         sights: &[Sight],
-        visit: &mut impl FnMut(usize, usize, &[f64; 3]),
+        visit: &mut impl FnMut(usize, usize, &[f64; 3], &[f64]),
     ) {
         let model = &self.problem.model;
         let rows = &self.problem.sightings.rows;
         let n_rows = rows.len();
+        let supports = self.problem.bases.supports(places.iter().map(|&row| &rows.q_mm[row]));
         for (number, (term, part)) in model.parts().enumerate() {
             let directions: Vec<[f64; 3]> =
                 sights.iter().map(|sight| sight.direction(part.channel, part.factor)).collect();
             let first = model.first_coefficient(term);
             let mut column_of = |column: usize, values: &[f64]| {
                 for (at, (direction, &row)) in directions.iter().zip(places).enumerate() {
-                    visit(column, at, &direction.map(|along| along * values[row]));
+                    visit(column, at, direction, &values[row..=row]);
                 }
             };
             match &part.shape {
-                Shape::Basis { axis, basis } => {
-                    let mut functions = vec![0.0; basis.len()];
-                    for (at, (&row, direction)) in places.iter().zip(&directions).enumerate() {
-                        let (begin, count) = basis.support(rows.q_mm[row][axis.index()], &mut functions);
-                        for (k, &value) in functions[..count].iter().enumerate() {
-                            visit(first + begin + k, at, &direction.map(|along| along * value));
-                        }
+                Shape::Basis { .. } => {
+                    let own = &supports[self.problem.bases.of_part(number)];
+                    for (at, direction) in directions.iter().enumerate() {
+                        let (begin, functions) = own.at(at);
+                        visit(first + begin, at, direction, functions);
                     }
                 }
                 Shape::Expression { coefficients, inner, .. } => {

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::shared_bases::SharedBases;
 use super::term::{Shape, VolumetricModel};
 use super::{Rows, VolumetricError};
-use crate::bases::Basis;
-use crate::kinematics::{Axis, Channel, Displacements};
+use crate::kinematics::{Channel, Displacements};
 
 /// Rows that a thread takes at a time.
 const BLOCK_ROWS: usize = 1024;
@@ -50,28 +50,27 @@ pub fn channel_values(
     let expression_rows = rows.expression_rows(&views);
     let channels = model.channels().to_vec();
     let parts: Vec<_> = model.parts().collect();
+    let of_bases = sums_of_bases(model, rows, coefficients);
     let values = channels
         .par_iter()
-        .map(|channel| {
-            let mut sum = vec![0.0; rows.len()];
+        .enumerate()
+        .map(|(place, channel)| {
+            let mut sum = of_bases.iter().map(|block| block[place].as_slice()).collect::<Vec<_>>().concat();
             let mut scratch = Vec::new();
             for (term, part) in parts.iter().filter(|(_, part)| part.channel == *channel) {
+                let Shape::Expression { expression, coefficients: places, inner: inner_places } = &part.shape
+                else {
+                    continue;
+                };
                 let own = &coefficients[model.first_coefficient(*term)..];
-                match &part.shape {
-                    Shape::Basis { axis, basis } => {
-                        add_basis(&mut sum, rows, *axis, basis, &own[..basis.len()], part.factor);
-                    }
-                    Shape::Expression { expression, coefficients: places, inner: inner_places } => {
-                        let theta: Vec<f64> = places.iter().map(|&place| own[place]).collect();
-                        let first_inner = model.first_inner(*term);
-                        let phi: Vec<f64> = inner_places.iter().map(|&p| inner[first_inner + p]).collect();
-                        scratch.clear();
-                        scratch.resize(rows.len(), 0.0);
-                        expression.evaluate(&expression_rows, 0..rows.len(), &theta, &phi, &mut scratch)?;
-                        for (total, value) in sum.iter_mut().zip(&scratch) {
-                            *total += part.factor * value;
-                        }
-                    }
+                let theta: Vec<f64> = places.iter().map(|&place| own[place]).collect();
+                let first_inner = model.first_inner(*term);
+                let phi: Vec<f64> = inner_places.iter().map(|&p| inner[first_inner + p]).collect();
+                scratch.clear();
+                scratch.resize(rows.len(), 0.0);
+                expression.evaluate(&expression_rows, 0..rows.len(), &theta, &phi, &mut scratch)?;
+                for (total, value) in sum.iter_mut().zip(&scratch) {
+                    *total += part.factor * value;
                 }
             }
             Ok(sum)
@@ -80,16 +79,29 @@ pub fn channel_values(
     Ok(ChannelValues { channels, values })
 }
 
-fn add_basis(sum: &mut [f64], rows: &Rows, axis: Axis, basis: &Basis, coefficients: &[f64], factor: f64) {
-    let place = axis.index();
-    sum.par_chunks_mut(BLOCK_ROWS).zip(rows.q_mm.par_chunks(BLOCK_ROWS)).for_each(|(sums, positions)| {
-        let mut functions = vec![0.0; basis.len()];
-        for (total, q_mm) in sums.iter_mut().zip(positions) {
-            let (first, count) = basis.support(q_mm[place], &mut functions);
-            let value: f64 = functions[..count].iter().zip(&coefficients[first..]).map(|(f, c)| f * c).sum();
-            *total += factor * value;
+/// What the parts that are bases give to every channel, by blocks of rows.
+fn sums_of_bases(model: &VolumetricModel, rows: &Rows, coefficients: &[f64]) -> Vec<Vec<Vec<f64>>> {
+    let shared = SharedBases::of(model.parts().map(|(_, part)| part));
+    let of_block = |positions_mm: &[[f64; 3]]| {
+        let supports = shared.supports(positions_mm.iter());
+        let mut sums = vec![vec![0.0; positions_mm.len()]; model.channels().len()];
+        for (number, (term, part)) in model.parts().enumerate() {
+            let is_own = |channel: &Channel| *channel == part.channel;
+            let (Shape::Basis { .. }, Some(place)) = (&part.shape, model.channels().iter().position(is_own))
+            else {
+                continue;
+            };
+            let (support, own) =
+                (&supports[shared.of_part(number)], &coefficients[model.first_coefficient(term)..]);
+            for (at, total) in sums[place].iter_mut().enumerate() {
+                let (first, functions) = support.at(at);
+                let value: f64 = functions.iter().zip(&own[first..]).map(|(f, c)| f * c).sum();
+                *total += part.factor * value;
+            }
         }
-    });
+        sums
+    };
+    rows.q_mm.par_chunks(BLOCK_ROWS).map(of_block).collect()
 }
 
 /// Displacement of every row's point, actual minus nominal, by the exact chain and without the rig, mm.

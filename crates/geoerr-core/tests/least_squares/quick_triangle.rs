@@ -1,7 +1,7 @@
 //! A triangle from the Gram matrix: what it tells is what QR tells, and it is not used where it could not.
 
 use geoerr_core::least_squares::{
-    LeastSquaresError, Matrix, Options, Solution, StoredDesign, Triangle, design_fn, solve,
+    LeastSquaresError, Matrix, Options, Restriction, Solution, StoredDesign, Triangle, design_fn, solve,
 };
 use nalgebra::DMatrix;
 use rayon::ThreadPoolBuilder;
@@ -100,6 +100,55 @@ fn what_is_neither_seen_nor_lost_goes_to_qr() {
     let nothing = Matrix::from_fn(600, 3, |_, j| if j == 1 { 0.0 } else { draws.symmetric() });
     let [quick, _] = both(&nothing);
     assert_eq!((quick.rank.rank, quick.is_determined), (2, vec![true, false, true]));
+}
+
+/// Solutions in a restriction that fixes all that is free, and more: with rows that hold it, and by QR without.
+#[test]
+fn what_constraints_fix_needs_no_eigenvectors() {
+    let mut draws = Draws::new(16);
+    let a = with_singular_values(&mut draws, 2500, &[1.0, 0.8, 0.3, 0.1, 1e-2, 0.0, 0.0]);
+    let nothing = Matrix::zeros(a.n_rows(), 0);
+    let design = StoredDesign::new(&a, &nothing).unwrap();
+    // Further ones restrict what is seen; of a single one something stays free, and it is found as without.
+    for (n_constraints, rank) in [(2, 5), (4, 3), (1, 5)] {
+        let constraints = draws.matrix(n_constraints, 7);
+        let options = Options {
+            rank_tolerance: Some(TOLERANCE),
+            restriction: Restriction::Constraints(constraints.clone()),
+            ..Options::default()
+        };
+        let within = Triangle::for_rank_within(&design, TOLERANCE, &constraints).unwrap();
+        let is_definite = n_constraints > 1;
+        assert_eq!(within != by_rank(&a, TOLERANCE).unwrap(), is_definite);
+        let prior = draws.matrix(2, 7);
+        for appended in [false, true] {
+            let [quick, qr] = [within.clone(), by_qr(&a).unwrap()].map(|mut triangle| {
+                if appended {
+                    triangle.append(&prior).unwrap();
+                }
+                solve(&triangle, &options).unwrap()
+            });
+            assert_eq!(quick.rank.rank, qr.rank.rank);
+            assert!(appended || quick.rank.rank == rank);
+            // Estimates by a few steps each, from elsewhere.
+            assert!(
+                (quick.condition / qr.condition - 1.0).abs() < 0.1,
+                "{} {}",
+                quick.condition,
+                qr.condition
+            );
+            let gradient = product(&a.transposed(), &draws.matrix(2500, 1));
+            let steps = [&quick, &qr].map(|one| one.solve_normal(gradient.as_slice()).unwrap());
+            assert!(difference(&steps[0], &steps[1]) < 1e-9 * largest(steps[1].iter().copied()));
+            let covariances = [&quick, &qr].map(|one| {
+                let root = to_nalgebra(one.covariance_root());
+                &root * root.transpose()
+            });
+            assert!((&covariances[0] - &covariances[1]).norm() < 1e-9 * covariances[1].norm());
+        }
+    }
+    let refused = Triangle::for_rank_within(&design, TOLERANCE, &Matrix::zeros(1, 6));
+    assert_eq!(refused, Err(LeastSquaresError::ColumnsDiffer { expected: 7, found: 6 }));
 }
 
 #[test]
