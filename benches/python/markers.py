@@ -22,7 +22,7 @@ from geoerr.vision.camera import Camera
 from geoerr.vision.expected import expected_places
 from geoerr.vision.frame import FrameResult, SeenTarget
 from geoerr.vision.marker_fit import MarkerFit
-from geoerr.vision.markers import find_markers, refine_marker
+from geoerr.vision.markers import find_markers, reads_as, refine_marker
 from geoerr.vision.patterns import opencv_dictionary
 from geoerr.vision.rig import Rig, RightFromLeft
 
@@ -35,8 +35,9 @@ OURS = "geoerr, fitted where it is expected"
 FOUND = "geoerr, found and fitted"
 WHOLE_SUBPIX = "cv2 ArUco, CORNER_REFINE_SUBPIX"
 IN_THE_WAY = (
-    "Nothing is searched: what remains is the fit of some 6,000 pixels near edges and 20,000 between them. A third "
-    "evaluates the model and its 23 derivatives, a quarter multiplies them with each other, a fifth chooses pixels."
+    "Nothing is searched: what remains, beside reading the id, is the fit of some 6,000 pixels near edges and 20,000 "
+    "between them. A third evaluates the model and its 23 derivatives, a quarter multiplies them with each other, a "
+    "fifth chooses pixels."
 )
 PLAN = {
     "seed": 4,
@@ -67,7 +68,9 @@ def measure(seconds: float) -> tuple[str, list[Reached]]:
     rig = Rig(*lenses[0], *lenses[1], RightFromLeft(*pair.right_from_left), (2448, 2048))
     seen = [(left, right) for _, left, right in frames(plan)]
     learnt = {row: FrameResult((_searched(rig, row, seen[row]),), (), True, 2) for row in range(0, len(seen), 2)}
-    expected = expected_places(rig, pl.DataFrame({"x": np.linspace(0.0, 100.0, len(seen))}), learnt)
+    still = np.zeros(len(seen))
+    positions = pl.DataFrame({"x": np.linspace(0.0, 100.0, len(seen)), "y": still, "z": still})
+    expected = expected_places(rig, positions, learnt)
     rows = range(1, len(seen), 2)
     pictures = {row: seen[row][0] for row in rows}
     truth = {row: true_pixels(scene, row)[KEY]["left"] for row in rows}
@@ -75,6 +78,8 @@ def measure(seconds: float) -> tuple[str, list[Reached]]:
     def where_expected(row: int) -> Array:
         places = expected.corners_px(row, 0)
         assert places is not None
+        if not reads_as(pictures[row], KEY, places[0]):
+            raise SystemExit(f"marker {KEY} cannot be read where it is expected in picture {row}")
         return refine_marker(pictures[row], rig.left, KEY, places[0]).corners_px
 
     works: dict[str, Callable[[int], Array]] = {
@@ -107,7 +112,7 @@ def measure(seconds: float) -> tuple[str, list[Reached]]:
     size = np.linalg.norm(np.diff(truth[rows[0]], axis=0), axis=1).mean()
     note = (
         f"One marker, {size:.0f} px wide, no lens distortion, noise of 2 grey levels, {len(pictures)} pictures. "
-        "Where it is expected is worked out in both pictures, and counted for one.\n\n"
+        "Where it is expected is worked out in both pictures, and counted for one; its id is read there.\n\n"
     )
     return note + table(heads, body), [row]
 

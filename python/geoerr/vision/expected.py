@@ -5,8 +5,16 @@ Some frames of a session are searched whole. From them, corners in space (c = 1 
     X_c(q) = b_c + A (q − q̄)
 
 with A (3 × 3) by least squares, 0 along what was never moved: axes are straight to a millimetre, and carry a target
-without turning it. Projected into both pictures this is near enough for the fit of a marker's whole picture, which
-says itself when it is not; then the picture is searched.
+without turning it. Projected into both pictures this is near enough to read the marker there and to fit its whole
+picture; where either says no, the picture is searched.
+
+| symbol | code | what | unit |
+|---|---|---|---|
+| X_c | - | corners in the left camera's frame, (4, 3) | mm |
+| q | `commanded_mm` | commanded position, (3,) | mm |
+| b_c | `corners_mm` | corners at the middle, (4, 3) | mm |
+| A | `mm_per_mm` | way of the target for each mm of an axis, (3, 3) | - |
+| q̄ | `middle_mm` | the middle of the positions, (3,) | mm |
 """
 
 from __future__ import annotations
@@ -40,7 +48,7 @@ class _Motion:
     """How one target moves in one session: corners (4, 3) in the left camera's frame at the middle, A, and q̄."""
 
     corners_mm: Array
-    per_mm: Array
+    mm_per_mm: Array
     middle_mm: Array
 
 
@@ -54,8 +62,8 @@ class Expected:
         The camera pair.
     session : (n,)
         Session of each frame, by number.
-    commanded_mm : (n, k)
-        Positions of the axes that are known.
+    commanded_mm : (n, 3)
+        Positions of the axes.
     motions
         By session and target.
     """
@@ -68,9 +76,9 @@ class Expected:
     def corners_px(self, row: int, target: int) -> tuple[Array, Array] | None:
         """Give distorted pixels (4, 2) of a target's corners in either picture; None where nobody can say."""
         motion = self.motions.get((int(self.session[row]), target))
-        if motion is None or not np.isfinite(self.commanded_mm[row]).all():
+        if motion is None:
             return None
-        points = motion.corners_mm + motion.per_mm @ (self.commanded_mm[row] - motion.middle_mm)
+        points = motion.corners_mm + motion.mm_per_mm @ (self.commanded_mm[row] - motion.middle_mm)
         places = _projected(self.rig, points)
         return places if all(np.isfinite(place).all() for place in places) else None
 
@@ -87,16 +95,28 @@ def rows_to_search(frames: pl.DataFrame) -> list[int]:
 
 
 def expected_places(rig: Rig, frames: pl.DataFrame, searched: Mapping[int, FrameResult]) -> Expected:
-    """Learn from frames that were searched how each target moves; one that goes another way is not expected."""
+    """Learn from frames that were searched how each target moves; one that goes another way is not expected.
+
+    Nor is one that some picture of its session shows more than once: which one is meant cannot be known.
+
+    Parameters
+    ----------
+    frames
+        With `x`, `y` and `z` in every row.
+    """
     session = _sessions(frames)
-    known = [axis for axis in AXES if axis in frames.columns and frames[axis].dtype.is_numeric()]
-    commanded = np.column_stack([np.zeros((len(frames), 0)), *(_numbers(frames[axis]) for axis in known)])
+    commanded_mm = frames.select(AXES).to_numpy().astype(np.float64)
     seen: dict[tuple[int, int], list[SeenTarget]] = {}
     for row, result in searched.items():
         for item in result.seen:
             seen.setdefault((int(session[row]), item.target), []).append(item)
-    motions = {key: motion for key, items in seen.items() if (motion := _motion(rig, commanded, items)) is not None}
-    return Expected(rig, session, commanded, motions)
+    repeated = {(int(session[row]), target) for row, result in searched.items() for target in result.repeated}
+    motions = {
+        key: motion
+        for key, items in seen.items()
+        if key not in repeated and (motion := _motion(rig, commanded_mm, items)) is not None
+    }
+    return Expected(rig, session, commanded_mm, motions)
 
 
 def _motion(rig: Rig, commanded_mm: Array, items: list[SeenTarget]) -> _Motion | None:
@@ -104,16 +124,16 @@ def _motion(rig: Rig, commanded_mm: Array, items: list[SeenTarget]) -> _Motion |
     found = triangulate(rig.projection_left_px, rig.projection_right_px, left.reshape(-1, 2), right.reshape(-1, 2))
     corners = found.points_mm.reshape(-1, 4, 3)
     q = commanded_mm[[item.row for item in items]]
-    good = np.isfinite(corners).all(axis=(1, 2)) & np.isfinite(q).all(axis=1)
+    good = np.isfinite(corners).all(axis=(1, 2))
     corners, q = corners[good], q[good]
     if len(q) < _FEWEST:
         return None
     middle = q.mean(axis=0)
     of_target = corners.mean(axis=1)
-    per_mm = np.linalg.lstsq(q - middle, of_target - of_target.mean(axis=0), rcond=_NOT_MOVED)[0].T
-    motion = _Motion(corners.mean(axis=0), per_mm, middle)
+    mm_per_mm = np.linalg.lstsq(q - middle, of_target - of_target.mean(axis=0), rcond=_NOT_MOVED)[0].T
+    motion = _Motion(corners.mean(axis=0), mm_per_mm, middle)
     for own, place in zip(corners, q, strict=True):
-        expected = motion.corners_mm + per_mm @ (place - middle)
+        expected = motion.corners_mm + mm_per_mm @ (place - middle)
         for there, here in zip(_projected(rig, own), _projected(rig, expected), strict=True):
             side = np.linalg.norm(there - np.roll(there, 1, axis=0), axis=1).mean()
             if not np.abs(there - here).max() < _NEAR * side:
@@ -136,7 +156,3 @@ def _sessions(frames: pl.DataFrame) -> npt.NDArray[np.int64]:
     names = frames["session"].cast(pl.String).fill_null("").to_list()
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return np.array([numbers[name] for name in names], dtype=np.int64)
-
-
-def _numbers(column: pl.Series) -> Array:
-    return column.cast(pl.Float64).fill_null(float("nan")).to_numpy()

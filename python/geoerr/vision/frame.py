@@ -13,7 +13,7 @@ import numpy.typing as npt
 from geoerr.errors import InputFileError
 from geoerr.vision.images import read_grey
 from geoerr.vision.marker_fit import MarkerFit, MarkerFitError
-from geoerr.vision.markers import Found, find_markers, refine_marker
+from geoerr.vision.markers import Found, find_markers, reads_as, refine_marker
 from geoerr.vision.rig import Rig
 from geoerr.vision.session import Target
 
@@ -73,12 +73,15 @@ class FrameResult:
         Whether both pictures could be used.
     n_found
         Targets found in either picture.
+    repeated
+        Targets, by index, that a picture shows more than once.
     """
 
     seen: tuple[SeenTarget, ...]
     missed: tuple[Missed, ...]
     readable: bool
     n_found: int
+    repeated: frozenset[int] = frozenset()
 
 
 class Places(Protocol):
@@ -92,7 +95,7 @@ class Places(Protocol):
 class FrameReader:
     """Reads frames of one session with one rig; holds nothing that changes, so that threads may share it.
 
-    A target is fitted where it is expected; a picture is searched for those that are not, or are not there.
+    A target is fitted where it is expected and its id is read; a picture is searched for those that are not there.
     """
 
     directory: Path
@@ -119,7 +122,12 @@ class FrameReader:
             if not reasons:
                 seen[index] = SeenTarget(row, index, fits[0], fits[1])
         n_found = 2 * n_expected + sum(len(view.corners_px) + len(view.repeated) for view in found)
-        return FrameResult(tuple(seen[index] for index in sorted(seen)), tuple(missed), True, n_found)
+        repeated = frozenset(
+            index
+            for index, target in wanted.items()
+            if any((target.dictionary, target.id) in view.repeated for view in found)
+        )
+        return FrameResult(tuple(seen[index] for index in sorted(seen)), tuple(missed), True, n_found, repeated)
 
     def _where_expected(
         self, row: int, pictures: Sequence[GreyImage]
@@ -131,6 +139,8 @@ class FrameReader:
             if places is None or not all(map(_is_inside, pictures, places)):
                 continue
             key = (target.dictionary, target.id)
+            if not all(map(reads_as, pictures, (key, key), places)):
+                continue
             lenses = (self.rig.left, self.rig.right)
             try:
                 left, right = map(refine_marker, pictures, lenses, (key, key), places)

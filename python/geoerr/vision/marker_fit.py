@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
-from geoerr.errors import MarkerFitError, NotThisMarkerError
+from geoerr.errors import MarkerFitError, NotThisMarkerError, ShapeError
 from geoerr.vision.camera import Camera
 
 __all__ = ["MarkerFit", "MarkerFitError", "NotThisMarkerError", "fit_marker"]
@@ -75,12 +75,16 @@ def fit_marker(picture: GreyImage, camera: Camera, pattern: npt.NDArray[np.bool_
     ------
     MarkerFitError
         where the fit does not converge, or to something that is not this marker.
+    ShapeError
+        for a picture that is not of bytes.
 
     Notes
     -----
     Verified against supersampled renderings (tests/vision/test_marker_fit.py): mean error over sub-pixel phases
     below 0.005 px, and scatter over noise draws as the covariance says.
     """
+    if picture.dtype != np.uint8:
+        raise ShapeError(f"the picture must be of uint8, not of {picture.dtype}: grey levels from 0 to 255")
     corners, covariance, noise_grey, contrast_grey, blur_px, misfit = _core.fit_marker(
         np.ascontiguousarray(picture),
         (float(camera.matrix_px[0, 0]), float(camera.matrix_px[1, 1])),

@@ -24,6 +24,9 @@ _HALVE_ABOVE_PX = 1200
 _LOCAL_CORNER_SIGMA_PX = 0.3
 _WINDOW_MODULES = 0.3
 
+# A marker is read in so many pixels a module, the middle half of each; OpenCV's detector corrects as many wrong bits.
+_READ_PX, _CORRECTED = 8, 0.6
+
 MarkerKey = tuple[str, int]
 """Dictionary and id."""
 
@@ -84,6 +87,27 @@ def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
     return cv2.aruco.ArucoDetector(opencv_dictionary(dictionary), parameters)
+
+
+def reads_as(picture: GreyImage, marker: MarkerKey, corners_px: Array) -> bool:
+    """Tell whether the marker at some corners (4, 2), to a fifth of a module, is this one, and this way round.
+
+    The bits are read as OpenCV's detector reads those of a square that it has found, so that nothing is taken for a
+    marker that a search would call another: ids of a dictionary may differ in three modules, which a fit of the whole
+    picture would count as dirt.
+    """
+    dictionary, identity = marker
+    n_modules = len(_pattern(dictionary, identity))
+    side = _READ_PX * n_modules
+    square = np.array([[0, 0], [side, 0], [side, side], [0, side]], dtype=np.float32) - 0.5
+    to_square = cv2.getPerspectiveTransform(corners_px.astype(np.float32), square)
+    flat = np.asarray(cv2.warpPerspective(picture, to_square, (side, side), flags=cv2.INTER_LINEAR), dtype=np.uint8)
+    _, white = cv2.threshold(flat, 127, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+    edge = _READ_PX // 4
+    cells = np.asarray(white).reshape(n_modules, _READ_PX, n_modules, _READ_PX)[:, edge:-edge, :, edge:-edge]
+    bits = np.ascontiguousarray(cells.mean(axis=(1, 3)) > 0.5, dtype=np.uint8)
+    is_known, read, turned = opencv_dictionary(dictionary).identify(bits[1:-1, 1:-1].copy(), _CORRECTED)
+    return bool(is_known) and (int(read), int(turned)) == (identity, 0)
 
 
 @lru_cache(maxsize=4096)

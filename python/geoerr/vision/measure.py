@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -60,24 +61,32 @@ def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | N
     reader = FrameReader(session.directory, rig, session.require_targets())
     collected = Collector(rig, threads, len(frames) * len(reader.targets))
     with one_opencv_thread():
-        for done, result in enumerate(_some_searched_first(reader, frames, threads), start=1):
+        for result in _some_searched_first(reader, frames, threads, progress):
             collected.add(result)
-            if progress is not None:
-                progress(done, len(frames))
     collected.locate()
     return _finished(session, rig, collected, len(frames))
 
 
-def _some_searched_first(reader: FrameReader, frames: pl.DataFrame, threads: int) -> Iterator[FrameResult]:
+def _some_searched_first(
+    reader: FrameReader, frames: pl.DataFrame, threads: int, progress: Progress | None
+) -> Iterator[FrameResult]:
     """Read all frames, in order; some are searched ahead, and tell where targets are in the others.
 
     Which ones is a matter of the frames alone: the result is the same for any number of threads.
     """
+    n_read = itertools.count(1)
+
+    def counted(rows: Sequence[int]) -> Iterator[FrameResult]:
+        for result in _in_order(reader, frames, threads, rows):
+            if progress is not None:
+                progress(next(n_read), len(frames))
+            yield result
+
     first = rows_to_search(frames)
-    searched = dict(zip(first, _in_order(reader, frames, threads, first), strict=True))
+    searched = dict(zip(first, counted(first), strict=True))
     if searched:
         reader = replace(reader, expected=expected_places(reader.rig, frames, searched))
-    others = _in_order(reader, frames, threads, [row for row in range(len(frames)) if row not in searched])
+    others = counted([row for row in range(len(frames)) if row not in searched])
     for row in range(len(frames)):
         yield searched.pop(row) if row in searched else next(others)
 

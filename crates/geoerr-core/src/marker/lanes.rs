@@ -1,6 +1,6 @@
 //! Sixteen pixels that take every step together, in single precision: one widest register.
 //!
-//! Products are not fused with sums: the bytes are the same on every machine.
+//! Products are not fused with sums here, so that lanes have the same bytes on every machine.
 
 use std::ops::{Add, AddAssign, Div, Mul, Sub};
 

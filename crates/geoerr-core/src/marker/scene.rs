@@ -15,6 +15,8 @@ pub(super) const PAD: usize = 4;
 /// Of a whole number: 1/√12.
 pub(super) const ROUNDING_GREY: f64 = 0.289;
 const SMALLEST_MODULE_PX: f64 = 3.0;
+/// A side of so many times the picture's width and height is no marker of this picture.
+const MOST_PICTURES: f64 = 4.0;
 const COARSE_BLUR_PX: f64 = 1.5;
 /// Median of differences of two normal numbers to their standard deviation.
 pub(super) const PER_MEDIAN: f64 = 1.4826;
@@ -80,6 +82,9 @@ impl<'a> Scene<'a> {
         let module_px = mean_side(&corners_px) / n_modules as f64;
         if !(module_px >= SMALLEST_MODULE_PX && module_px.is_finite()) {
             return Err(MarkerError::TooSmall { module_px });
+        }
+        if module_px * n_modules as f64 > MOST_PICTURES * (picture.width + height) as f64 {
+            return Err(MarkerError::Outside);
         }
         let margin = QUIET_MODULES * module_px * 1.5 + 2.0;
         let [across, down] = [(0, picture.width), (1, height)].map(|(c, size)| {

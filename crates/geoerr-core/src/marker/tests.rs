@@ -152,6 +152,9 @@ fn what_is_no_marker_is_refused() {
     assert!(fit(corners_px()).is_another());
     assert!(matches!(fit(corners_px().map(|corner| corner.map(|c| 0.05 * c))), MarkerError::TooSmall { .. }));
     assert_eq!(fit(corners_px().map(|corner| corner.map(|c| c + 9e3))), MarkerError::Outside);
+    for times in [1e3, 1e21, 1e300] {
+        assert_eq!(fit(corners_px().map(|corner| corner.map(|c| times * (c - 40.0)))), MarkerError::Outside);
+    }
     assert!(matches!(fit([[f64::NAN; 2]; 4]), MarkerError::TooSmall { .. }));
     let straight = Lens { distortion: [0.0; 12], ..LENS };
     let line = [[20.0, 20.0], [60.0, 60.0], [100.0, 100.0], [140.0, 140.0]];
