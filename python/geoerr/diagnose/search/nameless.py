@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -96,11 +96,14 @@ def is_impostor(
     """Tell whether the best name only stands in for something that has none.
 
     It does not where it is only a little uneven. A probe of two variables may beat each of two effects that are both
-    missing: two names together are tried.
+    missing: two names together are tried. But where the probe follows nothing but what the name follows, and says
+    more, the formula is another one, however much of it a straight line does.
     """
     if best is None:
         return True
     name, settled = best
+    if _is_of_another_formula(settled, name, probe):
+        return True
     if probe.evidence <= name.evidence + CLEARLY_BETTER or name.gain >= _MOST_OF_IT * probe.gain:
         return False
     if _is_only_uneven(settled, _NEARLY_ALL * probe.gain):
@@ -109,6 +112,17 @@ def is_impostor(
     second = first_to_pass(look(bench, space, [c for c in candidates if c is not name.what], []).candidates, level)
     evidence = name.evidence + (0.0 if second is None else second.evidence)
     return evidence < probe.evidence
+
+
+def _is_of_another_formula(settled: Settled, name: Judged, probe: Judged) -> bool:
+    """Tell whether a probe of just a name's own variables does what the name does, and clearly more."""
+    term = settled.term
+    assert term is not None
+    if not _is_probe_of(probe, _as_probed(term.variables)) or component_of(probe) not in _components_of(settled):
+        return False
+    # An acceleration is not known exactly, and an effect of it leaves that much of itself.
+    share = _REMAINDER**2 if any(one.startswith("a_") for one in term.variables) else _BENT_SHARE
+    return probe.gain - name.gain >= share * name.gain and probe.evidence - name.evidence >= _BENT
 
 
 def _is_only_uneven(settled: Settled, gain: float) -> bool:
@@ -187,11 +201,14 @@ def _own(found: Found) -> set[str]:
     """Give the variables of a name, as probes call them; of what turns a body, the positions that are its lever."""
     term = found.settled.term
     assert term is not None
-    names = {_PROBED_AS.get(name, name) for name in term.variables}
     turns = any(
         not channel.startswith(("tool", "work", "target")) and channel[1] in "ABC_" for channel in term.channels
     )
-    return names | (set(AXES) if turns else set())
+    return _as_probed(term.variables) | (set(AXES) if turns else set())
+
+
+def _as_probed(names: Iterable[str]) -> set[str]:
+    return {_PROBED_AS.get(name, name) for name in names}
 
 
 def _is_probe_of(judged: Judged, names: set[str]) -> bool:
