@@ -113,7 +113,7 @@ class FrameReader:
         wanted = {index: target for index, target in enumerate(self.targets) if index not in seen}
         found = self._found(pictures, wanted) if wanted else ()
         for index, target in wanted.items():
-            whys = tuple(_why_not(view, (target.dictionary, target.id)) for view in found)
+            whys = tuple(_why_not(view, target.marker) for view in found)
             reasons = list(_by_camera(whys))
             fits: list[MarkerFit] = []
             if not reasons:
@@ -123,9 +123,7 @@ class FrameReader:
                 seen[index] = SeenTarget(row, index, fits[0], fits[1])
         n_found = 2 * n_expected + sum(len(view.corners_px) + len(view.repeated) for view in found)
         repeated = frozenset(
-            index
-            for index, target in wanted.items()
-            if any((target.dictionary, target.id) in view.repeated for view in found)
+            index for index, target in wanted.items() if any(target.marker in view.repeated for view in found)
         )
         return FrameResult(tuple(seen[index] for index in sorted(seen)), tuple(missed), True, n_found, repeated)
 
@@ -138,7 +136,7 @@ class FrameReader:
             places = self.expected.corners_px(row, index)
             if places is None or not all(map(_is_inside, pictures, places)):
                 continue
-            key = (target.dictionary, target.id)
+            key = target.marker
             if not all(map(reads_as, pictures, (key, key), places)):
                 continue
             lenses = (self.rig.left, self.rig.right)
@@ -151,7 +149,7 @@ class FrameReader:
 
     @staticmethod
     def _found(pictures: Sequence[GreyImage], wanted: Mapping[int, Target]) -> tuple[Found, ...]:
-        keys = [(target.dictionary, target.id) for target in wanted.values()]
+        keys = [target.marker for target in wanted.values()]
         return tuple(find_markers(picture, keys) for picture in pictures)
 
     def _pictures(self, row: int, names: Sequence[str]) -> tuple[list[GreyImage], list[Missed]]:
@@ -175,7 +173,7 @@ class FrameReader:
     ) -> tuple[list[MarkerFit], list[tuple[str, str]]]:
         fits: list[MarkerFit] = []
         reasons: list[tuple[str, str]] = []
-        key = (target.dictionary, target.id)
+        key = target.marker
         lenses = (self.rig.left, self.rig.right)
         for camera, lens, picture, view in zip(CAMERAS, lenses, pictures, found, strict=True):
             try:

@@ -120,6 +120,11 @@ class Target:
         """Name in the `target` column, such as `DICT_4X4_50:7`."""
         return f"{self.dictionary}:{self.id}"
 
+    @property
+    def marker(self) -> tuple[str, int]:
+        """Dictionary and id: which marker pictures show."""
+        return self.dictionary, self.id
+
 
 @dataclass(frozen=True)
 class CalibrationPair:
@@ -389,7 +394,7 @@ def _targets(top: _Table) -> tuple[Target, ...]:
     result = []
     for table in top.tables("targets"):
         target = _target(table)
-        earlier = targets.setdefault((target.dictionary, target.id), table.place)
+        earlier = targets.setdefault(target.marker, table.place)
         if earlier != table.place:
             raise table.refuse(
                 "id",
@@ -422,7 +427,7 @@ def _scale_bar(table: _Table, targets: tuple[Target, ...]) -> ScaleBar:
     ends = table.value("targets", 'the two targets as [["DICT_4X4_50", 7], ["DICT_4X4_50", 8]]')
     if not isinstance(ends, list) or len(ends) != 2 or ends[0] == ends[1]:
         raise table.refuse("targets", f"{ends!r} is not two targets", "write [[dictionary, id], [dictionary, id]]")
-    known = {(target.dictionary, target.id): target for target in targets}
+    known = {target.marker: target for target in targets}
     found = []
     for end in ends:
         if not isinstance(end, list) or [type(part) for part in end] != [str, int] or tuple(end) not in known:
