@@ -51,7 +51,7 @@ def test_this_installation_is_well_and_every_requirement_is_looked_at() -> None:
     required = {re.split("[<>=]", text)[0] for text in project["dependencies"]}
     assert required == set(doctor_checks.LIBRARIES)
     assert required < set(states)
-    assert set(project["optional-dependencies"]) - {"test"} == set(doctor_checks.EXTRAS)
+    assert set(project["optional-dependencies"]) - {"docs", "test"} == set(doctor_checks.EXTRAS)
 
 
 def test_each_kind_of_file_is_named_for_what_it_is(tmp_path: Path) -> None:
