@@ -56,6 +56,9 @@ toc_object_entries_show_parents = "hide"
 napoleon_google_docstring = False
 # Types stand in the signature.
 napoleon_attr_annotations = False
+# Parameters as they are written, two in one line where they are alike; their shapes are no names to be linked.
+napoleon_use_param = False
+napoleon_use_rtype = False
 
 html_theme = "furo"
 html_math_renderer = "mathml"
