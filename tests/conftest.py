@@ -7,6 +7,12 @@ from pathlib import Path
 
 import pytest
 
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Processes run beside each other, one for each core: threads of each would only wait for those of the others. Set
+    # before NumPy is loaded and before the core makes its threads, here and in what a test starts.
+    for library in ("OPENBLAS", "RAYON"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
