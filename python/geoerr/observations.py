@@ -36,7 +36,7 @@ _MOST_NAMED = 8
 
 Numbers = npt.NDArray[np.float64]
 
-_POINTS = Schema(
+POINT_COLUMNS = Schema(
     required=("x", "y", "z"),
     filled=("x", "y", "z"),
     numbers=(
@@ -50,15 +50,15 @@ _POINTS = Schema(
     texts=("line", "session", "target", "group"),
     choices=(("carrier", CARRIERS),),
 )
-_CIRCLES = Schema(
+CIRCLE_COLUMNS = Schema(
     required=("x", "y", "z", "r"),
     filled=("x", "y", "z", "r"),
-    numbers=("x", "y", "z", "r", "t", "feed"),
-    whole_numbers=("repeat", "dir"),
+    numbers=("x", "y", "z", "r", "sr", "t", "feed"),
+    whole_numbers=("repeat", "dir", *DIRECTIONS),
     texts=("line", "session"),
 )
 _LENGTH_ENDS = ("x1", "y1", "z1", "x2", "y2", "z2")
-_LENGTHS = Schema(
+LENGTH_COLUMNS = Schema(
     required=("feature", *_LENGTH_ENDS, "measured"),
     filled=(*_LENGTH_ENDS, "measured"),
     numbers=(*_LENGTH_ENDS, "measured"),
@@ -170,7 +170,7 @@ class Observations:
 
 @dataclass(frozen=True)
 class CircularTest:
-    """Circular tests (ball bar): columns `line x y z r`, optionally `dir feed t`, one row a point."""
+    """Circular tests (ball bar): columns `line x y z r`, optionally `sr dir feed t ...`, one row a point."""
 
     frame: pl.DataFrame
     sources: tuple[str, ...] = ()
@@ -232,7 +232,7 @@ def read_observations(*paths: str | Path) -> Observations:
                 column="mx my mz",
                 remedy="measured positions in mm; leave cells empty where a component was not measured",
             )
-        frame, found = check(raw, _POINTS, path)
+        frame, found = check(raw, POINT_COLUMNS, path)
         frames.append(_with_defaults(frame, session=str(number)))
         problems.extend(found)
     merged = pl.concat(frames, how="diagonal_relaxed")
@@ -243,7 +243,7 @@ def read_circular_test(path: str | Path) -> CircularTest:
     """Read a circular test; `dir` is +1 counter-clockwise seen from + of the third axis, −1 clockwise."""
     raw = read_raw(path)
     _expect(raw, "circle", path)
-    frame, problems = check(raw, _CIRCLES, path)
+    frame, problems = check(raw, CIRCLE_COLUMNS, path)
     return CircularTest(frame, (str(path),), problems)
 
 
@@ -251,7 +251,7 @@ def read_lengths(path: str | Path) -> Lengths:
     """Read measured distances between nominal end points."""
     raw = read_raw(path)
     _expect(raw, "lengths", path)
-    frame, problems = check(raw, _LENGTHS, path)
+    frame, problems = check(raw, LENGTH_COLUMNS, path)
     return Lengths(frame, (str(path),), problems)
 
 
@@ -269,7 +269,7 @@ def observations_from_columns(columns: dict[str, Numbers | list[str]], source: s
         under the name `source`, as for a file.
     """
     raw = pl.DataFrame({name: pl.Series(name, values) for name, values in columns.items()})
-    frame, problems = check(raw, _POINTS, source)
+    frame, problems = check(raw, POINT_COLUMNS, source)
     return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)
 
 

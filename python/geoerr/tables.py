@@ -63,6 +63,12 @@ class Schema:
     choices: tuple[tuple[str, tuple[str, ...]], ...] = ()
     filled: tuple[str, ...] = ()
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All columns that have a meaning, each once."""
+        groups = (self.required, self.numbers, self.whole_numbers, self.texts, [name for name, _ in self.choices])
+        return tuple(dict.fromkeys(name for group in groups for name in group))
+
 
 def read_raw(path: str | Path) -> pl.DataFrame:
     """Read a table without judging its cells: a CSV file gives text columns, Parquet its own types.

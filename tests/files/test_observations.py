@@ -163,6 +163,16 @@ def test_the_other_kinds(tmp_path: Path) -> None:
     circle = read_circular_test(write(tmp_path, "line,x,y,z,r,dir\nA,1,2,3,100.01,-1\nA,1,2,3,,1\n"))
     assert circle.frame["r"].to_list() == [100.01]
     assert circle.set_aside[0].column == "r"
+
+
+@pytest.mark.parametrize(("column", "bad"), [("sr", "0,001mm"), ("sr", "nan"), ("dir_x", "up")])
+def test_a_circle_whose_uncertainty_or_direction_is_no_number_loses_that_row(
+    tmp_path: Path, column: str, bad: str
+) -> None:
+    text = f'x,y,z,r,{column}\n1,2,3,100.01,1\n1,3,3,100.02,"{bad}"\n'
+    circle = read_circular_test(write(tmp_path, text))
+    assert circle.frame[column].to_list() == [1.0]
+    assert [(problem.row, problem.column) for problem in circle.set_aside] == [(3, column)]
     lengths = read_lengths(write(tmp_path, "feature,x1,y1,z1,x2,y2,z2,measured\nd,0,0,0,3,4,0,5.01\n"))
     assert lengths.frame["measured"].to_list() == [5.01]
     assert kind_of(["x", "y", "z", "mx"]) == "points"

@@ -43,7 +43,7 @@ FORBIDDEN_COLUMNS = (
 )
 """Columns of observations that `measure` writes itself."""
 
-_FRAMES = Schema(
+FRAME_COLUMNS = Schema(
     required=("left", "right", "x", "y", "z"),
     filled=("left", "right", "x", "y", "z"),
     numbers=("x", "y", "z", "t", "feed", "temp"),
@@ -51,7 +51,7 @@ _FRAMES = Schema(
     texts=("left", "right", "line", "session", "group"),
 )
 _DESCRIPTION = "session.toml"
-_FRAMES_NAME = "frames.csv"
+_NAME_OFFRAME_COLUMNS = "frames.csv"
 _BOARD_HINT = 'write e.g. [board] type = "charuco", squares = [11, 8], square_mm = 20.0, marker_mm, dictionary'
 
 
@@ -233,7 +233,7 @@ class Session:
         """Give the rows of frames.csv, or refuse the session for lacking the file."""
         if self.frames is None:
             raise InputFileError(
-                self.directory / _FRAMES_NAME,
+                self.directory / _NAME_OFFRAME_COLUMNS,
                 "no such file",
                 remedy="list the pictures of the machine with columns left, right, x, y, z",
             )
@@ -284,7 +284,7 @@ def read_session(directory: str | Path) -> Session:
     path = folder / _DESCRIPTION
     top = _Table(read_toml(path), path)
     targets = _targets(top)
-    frames, set_aside = _frames(folder / _FRAMES_NAME)
+    frames, set_aside = _frames(folder / _NAME_OFFRAME_COLUMNS)
     pairs, unpaired = _calibration_pairs(folder / "calibration")
     return Session(
         directory=folder,
@@ -455,7 +455,7 @@ def _frames(path: Path) -> tuple[pl.DataFrame | None, tuple[RowProblem, ...]]:
                 column=name,
                 remedy="remove the column; targets, carriers and offsets are described in session.toml",
             )
-    frame, problems = check(raw, _FRAMES, path)
+    frame, problems = check(raw, FRAME_COLUMNS, path)
     is_one_picture = frame["left"] == frame["right"]
     doubled = tuple(
         RowProblem(str(path), row, "right", "left and right are the same picture")
