@@ -290,6 +290,17 @@ def test_the_command_prints_what_it_computes(tmp_path):
     assert "Circular test" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
+def test_a_page_never_replaces_what_was_read(tmp_path):
+    machine = wavy()
+    write_errors(tmp_path / "errors.json", machine.errors)
+    trace = measured_file(tmp_path / "trace.csv", machine, circle_to_test(machine))
+    for read in (tmp_path / "errors.json", trace):
+        before = read.read_bytes()
+        refused = run_command(tmp_path / "errors.json", "--trace", trace, "--report", read)
+        assert isinstance(refused.exception, InputFileError)
+        assert read.read_bytes() == before
+
+
 def test_the_command_takes_circle_and_plane_from_the_trace(tmp_path):
     machine = wavy()
     write_errors(tmp_path / "errors.json", machine.errors)

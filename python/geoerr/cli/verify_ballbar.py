@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, files_given, note, print_json
 from geoerr.cli.program_options import At, conditions
 from geoerr.errors import InputFileError
 
@@ -61,6 +61,7 @@ def ballbar(
     from geoerr.report.provenance import provenance_of_command
     from geoerr.verify.ballbar import circle_to_test, run_circular_test
 
+    check_output(report, files_given(model, trace, truth))
     loaded = load_model(model)
     true_model = None if truth is None else load_model(truth)
     measured = None if trace is None else read_circular_test(trace)
