@@ -44,7 +44,7 @@ myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
 # Beside the first page, whose links become the whole tree.
-pages_that_list_others = ["benches/README", "docs/reference/python", "validation/README"]
+pages_that_list_others = ["benches/README", "docs/reference/formats", "docs/reference/python", "validation/README"]
 
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
