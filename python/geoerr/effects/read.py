@@ -39,12 +39,12 @@ _DIRECTIONS: dict[str, tuple[str, ...]] = {
 }
 _PART_KEYS = ("channel", "axis", "direction", "expression", "turns_on_work_side", "linear_in")
 _FORM_KEYS = ("name", "covariates", "part", *_PART_KEYS)
-_EFFECT_KEYS = (
+EFFECT_KEYS = (
     *("id", "title", "axes", "covariates", "source", "looks_like", "cause", "remedy", "mistaken_for", "twins"),
     *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session"),
     *("one_direction", "part", "form", "coefficients", "inner", *_PART_KEYS),
 )
-_PARAMETER_KEYS = ("unit", "plausible", "range", "spacing", "sign")
+PARAMETER_KEYS = ("unit", "plausible", "range", "spacing", "sign")
 _RANGES = ("axis", *AXES, "time")
 _SIGNS = {"any": 0, "positive": 1, "negative": -1}
 
@@ -78,7 +78,7 @@ def read_descriptions(path: str | Path, origin: TermSource) -> tuple[Description
 def _description(
     table: dict[str, Any], number: int, path: str | Path, family: str, origin: TermSource
 ) -> Description:
-    name = Entries(table, path, f"effect {number}", number).only(_EFFECT_KEYS).text("id")
+    name = Entries(table, path, f"effect {number}", number).only(EFFECT_KEYS).text("id")
     entries = Entries(table, path, f"effect {shortened(name)}", number)
     if not is_effect_id(name):
         raise entries.refuse("id", f"{shortened(name)} is not an id", _ID_HINT)
@@ -221,7 +221,7 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
             remedy = "choose another name of letters, digits and underscores"
             raise tables.refuse(name, "cannot be a parameter's name" + _why_not(name), remedy)
         entries = Entries(tables.table(name).content, tables.path, f"{tables.place}.{name}", tables.effect_number)
-        entries.only(_PARAMETER_KEYS)
+        entries.only(PARAMETER_KEYS)
         found.append(
             ParameterSpec(
                 name=name,
