@@ -65,7 +65,7 @@ LENGTH_COLUMNS = Schema(
     whole_numbers=("repeat",),
     texts=("feature", "group"),
 )
-# Filled in where a column or a cell is absent (the contract's defaults).
+# Filled in where a column or a cell is absent (docs/reference/formats/observations.md).
 _TEXT_DEFAULTS = {"line": "", "target": "", "carrier": "tool"}
 _NUMBER_DEFAULTS = {"tx": 0.0, "ty": 0.0, "tz": 0.0}
 _WHOLE_DEFAULTS = {"repeat": 0, "moving": 0}

@@ -600,7 +600,7 @@ class Term:
 
 @dataclass(frozen=True)
 class EffectReference:
-    """A candidate's name in parts: `effect`, `axis` and `covariate` as FORMATS writes them."""
+    """A candidate's name in parts: `effect`, `axis` and `covariate` of `ID[:AXIS][@COVARIATE]`."""
 
     effect: str
     axis: str | None = None

@@ -23,7 +23,7 @@ from geoerr.report.figures import style
 from geoerr.report.figures.volume import direction_colors
 
 STRETCHED = Model(MACHINE, terms=(term("scale", "EXX", "k*x", k=1e-4),))
-# FORMATS.md, `compare --json`.
+# docs/reference/formats/json.md, `compare`.
 KEYS = {
     *("rmse_um", "rms_per_component_um", "held_out_rmse_um", "noise_floor_um", "noise_um", "n", "worst"),
     *("by_line", "by_axis", "lack_of_fit_p"),

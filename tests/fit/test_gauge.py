@@ -1,4 +1,4 @@
-"""What measurements determine, by rank (THEORY, "Gauge"), and what the fit says of the errors that they do not."""
+"""What measurements determine, by rank (docs/theory/gauge.md), and what the fit says of what they do not."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ def test_mean_scale_of_the_whole_model(whole: FitResult) -> None:
 
 
 def test_what_one_plane_cannot_determine_is_listed(whole: FitResult) -> None:
-    """wXYbZt, both axes under the plate, z parked and not measured. From THEORY's first-order sum:
+    """wXYbZt, both axes under the plate, z parked and not measured. From docs/theory/equations.md:
 
     - Z never moved: its six, and its two squarenesses (S_xz·z, S_yz·z at one z are a translation).
     - δ_zx, δ_zy lie along z.

@@ -145,7 +145,7 @@ def test_order_of_rows_and_threads_change_nothing() -> None:
 
 
 def test_two_sessions_of_the_cameras_lose_squareness_only_where_they_must() -> None:
-    """Camera moved between tool lines and bed lines: S_xz and S_yz are lost (THEORY, Gauge)."""
+    """Camera moved between tool lines and bed lines: S_xz and S_yz are lost (docs/theory/gauge.md)."""
     rng = np.random.default_rng(4)
     machine = machine_of("wZbXYt")
     moves = [replace(move, session="bed" if move.carrier == "work" else "tool") for move in nine_lines(machine)]

@@ -151,7 +151,7 @@ def test_a_carriage_that_does_not_follow_its_tangent_is_found_out() -> None:
 
 
 def test_integrated_straightness_is_more_certain() -> None:
-    """THEORY: several times more certain than the direct one, where the assumption holds."""
+    """Several times more certain than the direct one, where the assumption holds."""
     rng = np.random.default_rng(52)
     truth = draw_truth(rng, CHAIN, n_points=21)
     observations = observe(

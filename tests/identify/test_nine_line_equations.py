@@ -100,7 +100,7 @@ def test_roll_from_one_offset_line_is_theorys_difference(
 
 
 def test_straightness_by_integration_has_the_signs_of_both_sides() -> None:
-    """Eq. 19 with THEORY's signs, written out for each of the six and for both sides."""
+    """Eq. 19 with the signs of docs/theory/papers.md, written out for each of the six and for both sides."""
     signs = {
         "EYX": ("ECX", 1),
         "EZX": ("EBX", -1),
@@ -137,7 +137,7 @@ def test_squareness_is_the_angle_between_the_fitted_lines() -> None:
 
 
 def test_roll_by_equation_22_hides_its_size_and_its_sign() -> None:
-    """Linear roll and 10 µm of noise: the root gives the same answer for 0, +50, −50 and +200 µrad (THEORY)."""
+    """Linear roll and 10 µm of noise: the root gives the same answer for 0, +50, −50 and +200 µrad."""
     chain = "wbXYZt"
     machine = machine_of(chain)
     ends = {}

@@ -81,7 +81,7 @@ def test_one_line_missing_is_named_by_its_number(missing: str) -> None:
 
 
 def test_camera_moved_between_tool_lines_and_bed_lines() -> None:
-    """THEORY: S_xz and S_yz are lost. The bed's own frame comes from its targets' offsets."""
+    """S_xz and S_yz are lost. The bed's own frame comes from its targets' offsets."""
     for lines in (nine_lines, li_nine_lines):
         moves = [replace(move, session="1") if move.axis == "z" else move for move in lines(MACHINE)]
         truth, result = analyzed(moves)
@@ -91,7 +91,7 @@ def test_camera_moved_between_tool_lines_and_bed_lines() -> None:
 
 
 def test_camera_moved_for_every_line() -> None:
-    """THEORY: every S and the linear part of every roll are lost.
+    """Every S and the linear part of every roll are lost.
 
     The direct straightness is lost with them here: a session that shows one target on one line tells nothing of how
     its frame is turned about that line. The integrated one stays.
@@ -184,7 +184,7 @@ def test_axis_without_lines() -> None:
 
 
 def test_tool_against_work_over_a_volume_with_one_tool_point() -> None:
-    """THEORY: ε_yx, ε_xy, ε_yy, ε_zy are not determined; levers come from parked positions, lines are turned back."""
+    """ε_yx, ε_xy, ε_yy, ε_zy are not determined; levers come from parked positions, lines are turned back."""
     moves = []
     for axis in AXES:
         for first in (0.0, 200.0, 400.0):
@@ -214,7 +214,7 @@ def test_tool_against_work_over_a_volume_with_one_tool_point() -> None:
     ids=["one target", "three targets"],
 )
 def test_floor_camera_over_an_xy_grid(targets: dict[str, tuple[float, float, float]], angles: set[str]) -> None:
-    """THEORY: with one target, of the angles of X and Y only ε_xx and ε_zx; all rows in one `line`."""
+    """With one target, of the angles of X and Y only ε_xx and ε_zx; all rows in one `line`."""
     truth, cameras = truth_and_cameras(21)
     moves = [Move("x", "tool", targets, (0.0, float(y), 0.0), line="grid") for y in truth.q_mm["y"]]
     result = analyze_nine_lines(observe(MACHINE, truth, moves, cameras), MACHINE)

@@ -4,9 +4,9 @@ A carriage's transform is [R(ε), q·â' + δ] on the tool side and [R(−ε), �
 the vector ε; each side is the product of its axes from the base outwards. Directions â': X the datum, Y in the XY
 plane, included angles 90° + S exactly.
 
-Errors are tables at the measured positions, in THEORY's gauge by construction: angles and positioning are 0 at the
-first point; straightness has no least-squares slope (of the straight lines between its points) and is 0 at the first
-point.
+Errors are tables at the measured positions, in the gauge of docs/theory/gauge.md by construction: angles and
+positioning are 0 at the first point; straightness has no least-squares slope (of the straight lines between its
+points) and is 0 at the first point.
 """
 
 from __future__ import annotations

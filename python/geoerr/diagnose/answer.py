@@ -55,7 +55,7 @@ class Answer:
         return held_out_um(self.fitted)
 
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it."""
+        """Give it as `diagnose --json` has it."""
         return {
             "verdict": self.verdict,
             "p_value": self.p_value,

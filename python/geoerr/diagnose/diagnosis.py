@@ -152,7 +152,7 @@ class Diagnosis(Answer):
         return diagnosis_html(self)
 
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it, and more."""
+        """Give it as `diagnose --json` has it, and more."""
         return {
             **super().to_document(),
             "sentence": self.sentence,

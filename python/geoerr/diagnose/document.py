@@ -36,7 +36,7 @@ _NO_POINTS: dict[str, Any] = {
 
 
 def comparison_document(fitted: Fitted) -> dict[str, Any]:
-    """Give a fit's figures as FORMATS names them: overall, the worst rows, by line, by axis of the base frame.
+    """Give a fit's figures as `--json` names them: overall, the worst rows, by line, by axis of the base frame.
 
     Residuals are measured minus predicted in base axes, µm; a component that was not measured is null. The worst rows
     are of all rows, those that the fit left out as gross outliers too (`is_outlier`).
@@ -52,7 +52,7 @@ def comparison_document(fitted: Fitted) -> dict[str, Any]:
 
 
 def document_of(comparison: Comparison) -> dict[str, Any]:
-    """Give a comparison as `compare --json` has it: FORMATS' keys, then where and along what the model fails."""
+    """Give a comparison as `compare --json` has it: the figures, then where and along what the model fails."""
     lengths = comparison.lengths
     if comparison.fitted is None:
         document = dict(_NO_POINTS)

@@ -116,10 +116,10 @@ class Named(ABC):
 
     @abstractmethod
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it, and more."""
+        """Give it as `diagnose --json` has it, and more."""
 
     def named_document(self, held_out_rmse_after_um: float | None) -> dict[str, Any]:
-        """Give the keys of FORMATS' `diagnose --json`, and more that both have."""
+        """Give the keys of `diagnose --json` that both have."""
         separation = self.separate_by
         return {
             **reference_document(self.reference),
@@ -228,7 +228,7 @@ class Finding(Named):
         return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it, and more."""
+        """Give it as `diagnose --json` has it, and more."""
         document = self.named_document(self.held_out_rmse_after_um)
         for name, moment in self.moments.items():
             document["parameters"][name] |= moment.to_document()
@@ -267,7 +267,7 @@ class Nameless(ABC):
         """Say what it is."""
 
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it."""
+        """Give it as `diagnose --json` has it."""
         return {
             "depends_on": list(self.depends_on),
             "component": self.component,
@@ -322,7 +322,7 @@ class Unknown(Nameless):
         return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it, and more."""
+        """Give it as `diagnose --json` has it, and more."""
         return {
             **super().to_document(),
             "reference": self.reference,

@@ -1,7 +1,7 @@
 """The classic errors as terms: 18 smooth functions of one axis position each, and three squarenesses.
 
-Gauge (THEORY.md): positioning and angles are 0 at the first point of the measured range; straightness has no
-least-squares slope over the range and is 0 at the first point; the slope is squareness.
+Gauge (`docs/theory/gauge.md`): positioning and angles are 0 at the first point of the measured range; straightness
+has no least-squares slope over the range and is 0 at the first point; the slope is squareness.
 """
 
 from __future__ import annotations

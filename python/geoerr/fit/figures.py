@@ -1,4 +1,4 @@
-"""Error figures as FORMATS defines them: residual = measured − predicted, base axes, µm.
+"""Error figures (`docs/theory/model.md`): residual = measured − predicted, base axes, µm.
 
 `rmse_um` is the root of the sum over the components of each component's mean square, over the rows that measured it:
 the length in 3-D where all three were. Radii are reported apart.

@@ -130,7 +130,7 @@ def fit_terms(
 
     Notes
     -----
-    THEORY.md, "The one model". Verified in tests/fit: standard errors by Monte-Carlo, rank by Li's nine lines,
+    `docs/theory/model.md`. Verified in tests/fit: standard errors by Monte-Carlo, rank by Li's nine lines,
     `validation/joint.py` against the nine-line arithmetic.
     """
     options = options or FitOptions()

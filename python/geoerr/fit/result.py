@@ -57,7 +57,7 @@ class FitResult:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Error figures as FORMATS' `compare --json` names them."""
+        """Error figures, named as in `compare --json`."""
         return figures_document(self.fitted)
 
     def to_document(self) -> dict[str, Any]:
@@ -139,7 +139,7 @@ def _calibration(fitted: Fitted) -> dict[str, float]:
 
 
 def figures_document(fitted: Fitted) -> dict[str, Any]:
-    """Give the figures of a fit under FORMATS' names; null where one is not computable."""
+    """Give the figures of a fit, named as in `compare --json`; null where one is not computable."""
     held = fitted.held_out.figures
     return {
         **fitted.figures.to_document(),

@@ -100,8 +100,8 @@ def identify_joint(
 
     Notes
     -----
-    THEORY: "the joint estimate". Verified in tests/identify/test_joint.py and, against the nine lines' arithmetic and
-    for coverage, by `validation/joint.py`.
+    `docs/theory/model.md`, "The joint estimate". Verified in tests/identify/test_joint.py and, against the nine
+    lines' arithmetic and for coverage, by `validation/joint.py`.
     """
     tables = [observations] if isinstance(observations, Observations) else list(observations)
     fits = {

@@ -27,7 +27,7 @@ class Measurements:
         Number of the repetition.
     is_parallel : dict
         Session to whether its device never measures all three components at once: its frame is then parallel to the
-        base (FORMATS: "with a component empty throughout, the measuring frame is parallel to the base").
+        base (`docs/reference/formats/observations.md`: nobody can tell how it is tilted).
     usable : (n,)
         Whether the row was measured as completely as its session's device measures.
     notes

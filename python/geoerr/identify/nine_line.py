@@ -6,7 +6,7 @@
 4. Positions across the lines give straightness directly and roll linearly (`transverse`); Eqs. 20 to 22 by name
    (`roll`).
 5. Angles integrated give straightness the other way: Eq. 19 (`straightness`).
-6. Everything is referred to the carriage origin, in THEORY's gauge (`axis`).
+6. Everything is referred to the carriage origin, in the gauge of `docs/theory/gauge.md` (`axis`).
 7. Directions of lines 1 to 3 in one session give squareness (`squareness`).
 
 8. What these first-order equations neglect is found with the exact kinematics and taken off (`second_order`).
@@ -187,7 +187,7 @@ def identify_nine_line(
     Returns
     -------
     ErrorFunctions
-        In THEORY's gauge, at the carriage origin; `not_determined` names the rest and why.
+        In the gauge of `docs/theory/gauge.md`, at the carriage origin; `not_determined` names the rest and why.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 r"""Terms as tables, in the gauge of errors.json.
 
 A table stands for its polygon. Positioning and angles are 0 at the first entry; straightness has no least-squares
-slope over the range of its polygon and is 0 at the first entry; slopes are squareness. To first order (THEORY of the
-chain: tool from the work) the errors enter as
+slope over the range of its polygon and is 0 at the first entry; slopes are squareness (`docs/theory/gauge.md`).
+To first order, of the tool seen from the work, the errors enter as
 
     E = Σ_a δ_a(q_a) + ε_a(q_a) × (l + Σ_{b ∈ lever(a)} q_b b̂)  −  (S_xy y + S_xz z, S_yz z, 0)
 

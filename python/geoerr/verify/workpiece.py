@@ -69,7 +69,7 @@ class RelativeErrors:
         if not mask.any():
             return None
         errors = self.error_mm[mask]
-        # FORMATS' error figure: the sum over components of each one's own mean square.
+        # As all error figures: the sum over components of each one's own mean square.
         squares = [
             float(np.mean(column[np.isfinite(column)] ** 2)) for column in errors.T if np.isfinite(column).any()
         ]

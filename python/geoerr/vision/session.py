@@ -1,8 +1,8 @@
 """Session folders: what was photographed, with what board and targets, at which axis positions.
 
-A session is a directory (docs: the file formats): `session.toml`, `calibration/left/*` and `calibration/right/*`,
-`frames.csv` with its pictures. What only one verb needs may be absent; that verb asks with a `require_...` method,
-which refuses by name what is missing.
+A session is a directory (`docs/reference/formats/session.md`): `session.toml`, `calibration/left/*` and
+`calibration/right/*`, `frames.csv` with its pictures. What only one verb needs may be absent; that verb asks with a
+`require_...` method, which refuses by name what is missing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-//! Kinematics and its inverse against THEORY's first-order sums, a matrix implementation and differences.
+//! Kinematics and its inverse against first-order sums (docs/theory/equations.md), a matrix implementation and differences.
 
 mod abbe;
 mod batch;

@@ -93,7 +93,7 @@ class Cause(Named):
         return f"{self.effect.title} ({self.reference}): {values}. Worth {worth}{part}; {self.sure}"
 
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own."""
+        """Give it as `diagnose --json` has it, and what is a circle's own."""
         return {
             **self.named_document(self.held_out_rmse_after_um),
             "readings": [
@@ -214,7 +214,7 @@ class CircleDiagnosis(Answer):
         )
 
     def to_document(self) -> dict[str, Any]:
-        """Give it as FORMATS' `diagnose --json` has it, and what is a circle's own under `circle`."""
+        """Give it as `diagnose --json` has it, and what is a circle's own under `circle`."""
         shares = self.shares
         return {
             **super().to_document(),
