@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,6 +54,9 @@ class Schema:
         Column to the values that it may take.
     filled
         Columns in which an empty cell makes the row unusable.
+    are_numbers
+        Which of the columns that are not listed hold numbers, by their names: a cell that is none is a mistake there,
+        and does not make the column one of texts.
     """
 
     required: tuple[str, ...]
@@ -62,6 +65,7 @@ class Schema:
     texts: tuple[str, ...] = ()
     choices: tuple[tuple[str, tuple[str, ...]], ...] = ()
     filled: tuple[str, ...] = ()
+    are_numbers: Callable[[str], bool] | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -222,6 +226,9 @@ def _typed(
             return numbers.cast(pl.Int64, strict=False), problems
         return numbers, problems
     # A column of the user's own: numbers where all its cells are, else text. NaN is how tools write "unknown".
-    if (text.is_not_null() & numbers.is_null()).any():
+    if schema.are_numbers is not None and schema.are_numbers(name):
+        refuse(text.is_not_null() & numbers.is_null(), "{value!r} is not a number")
+        refuse(numbers.is_infinite(), "{value!r} is not a finite number")
+    elif (text.is_not_null() & numbers.is_null()).any():
         return text, problems
     return numbers.fill_nan(None), problems

@@ -104,6 +104,8 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
         ("carrier", "spindle", "'spindle' is not one of tool, work, base, relative"),
         ("y", "", "the cell is empty"),
         ("repeat", "1.5", "'1.5' is not a whole number"),
+        ("temp_bed", "9o", "'9o' is not a number"),
+        ("temp_bed", "-inf", "'-inf' is not a finite number"),
     ],
 )
 def test_a_bad_row_is_named_and_the_rest_goes_on(tmp_path: Path, cell: str, value: str, reason: str) -> None:
@@ -117,6 +119,7 @@ def test_a_bad_row_is_named_and_the_rest_goes_on(tmp_path: Path, cell: str, valu
         "mx": "4",
         "my": "5",
         "mz": "6",
+        "temp_bed": "20",
     }
     rows = [row, {**row, cell: value}, row]
     text = ",".join(row) + "\n" + "\n".join(",".join(entry.values()) for entry in rows) + "\n"

@@ -8,17 +8,13 @@ from itertools import combinations, permutations
 
 from geoerr.effects.definitions import RESERVED_NAMES
 from geoerr.effects.description import FormSpec
+from geoerr.observations import is_temperature
 from geoerr.terms import names_in
 
 _LAG_END = re.compile(r"(?<![A-Za-z0-9_])lag\s*\Z")
 _SPEED_NAMES = ("v", "a")
 _SPEEDS = "speeds (the columns moving and feed, or moving and t)"
 _TIMES = "times (the column t)"
-
-
-def is_temperature(column: str) -> bool:
-    """Tell whether a column is a temperature by its name: `temp` or `temp_...`."""
-    return column == "temp" or column.startswith("temp_")
 
 
 def is_temperature_entry(entry: str) -> bool:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from geoerr.errors import GeoerrError, ShapeError
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, as_numbers
+from geoerr.observations import is_temperature
 from geoerr.terms import CLOCK_NAME, PLACE_NAMES
 
 REFERENCE: Literal["reference"] = "reference"
@@ -30,11 +31,6 @@ _MEANING = {
     "a": "the signed acceleration, mm/s²",
     "mean_v": "the mean speed since the previous row, mm/s",
 }
-
-
-def is_temperature(name: str) -> bool:
-    """Tell whether a column is a temperature, by its name: `temp` or `temp_...`."""
-    return name == "temp" or name.startswith("temp_")
 
 
 def variables_of(

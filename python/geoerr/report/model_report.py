@@ -23,9 +23,9 @@ from geoerr.fit import FitResult
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.model import Model
-from geoerr.model.conditions import REFERENCE, is_temperature
+from geoerr.model.conditions import REFERENCE
 from geoerr.model.program_conditions import approach_conditions, needed_conditions
-from geoerr.observations import CircularTest, Lengths, Observations
+from geoerr.observations import CircularTest, Lengths, Observations, is_temperature
 from geoerr.report.figures import Stage, stages_of
 from geoerr.summaries import by_reason
 from geoerr.verify.ballbar import (

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.diagnose.noise import NoiseModel
-from geoerr.effects.covariates import is_temperature
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.noise import NOT_CONDITIONS
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import clock_s, times_s
 from geoerr.machine import AXES, Machine
-from geoerr.observations import CARRIERS
+from geoerr.observations import CARRIERS, is_temperature
 
 # Where the data do not say: a usual feed of printers and small mills, settling and exposure of a picture at rest,
 # and pictures in motion.
