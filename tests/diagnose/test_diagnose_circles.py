@@ -158,6 +158,11 @@ def test_document_and_words() -> None:
     backlash = next(one for one in diagnosis.found if str(one.reference) == "backlash:x")
     assert "µm (lost motion)" in backlash.words()
     assert "% of the explainable" in backlash.words()
+    assert "µm peak to peak" in backlash.words()
+    suspect = next(one for one in diagnosis.candidates if not one.readings)
+    assert suspect.words().startswith(f"{suspect.effect.title} ({suspect.reference}). Worth ")
+    assert "peak to peak" not in suspect.words()
+    assert suspect.to_document()["peak_to_peak_um"] is None
 
 
 def test_figures_of_runs_are_those_of_the_standard() -> None:

@@ -52,11 +52,7 @@ def _cause(cause: Cause, number: str) -> Iterator[str]:
     yield from narrow(f"{number}{cause.reference}{share}: {cause.effect.title}")
     for reading in cause.readings:
         yield from narrow(reading.words().replace("-", "−"), "    ")
-    yield from narrow(
-        f"worth {um_words(cause.worth_um)} rms, {cause.peak_to_peak_um:.1f} ± {cause.peak_to_peak_std_um:.1f} µm "
-        "peak to peak",
-        "    ",
-    )
+    yield from narrow(cause.worth_words, "    ")
     yield from remedy_lines(cause, "the measuring device")
     yield from alias_lines(cause)
     if cause.separate_by is not None:

@@ -181,8 +181,7 @@ def _cause(number: int, one: Cause, diagnosis: CircleDiagnosis, titles: Mapping[
         reference=str(one.reference),
         title=one.effect.title,
         rank=f"number {number} by its part{share}",
-        worth=f"worth {um_words(one.worth_um)} rms, {one.peak_to_peak_um:.1f} ± {one.peak_to_peak_std_um:.1f} µm "
-        "peak to peak",
+        worth=one.worth_words,
         said=tuple(said),
         more=_advice(one, titles),
         apart=_apart(one),

@@ -20,7 +20,7 @@ from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
 from geoerr.diagnose.summary import circle_diagnosis_html
-from geoerr.diagnose.words import listed, sure_words
+from geoerr.diagnose.words import listed, sure_words, um_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
@@ -28,7 +28,7 @@ from geoerr.errors import GeoerrError
 from geoerr.fit import refit
 from geoerr.model import Model
 from geoerr.observations import CircularTest
-from geoerr.summaries import uncapitalised
+from geoerr.summaries import capitalised, uncapitalised
 from geoerr.terms import EffectReference, Term
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Cause(Named):
     readings
         Its values as a shop floor has them.
     peak_to_peak_um, peak_to_peak_std_um
-        Of that trace; the largest of all set-ups.
+        Of that trace; the largest of all set-ups. None of a suspect that is not in the model.
     percent
         Its part of the explainable mean square, in per cent; None of a suspect that is not in the model.
     held_out_rmse_after_um
@@ -75,8 +75,8 @@ class Cause(Named):
     """
 
     readings: tuple[Reading, ...]
-    peak_to_peak_um: float
-    peak_to_peak_std_um: float
+    peak_to_peak_um: float | None
+    peak_to_peak_std_um: float | None
     percent: float | None
     held_out_rmse_after_um: float | None
 
@@ -85,12 +85,20 @@ class Cause(Named):
         """How sure it is, in words."""
         return f"p = {self.p_value:.2g}" if self.p_value >= 1e-12 else "p < 1e-12"
 
+    @property
+    def worth_words(self) -> str:
+        """What it is worth, and how large its trace is where it has one."""
+        rms = f"worth {um_words(self.worth_um)} rms"
+        if self.peak_to_peak_um is None:
+            return rms
+        return f"{rms}, {self.peak_to_peak_um:.1f} ± {self.peak_to_peak_std_um:.1f} µm peak to peak"
+
     def words(self) -> str:
         """Say in one sentence what it is, its values, its worth and how sure it is."""
         values = "; ".join(reading.words() for reading in self.readings)
+        named = f"{self.effect.title} ({self.reference})" + (f": {values}" if values else "")
         part = "" if self.percent is None else f", {self.percent:.0f} % of the explainable"
-        worth = f"{self.peak_to_peak_um:.1f} µm peak to peak, {self.worth_um:.2f} µm rms"
-        return f"{self.effect.title} ({self.reference}): {values}. Worth {worth}{part}; {self.sure}"
+        return f"{named}. {capitalised(self.worth_words)}{part}; {self.sure}"
 
     def to_document(self) -> dict[str, Any]:
         """Give it as `diagnose --json` has it, and what is a circle's own."""
@@ -469,8 +477,8 @@ def _suspected(suspect: Suspect, p_value: float, evidence: float, worth_um: floa
         evidence=evidence,
         readings=(),
         worth_um=worth_um,
-        peak_to_peak_um=0.0,
-        peak_to_peak_std_um=0.0,
+        peak_to_peak_um=None,
+        peak_to_peak_std_um=None,
         percent=None,
         tied=False,
         aliases=(),
