@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import polars as pl
 import pytest
 from fit_scenes import (
     COVARIANCE_MM2,
@@ -22,10 +23,12 @@ from fit_scenes import (
 )
 from virtual_machine import LENGTH_MM, machine_of
 
+from geoerr.diagnose.comparison import compare
 from geoerr.fit import Fitted, result_of, sightings_of
 from geoerr.fit.held_out import folds_of
 from geoerr.fit.start import nominal_mm
-from geoerr.observations import CARRIERS, Observations
+from geoerr.model import Model
+from geoerr.observations import CARRIERS, CircularTest, Observations
 
 MACHINE = machine_of("wZbXYt")
 SIDE = np.linspace(0.0, LENGTH_MM, 5)
@@ -158,6 +161,32 @@ def test_a_pass_that_is_a_session_keeps_its_own_zero() -> None:
         got = result.held_out.residual_mm[9 * number : 9 * number + 9, 0]
         # A scale of 50 ppm acts on its own product: 1 nm.
         assert np.abs(got - expected).max() < 2e-6
+
+
+@pytest.mark.parametrize("off_mm", [0.0, 0.03, 0.3])
+def test_a_circle_that_is_a_session_keeps_its_own_centre_and_radius(off_mm: float) -> None:
+    """Four runs, each clamped anew, held against a machine as it is: the others say nothing of a run's set-up."""
+    rng, theta, radius_mm = np.random.default_rng(612), np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False), 100.0
+    x, y = radius_mm * np.cos(theta), radius_mm * np.sin(theta)
+    runs = [
+        pl.DataFrame(
+            {
+                "line": [f"run {number}"] * 60,
+                "session": [f"set-up {number}"] * 60,
+                "x": 200.0 + x,
+                "y": 200.0 + y,
+                "z": np.full(60, 50.0),
+                "r": np.hypot(x - off_mm * np.cos(number), y - off_mm * np.sin(number)) + 1e-3 * rng.normal(size=60),
+            }
+        )
+        for number in range(4)
+    ]
+    compared = compare(Model(MACHINE), CircularTest(pl.concat(runs))).points
+    assert compared is not None
+    held = compared.held_out
+    assert held.n_folds == 4
+    assert held.n_not_computable == 0
+    assert np.abs(held.residual_mm - compared.residual_mm).max() < 1e-9
 
 
 def test_a_lasers_zero_is_one_unknown_and_hides_no_slope() -> None:

@@ -106,6 +106,7 @@ class Fitted:
         return leave_out(
             self.problem,
             self.solved.state,
+            self.solved.design_state,
             self.solved.solution,
             self.sightings,
             self.solved.residual_mm,

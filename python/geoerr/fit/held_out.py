@@ -69,6 +69,7 @@ def folds_of(sightings: Sightings) -> np.ndarray:
 def leave_out(
     problem: _core.FitProblem,
     state: _core.FitState,
+    design_state: _core.FitState,
     solution: _core.FitSolution,
     sightings: Sightings,
     residual_mm: Numbers,
@@ -82,8 +83,9 @@ def leave_out(
 
     Parameters
     ----------
-    solution
-        Of the fit.
+    state, design_state, solution
+        Of the fit. What a pass alone determines is found by eigenvalues of 1, and 1 they are only with the design
+        that the solution is of: another one of a circle 0.03 mm off has them 3·10⁻⁴ off, and 9 µm became 1 mm.
     residual_mm : (n, 3)
         Of the fit, in the measuring frames.
     used : (n,)
@@ -106,7 +108,7 @@ def leave_out(
         _own_unknowns(sightings, np.flatnonzero((fold == number) & used), used, acts, n_acting) for number in numbers
     ]
     whitened, spread, is_determined = problem.leave_out(
-        state, solution, residual_mm, order, starts.astype(np.int64), np.array(own, dtype=np.int64), threads
+        design_state, solution, residual_mm, order, starts.astype(np.int64), np.array(own, dtype=np.int64), threads
     )
     # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
     unwhitening = sightings.unwhitening[order]

@@ -90,6 +90,8 @@ class Solved:
         Rank, null space and unscaled covariance of the last triangle.
     triangle
         R of the whitened design with outliers left out.
+    design_state
+        Where that design was made: what is worked out with the solution has to have the same one.
     residual_mm : (n, 3)
         Measured minus predicted, in the measuring frame.
     whitened : (n, 3)
@@ -105,6 +107,7 @@ class Solved:
     state: _core.FitState
     solution: _core.FitSolution
     triangle: _core.FitTriangle
+    design_state: _core.FitState
     residual_mm: Numbers
     whitened: Numbers
     used: np.ndarray
@@ -213,6 +216,7 @@ def solve(
         found.state,
         found.solution,
         found.triangle,
+        found.design_state,
         found.residual_mm,
         found.whitened,
         used,
@@ -233,6 +237,7 @@ class _Iterated:
     state: _core.FitState
     solution: _core.FitSolution
     triangle: _core.FitTriangle
+    design_state: _core.FitState
     residual_mm: Numbers
     whitened: Numbers
     converged: bool
@@ -263,10 +268,10 @@ def _gauss_newton(
     state = design_state = start
     residual = problem.residuals(state, threads)
     if of_all is None:
-        triangle = problem.triangle(design_state, row_scale, gauge, prior, threads)
+        triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
         unheld = triangle.solve(None, threads)
     else:
-        triangle, unheld = of_all.triangle, of_all.solution
+        triangle, unheld, made_at = of_all.triangle, of_all.solution, of_all.design_state
     solution = unheld
     converged, steps = False, 0
     # Of standard errors: the last step and the one before it, and all steps since the triangle was made.
@@ -277,10 +282,10 @@ def _gauss_newton(
         if not is_linear:
             design_state = state
             if moved > min(_NEAR, _SHORTER * moved_before) or moved < settled < moved_in_all:
-                triangle = problem.triangle(design_state, row_scale, gauge, prior, threads)
+                triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
                 unheld, moved_in_all = triangle.solve(None, threads), 0.0
         elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
-            triangle = problem.triangle(design_state, row_scale, gauge, prior, threads)
+            triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
             solution = unheld = triangle.solve(None, threads)
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
@@ -306,7 +311,7 @@ def _gauss_newton(
         # be that of the minimum.
         is_there = is_linear or moved_in_all < 2.0 * settled
         converged = moved < settled and is_there and (factor < longest or longest == 1.0)
-    return _Iterated(state, solution, triangle, residual, problem.whitened(residual), converged, steps)
+    return _Iterated(state, solution, triangle, made_at, residual, problem.whitened(residual), converged, steps)
 
 
 def _step_inside(
@@ -348,9 +353,8 @@ def _first_order(
         gradient -= prior.T @ _held(problem, start, prior)
     step = held_smallest(solution.step(gradient), solution.null_space, limits)
     left = residual - problem.first_order_mm(start, step, threads)
-    return _Iterated(
-        problem.corrected(start, step), solution, triangle, left, problem.whitened(left), converged=True, steps=1
-    )
+    state, whitened = problem.corrected(start, step), problem.whitened(left)
+    return _Iterated(state, solution, triangle, start, left, whitened, converged=True, steps=1)
 
 
 def _held(problem: _core.FitProblem, state: _core.FitState, prior: Numbers | None) -> Numbers:
