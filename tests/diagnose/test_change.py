@@ -123,6 +123,24 @@ def test_verbs_write_what_they_say(observations: Observations, tmp_path: Path) -
     assert runner.invoke(app, ["add", str(first), "backlash:y"]).exit_code == 2
 
 
+@pytest.mark.parametrize("verb", ["add", "remove"])
+def test_rows_that_could_not_be_used_are_named(observations: Observations, tmp_path: Path, verb: str) -> None:
+    points, model_path = tmp_path / "points.csv", tmp_path / "model.json"
+    reference = "thermal-expansion:x@temp_bed"
+    model = Model(MACHINE) if verb == "add" else added(Model(MACHINE), observations, reference)
+    write_model(model_path, model)
+    geoerr.write_observations(points, observations)
+    table = pl.read_csv(points, infer_schema=False)
+    table[4, "temp_bed"] = "warm"
+    table.write_csv(points)
+    arguments = [verb, str(model_path), str(points), reference]
+    place = f"{points}:6: temp_bed: 'warm' is not a number"
+    said = CliRunner().invoke(app, arguments)
+    assert said.exit_code == 0, said.output
+    assert f"set aside: {place}" in said.stderr.splitlines()
+    assert json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)["set_aside"] == [place]
+
+
 @pytest.mark.real_data
 def test_the_voron_told_from_its_sensors(real_data: Path) -> None:
     """Constant 80 µm, frame temperature 37, frame and bed 4.7: the figures known of these data."""

@@ -85,7 +85,7 @@ def add(
             threads=threads,
         )
         advance(2, 2)
-    report_change(change, start, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)
+    report_change(change, start, measured, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)
 
 
 def observations_and_reference(arguments: list[str]) -> tuple[list[Path], str]:

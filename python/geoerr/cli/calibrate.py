@@ -39,6 +39,7 @@ def calibrate_session(
     quiet: QuietFlag = False,
 ) -> None:
     """Calibrate a pair of cameras from pictures of a board; every view judged, every number with its uncertainty."""
+    from geoerr.report.provenance import provenance_of_command
     from geoerr.vision.calibrate import calibrate
     from geoerr.vision.rig import write_rig
     from geoerr.vision.session import read_session
@@ -51,7 +52,8 @@ def calibrate_session(
     for text in calibration.notes:
         note(f"note: {text}", quiet)
     if json:
-        print_json(calibration.to_document())
+        provenance = provenance_of_command([session.description_path])
+        print_json({**calibration.to_document(), "provenance": provenance.to_document()})
     else:
         typer.echo("\n".join(_report(calibration)))
 

@@ -10,11 +10,12 @@ import typer
 
 from geoerr.cli.fit_document import fit_document
 from geoerr.cli.fit_text import figure_rows, parameter_rows, quality_in_words, wrapped
-from geoerr.cli.options import note, print_json
+from geoerr.cli.options import note, note_left_out, note_set_aside, print_json
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
 from geoerr.files import null_for_nan
 from geoerr.fit.result import CALIBRATION_UNKNOWNS
+from geoerr.measurements import Measurements
 from geoerr.model import HistoryEntry, Model, write_model
 
 _BAR_WIDTH = 44
@@ -69,6 +70,7 @@ def _bar(inside: float, held: float, noise: float, largest: float) -> str:
 def report_change(
     change: Change,
     start: Model,
+    measured: Measurements,
     output: Path | None,
     inputs: Sequence[Path],
     *,
@@ -84,6 +86,8 @@ def report_change(
         What was done.
     start
         The model as it was.
+    measured
+        What it was fitted to.
     output
         Where the new one goes.
     inputs
@@ -98,9 +102,11 @@ def report_change(
     if output is not None:
         write_model(output, change.result.model)
     if as_json:
-        print_json(null_for_nan(fit_document(change.result, change.before, output, inputs)))
+        print_json(null_for_nan(fit_document(change.result, change.before, output, inputs, measured.set_aside)))
         return
     for line in change_text(change):
         typer.echo(line)
+    note_set_aside(measured.set_aside, quiet)
+    note_left_out(change.after.sightings, quiet)
     if output is not None:
         note(f"model: {output}", quiet)

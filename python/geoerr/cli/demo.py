@@ -56,9 +56,10 @@ def demo(
     result = run_demo(directory, stage, seed=seed, threads=threads)
     report = directory / "report.html"
     with stage("writing the report"):
-        write_demo_report(report, result, provenance_of_command([directory / "plan.toml"]))
+        provenance = provenance_of_command([directory / "plan.toml"])
+        write_demo_report(report, result, provenance)
     if as_json:
-        print_json(_document(result, report))
+        print_json({**_document(result, report), "provenance": provenance.to_document()})
         return
     for table in (
         error_function_table(result.errors, result.truth.errors),

@@ -110,10 +110,9 @@ def fit(
         write_model(output, result.model)
     outcome = FitOutcome(result, measured, len(added))
     if as_json:
-        document = fit_document(result, result.before, output, inputs)
+        document = fit_document(result, result.before, output, inputs, measured.set_aside)
         for entry, place in zip(document["outliers"], outlier_places(outcome), strict=True):
             entry["place"] = place
-        document["set_aside"] = [str(problem) for problem in measured.set_aside]
         print_json(null_for_nan(document))
         return
     for line in outcome_lines(outcome, components.value):

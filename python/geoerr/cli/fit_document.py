@@ -11,9 +11,16 @@ from geoerr.effects import plausible_match
 from geoerr.fit import FitResult, Fitted
 from geoerr.model import HistoryEntry
 from geoerr.report.provenance import provenance_of_command
+from geoerr.tables import RowProblem
 
 
-def fit_document(result: FitResult, before: Fitted, output: Path | None, inputs: Sequence[Path]) -> dict[str, Any]:
+def fit_document(
+    result: FitResult,
+    before: Fitted,
+    output: Path | None,
+    inputs: Sequence[Path],
+    set_aside: Sequence[RowProblem],
+) -> dict[str, Any]:
     """Give what `--json` prints: the fit, the figures before and after, the history, where it comes from.
 
     Parameters
@@ -26,6 +33,8 @@ def fit_document(result: FitResult, before: Fitted, output: Path | None, inputs:
         The model that was written.
     inputs
         Files that were read.
+    set_aside
+        Rows of them that could not be used.
     """
     fitted, record = result.fitted, result.model.record
     assert record is not None
@@ -41,6 +50,7 @@ def fit_document(result: FitResult, before: Fitted, output: Path | None, inputs:
         "before": comparison_document(before),
         "after": comparison_document(fitted),
         "history": [_entry_document(entry) for entry in record.history],
+        "set_aside": [str(problem) for problem in set_aside],
         "provenance": provenance_of_command(inputs).to_document(),
     }
 

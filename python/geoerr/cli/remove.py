@@ -64,4 +64,4 @@ def remove(
         rig_covariance=covariance,
         threads=threads,
     )
-    report_change(change, start, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)
+    report_change(change, start, measured, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)

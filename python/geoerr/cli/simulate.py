@@ -40,6 +40,7 @@ def simulate(
 ) -> None:
     """Photograph a virtual machine with known errors into a session folder, the truth beside it."""
     from geoerr.files import read_toml
+    from geoerr.report.provenance import provenance_of_command
     from geoerr.simulate.plan import plan_from_document
     from geoerr.simulate.session import simulate_session
 
@@ -66,6 +67,7 @@ def simulate(
                     {"frame": item.row + 1, "camera": item.camera, "target": item.target, "why": item.why}
                     for item in truth.not_seen
                 ],
+                "provenance": provenance_of_command([plan_file]).to_document(),
             }
         )
         return
