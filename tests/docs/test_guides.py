@@ -18,7 +18,7 @@ from geoerr.cli.main import app
 DOCS = Path(__file__).parents[2] / "docs"
 GUIDES = sorted(path.name for path in (DOCS / "guides").glob("*.md"))
 # The examples run what the others tell.
-RUN = ("controller.md", "notebook.md", "ovals.md")
+RUN = ("cameras.md", "controller.md", "notebook.md", "ovals.md", "refused.md")
 _COMMAND = re.compile(r"(?<![\w./`-])geoerr ((?:[^\n|;>&\\]|\\\n)+)")
 _CONSOLE = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _NUMBER = re.compile(r"[−-]?\d+(?:\.\d+)?(?:e[−-]?\d+)?")
