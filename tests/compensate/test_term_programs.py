@@ -284,6 +284,20 @@ def test_a_correction_is_shown_beside_its_uncertainty():
         compensate_bytes(with_record(model, 1e-4), program)
 
 
+def test_a_harmful_correction_is_told_by_what_is_determined_of_it():
+    """Of a growth of x by 1 mm in 20 nobody knows anything; along z there are 50 ± 55 µm, kept on request."""
+    of = machine("wbXYZt")
+    drift = term(of, "thermal-drift:z@temp_bed", k=1e-3)
+    growth = term(of, "thermal-expansion:x@temp_bed", alpha=1e-3, q_fixed=0.0)
+    covariance, free = np.diag([1.1e-3, 0.0, 0.0]) ** 2, np.array([[0.0], [1.0], [0.0]])
+    record = FitRecord(covariance, free, covariate_spans={"temp_bed": (20.0, 80.0)})
+    model = Model(of, None, (drift, growth), record=record)
+    options = CompensationOptions(keeps_uncertain=True)
+    _, result = compensate_bytes(model, b"G1 X10 Y10 Z5\nG1 X20\n", options, at={"temp_bed": 70.0})
+    told = next(note for note in result.notes if "harm" in note)
+    assert "typically 50 µm where the data determine it, with a standard uncertainty of 55 µm" in told
+
+
 def test_what_is_hardly_known_is_left_as_it_is():
     """Of two drifts the one that is known to a tenth is corrected, the one that is not known at all is named."""
     of = machine("wbXYZt")

@@ -25,8 +25,8 @@ class Benefit:
     ----------
     rms_um
         Root mean square of the correction's length.
-    std_um
-        Root mean square of its standard uncertainty (length) where it is determined: each component's own mean.
+    determined_rms_um, std_um
+        The same of what is determined of it, and of its standard uncertainty: each component's own mean.
     is_worth
         Whether the mean square of the correction, where it is determined, is above twice its variance: below, what it
         takes away is less than what it adds.
@@ -36,6 +36,7 @@ class Benefit:
     """
 
     rms_um: float
+    determined_rms_um: float
     std_um: float
     is_worth: bool
     share_not_determined: float
@@ -45,9 +46,10 @@ class Benefit:
         """What the user should know, in sentences."""
         notes = []
         if not self.is_worth:
+            where = " where the data determine it" if self.share_not_determined > 0.0 else ""
             notes.append(
-                f"in the box of this program the correction is typically {self.rms_um:.3g} µm, with a standard "
-                f"uncertainty of {self.std_um:.3g} µm: there it may do more harm than good"
+                f"in the box of this program the correction is typically {self.determined_rms_um:.3g} µm{where}, "
+                f"with a standard uncertainty of {self.std_um:.3g} µm: there it may do more harm than good"
             )
         if self.share_not_determined > 0.0:
             notes.append(
@@ -74,6 +76,7 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
     mean_square, mean_variance = float((squares / count).sum()), float((variances / count).sum())
     return Benefit(
         rms_um=1e3 * float(np.sqrt(np.mean(np.sum(error_mm**2, axis=1)))),
+        determined_rms_um=1e3 * float(np.sqrt(mean_square)),
         std_um=1e3 * float(np.sqrt(mean_variance)),
         is_worth=mean_square >= 2.0 * mean_variance or not mean_square > 0.0,
         share_not_determined=float(np.mean(~is_determined.all(axis=1))),
