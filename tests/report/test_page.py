@@ -141,3 +141,7 @@ def test_provenance_has_digests_of_files_only(tmp_path, monkeypatch):
     assert provenance.command == "geoerr verify ballbar 'a b.json'"
     assert provenance.inputs == ((str(tmp_path / "a.json"), hashlib.sha256(b"abc").hexdigest()),)
     assert set(provenance.to_document()) == {"version", "command", "inputs"}
+
+
+def test_no_figure_offers_to_upload_itself() -> None:
+    assert "showSendToCloud: false" in a_page()
