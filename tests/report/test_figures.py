@@ -58,6 +58,7 @@ def all_figures() -> dict[str, go.Figure]:
         "measurement_residuals": figures.measurement_residuals(observations, np.full(n, 0.05)),
         "calibration_views": figures.calibration_views(views),
         "path_error": figures.path_error(np.arange(5.0), np.ones(5), np.full(5, 1e-3), 5e-3),
+        "path_places": figures.path_places(np.ones((5, 3)), np.ones(5), np.full(5, 1e-3)),
     }
 
 
@@ -198,9 +199,33 @@ def test_a_long_path_keeps_its_largest_error():
     assert "largest 250.0 µm" in figure.data[1].name
 
 
+def test_a_long_path_from_above_keeps_its_largest_error_in_its_place():
+    rng = np.random.default_rng(0)
+    places = np.cumsum(rng.uniform(0.0, 1.0, (30_011, 3)), axis=0)
+    before, after = rng.uniform(0.5, 1.0, 30_011), rng.uniform(0, 1e-3, 30_011)
+    after[17_003] = 0.25
+    figure = figures.path_places(places, before, after)
+    off = figure.data[1]
+    assert len(off.x) == len(off.marker.color) <= 2000
+    worst = int(np.argmax(off.marker.color))
+    assert off.marker.color[worst] == pytest.approx(250.0)
+    # A stretch is drawn where it begins: at most 16 samples before.
+    assert 0.0 <= places[17_003, 0] - off.x[worst] < 16.0
+    # Before and after in the same colours, from no error on.
+    assert (figure.layout.coloraxis.cmin, figure.layout.coloraxis.cmax) == (0.0, pytest.approx(1e3 * before.max()))
+    assert {trace.marker.coloraxis for trace in figure.data} == {"coloraxis"}
+
+
 def test_an_empty_path_is_an_empty_figure():
-    figure = figures.path_error([], [], [])
-    assert all(len(trace.x) == 0 for trace in figure.data)
+    for figure in (figures.path_error([], [], []), figures.path_places([], [], [])):
+        assert all(len(trace.x) == 0 for trace in figure.data)
+
+
+def test_the_value_of_a_variable_has_its_unit():
+    assert figures.value_label("temp_bed", "34.99") == "temp_bed 34.99 °C"
+    assert figures.value_label("d_x", "1") == "direction of approach in x 1"
+    assert figures.value_label("t", "3") == "time 3 s"
+    assert figures.value_label("own_column", "3") == "own_column 3"
 
 
 def test_dropped_views_are_named_with_their_reason():

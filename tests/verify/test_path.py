@@ -63,6 +63,8 @@ def test_a_trace_has_the_error_where_it_is(tmp_path):
     figure = trace.plot_error(0.005)
     assert figure.data[0].name.endswith("300.0 µm")
     assert "tolerance 5.00 µm" in figure.data[2].name
+    np.testing.assert_allclose(trace.intended_mm[:, 0], trace.distance_mm, atol=1.0)
+    assert [len(one.x) for one in trace.plot_places().data] == [len(trace.distance_mm)] * 2
     assert "largest error, µm" in trace._repr_html_()
 
 

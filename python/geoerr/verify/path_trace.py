@@ -34,16 +34,23 @@ class PathTrace:
         Travelled along the programmed path.
     before_mm, after_mm : (n,)
         Distance of the tool from it, without and with compensation.
+    intended_mm : (n, 3)
+        Where the program means the tool to be.
     """
 
     result: PathResult
     distance_mm: Numbers
     before_mm: Numbers
     after_mm: Numbers
+    intended_mm: Numbers
 
     def plot_error(self, tolerance_mm: float | None = None) -> go.Figure:
         """Draw the distance from the programmed path against what was travelled, and a tolerance."""
         return drawn("path_error", self.distance_mm, self.before_mm, self.after_mm, tolerance_mm)
+
+    def plot_places(self) -> go.Figure:
+        """Draw the path from above, before and after, coloured by the distance from the programmed path."""
+        return drawn("path_places", self.intended_mm, self.before_mm, self.after_mm)
 
     def _repr_html_(self) -> str:
         """Show the figures before and after, for a notebook."""
@@ -87,6 +94,7 @@ def trace_paths(
         np.cumsum(_joined([one.weight_mm for one in samples])),
         _joined([one.before_mm for one in samples]),
         _joined([one.after_mm for one in samples]),
+        _joined([one.intended_mm for one in samples]).reshape(-1, 3),
     )
 
 

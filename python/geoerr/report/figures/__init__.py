@@ -18,7 +18,7 @@ from geoerr.report.figures.of_model import (
     model_field,
     model_positioning,
 )
-from geoerr.report.figures.path import path_error
+from geoerr.report.figures.path import path_error, path_places
 from geoerr.report.figures.positioning import positioning_curves
 from geoerr.report.figures.regions import residual_of_regions
 from geoerr.report.figures.residuals import (
@@ -61,6 +61,7 @@ __all__ = [
     "model_positioning",
     "nine_lines",
     "path_error",
+    "path_places",
     "positioning_curves",
     "predicted_circles",
     "residual_against",
