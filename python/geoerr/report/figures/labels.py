@@ -26,10 +26,19 @@ _BY_AXIS = {
 
 def variable_label(name: str) -> str:
     """Name a variable: `temp_bed, °C`, `travel of x since it turned round, mm`."""
+    text, unit = _words_and_unit(name)
+    return text if unit is None else f"{text}, {unit}"
+
+
+def value_label(name: str, value: str) -> str:
+    """Say what a variable is somewhere: `temp_bed 34.99 °C`, `direction of approach in x 1`."""
+    text, unit = _words_and_unit(name)
+    return f"{text.partition(',')[0]} {value}{'' if unit is None else f' {unit}'}"
+
+
+def _words_and_unit(name: str) -> tuple[str, str | None]:
     head, _, axis = name.partition("_")
     if head in _BY_AXIS and axis in ("x", "y", "z"):
         words, unit = _BY_AXIS[head]
-        text = words.format(axis)
-    else:
-        text, unit = _WORDS.get(name, name), "°C" if is_temperature(name) else _UNITS.get(name)
-    return text if unit is None else f"{text}, {unit}"
+        return words.format(axis), unit
+    return _WORDS.get(name, name), "°C" if is_temperature(name) else _UNITS.get(name)

@@ -14,7 +14,7 @@ from geoerr.diagnose.trends import trend_of, variables_of
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.report.figures import style
-from geoerr.report.figures.labels import variable_label
+from geoerr.report.figures.labels import value_label, variable_label
 from geoerr.report.figures.style import Numbers, thinned
 from geoerr.report.figures.volume import MOST_POINTS, Look, residual_volume, volume_of
 
@@ -69,6 +69,7 @@ def residual_against(
     colors = None if color_by is None else variables[color_by]
     components = comparison.components
     points = go.Scattergl if is_live else go.Scatter
+    place = value_label(variable, "%{x:.6g}")
     figure = make_subplots(rows=len(components), cols=1, shared_xaxes=True, vertical_spacing=0.05)
     for row, component in enumerate(components, start=1):
         shown = thinned(component.is_known & np.isfinite(values), most_points)
@@ -84,7 +85,7 @@ def residual_against(
                 customdata=shown if is_live else None,
                 name="one row",
                 showlegend=row == 1,
-                hovertemplate=f"{variable} %{{x:.6g}}: %{{y:.2f}} µm<extra></extra>",
+                hovertemplate=f"{_in_words(component)} %{{y:+.1f}} µm, at {place}<extra></extra>",
             ),
             row=row,
             col=1,
