@@ -10,6 +10,7 @@ from flask import Flask, Response
 from geoerr import __version__
 from geoerr.diagnose import Diagnosis
 from geoerr.diagnose.circles import CircleDiagnosis
+from geoerr.errors import GeoerrError
 from geoerr.files import digest, to_json
 from geoerr.model.document import document_of
 from geoerr.report.compare_page import write_comparison_page
@@ -55,21 +56,31 @@ def provenance_of(session: Session) -> Provenance:
 
 
 def _page(session: Session, what: str) -> Response:
-    with session.lock, tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "page.html"
+    try:
+        return _made(session, what)
+    except GeoerrError as error:
+        return Response(f"{error}\n", status=409, mimetype="text/plain")
+
+
+def _made(session: Session, what: str) -> Response:
+    with session.lock:
         provenance = provenance_of(session)
-        seen, diagnosis = session.seen, session.diagnosis
-        if what == "model" and session.step is not None:
-            tables = () if session.measured is None else (*session.measured.tables, *session.measured.lengths)
-            at: Stated = {**conditions_of(session.model, session.view.conditions)}
+        seen, diagnosis, step = session.seen, session.diagnosis, session.step
+        tables = () if session.measured is None else (*session.measured.tables, *session.measured.lengths)
+        conditions, calibration = dict(session.view.conditions), vars(session.calibration)
+    # Seconds of work, of what never changes: the page beside it goes on meanwhile.
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "page.html"
+        if what == "model" and step is not None:
+            at: Stated = {**conditions_of(step.model, conditions)}
             gathered = model_report(
-                session.model,
+                step.model,
                 *tables,
                 at=at,
                 search=False,
                 diagnosis=diagnosis,
                 threads=session.threads,
-                **vars(session.calibration),
+                **calibration,
             )
             write_model_page(path, gathered, provenance)
         elif what == "comparison" and seen is not None:
