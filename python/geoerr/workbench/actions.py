@@ -24,7 +24,7 @@ from geoerr.workbench.inputs import ONE_OF_A_KIND, InputFile, dropped
 from geoerr.workbench.job import Advance
 from geoerr.workbench.own_effect import OwnFormula, own_effect
 from geoerr.workbench.program import Wish, correct
-from geoerr.workbench.session import Seen, Session, Trial
+from geoerr.workbench.session import Looked, Seen, Session, Trial
 from geoerr.workbench.told import told_of
 
 # Panels in which a failure is shown.
@@ -95,7 +95,7 @@ def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: 
                 told = session.told if keeps else None
                 session.forget_step()
                 session.told = told
-                session.program = None
+                session.program = session.before = None
                 _look(session, seen)
                 words = calibration_words(files, measured, calibration, steps[current].model if steps else None)
                 session.notes = (*words, *_notes(measured, comparison))
@@ -197,6 +197,10 @@ def show(session: Session, number: int) -> None:
             session.current = number
             session.changed(is_kept=True)
             return
+        before = session.before
+        if before is not None and before.number == number != session.current and not session.is_busy:
+            _look_back(session, before)
+            return
     data = session.data
 
     def work(advance: Advance) -> Callable[[], None]:
@@ -208,6 +212,7 @@ def show(session: Session, number: int) -> None:
         def apply() -> None:
             with session.lock:
                 session.steps[number] = replace(step, figures=figures_of_step(comparison))
+                session.before = session.looked()
                 session.current = number
                 session.forget_step()
                 _look(session, seen)
@@ -273,9 +278,10 @@ def add_trial(session: Session) -> None:
 
 def compensate(session: Session, name: str, content: bytes, wish: Wish) -> None:
     """Correct a program that was dropped on the page."""
+    known = Path(name).name or "program.gcode"
+    session.dropped = known, content
     step, model = session.step, session.model
     assert step is not None
-    known = Path(name).name or "program.gcode"
 
     def work(_: Advance) -> Callable[[], None]:
         corrected = correct(model, step.name, known, content, wish)
@@ -348,11 +354,22 @@ def _take_step(session: Session, name: str, model: Model, seen: Seen | None) -> 
         assert seen is not None
         step = Step(name, model, session.current, figures_of_step(seen.comparison))
         session.steps = [*session.steps, step]
+        session.before = session.looked()
         session.current = len(session.steps) - 1
         if session.reference not in lineage(session.steps, session.current):
             session.reference = 0
         session.forget_step()
         _look(session, seen)
+
+
+def _look_back(session: Session, before: Looked) -> None:
+    """Look again at the model before this one, as it was, with what was found missing in it."""
+    session.before = session.looked()
+    session.current = before.number
+    session.forget_step()
+    session.diagnosis, session.told = before.diagnosis, before.told
+    _look(session, before.seen)
+    session.changed(is_kept=True)
 
 
 def _look(session: Session, seen: Seen | None) -> None:

@@ -76,6 +76,16 @@ class Seen:
         return {name: text for name, text in LOOKS.items() if (bool(self.circles) if name == CIRCLE else has_points)}
 
 
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """A model that was looked at before this one, with what belongs to it: looking at it again takes no time."""
+
+    number: int
+    seen: Seen | None
+    diagnosis: Diagnosis | CircleDiagnosis | None
+    told: Told | None
+
+
 @dataclass(eq=False)
 class Session:
     """One person's work. Change it under `lock`, and say so with `changed`.
@@ -92,10 +102,13 @@ class Session:
         What was given; the calibration's uncertainty takes part in every fit and search.
     steps, current, reference
         The models, which of them is looked at, and which the others are compared with.
-    seen, diagnosis, told, trial, selected, program
+    seen, diagnosis, told, trial, selected, program, dropped
         What belongs to the current model: None until it was asked for. `told` is what the page says of a diagnosis;
         a saved session has it again, without the diagnosis itself. `selected` is (n,),
-        and `is_marked_by_box` tells whether the box over the residual chose it.
+        and `is_marked_by_box` tells whether the box over the residual chose it. `dropped` is the program as it came,
+        name and content, to be corrected again by another model or with other wishes.
+    before
+        The model that was looked at before, of the same data. One only: each holds its measurements anew.
     problems
         Panel to the message that it shows.
     notes
@@ -121,6 +134,8 @@ class Session:
     selected: Rows | None = None
     is_marked_by_box: bool = False
     program: CorrectedProgram | None = None
+    dropped: tuple[str, bytes] | None = None
+    before: Looked | None = None
     view: View = field(default_factory=View)
     problems: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -182,6 +197,10 @@ class Session:
     def show_problem(self, place: str, text: str) -> None:
         """Show a message in a panel; a dropped file is named as the person knows it, not where it was put."""
         self.problems[place] = text.replace(f"{self.folder}/", "")
+
+    def looked(self) -> Looked:
+        """Give the model that is looked at, to come back to."""
+        return Looked(self.current, self.seen, self.diagnosis, self.told)
 
     def forget_step(self) -> None:
         """Forget what belongs to the model that was looked at."""
