@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,22 +12,29 @@ import pytest
 
 pytest.importorskip("dash")
 
+from dash import dcc
+from flask.testing import FlaskClient
 from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle, texts
 
+from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
+from geoerr.terms import Parameter
 from geoerr.workbench import actions, wiring
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.history import story
 from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
-from geoerr.workbench.program import Wish
+from geoerr.workbench.panel_missing import tried_value
+from geoerr.workbench.parts import signed
+from geoerr.workbench.program import PASS, ZERO, Wish
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
 
 # Diagnosing needs a few seconds: once for all that only read it.
 PORT = 8124
+HEADERS = {"Host": f"127.0.0.1:{PORT}"}
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +110,11 @@ def test_regions_come_worst_first(learned: Session) -> None:
     table = shown["regions"].children[1]
     sizes = [float(texts(row.children[1])) for row in table.children[1].children]
     assert sizes == sorted(sizes, reverse=True)
+    head, rows = table.children[0].children, table.children[1].children
+    assert [texts(cell) for cell in head.children] == ["region, mm", "rms, µm", "x, µm", "y, µm", "z, µm", "rows"]
+    assert [word for word in texts(rows[0].children[0]).split() if word in "xyz"] == ["x", "y", "z"]
+    used = learned.seen.comparison.points.solved.used
+    assert sum(int(texts(row.children[-1])) for row in rows) == used.sum()
     # Strokes of means, each of which marks the rows of its region.
     means = shown["volume"].data[0]
     assert len(means.x) == 3 * len(sizes)
@@ -198,6 +211,132 @@ def test_a_program_is_corrected_and_its_path_is_better(tmp_path: Path) -> None:
     actions.compensate(session, "bad.gcode", b"G2 X10 Y10 I5 J5\n", Wish({}))
     session.job.wait(60.0)
     assert "bad.gcode:1" in session.problems[actions.PROGRAM]
+
+
+def test_a_program_that_is_refused_is_corrected_again_as_the_page_says(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    arc = PROGRAM.replace(b"M30", b"G2 X60 Y60 I5 J5\nM30")
+    assert "again" not in texts(wiring.panels(session)["program"])
+    actions.compensate(session, "arc.gcode", arc, Wish({}))
+    session.job.wait(60.0)
+    told = texts(wiring.panels(session)["program"])
+    # In the page's words, which has no options of a command line.
+    assert f"“{PASS}”" in told
+    assert "--" not in told
+    assert "Correct arc.gcode again" in told
+    actions.dismiss(session, actions.PROGRAM)
+    actions.compensate(session, *session.dropped, Wish({}, passes_unsupported=True))
+    settle(session)
+    told = texts(wiring.panels(session)["program"])
+    assert "Download arc-corrected.gcode" in told
+    assert "--" not in told
+    outside = b"G21\nG90\nG1 X50 Y50 Z50 F2000\nG1 X9000\nM30\n"
+    actions.compensate(session, "far.gcode", outside, Wish({}))
+    session.job.wait(60.0)
+    assert f"“{ZERO}”" in session.problems[actions.PROGRAM]
+    assert "--" not in session.problems[actions.PROGRAM]
+
+
+def test_undo_has_what_was_found_missing_again_at_once(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    wiring.do(session, "diagnose", "")
+    settle(session)
+    seen, diagnosis = session.seen, session.diagnosis
+    wiring.do(session, "add", "backlash:x")
+    settle(session)
+    assert session.diagnosis is None
+    added = session.seen
+    wiring.do(session, "undo", "")
+    assert session.job is None
+    assert session.current == 1
+    assert session.seen is seen
+    assert session.diagnosis is diagnosis
+    assert "Backlash of the drive" in texts(wiring.panels(session)["missing"])
+    wiring.do(session, "show", "2")
+    assert session.job is None
+    assert session.seen is added
+    assert session.diagnosis is None
+    # Other data: what was seen of the earlier ones is nothing to come back to.
+    wiring.do(session, "put-away", "observations.csv")
+    settle(session)
+    assert session.before is None
+
+
+def test_no_picture_offers_to_upload_itself(learned: Session) -> None:
+    actions.compensate(learned, "part.gcode", PROGRAM, Wish({}))
+    settle(learned)
+    graphs = graphs_in([page(learned), *wiring.panels(learned).values()])
+    assert {"volume", "residual"} <= {getattr(graph, "id", None) for graph in graphs}
+    # And the fall, and both of the program.
+    assert len(graphs) >= 5
+    assert all(graph.config["showSendToCloud"] is False for graph in graphs)
+
+
+def test_a_report_is_made_without_holding_up_the_page(learned: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    free = threading.Event()
+
+    def ask() -> None:
+        with learned.lock:
+            free.set()
+
+    def write(path: Path, *_: object) -> None:
+        threading.Thread(target=ask, daemon=True).start()
+        path.write_text(f"free: {free.wait(5.0)}")
+
+    monkeypatch.setattr("geoerr.workbench.routes.write_comparison_page", write)
+    client = client_of(learned)
+    assert client.get("/report/comparison", headers=HEADERS).get_data(as_text=True) == "free: True"
+
+
+def test_what_is_no_number_is_said_beside_its_field_and_in_the_report(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    actions.try_formula(session, OwnFormula("grows", "along", "x", "c*q*(t - 20)"))
+    settle(session)
+    wiring.do(session, "add-trial", "")
+    assert "t" in session.model.conditions
+    session.view.conditions["t"] = "noon"
+    told = "'noon' is no number"
+    assert told in texts(wiring.panels(session)["conditions"])
+    # The pictures go on, without what needs the number.
+    assert "needs conditions" in wiring.pictures(session, "")["captions"][0]
+    answer = client_of(session).get("/report/model", headers=HEADERS)
+    assert answer.status_code == 409
+    assert told in answer.get_data(as_text=True)
+
+
+def test_a_value_that_the_model_leaves_nothing_of_is_said_so() -> None:
+    known = Parameter("c", "1/mm", 3.2e-8, 1e-9)
+    assert tried_value(known) == value_words(known)
+    assert tried_value(replace(known, value=-5.7e-20)) == "c cannot be told from what the model has already"
+
+
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    assert [signed(value) for value in (-0.04, 0.04, 0.0, -1.26, 2.0)] == ["0.0", "0.0", "0.0", "−1.3", "+2.0"]
+
+
+def graphs_in(component: object) -> list[dcc.Graph]:
+    """Give the graphs of a page's part."""
+    if isinstance(component, dcc.Graph):
+        return [component]
+    if isinstance(component, list | tuple):
+        return [graph for one in component for graph in graphs_in(one)]
+    # A graph has no parts, and is false.
+    parts = getattr(component, "children", None)
+    return [] if parts is None else graphs_in(parts)
+
+
+def client_of(session: Session) -> FlaskClient:
+    """Give a client that has the token."""
+    guard = Guard(PORT)
+    client = make_app(session, guard).server.test_client()
+    client.get(f"/?token={guard.token}", headers=HEADERS)
+    return client
 
 
 def test_reports_and_the_model_can_be_had(learned: Session) -> None:

@@ -14,6 +14,8 @@ from geoerr.workbench.session import Session
 
 # How often the page asks for news while work is under way.
 _BEAT_MS = 300
+# What a first glance does not see: part of the page to its heading.
+_BELOW = {"program": "Correct a program", "report": "Report"}
 
 
 def page(session: Session) -> Any:
@@ -25,6 +27,10 @@ def page(session: Session) -> Any:
                 [
                     html.H1([html.Span("geoerr"), " workbench"]),
                     html.P("Why is this machine not where it should be?", className="why"),
+                    html.Nav(
+                        [html.A(text, href=f"#{name}-heading") for name, text in _BELOW.items()],
+                        **{"aria-label": "Below on this page"},
+                    ),
                     html.Div(id="status", role="status"),
                 ]
             ),

@@ -95,7 +95,7 @@ def _model(session: Session) -> list[Any]:
     return [
         html.P([html.B(machine.name or "machine"), f" · {step.name}"]),
         html.Table(html.Tbody(rows), className="figures"),
-        html.P(f"{step.n_classic} classic errors and {len(effects)} effects", className="why"),
+        html.P(f"{step.n_classic} classic errors and {counted(len(effects), 'effect')}", className="why"),
         html.Ul(effects, className="files") if effects else None,
         html.Div(
             [

@@ -7,17 +7,22 @@ from typing import Any
 from dash import dcc, html
 
 from geoerr.diagnose.circles import CircleDiagnosis
+from geoerr.diagnose.words import value_words
 from geoerr.fit.figures import ErrorFigures
+from geoerr.terms import Parameter
 from geoerr.workbench.actions import MISSING, OWN
 from geoerr.workbench.explained import TRIAL
 from geoerr.workbench.own_effect import CHANNELS
-from geoerr.workbench.parts import button, problem, section, sentence, um
-from geoerr.workbench.pictures import in_panel
+from geoerr.workbench.parts import STAYS, button, problem, section, sentence, um
+from geoerr.workbench.pictures import CONFIG, in_panel
 from geoerr.workbench.session import Session
 from geoerr.workbench.told import Card, Told
 
 # Axis, and each bar.
 _BARS_PX = (44, 26)
+_MANY_ROWS = 20_000
+# Share of its standard error below which a value says nothing.
+_NOTHING = 1e-6
 _KEPT = (
     "Kept from the saved session, in words. Look again to see in the pictures what each would explain, and for the "
     "report."
@@ -46,22 +51,24 @@ def own_panel(session: Session) -> Any:
         "An effect of your own",
         [
             html.Div(id="own-result"),
-            html.Label(["Name", dcc.Input("my effect" if typed is None else typed.name, id="own-name", type="text")]),
+            html.Label(
+                ["Name", dcc.Input("my effect" if typed is None else typed.name, id="own-name", type="text", **STAYS)]
+            ),
             html.Label(
                 ["Moves", dcc.Dropdown(CHANNELS, "along" if typed is None else typed.channel, id="own-channel",
-                                       clearable=False, searchable=False)]
+                                       clearable=False, searchable=False, **STAYS)]
             ),
             html.Label(
                 ["Axis", dcc.RadioItems(["x", "y", "z"], "x" if typed is None else typed.axis, id="own-axis",
-                                        inline=True, className="choice")]
+                                        inline=True, className="choice", **STAYS)]
             ),
             html.Label(
                 ["Formula", dcc.Input("" if typed is None else typed.expression, id="own-formula", type="text",
-                                      placeholder="c*(q - 200)^2", debounce=True, className="code")]
+                                      placeholder="c*(q - 200)^2", debounce=True, className="code", **STAYS)]
             ),
             html.Label(
                 ["Searched", dcc.Input("" if typed is None else typed.searched, id="own-searched", type="text",
-                                               placeholder="P: 1..20", className="code")]
+                                               placeholder="P: 1..20", className="code", **STAYS)]
             ),
             html.Details(
                 [
@@ -92,7 +99,7 @@ def own_result(session: Session) -> list[Any]:
     inside = [_headline(fitted.figures) for fitted in (before, after)]
     helps = held[0] is not None and held[1] is not None and held[1] < held[0]
     values = [
-        f"{parameter.name} = {parameter.value:.4g} ± {parameter.std:.2g}"
+        tried_value(parameter)
         for term in after.terms
         if term.id == trial.typed.reference
         for parameter in (*term.coefficients, *term.inner)
@@ -103,7 +110,7 @@ def own_result(session: Session) -> list[Any]:
             [
                 html.P(html.B("It helps." if helps else "It does not help: data that the fit did not see say so.")),
                 html.P(f"Held out {um(held[0])} → {um(held[1])}; residual {um(inside[0])} → {um(inside[1])}."),
-                html.P(", ".join(values), className="code"),
+                html.P([html.B("Value: "), "; ".join(values)]),
                 html.Div(
                     [
                         button("Add it", "add-trial", is_main=helps, off=session.is_busy),
@@ -118,6 +125,14 @@ def own_result(session: Session) -> list[Any]:
     ]
 
 
+def tried_value(parameter: Parameter) -> str:
+    """Say the value of a formula's number, or that there is none to be said."""
+    if abs(parameter.value) < _NOTHING * parameter.std:
+        # What the data leave free is followed as little as can be.
+        return f"{parameter.name} cannot be told from what the model has already"
+    return value_words(parameter)
+
+
 def _headline(figures: ErrorFigures | None) -> float | None:
     return None if figures is None else figures.headline_um
 
@@ -125,7 +140,9 @@ def _headline(figures: ErrorFigures | None) -> float | None:
 def _answer(session: Session) -> list[Any]:
     told = session.told
     if told is None:
-        said = "A search over all known effects, and over curves without a name. It takes 5 to 30 seconds."
+        n_rows = 0 if session.seen is None else len(session.seen.comparison.points.sightings)
+        takes = "some minutes with so many rows; it can be stopped" if n_rows > _MANY_ROWS else "5 to 30 seconds"
+        said = f"A search over all known effects, and over curves without a name. It takes {takes}."
         if session.has_circles_only:
             said = "Causes of circular tests, ranked by what each is worth. It takes a few seconds."
         return [html.P(said, className="why")]
@@ -147,16 +164,14 @@ def _causes_graph(diagnosis: CircleDiagnosis) -> Any:
     figure.update_yaxes(automargin=True, tickfont={"size": 11})
     figure.update_xaxes(title_text="part of what is more than noise, %", title_font_size=11)
     height_px = _BARS_PX[0] + _BARS_PX[1] * (len(diagnosis.found) + 1)
-    return dcc.Graph(
-        figure=figure, config={"displayModeBar": False, "responsive": True}, style={"height": f"{height_px}px"}
-    )
+    return dcc.Graph(figure=figure, config={**CONFIG, "displayModeBar": False}, style={"height": f"{height_px}px"})
 
 
 def _others(told: Told, session: Session) -> Any:
     if not told.others:
         return None
     cards = [_card(one, session) for one in told.others]
-    return html.Details([html.Summary(told.others_title), *cards], open=not told.has_found)
+    return html.Details([html.Summary(told.others_title), *cards])
 
 
 def _card(one: Card, session: Session) -> Any:

@@ -6,12 +6,14 @@ from typing import Any
 
 from dash import dcc, html
 
+from geoerr.errors import InputFileError
 from geoerr.model.program_conditions import needed_conditions
 from geoerr.report.figures import variable_label
+from geoerr.summaries import counted
 from geoerr.workbench.actions import PROGRAM
-from geoerr.workbench.parts import button, figure_row, problem, section, sentence, um
-from geoerr.workbench.pictures import in_panel
-from geoerr.workbench.program import CorrectedProgram, default_condition
+from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um
+from geoerr.workbench.pictures import CONFIG, in_panel
+from geoerr.workbench.program import HOLD, PASS, ZERO, CorrectedProgram, conditions_of, default_condition, on_the_page
 from geoerr.workbench.session import Session
 
 _NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search, or a new one in a saved session"}
@@ -25,17 +27,10 @@ def use_panel() -> list[Any]:
             [
                 html.Div(id="conditions"),
                 html.Label(
-                    ["Program's zero in machine coordinates, mm",
-                     dcc.Input("0, 0, 0", id="work-offset", type="text", className="code")]
+                    [ZERO, dcc.Input("0, 0, 0", id="work-offset", type="text", className="code", **STAYS)]
                 ),
                 dcc.Checklist(
-                    {
-                        "hold": "beyond the measured range, hold the last error",
-                        "pass": "pass lines through that cannot be corrected",
-                    },
-                    [],
-                    id="wishes",
-                    className="choice tall",
+                    {"hold": HOLD, "pass": PASS}, [], id="wishes", className="choice tall", **STAYS
                 ),
                 dcc.Upload(
                     html.Button("Choose a program …", type="button", title="Or drop it here", className="main"),
@@ -76,39 +71,75 @@ def conditions_form(session: Session) -> list[Any]:
                         session.view.conditions.get(name, ""),
                         id={"condition": name},
                         type="text",
+                        debounce=True,
                         placeholder="" if default is None else f"{default:g}",
                         className="code",
                     ),
                 ]
             )
         )
-    return fields
+    return [*fields, html.Div(wrong_number(session), id="wrong-number")]
+
+
+def wrong_number(session: Session) -> Any:
+    """Say which condition is no number; nothing where all are."""
+    if session.step is None:
+        return None
+    try:
+        conditions_of(session.step.model, session.view.conditions)
+    except InputFileError as error:
+        return html.P(sentence(f"{error.path}: {error.problem}; {error.remedy}"), className="problem", role="alert")
+    return None
 
 
 def program_result(session: Session) -> list[Any]:
     """Show what happened to the program."""
-    parts = [problem(session, PROGRAM)]
+    again = None
+    if session.dropped is not None:
+        name = session.dropped[0]
+        title = "With the model that is looked at, and with what is stated above"
+        again = button(f"Correct {name} again", "correct-again", off=session.is_busy, title=title)
+    parts = [problem(session, PROGRAM), again]
     corrected = session.program
     if corrected is None:
         return parts
     path, result = corrected.trace.result, corrected.result
     rows = [
         html.Tr([html.Td(), html.Th("before", scope="col"), html.Th("after", scope="col")]),
-        _pair("largest error", um(path.max_error_um_before), um(path.max_error_um_after)),
-        _pair("error, rms", um(path.rms_um_before), um(path.rms_um_after)),
+        _pair("largest distance from the programmed path", um(path.max_error_um_before), um(path.max_error_um_after)),
+        _pair("distance from it, rms", um(path.rms_um_before), um(path.rms_um_after)),
         _pair("moves", f"{path.moves_in:,}", f"{path.moves_out:,}"),
     ]
-    told = [html.Li(str(one)) for one in result.warnings] + [html.Li(sentence(one)) for one in result.notes]
+    warnings = [html.Li(sentence(str(one))) for one in result.warnings]
+    notes = [html.Li(sentence(on_the_page(one))) for one in result.notes]
     return [
         *parts,
         html.P([html.B(corrected.name), f", by the model “{corrected.model_name}”"]),
         html.Table([html.Tbody(rows)], className="figures pair"),
-        html.Ul(told, className="files") if told else None,
         button(f"Download {corrected.corrected_name}", "download", is_main=True),
+        html.Ul(warnings, className="told") if warnings else None,
+        html.Details([html.Summary(counted(len(notes), "note")), html.Ul(notes, className="told")])
+        if notes
+        else None,
         html.Div(
-            dcc.Graph(figure=_path(corrected), config={"displaylogo": False, "responsive": True}), className="path"
+            [
+                html.Figure(
+                    [
+                        html.Div(dcc.Graph(figure=figure, config=CONFIG, responsive=True), className="path"),
+                        html.Figcaption(caption),
+                    ]
+                )
+                for figure, caption in _paths(corrected)
+            ],
+            className="pictures",
         ),
     ]
+
+
+def _folded(notes: list[Any]) -> Any:
+    if not notes:
+        return None
+    return html.Details([html.Summary(counted(len(notes), "note")), html.Ul(notes, className="told")])
 
 
 def reports_list(session: Session) -> Any:
@@ -140,6 +171,11 @@ def _pair(name: str, before: str, after: str) -> Any:
     return row
 
 
-def _path(corrected: CorrectedProgram) -> Any:
-    figure = corrected.trace.plot_error()
-    return in_panel(figure, "path", margin={"l": 62, "r": 10, "t": 26, "b": 44})
+def _paths(corrected: CorrectedProgram) -> list[tuple[Any, str]]:
+    trace = corrected.trace
+    where = in_panel(trace.plot_places(), "places", margin={"l": 62, "r": 10, "t": 26, "b": 44})
+    along = in_panel(trace.plot_error(), "path", margin={"l": 62, "r": 10, "t": 26, "b": 44})
+    return [
+        (where, "The path from above; colour: how far the tool is from it, before and after, as the model has it."),
+        (along, "The same along the path. What the model does not know, noise above all, comes on top."),
+    ]

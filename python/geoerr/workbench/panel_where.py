@@ -8,16 +8,17 @@ import numpy as np
 from dash import dcc, html
 
 from geoerr.diagnose.regions import Region, region_name
+from geoerr.machine import AXES
 from geoerr.report.figures import error_fall, variable_label
 from geoerr.summaries import counted
 from geoerr.workbench.history import story
-from geoerr.workbench.parts import button, um
-from geoerr.workbench.pictures import in_panel
+from geoerr.workbench.parts import button, signed, um
+from geoerr.workbench.pictures import CONFIG, in_panel
 from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.view import CIRCLE, LARGEST_POWER, LEAST_POWER, LOOKS, View
 
 # Twice the pixels each way, Plotly's usual, are four times the work where no graphics card does it.
-_CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False, "plotGlPixelRatio": 1}
+_CONFIG = {**CONFIG, "scrollZoom": False, "plotGlPixelRatio": 1}
 _VOLUME_CONFIG = {**_CONFIG, "scrollZoom": True, "modeBarButtonsToRemove": ["resetCameraLastSave3d", "tableRotation"]}
 _RESIDUAL_CONFIG = {
     **_CONFIG,
@@ -26,7 +27,7 @@ _RESIDUAL_CONFIG = {
 _MARKS = {-3: "⅛", -2: "¼", -1: "½", 0: "1", 1: "2", 2: "4", 3: "8"}
 _STEPS_DRAWN = 7
 # Axis and legend, and the two bars of a model.
-_BARS_PX = (64, 34)
+_BARS_PX = (64, 30)
 
 
 def where_panel(session: Session) -> list[Any]:
@@ -35,6 +36,7 @@ def where_panel(session: Session) -> list[Any]:
     return [
         html.H2("Where it fails"),
         html.Div([_volume_figure(view), _residual_figure()], className="pictures"),
+        html.Div(id="regions", className="regions", hidden=True),
         html.Div(id="marked", className="marked", role="status"),
     ]
 
@@ -63,8 +65,8 @@ def _volume_figure(view: View) -> Any:
             html.Div([looks], className="controls"),
             html.Div(
                 [
-                    shape,
-                    html.Span("exaggerate", className="why"),
+                    html.Div(shape, id="shape-control"),
+                    html.Span("Exaggerate", className="why"),
                     html.Div(power, className="slider"),
                 ],
                 id="volume-controls",
@@ -80,7 +82,6 @@ def _volume_figure(view: View) -> Any:
                 dcc.Graph(id="volume", config=_VOLUME_CONFIG, responsive=True), id="volume-frame", className="picture"
             ),
             html.Figcaption(id="volume-caption"),
-            html.Div(id="regions", className="regions", hidden=True),
         ]
     )
 
@@ -112,7 +113,7 @@ def regions_table(seen: Seen) -> Any:
     names = [component.name for component in seen.comparison.components]
     known = [(number, region) for number, region in enumerate(seen.comparison.regions) if region.rmse_um is not None]
     ranked = sorted(known, key=lambda item: -(item[1].rmse_um or 0.0))
-    head = ["x · y · z, mm", "rms", *names, "rows"]
+    head = ["region, mm", "rms, µm", *(f"{name}, µm" for name in names), "rows"]
     rows = [
         html.Tr(
             [
@@ -128,20 +129,25 @@ def regions_table(seen: Seen) -> Any:
     ]
     table = html.Table([html.Thead(html.Tr([html.Th(text, scope="col") for text in head])), html.Tbody(rows)])
     return html.Details(
-        [html.Summary(f"{len(ranked)} regions in figures, worst first: mean and below it spread, µm"), table]
+        [
+            html.Summary(f"{len(ranked)} regions, worst first: rms, mean ± spread, how many rows"),
+            table,
+        ],
+        open=True,
     )
 
 
 def _span(region: Region) -> str:
     spans = [
-        f"{low:.0f} … {high:.0f}".replace("-", "−") for low, high in zip(region.low_mm, region.high_mm, strict=True)
+        f"{axis} {low:.0f} … {high:.0f}".replace("-", "−")
+        for axis, low, high in zip(AXES, region.low_mm, region.high_mm, strict=True)
     ]
     return " · ".join(spans)
 
 
 def _mean_over_spread(region: Region, name: str) -> list[Any]:
     mean, _, spread = _mean(region.mean_um.get(name), region.std_um.get(name)).partition(" ")
-    return [html.B(mean), html.Br(), html.Span(spread, className="why")]
+    return [html.B(mean), " ", html.Span(spread, className="why")]
 
 
 def rows_of_region(seen: Seen, number: int) -> Rows:
@@ -180,14 +186,17 @@ def fall_graph(session: Session) -> Any:
     figure = error_fall(stages[-_STEPS_DRAWN:])
     noise = figure.layout.title.subtitle.text
     in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
+    figure.update_layout(legend={"yref": "container", "yanchor": "top", "y": 1.0})
     # A bar's length is for the eye; its row must not be thinner than its text.
     height_px = _BARS_PX[0] + _BARS_PX[1] * max(len(figure.data[0].y), 1)
     return html.Div(
         [
-            html.H2("How the error falls"),
-            dcc.Graph(figure=figure, config={"displayModeBar": False, "responsive": True},
+            html.Div(
+                [html.H2("How the error falls"), html.Span(noise[:1].upper() + noise[1:], className="why")],
+                className="headed",
+            ),
+            dcc.Graph(figure=figure, config={**CONFIG, "displayModeBar": False},
                       style={"height": f"{height_px}px"}),
-            html.P(noise[:1].upper() + noise[1:], className="why"),
         ]
     )  # fmt: skip
 
@@ -196,4 +205,4 @@ def _mean(mean: float | None, spread: float | None) -> str:
     if mean is None:
         return "–"
     told = "" if spread is None or not np.isfinite(spread) else f" ± {spread:.1f}"
-    return f"{mean:+.1f}{told}".replace("-", "−")
+    return f"{signed(mean)}{told}"

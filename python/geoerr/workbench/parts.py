@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from dash import html
 
 from geoerr.workbench.session import Session
+
+# For fields that belong to the page alone: what was typed is there again after a reload.
+STAYS: Final = {"persistence": True, "persistence_type": "session"}
 
 
 def button(text: str, do: str, what: str = "", *, is_main: bool = False, title: str = "", off: bool = False) -> Any:
@@ -63,7 +66,13 @@ def difference_um(value: float | None, other: float | None) -> str:
     """Write how a length differs from another."""
     if value is None or other is None:
         return ""
-    return f"{value - other:+.1f}".replace("-", "−")
+    return signed(value - other)
+
+
+def signed(value: float) -> str:
+    """Write a number with its sign and one decimal; what rounds to nothing has none."""
+    text = f"{value:+.1f}"
+    return "0.0" if text in ("+0.0", "-0.0") else text.replace("-", "−")
 
 
 def section(title: str, children: Sequence[Any], *, name: str, explanation: str = "") -> Any:

@@ -11,8 +11,9 @@ import plotly.graph_objects as go
 from dash import Patch
 
 from geoerr.diagnose import Comparison, Component
+from geoerr.errors import InputFileError
 from geoerr.model import Model
-from geoerr.report.figures import circle, residual_against, residual_of_regions, style
+from geoerr.report.figures import circle, residual_against, residual_of_regions, style, value_label
 from geoerr.report.figures.error_field import field_difference, grid_traces
 from geoerr.report.figures.regions import magnification_of_means
 from geoerr.report.figures.residuals import of_component
@@ -24,6 +25,8 @@ from geoerr.workbench.program import conditions_of
 from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.view import CIRCLE, DIFFERENCE, REGION
 
+# For every picture of the page. Plotly offers to upload a chart to its makers' cloud: not from here.
+CONFIG = {"displaylogo": False, "responsive": True, "showSendToCloud": False}
 # What a browser without a graphics card turns and marks without a pause.
 MOST_POINTS = 1_500
 MOST_MARKED = 500
@@ -318,15 +321,19 @@ def _conditions(session: Session, *models: Model) -> dict[str, npt.ArrayLike | s
     """Give the conditions that models need: motion as usual, the rest as stated; None where one is wanting."""
     names = {name for model in models for name in model.conditions}
     at: dict[str, npt.ArrayLike | str] = {name: value for name in names if (value := _motion(name)) is not None}
-    for model in models:
-        at |= conditions_of(model, session.view.conditions)
+    try:
+        for model in models:
+            at |= conditions_of(model, session.view.conditions)
+    except InputFileError:
+        # The form says what is wrong with a number.
+        return None
     return at if names <= set(at) else None
 
 
 def _stated(session: Session) -> str:
     """Say at which conditions."""
     stated = conditions_of(session.model, session.view.conditions)
-    told = ", ".join(f"{name} {value:g}" for name, value in stated.items())
+    told = ", ".join(value_label(name, f"{value:g}") for name, value in stated.items())
     return f" At {told}." if told else ""
 
 

@@ -67,7 +67,7 @@ class Told:
     cards
         What was found, what looks the same, what has no name.
     others, others_title
-        What was looked at beside, folded away where `has_found`.
+        What was looked at beside, folded away.
     not_offered
         Effect and why it was not looked for.
     """
@@ -77,7 +77,6 @@ class Told:
     cards: tuple[Card, ...]
     others: tuple[Card, ...]
     others_title: str
-    has_found: bool
     not_offered: tuple[Line, ...]
 
     def to_document(self) -> dict[str, Any]:
@@ -121,7 +120,6 @@ def _of_points(diagnosis: Diagnosis, titles: Mapping[str, str]) -> Told:
         cards=tuple(cards),
         others=tuple(others),
         others_title=f"{len(others)} more, {why}",
-        has_found=bool(found),
         not_offered=diagnosis.not_offered,
     )
 
@@ -141,7 +139,6 @@ def _of_circles(diagnosis: CircleDiagnosis, titles: Mapping[str, str]) -> Told:
         cards=tuple(cards),
         others=tuple(others),
         others_title=f"{len(others)} more, {why}",
-        has_found=bool(found),
         not_offered=diagnosis.not_offered,
     )
 

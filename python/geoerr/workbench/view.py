@@ -11,7 +11,7 @@ from typing import Any
 REGION, DIFFERENCE, CIRCLE = "region", "difference", "circle"
 LOOKS = {
     **{"length": "arrows", "magnitude": "size", "direction": "direction"},
-    **{REGION: "regions", DIFFERENCE: "to ★", CIRCLE: "circle"},
+    **{REGION: "regions", DIFFERENCE: "vs ★", CIRCLE: "circle"},
 }
 # Powers of two around the exaggeration that draws the largest error as about a tenth of the volume.
 LEAST_POWER, LARGEST_POWER = -3, 3

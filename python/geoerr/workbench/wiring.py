@@ -16,7 +16,7 @@ from geoerr.workbench.layout import status
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_given import given_panel
 from geoerr.workbench.panel_missing import missing_panel, own_result
-from geoerr.workbench.panel_use import conditions_form, program_result, reports_list
+from geoerr.workbench.panel_use import conditions_form, program_result, reports_list, wrong_number
 from geoerr.workbench.panel_where import fall_graph, marked_words, options_of, regions_table, rows_of_region
 from geoerr.workbench.pictures import (
     explanation,
@@ -29,7 +29,7 @@ from geoerr.workbench.pictures import (
 )
 from geoerr.workbench.program import Wish
 from geoerr.workbench.session import Rows, Seen, Session
-from geoerr.workbench.view import CIRCLE, LOOKS, REGION
+from geoerr.workbench.view import CIRCLE, DIFFERENCE, LOOKS, REGION
 
 # Actions of buttons to the panel in which a refusal is shown.
 PLACES = {
@@ -193,6 +193,7 @@ def wire(app: Dash, session: Session) -> None:
     _wire_pictures(app, session)
     _wire_pointing(app, session)
     _wire_forms(app, session)
+    _wire_program(app, session)
 
 
 def _wire_actions(app: Dash, session: Session) -> None:
@@ -210,18 +211,20 @@ def _wire_actions(app: Dash, session: Session) -> None:
 
     @app.callback(
         Output("tick", "data", allow_duplicate=True),
+        Output("files", "contents"),
         Input("files", "contents"),
         State("files", "filename"),
         prevent_initial_call=True,
     )
     def _take(contents: Sequence[str] | None, names: Sequence[str] | None) -> Any:
         if not contents or not names:
-            return no_update
+            return no_update, no_update
         try:
             actions.take_dropped(session, names, [_decoded(one) for one in contents])
         except GeoerrError as error:
             refuse(session, actions.DATA, error)
-        return session.version
+        # The page tells of a change only: a file that is dropped twice has to be news the second time too.
+        return session.version, None
 
     @app.callback(
         Output("status", "children", allow_duplicate=True),
@@ -278,6 +281,7 @@ def _wire_pictures(app: Dash, session: Session) -> None:
                 "regions": Output("regions", "hidden"),
                 "volume_controls": Output("volume-controls", "hidden"),
                 "circle_controls": Output("circle-controls", "hidden"),
+                "shape": Output("shape-control", "hidden"),
             },
             "captions": (Output("volume-caption", "children"), Output("residual-caption", "children")),
             "marked": Output("marked", "children"),
@@ -303,6 +307,8 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             "regions": view.look != REGION,
             "volume_controls": is_circle,
             "circle_controls": not is_circle,
+            # Means and differences have a grid of their own.
+            "shape": view.look in (REGION, DIFFERENCE),
         }
         return pictures(session, shown) | {"hidden": hidden}
 
@@ -380,6 +386,7 @@ def _wire_forms(app: Dash, session: Session) -> None:
 
     @app.callback(
         Output("sight", "data", allow_duplicate=True),
+        Output("wrong-number", "children"),
         Input({"condition": ALL}, "value"),
         State({"condition": ALL}, "id"),
         prevent_initial_call=True,
@@ -387,28 +394,38 @@ def _wire_forms(app: Dash, session: Session) -> None:
     def _state_conditions(values: Sequence[str | None], ids: Sequence[dict[str, str]]) -> Any:
         typed = {one["condition"]: value or "" for one, value in zip(ids, values, strict=True)}
         if typed == {name: session.view.conditions.get(name, "") for name in typed}:
-            return no_update
+            return no_update, no_update
         session.view.conditions |= typed
         session.sight += 1
-        return session.sight
+        return session.sight, wrong_number(session)
 
+
+def _wire_program(app: Dash, session: Session) -> None:
     @app.callback(
         Output("tick", "data", allow_duplicate=True),
+        Output("program", "contents"),
         Input("program", "contents"),
+        Input({"do": "correct-again", "what": ALL}, "n_clicks"),
         State("program", "filename"),
         State("work-offset", "value"),
         State("wishes", "value"),
         prevent_initial_call=True,
     )
-    def _correct(contents: str | None, name: str | None, work_offset: str, wishes: Sequence[str]) -> Any:
-        if not contents:
-            return no_update
+    def _correct(contents: str | None, _: Any, name: str | None, work_offset: str, wishes: Sequence[str]) -> Any:
+        asked = None
+        if ctx.triggered_id == "program":
+            asked = (name or "program.gcode", _decoded(contents)) if contents else None
+        elif ctx.triggered and ctx.triggered[0]["value"]:
+            asked = session.dropped
+        if asked is None:
+            return no_update, no_update
         wish = Wish(session.view.conditions, work_offset or "0, 0, 0", "hold" in wishes, "pass" in wishes)
         try:
-            actions.compensate(session, name or "program.gcode", _decoded(contents), wish)
+            actions.compensate(session, *asked, wish)
         except GeoerrError as error:
             refuse(session, actions.PROGRAM, error)
-        return session.version
+        # As with files: the same program again, after a look at it, is a new wish.
+        return session.version, None
 
     @app.callback(
         Output("download", "data"), Input({"do": "download", "what": ALL}, "n_clicks"), prevent_initial_call=True

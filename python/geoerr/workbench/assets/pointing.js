@@ -17,3 +17,14 @@
   document.addEventListener("pointerover", point);
   document.addEventListener("focusin", point);
 })();
+
+// What Plotly tells of a point goes away with the pointer, even where a box was drawn over the point meanwhile.
+document.addEventListener("pointerout", (event) => {
+  const left = event.target instanceof Element ? event.target.closest(".js-plotly-plot") : null;
+  const entered = event.relatedTarget instanceof Element ? event.relatedTarget : null;
+  if (left && !left.contains(entered) && left._fullLayout && window.Plotly && window.Plotly.Fx) {
+    // Or it comes back when the picture is next drawn.
+    left._fullLayout._hoversubplot = null;
+    window.Plotly.Fx.unhover(left);
+  }
+});
