@@ -59,9 +59,11 @@ class Story:
         """Do something and wait until it is done; print the seconds."""
         began = time.monotonic()
         act()
+        refused = self.page.locator(".problem")
         if until is not None:
-            self.page.wait_for_selector(until, timeout=PATIENCE_MS)
+            self.page.locator(until).or_(refused).first.wait_for(timeout=PATIENCE_MS)
         self.ready()
+        assert refused.count() == 0, f"{name}: {refused.first.inner_text()}"
         took_s = time.monotonic() - began
         print(f"{self.width_px:5d}  {name:<28} {took_s:7.2f} s")
         return took_s
@@ -91,9 +93,8 @@ def tell(story: Story, url: str, program: Path) -> None:
     story.shoot("marked")
     page.click("text=Unmark")
     page.click("label:has-text('regions')")
-    page.click("#regions summary")
     story.shoot("regions")
-    page.click("label:has-text('to ★')")
+    page.click("label:has-text('vs ★')")
     page.wait_for_selector("#volume-caption >> text=beyond")
     story.shoot("difference")
     page.click("label:has-text('direction')")
