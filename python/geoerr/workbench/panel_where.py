@@ -26,8 +26,8 @@ _RESIDUAL_CONFIG = {
 }
 _MARKS = {-3: "⅛", -2: "¼", -1: "½", 0: "1", 1: "2", 2: "4", 3: "8"}
 _STEPS_DRAWN = 7
-# Axis and legend, and the two bars of a model.
-_BARS_PX = (64, 30)
+# Axis and legend, and the two bars of a model; of fewer than two the bars would be thinner than their figures.
+_BARS_PX = (68, 30)
 
 
 def where_panel(session: Session) -> list[Any]:
@@ -188,7 +188,7 @@ def fall_graph(session: Session) -> Any:
     in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
     figure.update_layout(legend={"yref": "container", "yanchor": "top", "y": 1.0})
     # A bar's length is for the eye; its row must not be thinner than its text.
-    height_px = _BARS_PX[0] + _BARS_PX[1] * max(len(figure.data[0].y), 1)
+    height_px = _BARS_PX[0] + _BARS_PX[1] * max(len(figure.data[0].y), 2)
     return html.Div(
         [
             html.Div(
