@@ -338,6 +338,7 @@ def test_the_command(
     assert asked.exit_code == 0, asked.output
     assert np.array_equal(read_rig(output).covariance, calibration.rig.covariance)
     document = json.loads(asked.stdout)
+    assert list(document.pop("provenance")["inputs"]) == [str(session / "session.toml")]
     assert document == calibration.to_document()
     assert list(document)[:8] == [
         "pairs_used",

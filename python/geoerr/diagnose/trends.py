@@ -85,11 +85,16 @@ def variables_of(fitted: Fitted) -> dict[str, Numbers]:
 def trends_of(fitted: Fitted) -> tuple[Trend, ...]:
     """Give all trends, the largest first."""
     components = components_of(fitted)
-    trends = [
-        trend_of(fitted.sightings, name, values, component)
-        for name, values in variables_of(fitted).items()
-        for component in components
-    ]
+    pass_number = fitted.sightings.pass_number
+    trends = []
+    for name, values in variables_of(fitted).items():
+        binned: _Binned | None = None
+        for component in components:
+            known = np.isfinite(values) & component.is_known
+            # Components are known in the same rows as a rule: to sort them into bins is most of the work.
+            if binned is None or not np.array_equal(binned.known, known):
+                binned = _Binned.of(values, known, pass_number)
+            trends.append(binned.trend(name, component))
     kept = [trend for trend in trends if len(trend.bins) > 1]
     return tuple(sorted(kept, key=lambda trend: -trend.worth_um))
 
@@ -97,42 +102,58 @@ def trends_of(fitted: Fitted) -> tuple[Trend, ...]:
 def trend_of(sightings: Sightings, name: str, values: Numbers, component: Component) -> Trend:
     """Bin one component (n,) over one variable (n,); rows that lack either are left out."""
     known = np.isfinite(values) & component.is_known
-    own, residual_um = values[known], component.residual_um[known]
-    number, spans = bins_of(own)
-    bins = tuple(
-        _bin(low, high, residual_um[number == place], sightings.pass_number[known][number == place])
-        for place, (low, high) in enumerate(spans)
-    )
-    return Trend(name, component.name, bins, _worth_um(bins))
+    return _Binned.of(values, known, sightings.pass_number).trend(name, component)
+
+
+@dataclass(frozen=True, eq=False)
+class _Binned:
+    """The rows of each bin of a variable, in their order, among those that are known (n,)."""
+
+    known: np.ndarray
+    spans: list[tuple[float, float]]
+    rows: list[np.ndarray]
+    passes: list[np.ndarray]
+
+    @classmethod
+    def of(cls, values: Numbers, known: np.ndarray, pass_number: np.ndarray) -> _Binned:
+        number, spans = bins_of(values[known])
+        order = np.argsort(number, kind="stable")
+        rows = np.split(np.flatnonzero(known)[order], np.cumsum(np.bincount(number, minlength=len(spans)))[:-1])
+        return cls(known, spans, rows, [np.unique(pass_number[own], return_inverse=True)[1].ravel() for own in rows])
+
+    def trend(self, name: str, component: Component) -> Trend:
+        binned = zip(self.spans, self.rows, self.passes, strict=True)
+        bins = tuple(_bin(low, high, component.residual_um[rows], own) for (low, high), rows, own in binned)
+        return Trend(name, component.name, bins, _worth_um(bins))
 
 
 def bins_of(values: Numbers) -> tuple[np.ndarray, list[tuple[float, float]]]:
     """Cut values (n,) into bins: the bin of each, (n,), and from where to where each bin's values reach."""
     if not values.size:
         return np.zeros(0, dtype=np.int64), []
-    ordered = np.unique(values)
+    ordered = np.sort(values)
     is_new = np.concatenate(([True], np.diff(ordered) > _ALIKE * max(float(np.ptp(ordered)), 1e-300)))
     distinct = ordered[is_new]
     is_few = len(distinct) <= MOST_VALUES
-    edges = distinct if is_few else np.unique(np.quantile(values, np.arange(BINS) / BINS))
+    edges = distinct if is_few else np.unique(np.quantile(ordered, np.arange(BINS) / BINS))
     number = np.maximum(np.searchsorted(edges, values, side="right") - 1, 0)
-    kept, number = np.unique(number, return_inverse=True)
-    number = number.ravel()
-    spans = [
-        (float(values[number == place].min()), float(values[number == place].max())) for place in range(len(kept))
-    ]
+    counts = np.bincount(number)
+    number = (np.cumsum(counts > 0) - 1)[number]
+    # Bins follow one another as their values do.
+    ends = np.cumsum(counts[counts > 0])
+    spans = list(zip(ordered[np.concatenate(([0], ends[:-1]))].tolist(), ordered[ends - 1].tolist(), strict=True))
     return number, spans
 
 
-def _bin(low: float, high: float, residual_um: Numbers, pass_number: np.ndarray) -> Bin:
+def _bin(low: float, high: float, residual_um: Numbers, own_pass: np.ndarray) -> Bin:
+    """Sum up the rows of a bin; `own_pass` (n,) numbers the passes that it has."""
     n = len(residual_um)
     mean = float(residual_um.mean())
     deviation = residual_um - mean
     if n < 2:
         return Bin(low, high, n, mean, math.nan)
     variance = float(deviation @ deviation) / (n - 1) / n
-    _, place = np.unique(pass_number, return_inverse=True)
-    sums = np.bincount(place.ravel(), weights=deviation)
+    sums = np.bincount(own_pass, weights=deviation)
     if len(sums) > 1:
         variance = max(variance, len(sums) / (len(sums) - 1) * float(sums @ sums) / n**2)
     return Bin(low, high, n, mean, math.sqrt(variance))
