@@ -117,8 +117,10 @@ class _Binned:
     @classmethod
     def of(cls, values: Numbers, known: np.ndarray, pass_number: np.ndarray) -> _Binned:
         number, spans = bins_of(values[known])
-        order = np.argsort(number, kind="stable")
-        rows = np.split(np.flatnonzero(known)[order], np.cumsum(np.bincount(number, minlength=len(spans)))[:-1])
+        order = np.flatnonzero(known)[np.argsort(number, kind="stable")]
+        ends = np.cumsum(np.bincount(number, minlength=len(spans)))
+        # Of no row that is known there is no bin, and one split.
+        rows = np.split(order, ends[:-1])[: len(spans)]
         return cls(known, spans, rows, [np.unique(pass_number[own], return_inverse=True)[1].ravel() for own in rows])
 
     def trend(self, name: str, component: Component) -> Trend:
