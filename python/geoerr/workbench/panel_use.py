@@ -16,6 +16,8 @@ from geoerr.workbench.pictures import CONFIG, in_panel
 from geoerr.workbench.program import HOLD, PASS, ZERO, CorrectedProgram, conditions_of, default_condition, on_the_page
 from geoerr.workbench.session import Session
 
+# Buttons over a picture as narrow as half a panel would hide its title; a box zooms in, two clicks zoom out.
+_PATH_CONFIG = {**CONFIG, "displayModeBar": False}
 _NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search, or a new one in a saved session"}
 
 
@@ -125,7 +127,7 @@ def program_result(session: Session) -> list[Any]:
             [
                 html.Figure(
                     [
-                        html.Div(dcc.Graph(figure=figure, config=CONFIG, responsive=True), className="path"),
+                        html.Div(dcc.Graph(figure=figure, config=_PATH_CONFIG, responsive=True), className="path"),
                         html.Figcaption(caption),
                     ]
                 )
