@@ -36,12 +36,6 @@ _MOST_NAMED = 8
 
 Numbers = npt.NDArray[np.float64]
 
-
-def is_temperature(column: str) -> bool:
-    """Tell whether a column is a temperature by its name: `temp` or `temp_...`."""
-    return column == "temp" or column.startswith("temp_")
-
-
 POINT_COLUMNS = Schema(
     required=("x", "y", "z"),
     filled=("x", "y", "z"),
@@ -55,7 +49,6 @@ POINT_COLUMNS = Schema(
     whole_numbers=("repeat", *DIRECTIONS, "moving"),
     texts=("line", "session", "target", "group"),
     choices=(("carrier", CARRIERS),),
-    are_numbers=is_temperature,
 )
 CIRCLE_COLUMNS = Schema(
     required=("x", "y", "z", "r"),
@@ -63,7 +56,6 @@ CIRCLE_COLUMNS = Schema(
     numbers=("x", "y", "z", "r", "sr", "t", "feed"),
     whole_numbers=("repeat", "dir", *DIRECTIONS),
     texts=("line", "session"),
-    are_numbers=is_temperature,
 )
 _LENGTH_ENDS = ("x1", "y1", "z1", "x2", "y2", "z2")
 LENGTH_COLUMNS = Schema(
@@ -72,7 +64,6 @@ LENGTH_COLUMNS = Schema(
     numbers=(*_LENGTH_ENDS, "measured"),
     whole_numbers=("repeat",),
     texts=("feature", "group"),
-    are_numbers=is_temperature,
 )
 # Filled in where a column or a cell is absent (docs/reference/formats/observations.md).
 _TEXT_DEFAULTS = {"line": "", "target": "", "carrier": "tool"}

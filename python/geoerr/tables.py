@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,11 @@ from geoerr.files import refusing_unreadable, whole_or_absent
 
 # Line 1 of a CSV file is its header.
 FIRST_DATA_ROW = 2
+
+
+def is_temperature(column: str) -> bool:
+    """Tell whether a column is a temperature by its name: `temp` or `temp_...`."""
+    return column == "temp" or column.startswith("temp_")
 
 
 @dataclass(frozen=True)
@@ -54,9 +59,6 @@ class Schema:
         Column to the values that it may take.
     filled
         Columns in which an empty cell makes the row unusable.
-    are_numbers
-        Which of the columns that are not listed hold numbers, by their names: a cell that is none is a mistake there,
-        and does not make the column one of texts.
     """
 
     required: tuple[str, ...]
@@ -65,7 +67,6 @@ class Schema:
     texts: tuple[str, ...] = ()
     choices: tuple[tuple[str, tuple[str, ...]], ...] = ()
     filled: tuple[str, ...] = ()
-    are_numbers: Callable[[str], bool] | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -226,7 +227,8 @@ def _typed(
             return numbers.cast(pl.Int64, strict=False), problems
         return numbers, problems
     # A column of the user's own: numbers where all its cells are, else text. NaN is how tools write "unknown".
-    if schema.are_numbers is not None and schema.are_numbers(name):
+    # A temperature is a number: a cell that is none is a mistake, and makes no column of texts.
+    if is_temperature(name):
         refuse(text.is_not_null() & numbers.is_null(), "{value!r} is not a number")
         refuse(numbers.is_infinite(), "{value!r} is not a finite number")
     elif (text.is_not_null() & numbers.is_null()).any():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import subprocess
 import sys
@@ -15,7 +14,6 @@ import geoerr
 from geoerr.cli.main import VERBS
 
 ROOT = Path(__file__).parents[2]
-NEEDED = ("sphinx", "myst_parser", "furo")
 # What is fetched to show a page, as against what is followed when it is clicked on.
 FETCHED = {"script": "src", "img": "src", "source": "src", "iframe": "src", "object": "data", "link": "href"}
 _ELSEWHERE = re.compile(r"(?:https?:)?//")
@@ -24,9 +22,6 @@ _IN_STYLES = re.compile(r"(?:url\(|@import)\s*['\"]?((?:https?:)?//[^'\")\s]+)")
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
-    if missing:
-        pytest.skip(f"{', '.join(missing)} not installed: pip install '.[docs]'")
     out = tmp_path_factory.mktemp("site")
     # Members in the tree beside a page take a sixth of the time, and nothing that is tested here.
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-c", "docs"]

@@ -8,7 +8,7 @@ from itertools import combinations, permutations
 
 from geoerr.effects.definitions import RESERVED_NAMES
 from geoerr.effects.description import FormSpec
-from geoerr.observations import is_temperature
+from geoerr.tables import is_temperature
 from geoerr.terms import names_in
 
 _LAG_END = re.compile(r"(?<![A-Za-z0-9_])lag\s*\Z")

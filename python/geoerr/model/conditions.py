@@ -11,7 +11,7 @@ import numpy.typing as npt
 from geoerr.errors import GeoerrError, ShapeError
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, as_numbers
-from geoerr.observations import is_temperature
+from geoerr.tables import is_temperature
 from geoerr.terms import CLOCK_NAME, PLACE_NAMES
 
 REFERENCE: Literal["reference"] = "reference"

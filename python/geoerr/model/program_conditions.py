@@ -10,7 +10,7 @@ from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.model.conditions import OF_MOTION, Conditions, constants_of, refusal
 from geoerr.model.model import Model
-from geoerr.observations import is_temperature
+from geoerr.tables import is_temperature
 
 # A model that was tested over a span of a condition is trusted half of that span's width beyond it, with a note.
 MOST_SPANS_BEYOND = 0.5

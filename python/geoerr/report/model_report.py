@@ -25,9 +25,10 @@ from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import REFERENCE
 from geoerr.model.program_conditions import approach_conditions, needed_conditions
-from geoerr.observations import CircularTest, Lengths, Observations, is_temperature
+from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report.figures import Stage, stages_of
 from geoerr.summaries import by_reason
+from geoerr.tables import is_temperature
 from geoerr.verify.ballbar import (
     CircularTestResult,
     circle_of_first_run,

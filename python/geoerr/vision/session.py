@@ -51,7 +51,7 @@ FRAME_COLUMNS = Schema(
     texts=("left", "right", "line", "session", "group"),
 )
 _DESCRIPTION = "session.toml"
-_NAME_OFFRAME_COLUMNS = "frames.csv"
+_FRAMES_NAME = "frames.csv"
 _BOARD_HINT = 'write e.g. [board] type = "charuco", squares = [11, 8], square_mm = 20.0, marker_mm, dictionary'
 
 
@@ -233,7 +233,7 @@ class Session:
         """Give the rows of frames.csv, or refuse the session for lacking the file."""
         if self.frames is None:
             raise InputFileError(
-                self.directory / _NAME_OFFRAME_COLUMNS,
+                self.directory / _FRAMES_NAME,
                 "no such file",
                 remedy="list the pictures of the machine with columns left, right, x, y, z",
             )
@@ -284,7 +284,7 @@ def read_session(directory: str | Path) -> Session:
     path = folder / _DESCRIPTION
     top = _Table(read_toml(path), path)
     targets = _targets(top)
-    frames, set_aside = _frames(folder / _NAME_OFFRAME_COLUMNS)
+    frames, set_aside = _frames(folder / _FRAMES_NAME)
     pairs, unpaired = _calibration_pairs(folder / "calibration")
     return Session(
         directory=folder,

@@ -14,7 +14,7 @@ from geoerr.workbench.actions import MISSING, OWN
 from geoerr.workbench.explained import TRIAL
 from geoerr.workbench.own_effect import CHANNELS
 from geoerr.workbench.parts import STAYS, button, problem, section, sentence, um
-from geoerr.workbench.pictures import CONFIG, in_panel
+from geoerr.workbench.pictures import WITHOUT_BUTTONS, in_panel
 from geoerr.workbench.session import Session
 from geoerr.workbench.told import Card, Told
 
@@ -164,7 +164,7 @@ def _causes_graph(diagnosis: CircleDiagnosis) -> Any:
     figure.update_yaxes(automargin=True, tickfont={"size": 11})
     figure.update_xaxes(title_text="part of what is more than noise, %", title_font_size=11)
     height_px = _BARS_PX[0] + _BARS_PX[1] * (len(diagnosis.found) + 1)
-    return dcc.Graph(figure=figure, config={**CONFIG, "displayModeBar": False}, style={"height": f"{height_px}px"})
+    return dcc.Graph(figure=figure, config=WITHOUT_BUTTONS, style={"height": f"{height_px}px"})
 
 
 def _others(told: Told, session: Session) -> Any:

@@ -12,12 +12,10 @@ from geoerr.report.figures import variable_label
 from geoerr.summaries import counted
 from geoerr.workbench.actions import PROGRAM
 from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um
-from geoerr.workbench.pictures import CONFIG, in_panel
+from geoerr.workbench.pictures import WITHOUT_BUTTONS, in_panel
 from geoerr.workbench.program import HOLD, PASS, ZERO, CorrectedProgram, conditions_of, default_condition, on_the_page
 from geoerr.workbench.session import Session
 
-# Buttons over a picture as narrow as half a panel would hide its title; a box zooms in, two clicks zoom out.
-_PATH_CONFIG = {**CONFIG, "displayModeBar": False}
 _NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search, or a new one in a saved session"}
 
 
@@ -120,14 +118,12 @@ def program_result(session: Session) -> list[Any]:
         html.Table([html.Tbody(rows)], className="figures pair"),
         button(f"Download {corrected.corrected_name}", "download", is_main=True),
         html.Ul(warnings, className="told") if warnings else None,
-        html.Details([html.Summary(counted(len(notes), "note")), html.Ul(notes, className="told")])
-        if notes
-        else None,
+        _folded(notes),
         html.Div(
             [
                 html.Figure(
                     [
-                        html.Div(dcc.Graph(figure=figure, config=_PATH_CONFIG, responsive=True), className="path"),
+                        html.Div(dcc.Graph(figure=figure, config=WITHOUT_BUTTONS, responsive=True), className="path"),
                         html.Figcaption(caption),
                     ]
                 )

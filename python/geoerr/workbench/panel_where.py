@@ -13,7 +13,7 @@ from geoerr.report.figures import error_fall, variable_label
 from geoerr.summaries import counted
 from geoerr.workbench.history import story
 from geoerr.workbench.parts import button, signed, um
-from geoerr.workbench.pictures import CONFIG, in_panel
+from geoerr.workbench.pictures import CONFIG, WITHOUT_BUTTONS, in_panel
 from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.view import CIRCLE, LARGEST_POWER, LEAST_POWER, LOOKS, View
 
@@ -195,7 +195,7 @@ def fall_graph(session: Session) -> Any:
                 [html.H2("How the error falls"), html.Span(noise[:1].upper() + noise[1:], className="why")],
                 className="headed",
             ),
-            dcc.Graph(figure=figure, config={**CONFIG, "displayModeBar": False},
+            dcc.Graph(figure=figure, config=WITHOUT_BUTTONS,
                       style={"height": f"{height_px}px"}),
         ]
     )  # fmt: skip

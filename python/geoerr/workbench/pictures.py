@@ -27,6 +27,8 @@ from geoerr.workbench.view import CIRCLE, DIFFERENCE, REGION
 
 # For every picture of the page. Plotly offers to upload a chart to its makers' cloud: not from here.
 CONFIG = {"displaylogo": False, "responsive": True, "showSendToCloud": False}
+# Over a picture as narrow as half a panel they would hide its title; a box zooms in, two clicks zoom out.
+WITHOUT_BUTTONS = {**CONFIG, "displayModeBar": False}
 # What a browser without a graphics card turns and marks without a pause.
 MOST_POINTS = 1_500
 MOST_MARKED = 500

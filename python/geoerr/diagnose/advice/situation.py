@@ -13,7 +13,8 @@ from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import clock_s, times_s
 from geoerr.machine import AXES, Machine
-from geoerr.observations import CARRIERS, is_temperature
+from geoerr.observations import CARRIERS
+from geoerr.tables import is_temperature
 
 # Where the data do not say: a usual feed of printers and small mills, settling and exposure of a picture at rest,
 # and pictures in motion.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geoerr.observations import is_temperature
+from geoerr.tables import is_temperature
 
 _UNITS = {
     **dict.fromkeys(("x", "y", "z", "tx", "ty", "tz"), "mm"),

@@ -109,9 +109,7 @@ def path_places(places_mm: npt.ArrayLike, before_mm: npt.ArrayLike, after_mm: np
     figure.update_xaxes(title_text="X, mm", matches="x")
     figure.update_yaxes(matches="y", scaleanchor="x", scaleratio=1.0)
     figure.update_yaxes(title_text="Y, mm", row=1, col=1)
-    largest_um = (
-        max((float(np.max(one, initial=0.0)) for one in (before_mm, after_mm)), default=0.0) * style.UM_PER_MM
-    )
+    largest_um = max(float(np.max(one, initial=0.0)) for one in (before_mm, after_mm)) * style.UM_PER_MM
     bar = {"title": {"text": "µm"}, "thickness": 14}
     colors = {"colorscale": "Viridis", "cmin": 0.0, "cmax": largest_um or 1.0, "colorbar": bar}
     figure.update_layout(coloraxis=colors)
