@@ -168,6 +168,16 @@ def test_columns_that_measure_writes_are_refused(folder: Path, name: str) -> Non
     assert (error.path, error.row, error.column) == (str(folder / "frames.csv"), 1, name)
 
 
+def test_a_temperature_that_is_no_number_sets_its_row_aside(folder: Path) -> None:
+    (folder / "frames.csv").write_text("left,right,x,y,z,temp_bed\na,b,0,0,0,20\nc,d,1,0,0,warm\n")
+    session = read_session(folder)
+    assert [(one.row, one.column, one.problem) for one in session.set_aside] == [
+        (3, "temp_bed", "'warm' is not a number")
+    ]
+    assert session.frames is not None
+    assert session.frames["temp_bed"].to_list() == [20.0]
+
+
 def test_bad_rows_are_set_aside(folder: Path) -> None:
     rows = ["a,b,0,0,0", "a,b,zero,0,0", "a,,0,0,0", "c,c,0,0,0", "a,b,nan,0,0", "d,e,1,0,0"]
     (folder / "frames.csv").write_text("left,right,x,y,z\n" + "\n".join(rows) + "\n")
