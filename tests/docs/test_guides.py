@@ -1,4 +1,4 @@
-"""Guides and theory: their commands are understood, and what they print is what stands in them."""
+"""Guides, theory, a tutorial: their commands are understood, and what they print is what stands in them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ import typer.main
 from geoerr.cli.main import app
 
 DOCS = Path(__file__).parents[2] / "docs"
-GUIDES = sorted(f"guides/{path.name}" for path in (DOCS / "guides").glob("*.md"))
+GUIDES = [
+    *sorted(f"guides/{path.name}" for path in (DOCS / "guides").glob("*.md")),
+    "tutorials/pictures_to_program.md",
+]
 # The examples run what the others tell.
 RUN = (
     *(f"guides/{name}.md" for name in ("cameras", "controller", "notebook", "ovals", "refused")),
-    *("theory/compensation.md", "theory/triangulation.md"),
+    *("theory/compensation.md", "theory/triangulation.md", "tutorials/pictures_to_program.md"),
 )
 _COMMAND = re.compile(r"(?<![\w./`-])geoerr ((?:[^\n|;>&\\]|\\\n)+)")
 _CONSOLE = re.compile(r"```console\n(.*?)```", re.DOTALL)
