@@ -18,7 +18,7 @@ import geoerr
 from geoerr.compensate.program import compensate_bytes
 from geoerr.diagnose.search import reference_of, search
 from geoerr.effects import catalogue
-from geoerr.error_functions import ErrorFunction, ErrorFunctions
+from geoerr.error_functions import ErrorFunction, ErrorFunctions, Squareness
 from geoerr.geometry import triangulate
 from geoerr.observations import observations_from_columns
 from geoerr.vision.rig import Rig, RightFromLeft
@@ -190,6 +190,33 @@ def nine_lines() -> str:
     )
     for number, words in enumerate(notes):
         drawing.text(384, 30 + 17 * number, words, INK if number < 2 else "#555")
+    return drawing.svg()
+
+
+def circle() -> str:
+    """Draw what a squareness alone makes of a circle, and what Li's Eq. 23 sees of it: nothing."""
+    machine = geoerr.Machine.from_chain("wbXYZt", travel_mm=(424.0, 540.0, 400.0))
+    squareness_rad, radius_mm, middle_mm = -5.05e-3, 100.0, np.array([212.0, 270.0])
+    errors = ErrorFunctions(machine, {}, {"EC0Y": Squareness(squareness_rad)}, method="drawn")
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
+    direction = np.column_stack([np.cos(turn), np.sin(turn)])
+    places = np.column_stack([middle_mm + radius_mm * direction, np.zeros(len(turn))])
+    error_mm = geoerr.Model(machine, errors).error_mm(places)[:, :2]
+    # About its own centre, as a circular test has it (ISO 230-4).
+    radial_mm = (error_mm * direction).sum(axis=1)
+    radial_mm -= direction @ np.linalg.lstsq(direction[:-1], radial_mm[:-1], rcond=None)[0]
+    drawing = Drawing(640, 270)
+    drawn_radius, enlarged, at = 90.0, 60.0, np.array([140.0, 150.0])
+    scale = drawn_radius / radius_mm
+    flip = np.array([1.0, -1.0])
+    drawing.line(list(at + flip * drawn_radius * direction), GREY, 1.4, "4 3")
+    actual = direction * (radius_mm + enlarged * radial_mm)[:, None]
+    drawing.line(list(at + flip * scale * actual), ORANGE, 2.0)
+    drawing.text(20, 22, "A circle of 100 mm on a machine whose axes are out of square, and nothing else")
+    deviation_mm = float(np.ptp(radial_mm))
+    drawing.text(290, 110, f"S_xy = −{abs(squareness_rad) * 1e3:.2f} mrad: circular deviation", ORANGE)
+    drawing.text(290, 127, f"{deviation_mm:.3f} mm = |S|·R (drawn {enlarged:g} times as large)", ORANGE)
+    drawing.text(290, 165, "Eq. 23 as it is printed: no squareness, no deviation", "#666")
     return drawing.svg()
 
 
@@ -541,6 +568,7 @@ PICTURES: dict[str, Callable[[], str]] = {
     "chain": chain,
     "abbe": abbe,
     "nine-lines": nine_lines,
+    "circle": circle,
     "rays": rays,
     "rig-or-noise": rig_or_noise,
     "noise": noise,

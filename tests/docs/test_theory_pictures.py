@@ -68,6 +68,12 @@ def test_a_cut_move_is_within_its_tolerance(drawn: dict[str, str]) -> None:
     assert before > ends > 5.0 > cut
 
 
+def test_a_squareness_makes_a_circle_deviate_by_its_radius_times_itself(drawn: dict[str, str]) -> None:
+    deviation_mm = re.search(r">([\d.]+) mm = ", drawn["circle"])
+    assert deviation_mm is not None
+    assert float(deviation_mm[1]) == pytest.approx(5.05e-3 * 100.0, abs=2e-3)
+
+
 def test_the_best_candidate_is_the_one_that_was_put_in(drawn: dict[str, str]) -> None:
     shares = {name: float(share) for name, share in re.findall(r">([\w-]+:\w): ([\d.]+)<", drawn["chance"])}
     assert min(shares, key=lambda name: shares[name]) == "backlash:x"
