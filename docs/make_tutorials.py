@@ -1,4 +1,4 @@
-"""Runs the tutorials and guides and writes what they print into them: `python docs/make_tutorials.py [PAGE...]`.
+"""Runs tutorials, guides and theory and writes what they print into them: `python docs/make_tutorials.py [PAGE...]`.
 
 A page is Markdown. Its blocks run one after the other in a folder of their own, in which `examples` and `validation`
 are the project's:
@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).parent
-FOLDERS = ("tutorials", "guides")
+FOLDERS = ("tutorials", "guides", "theory")
 _BLOCK = re.compile(
     r"(?:<!-- (?P<mark>[^\n]*?) -->\n)?```(?P<language>\w+)\n(?P<code>.*?)```\n(?P<printed>\n```text\n.*?```\n)?",
     re.DOTALL,

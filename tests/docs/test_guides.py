@@ -1,4 +1,4 @@
-"""The guides: their commands are understood, and what they print is what stands in them."""
+"""Guides, theory, a tutorial: their commands are understood, and what they print is what stands in them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,15 @@ import typer.main
 from geoerr.cli.main import app
 
 DOCS = Path(__file__).parents[2] / "docs"
-GUIDES = sorted(path.name for path in (DOCS / "guides").glob("*.md"))
+GUIDES = [
+    *sorted(f"guides/{path.name}" for path in (DOCS / "guides").glob("*.md")),
+    "tutorials/pictures_to_program.md",
+]
 # The examples run what the others tell.
-RUN = ("cameras.md", "controller.md", "notebook.md", "ovals.md", "refused.md")
+RUN = (
+    *(f"guides/{name}.md" for name in ("cameras", "controller", "notebook", "ovals", "refused")),
+    *("theory/compensation.md", "theory/triangulation.md", "tutorials/pictures_to_program.md"),
+)
 _COMMAND = re.compile(r"(?<![\w./`-])geoerr ((?:[^\n|;>&\\]|\\\n)+)")
 _CONSOLE = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _NUMBER = re.compile(r"[−-]?\d+(?:\.\d+)?(?:e[−-]?\d+)?")
@@ -34,7 +40,7 @@ def maker() -> ModuleType:
 
 
 def text_of(name: str) -> str:
-    return (DOCS / "guides" / name).read_text(encoding="utf-8")
+    return (DOCS / name).read_text(encoding="utf-8")
 
 
 _FINGERPRINT = re.compile(r"model [0-9a-f]{12}")
