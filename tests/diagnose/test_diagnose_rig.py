@@ -43,6 +43,27 @@ def test_what_the_calibration_can_do_is_no_effects(monkeypatch: pytest.MonkeyPat
     assert [str(one.reference) for one in known.found] == ["backlash:x"]
 
 
+@pytest.mark.parametrize("known_to", [1e-5, 1e-3])
+def test_what_the_calibration_hardly_moves_takes_no_residual_away(
+    monkeypatch: pytest.MonkeyPatch, known_to: float
+) -> None:
+    """The scale moves points along where they were measured, residual and all; the rest of that is the machine's own.
+
+    Twenty-one functions beside it: all that is left of a column of the scale, known to 1 in 10⁵, is the residual.
+    """
+    monkeypatch.setattr("geoerr.diagnose.diagnosis.catalogue", lambda: KNOWN)
+    rng = np.random.default_rng(4)
+    moved = motion(rng, PLAN)
+    seen = moved.q - 16e-3 * moved.d[:, :1] * np.eye(3)[0]
+    columns = {f"dir_{axis}": moved.d[:, index] for index, axis in enumerate("xyz")}
+    columns |= {"line": [f"L{one}" for one in moved.line], "carrier": ["tool"] * len(seen)}
+    observations = measured(moved.q, seen, rng, noise_mm=5e-3, **columns)
+    calibration = {"rig_sensitivity": observations.measured_mm[:, :, None], "rig_covariance": np.array([[known_to**2]])}
+    model = geoerr.fit_model(machine(), observations, options=FitOptions(threads=1), **calibration).model
+    found = diagnose(model, observations, threads=1, **calibration)
+    assert [str(one.reference) for one in found.found] == ["backlash:x"]
+
+
 @pytest.mark.parametrize("verb", ["compare", "diagnose"])
 def test_a_rig_that_does_not_serve_is_refused_alike(tmp_path: Path, verb: str) -> None:
     write_machine(tmp_path / "machine.toml", machine())

@@ -124,13 +124,43 @@ class Space:
 
 def space_of(fitted: Fitted, *, threads: int = 0) -> Space:
     """Fit the noise of a fit's residual, whiten by it, and project."""
-    sightings, solved = fitted.sightings, fitted.solved
-    scale = solved.used.astype(np.float64)
-    raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
-    rows = (sightings.is_measured & solved.used[:, None]).astype(np.float64)
-    raw_basis = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads).reshape(*rows.shape, -1)
-    sums = noise_sums(fitted, rows, raw_basis, threads=threads)
+    rows = (fitted.sightings.is_measured & fitted.solved.used[:, None]).astype(np.float64)
+    sums = noise_sums(fitted, rows, freedom_of(fitted, fitted.solved.used, threads=threads), threads=threads)
     return whitened_space(fitted, sums.fit(), rows, sums)
+
+
+def freedom_of(fitted: Fitted, used: np.ndarray, *, threads: int = 0) -> Numbers:
+    """Give an orthonormal basis (n, 3, r) of what a fit is free to do in rows (n,) that count, whitened as stated.
+
+    Of what the calibration knows of its unknowns beforehand, a direction is free where the data say more of it than
+    the calibration does; others the fit leaves nearly as they are. Taken for free too, one that moves points by a
+    hundredth of their noise would be a full column, and what little of the residual is in it (points are where they
+    were measured) would take all of the residual away.
+    """
+    solved, scale = fitted.solved, used.astype(np.float64)
+    root = solved.solution.covariance_root
+    held = _held_beforehand(fitted)
+    own = root.copy()
+    own[held] = 0.0
+    raw = projected_rows(fitted.problem, solved.state, own, scale, threads)
+    basis = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads)
+    if len(held):
+        unit = np.eye(len(root))[:, held]
+        columns = projected_rows(fitted.problem, solved.state, unit, scale, threads).reshape(-1, len(held))
+        for _ in range(2):
+            columns = columns - basis @ (basis.T @ columns)
+        value, vector = np.linalg.eigh(columns.T @ columns)
+        # Each has unit variance beforehand.
+        basis = np.concatenate([basis, orthonormal(columns @ vector[:, value >= 1.0], threads=threads)], axis=1)
+    return basis.reshape(len(scale), 3, -1)
+
+
+def _held_beforehand(fitted: Fitted) -> np.ndarray:
+    """Give the columns of the unknowns that rows share and the calibration knows beforehand."""
+    if fitted.prior is None:
+        return np.zeros(0, dtype=np.int64)
+    columns = np.flatnonzero((fitted.prior != 0.0).any(axis=0))
+    return columns[columns >= fitted.problem.first_shared_column]
 
 
 def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: int = 0) -> NoiseSums:

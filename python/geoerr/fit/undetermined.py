@@ -97,6 +97,9 @@ def _blocks(
 
 def _directions_without(rows: Numbers) -> Numbers:
     """Give the combinations (k, m) of null vectors that leave these rows at rest."""
+    if rows.shape[0] > rows.shape[1]:
+        # The triangle has the same null space, and no left vectors for hundreds of rows.
+        rows = np.linalg.qr(rows, mode="r")
     _, size, directions = np.linalg.svd(rows, full_matrices=True)
     return np.asarray(directions[int((size > _NOTHING).sum()) :].T)
 

@@ -13,11 +13,10 @@ from geoerr.diagnose.advice.columns import Terms, poses_of
 from geoerr.diagnose.advice.families import Company
 from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser
 from geoerr.diagnose.findings import Separation
-from geoerr.diagnose.space import Space, noise_sums, orthonormal, whitened_space
+from geoerr.diagnose.space import Space, freedom_of, noise_sums, orthonormal, whitened_space
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted
-from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
@@ -148,7 +147,7 @@ def _space_with(fitted: Fitted, term: Term, threads: int) -> Space:
     solved, sightings = fitted.solved, fitted.sightings
     rows: Numbers = (sightings.is_measured & solved.used[:, None]).astype(np.float64)
     used = solved.used.astype(np.float64)
-    own = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, used, threads)
+    own = freedom_of(fitted, solved.used, threads=threads)
     terms = Terms(fitted.machine, [term], with_inner=False)
     columns = terms.columns(sightings, poses_of(fitted), scale=used, threads=threads)[:, :, : terms.n_columns]
     joined = np.concatenate([own, columns * rows[:, :, None]], axis=2)

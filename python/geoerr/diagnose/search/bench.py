@@ -13,11 +13,10 @@ from geoerr.diagnose.noise import NoiseModel, NoiseSums
 from geoerr.diagnose.null import N_DRAWS
 from geoerr.diagnose.probes import bodies
 from geoerr.diagnose.scan import Scanner
-from geoerr.diagnose.space import Channels, Space, beyond, noise_sums, orthonormal, whitened_space
+from geoerr.diagnose.space import Channels, Space, beyond, freedom_of, noise_sums, whitened_space
 from geoerr.diagnose.waves_in_time import WavesInTime
 from geoerr.fit import has_covariates
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.terms import Term
@@ -44,11 +43,8 @@ class Bench:
         self.explained = explained
         solved = fitted.solved
         used = solved.used if left_out is None else solved.used & ~left_out
-        scale = used.astype(np.float64)
-        raw = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
         self.rows = (fitted.sightings.is_measured & used[:, None]).astype(np.float64)
-        flat = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads)
-        self.base = flat.reshape(*self.rows.shape, -1)
+        self.base = freedom_of(fitted, used, threads=threads)
         self.channels = Channels(fitted, self.rows, threads=threads)
         self.channels.need(self.names)
         self.noise: NoiseModel | None = None
