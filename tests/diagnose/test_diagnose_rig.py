@@ -58,7 +58,10 @@ def test_what_the_calibration_hardly_moves_takes_no_residual_away(
     columns = {f"dir_{axis}": moved.d[:, index] for index, axis in enumerate("xyz")}
     columns |= {"line": [f"L{one}" for one in moved.line], "carrier": ["tool"] * len(seen)}
     observations = measured(moved.q, seen, rng, noise_mm=5e-3, **columns)
-    calibration = {"rig_sensitivity": observations.measured_mm[:, :, None], "rig_covariance": np.array([[known_to**2]])}
+    calibration = {
+        "rig_sensitivity": observations.measured_mm[:, :, None],
+        "rig_covariance": np.array([[known_to**2]]),
+    }
     model = geoerr.fit_model(machine(), observations, options=FitOptions(threads=1), **calibration).model
     found = diagnose(model, observations, threads=1, **calibration)
     assert [str(one.reference) for one in found.found] == ["backlash:x"]

@@ -68,12 +68,13 @@ def not_determined(
     ]
     blocks = _blocks(terms, is_determined, null_space, first_frame_column)
     words = _Words(sightings, machine, never_moved)
+    without = {name: _directions_without(rows) for name, rows in blocks.items()}
     for term, own in zip(terms, _spans(terms), strict=True):
         if is_determined[own].all():
             continue
         name = iso_name(term.id)
         open_part = "only its part in proportion to the position is open: " if _is_a_line(term, blocks[name]) else ""
-        listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks))))
+        listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks, without))))
     return tuple(listed)
 
 
@@ -99,13 +100,16 @@ def _directions_without(rows: Numbers) -> Numbers:
     """Give the combinations (k, m) of null vectors that leave these rows at rest."""
     if rows.shape[0] > rows.shape[1]:
         # The triangle has the same null space, and no left vectors for hundreds of rows.
-        rows = np.linalg.qr(rows, mode="r")
+        rows = np.linalg.qr(rows).R
     _, size, directions = np.linalg.svd(rows, full_matrices=True)
     return np.asarray(directions[int((size > _NOTHING).sum()) :].T)
 
 
-def _tied_to(name: str, blocks: dict[str, Numbers]) -> list[str]:
-    """Name what always moves with a term; where nothing does always, whatever can; nothing where it moves alone."""
+def _tied_to(name: str, blocks: dict[str, Numbers], without: dict[str, Numbers]) -> list[str]:
+    """Name what always moves with a term; where nothing does always, whatever can; nothing where it moves alone.
+
+    `without` are the combinations (k, m) of null vectors that leave each block at rest.
+    """
     own = blocks[name]
     others = {other: rows for other, rows in blocks.items() if other != name}
 
@@ -114,7 +118,7 @@ def _tied_to(name: str, blocks: dict[str, Numbers]) -> list[str]:
 
     if not others or moves(_directions_without(np.vstack(list(others.values())))):
         return []
-    tied = [other for other, rows in others.items() if not moves(_directions_without(rows))]
+    tied = [other for other in others if not moves(without[other])]
     if tied:
         return tied
     # Whatever it can move with when all else is held.
