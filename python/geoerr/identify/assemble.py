@@ -17,6 +17,7 @@ from geoerr.error_functions import (
     Squareness,
 )
 from geoerr.identify.axis import angle_name, delta_name
+from geoerr.identify.between_places import integral_covariance
 from geoerr.identify.linear import Curve, Numbers
 from geoerr.identify.measurements import Measurements
 from geoerr.identify.reasons import (
@@ -54,8 +55,14 @@ def assemble(
     direct = {name: curves[name] for name in names if name in curves}
     by_integral = _integrals(findings, curves)
     verdicts = [
-        compare(name, direct[name], by_integral[name], noise.covariance_of)
-        for name in names
+        compare(
+            name,
+            direct[name],
+            by_integral[name],
+            noise.covariance_of,
+            _between(axis, by_integral[name], curves, noise),
+        )
+        for name, (axis, _) in names.items()
         if name in direct and name in by_integral
     ]
     chosen, other = (direct, by_integral) if straightness == "direct" else (by_integral, direct)
@@ -102,6 +109,15 @@ def _integrals(findings: Findings, curves: Curves) -> Curves:
         if angle is not None and len(angle.nodes) >= 3:
             result[name] = integrated(findings.machine, axis, component, angle)
     return result
+
+
+def _between(axis: str, integral: Curve, curves: Curves, noise: Noise) -> Numbers:
+    """Give the covariance of an integral that is due to what angles of its axis do between its nodes."""
+    angles = [curves[name] for name in (angle_name(direction, axis) for direction in range(3)) if name in curves]
+    own = [angle.linear for angle in angles if np.array_equal(angle.nodes, integral.nodes)]
+    return integral_covariance(
+        integral.position_mm, [one.value for one in own], [noise.covariance_of(one) for one in own]
+    )
 
 
 def _table(curve: Curve, noise: Noise) -> ErrorFunction:

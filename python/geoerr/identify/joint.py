@@ -10,7 +10,7 @@ integral of the angle are both linear in the coefficients, and so is their diffe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,8 @@ from geoerr.error_functions import ErrorFunctions, NotDetermined
 from geoerr.fit import FitOptions, FitResult, fit_model
 from geoerr.fit.classic import TANGENT, positions_by_axis
 from geoerr.fit.sightings import SAME_POSITION_MM
+from geoerr.identify.axis import angle_name
+from geoerr.identify.between_places import integral_covariance, without_line
 from geoerr.identify.linear import Numbers
 from geoerr.identify.nine_line import StraightnessMethod
 from geoerr.identify.straightness import TangentVerdict
@@ -162,12 +164,12 @@ def _verdicts(result: FitResult, machine: Machine) -> tuple[TangentVerdict, ...]
         first += len(term.coefficients)
     unknown = {item.name for item in result.fitted.not_determined}
     by_id = {term.id: term for term in terms}
-    verdicts = []
-    for angle, (straight, sign) in TANGENT.items():
-        if angle not in by_id or straight not in by_id or unknown & {angle, straight}:
-            continue
-        verdicts.append(_verdict(result, machine, by_id, spans, angle, straight, sign))
-    return tuple(verdicts)
+    determined = by_id.keys() - unknown
+    return tuple(
+        _verdict(result, machine, by_id, spans, determined, angle, straight, sign)
+        for angle, (straight, sign) in TANGENT.items()
+        if {angle, straight} <= determined
+    )
 
 
 def _verdict(
@@ -175,11 +177,12 @@ def _verdict(
     machine: Machine,
     by_id: Mapping[str, Any],
     spans: Mapping[str, slice],
+    determined: Set[str],
     angle: str,
     straight: str,
     sign: float,
 ) -> TangentVerdict:
-    """Test `straightness − ∫ angle` at the measured positions against its covariance."""
+    """Test `straightness − ∫ angle` at the measured positions against its covariance, and what lies between them."""
     axis = angle[2].lower()
     side = 1.0 if machine.side(axis) == "tool" else -1.0
     places = _positions(result)[axis]
@@ -189,8 +192,11 @@ def _verdict(
     design = np.hstack([direct, -integral])
     own = np.r_[spans[straight], spans[angle]]
     values = np.array([p.value for p in (*by_id[straight].coefficients, *by_id[angle].coefficients)])
-    difference = design @ values
-    covariance = design @ result.fitted.covariance[np.ix_(own, own)] @ design.T
+    gauge = without_line(places)
+    difference = gauge @ design @ values
+    covariance = gauge @ design @ result.fitted.covariance[np.ix_(own, own)] @ design.T @ gauge.T
+    names = [name for name in (angle_name(direction, axis) for direction in range(3)) if name in determined]
+    covariance = covariance + _between(result, by_id, spans, names, places)
     spread, direction = np.linalg.eigh(covariance)
     keep = spread > _RANK_TOLERANCE * max(float(spread[-1]), 0.0)
     rms = float(np.sqrt(np.mean(difference**2)))
@@ -199,6 +205,17 @@ def _verdict(
     chi_squared = float(((direction[:, keep].T @ difference) ** 2 / spread[keep]).sum())
     p_value = float(stats.chi2.sf(chi_squared, int(keep.sum())))
     return TangentVerdict(straight, rms, p_value, p_value >= _SIGNIFICANCE)
+
+
+def _between(
+    result: FitResult, by_id: Mapping[str, Any], spans: Mapping[str, slice], names: Sequence[str], places: Numbers
+) -> Numbers:
+    angles, covariances = [], []
+    for name in names:
+        design = basis_of(by_id[name].parts[0].basis).evaluate(places)
+        angles.append(design @ np.array([p.value for p in by_id[name].coefficients]))
+        covariances.append(design @ result.fitted.covariance[spans[name], spans[name]] @ design.T)
+    return integral_covariance(places, angles, covariances)
 
 
 def _notes(

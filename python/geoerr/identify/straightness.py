@@ -22,6 +22,7 @@ from scipy import stats
 
 from geoerr.error_functions import LI_NAMES
 from geoerr.geometry import integrate_straightness, remove_line
+from geoerr.identify.between_places import without_line
 from geoerr.identify.linear import Curve, Linear, Numbers
 from geoerr.machine import AXES, Machine
 
@@ -111,12 +112,16 @@ def angle_of(axis: str, component: int) -> int:
 
 
 def compare(
-    name: str, direct: Curve, by_integral: Curve, covariance_of: Callable[[Linear], Numbers | None]
+    name: str,
+    direct: Curve,
+    by_integral: Curve,
+    covariance_of: Callable[[Linear], Numbers | None],
+    between_mm2: Numbers,
 ) -> TangentVerdict | None:
     """Test direct against integrated straightness; None where they have fewer than three nodes in common.
 
-    χ² of the difference with its own covariance (both come from the same points), on as many degrees of freedom as
-    the covariance has rank.
+    χ² of the difference with its own covariance (both come from the same points) and that of what the angle does
+    between the nodes of the integral (`integral_covariance`), on as many degrees of freedom as they have rank.
     """
     both = np.intersect1d(direct.nodes, by_integral.nodes)
     if len(both) < 3:
@@ -127,6 +132,9 @@ def compare(
     covariance = covariance_of(difference)
     if covariance is None:
         return TangentVerdict(name, rms, None, None)
+    in_both = np.isin(by_integral.nodes, both)
+    gauge = without_line(by_integral.position_mm[in_both])
+    covariance = covariance + gauge @ between_mm2[np.ix_(in_both, in_both)] @ gauge.T
     eigenvalue, vector = np.linalg.eigh(covariance)
     kept = eigenvalue > _RANK_TOLERANCE * eigenvalue[-1]
     if eigenvalue[-1] <= 0.0:

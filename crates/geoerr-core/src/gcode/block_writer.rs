@@ -111,7 +111,7 @@ impl BlockWriter {
     ) -> Result<(), GcodeError> {
         let &Outgoing { line, source: SourceLine { body, .. }, a_move, .. } = outgoing;
         for node in nodes {
-            check_command(node, options, line, body)?;
+            check_command(node, options, a_move.is_inch, line, body)?;
         }
         if let (Share::Unclear, [_, .., end]) = (a_move.share, nodes) {
             if options.on_unsupported == OnUnsupported::Refuse {
@@ -161,10 +161,18 @@ fn refused(error: SplitError, line: u64, body: &[u8]) -> GcodeError {
 }
 
 #[inline]
-fn check_command(node: &Node, options: &Options, line: u64, body: &[u8]) -> Result<(), GcodeError> {
+fn check_command(
+    node: &Node,
+    options: &Options,
+    is_inch: bool,
+    line: u64,
+    body: &[u8],
+) -> Result<(), GcodeError> {
+    // What is printed as the end of the range is in it.
+    let slack_mm = options.half_step_mm(is_inch);
     let axes = AXIS_LETTERS.into_iter().zip(options.range_mm).zip(node.command_mm);
     for ((axis, (low_mm, high_mm)), position_mm) in axes {
-        if !(low_mm - 1e-9..=high_mm + 1e-9).contains(&position_mm) {
+        if !(low_mm - slack_mm..=high_mm + slack_mm).contains(&position_mm) {
             let text = excerpt(body);
             return Err(GcodeError::CommandOutsideRange { line, text, axis, position_mm, low_mm, high_mm });
         }
