@@ -24,7 +24,7 @@ from workbench_scenes import (
 )
 
 from geoerr.diagnose.circles import CircleDiagnosis
-from geoerr.workbench import actions, wiring
+from geoerr.workbench import actions, marking, wiring
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.security import Guard
@@ -118,13 +118,13 @@ def test_pointing_at_a_cause_shows_it_on_the_circle(diagnosed: Session) -> None:
 
 def test_a_box_over_the_residual_marks_the_circle(diagnosed: Session) -> None:
     diagnosed.view.variable, diagnosed.view.run = "x", WORST
-    _, words = wiring.mark(diagnosed, "residual", {"range": {"x": [200.0, 250.0]}})
-    in_circle = wiring.mark_volume(diagnosed)
+    _, words = marking.mark(diagnosed, "residual", {"range": {"x": [200.0, 250.0]}})
+    in_circle = marking.mark_volume(diagnosed)
     operations = {tuple(one["location"]): one["params"]["value"] for one in in_circle.to_plotly_json()["operations"]}
     angle = np.rad2deg(next(one for one in diagnosed.seen.circles if one.name == WORST).measured.angle_rad)
     assert sorted(operations["data", 1, "selectedpoints"]) == np.flatnonzero(np.abs(angle) <= 60.0).tolist()
     assert "rows marked" in texts(words)
-    wiring.mark(diagnosed, "none", "")
+    marking.mark(diagnosed, "none", "")
 
 
 def test_the_page_of_the_circles_can_be_had(diagnosed: Session) -> None:

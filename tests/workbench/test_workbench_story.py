@@ -19,18 +19,21 @@ from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle
 from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.terms import Parameter
-from geoerr.workbench import actions, wiring
+from geoerr.workbench import actions, marking, wiring
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.history import story
 from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_missing import tried_value
+from geoerr.workbench.panel_where import limits_shown
 from geoerr.workbench.parts import signed
+from geoerr.workbench.pictures import turned_volume
 from geoerr.workbench.program import PASS, ZERO, Wish
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
+from geoerr.workbench.view import CORNER, STANDS
 
 # Diagnosing needs a few seconds: once for all that only read it.
 PORT = 8124
@@ -79,7 +82,7 @@ def test_pointing_shows_what_it_would_explain(learned: Session) -> None:
 
 def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     learned.view.variable = "x"
-    in_residual, words = wiring.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}})
+    in_residual, words = marking.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}})
     fitted = learned.seen.comparison.points
     x = fitted.sightings.commanded_mm[:, 0]
     # A gross outlier takes no part in the fit, and is not drawn.
@@ -87,21 +90,64 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     assert (~fitted.solved.used).sum() < 3
     assert (learned.selected == expected).all()
     assert f"{expected.sum()} rows marked" in texts(words)
-    in_volume = wiring.mark_volume(learned)
+    in_volume = marking.mark_volume(learned)
     operations = {tuple(one["location"]): one["params"]["value"] for one in in_volume.to_plotly_json()["operations"]}
     assert len(operations["data", 2, "x"]) == 3 * expected.sum()
     assert in_residual.to_plotly_json()["operations"]
-    wiring.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
+    marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
     assert learned.selected.sum() == N_POINTS
-    wiring.mark(learned, "region", "0")
+    marking.mark(learned, "region", "0")
     assert learned.selected is None or learned.selected.sum() < N_LINES * N_POINTS
-    wiring.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
+    marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
     # The browser tells that the box is gone; the mark of the other picture stays.
-    assert wiring.mark(learned, "residual", None) is None
-    assert wiring.mark(learned, "residual", {"points": []}) is None
+    assert marking.mark(learned, "residual", None) is None
+    assert marking.mark(learned, "residual", {"points": []}) is None
     assert learned.selected.sum() == N_POINTS
-    wiring.mark(learned, "none", "")
+    marking.mark(learned, "none", "")
     assert learned.selected is None
+
+
+def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> None:
+    learned.view.variable = "x"
+    marking.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e6, 1e6]}})
+    by_box = learned.selected
+    _, words = marking.mark(learned, "limits", ("100", "200,0"))
+    assert (learned.selected == by_box).all()
+    assert f"{by_box.sum()} rows marked" in texts(words)
+    # The browser takes the box away: the mark stays.
+    assert marking.mark(learned, "residual", None) is None
+    marking.mark(learned, "limits", ("", "150"))
+    x = learned.seen.comparison.points.sightings.commanded_mm[:, 0]
+    assert learned.selected.any()
+    assert x[learned.selected].max() <= 150.0
+    with pytest.raises(InputFileError, match="'noon' is no number"):
+        marking.mark(learned, "limits", ("noon", ""))
+    marking.mark(learned, "limits", ("", " "))
+    assert learned.selected is None
+    low, high, unit = limits_shown(learned.seen, "x")
+    assert (float(low), float(high)) == pytest.approx((x.min(), x.max()), rel=1e-3)
+    assert unit == "mm"
+
+
+def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> None:
+    learned.view.look = "length"
+    turned = {}
+    for name, text in STANDS.items():
+        assert text in texts(page(learned))
+        learned.view.look_from(name)
+        changes = turned_volume(learned).to_plotly_json()["operations"]
+        turned[name] = {one["location"][-1]: one["params"]["value"] for one in changes}
+        scene = wiring.pictures(learned, "")["volume"].layout.scene
+        assert scene.camera.eye.to_plotly_json() == turned[name]["eye"]
+        assert scene.camera.up.to_plotly_json() == turned[name]["up"]
+        # Flat views leave out the axis that they look along.
+        assert sum(axis.visible for axis in (scene.xaxis, scene.yaxis, scene.zaxis)) == (3 if name == CORNER else 2)
+        # A new revision: Plotly would keep how a person has turned it.
+        assert scene.uirevision == turned[name]["uirevision"]
+    assert len({str(one["eye"]) for one in turned.values()}) == len(STANDS)
+    before = turned_volume(learned).to_plotly_json()
+    learned.view.look_from(learned.view.stand)
+    assert turned_volume(learned).to_plotly_json() != before
 
 
 def test_regions_come_worst_first(learned: Session) -> None:
@@ -119,9 +165,9 @@ def test_regions_come_worst_first(learned: Session) -> None:
     means = shown["volume"].data[0]
     assert len(means.x) == 3 * len(sizes)
     told = means.customdata[0]
-    wiring.mark(learned, "volume", {"points": [{"customdata": told.tolist()}]})
+    marking.mark(learned, "volume", {"points": [{"customdata": told.tolist()}]})
     assert learned.selected.sum() == learned.seen.comparison.regions[int(told[-1])].n == int(told[7])
-    wiring.mark(learned, "none", "")
+    marking.mark(learned, "none", "")
     learned.view.look = "length"
 
 
@@ -362,7 +408,7 @@ def test_a_saved_session_is_the_same_again(tmp_path: Path) -> None:
     wiring.do(session, "fit", "21")
     settle(session)
     session.view.variable, session.view.power = "d_x", 1.0
-    wiring.mark(session, "residual", {"range": {"x": [0.5, 1.5]}})
+    marking.mark(session, "residual", {"range": {"x": [0.5, 1.5]}})
     wiring.do(session, "refer", "1")
     again = begin_session([], saved, threads=1)
     settle(again)

@@ -11,7 +11,7 @@ from geoerr.model.program_conditions import needed_conditions
 from geoerr.report.figures import variable_label
 from geoerr.summaries import counted
 from geoerr.workbench.actions import PROGRAM
-from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um
+from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um, wrong_field
 from geoerr.workbench.pictures import WITHOUT_BUTTONS, in_panel
 from geoerr.workbench.program import HOLD, PASS, ZERO, CorrectedProgram, conditions_of, default_condition, on_the_page
 from geoerr.workbench.session import Session
@@ -88,7 +88,7 @@ def wrong_number(session: Session) -> Any:
     try:
         conditions_of(session.step.model, session.view.conditions)
     except InputFileError as error:
-        return html.P(sentence(f"{error.path}: {error.problem}; {error.remedy}"), className="problem", role="alert")
+        return wrong_field(error)
     return None
 
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from dash import html
 
+from geoerr.errors import InputFileError
 from geoerr.workbench.session import Session
 
 # For fields that belong to the page alone: what was typed is there again after a reload.
@@ -41,6 +42,11 @@ def problem(session: Session, place: str) -> Any:
         className="problem",
         role="alert",
     )
+
+
+def wrong_field(error: InputFileError) -> Any:
+    """Say what is wrong with what was typed, beside its field."""
+    return html.P(sentence(f"{error.path}: {error.problem}; {error.remedy}"), className="problem", role="alert")
 
 
 def sentence(text: str) -> str:
