@@ -132,6 +132,8 @@ def test_the_page_of_the_circles_can_be_had(diagnosed: Session) -> None:
     client = make_app(diagnosed, guard).server.test_client()
     headers = {"Host": f"127.0.0.1:{PORT}"}
     client.get(f"/?token={guard.token}", headers=headers)
+    wiring.do(diagnosed, "report", "diagnosis")
+    settle(diagnosed)
     answer = client.get("/report/diagnosis", headers=headers)
     assert answer.status_code == 200
     assert "circular tests" in answer.get_data(as_text=True)

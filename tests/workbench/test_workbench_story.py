@@ -18,6 +18,7 @@ from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle
 
 from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
+from geoerr.report import model_page
 from geoerr.terms import Parameter
 from geoerr.workbench import actions, marking, wiring
 from geoerr.workbench.app import make_app
@@ -333,9 +334,51 @@ def test_a_report_is_made_without_holding_up_the_page(learned: Session, monkeypa
         threading.Thread(target=ask, daemon=True).start()
         path.write_text(f"free: {free.wait(5.0)}")
 
-    monkeypatch.setattr("geoerr.workbench.routes.write_comparison_page", write)
-    client = client_of(learned)
-    assert client.get("/report/comparison", headers=HEADERS).get_data(as_text=True) == "free: True"
+    monkeypatch.setattr("geoerr.workbench.reports.write_comparison_page", write)
+    assert written(learned, "comparison") == "free: True"
+    learned.reports = {}
+
+
+def test_a_report_tells_how_far_it_is_and_can_be_stopped(learned: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, goes_on, told = threading.Event(), threading.Event(), []
+    steps = model_page.made
+
+    def made(makers, progress):
+        def tell(done, total):
+            progress(done, total)
+            told.append(learned.job.progress if learned.job else None)
+            begun.set()
+            goes_on.wait(30.0)
+
+        return steps(makers, tell)
+
+    monkeypatch.setattr(model_page, "made", made)
+    assert "Write" in texts(wiring.panels(learned)["reports"])
+    wiring.do(learned, "report", "model")
+    job = learned.job
+    assert begun.wait(60.0)
+    done, total = told[0]
+    # The numbers are there, and the first section of the page.
+    assert total / 2 < done < total
+    assert "writing the report" in texts(status(learned))
+    wiring.do(learned, "stop", "")
+    goes_on.set()
+    job.wait(30.0)
+    # It ended where it next told its progress.
+    assert len(told) == 1
+    assert learned.reports == {}
+    assert client_of(learned).get("/report/model", headers=HEADERS).status_code == 404
+
+
+def test_a_report_is_kept_until_what_it_tells_changes(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    assert "what is known of its errors" in written(session, "model")
+    assert "Open: All that is known" in texts(wiring.panels(session)["reports"])
+    wiring.do(session, "fit", "21")
+    settle(session)
+    assert session.reports == {}
+    wiring.do(session, "report", "diagnosis")
+    assert "nothing to report" in session.problems[actions.REPORT]
 
 
 def test_what_is_no_number_is_said_beside_its_field_and_in_the_report(tmp_path: Path) -> None:
@@ -351,9 +394,8 @@ def test_what_is_no_number_is_said_beside_its_field_and_in_the_report(tmp_path: 
     assert told in texts(wiring.panels(session)["conditions"])
     # The pictures go on, without what needs the number.
     assert "needs conditions" in wiring.pictures(session, "")["captions"][0]
-    answer = client_of(session).get("/report/model", headers=HEADERS)
-    assert answer.status_code == 409
-    assert told in answer.get_data(as_text=True)
+    wiring.do(session, "report", "model")
+    assert told in texts(wiring.panels(session)["reports"])
 
 
 def test_a_value_that_the_model_leaves_nothing_of_is_said_so() -> None:
@@ -377,6 +419,15 @@ def graphs_in(component: object) -> list[dcc.Graph]:
     return [] if parts is None else graphs_in(parts)
 
 
+def written(session: Session, name: str) -> str:
+    """Write a report and open it."""
+    wiring.do(session, "report", name)
+    settle(session)
+    answer = client_of(session).get(f"/report/{name}", headers=HEADERS)
+    assert answer.status_code == 200
+    return answer.get_data(as_text=True)
+
+
 def client_of(session: Session) -> FlaskClient:
     """Give a client that has the token."""
     guard = Guard(PORT)
@@ -396,9 +447,7 @@ def test_reports_and_the_model_can_be_had(learned: Session) -> None:
         ("diagnosis", "what is missing"),
     )
     for path, words in pages:
-        answer = client.get(f"/report/{path}", headers=headers)
-        assert answer.status_code == 200
-        assert words in answer.get_data(as_text=True)
+        assert words in written(learned, path)
     assert client.get("/model.json", headers=headers).get_json()["schema"].startswith("geoerr-model")
 
 

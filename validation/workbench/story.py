@@ -124,8 +124,10 @@ def tell(story: Story, url: str, program: Path) -> None:
     with page.expect_download() as download:
         page.click("text=Download")
     download.value.save_as(story.out / f"{story.width_px}-{download.value.suggested_filename}")
+    write = "#reports li:has-text('What is missing, and how sure') >> text=Write"
+    story.do("write a report", lambda: page.click(write), until="#reports >> text=Open: What is missing")
     with page.context.expect_page() as opened:
-        page.click("text=What is missing, and how sure")
+        page.click("text=Open: What is missing, and how sure")
     opened.value.wait_for_load_state()
     opened.value.wait_for_timeout(1500)
     opened.value.screenshot(path=story.out / f"{story.width_px}-report.png")

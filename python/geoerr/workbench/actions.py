@@ -32,6 +32,7 @@ DATA: Final = "data"
 MISSING: Final = "missing"
 OWN: Final = "own"
 PROGRAM: Final = "program"
+REPORT: Final = "report"
 _MOST_NOTES = 5
 
 
@@ -141,7 +142,7 @@ def find_missing(session: Session) -> None:
 
         def apply() -> None:
             with session.lock:
-                session.diagnosis, session.told = found, told
+                session.diagnosis, session.told, session.reports = found, told, {}
 
         return apply
 
@@ -195,6 +196,7 @@ def show(session: Session, number: int) -> None:
         step = session.steps[number]
         if session.measured is None:
             session.current = number
+            session.forget_step()
             session.changed(is_kept=True)
             return
         before = session.before

@@ -9,7 +9,7 @@ from typing import Any
 from dash import ALL, Dash, Input, Output, State, ctx, dcc, no_update
 
 from geoerr.errors import GeoerrError
-from geoerr.workbench import actions
+from geoerr.workbench import actions, reports
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.layout import status
 from geoerr.workbench.marking import wire_marks
@@ -45,6 +45,7 @@ PLACES = {
     "diagnose": actions.MISSING,
     "add": actions.MISSING,
     "add-trial": actions.OWN,
+    "report": actions.REPORT,
     "stop": actions.DATA,
     "dismiss": actions.DATA,
 }
@@ -61,6 +62,7 @@ _ACTIONS: dict[str, Callable[[Session, str], None]] = {
     "refer": lambda session, what: actions.refer_to(session, int(what)),
     "put-away": actions.put_away,
     "add-trial": lambda session, _: actions.add_trial(session),
+    "report": reports.write,
     "stop": lambda session, _: session.stop(),
     "dismiss": actions.dismiss,
 }
@@ -343,6 +345,7 @@ def _wire_forms(app: Dash, session: Session) -> None:
     @app.callback(
         Output("sight", "data", allow_duplicate=True),
         Output("wrong-number", "children"),
+        Output("reports", "children", allow_duplicate=True),
         Input({"condition": ALL}, "value"),
         State({"condition": ALL}, "id"),
         prevent_initial_call=True,
@@ -350,10 +353,12 @@ def _wire_forms(app: Dash, session: Session) -> None:
     def _state_conditions(values: Sequence[str | None], ids: Sequence[dict[str, str]]) -> Any:
         typed = {one["condition"]: value or "" for one, value in zip(ids, values, strict=True)}
         if typed == {name: session.view.conditions.get(name, "") for name in typed}:
-            return no_update, no_update
+            return no_update, no_update, no_update
         session.view.conditions |= typed
         session.sight += 1
-        return session.sight, wrong_number(session)
+        # What was written tells of the machine under other conditions.
+        session.reports = {}
+        return session.sight, wrong_number(session), reports_list(session)
 
 
 def _wire_program(app: Dash, session: Session) -> None:
