@@ -488,10 +488,21 @@ def test_a_saved_session_says_again_what_is_missing_and_what_it_takes_to_see_it(
     assert kept in after
     for words in ("Backlash of the drive", "Value:", "Certainty:", "To do:"):
         assert after.count(words) == before.count(words) > 0, words
-    # Nothing is drawn of what is not there, and no button promises it.
+    assert after.count("Show") == before.count("Show") + 1
+    report = "the saved session has it in words only Look again"
+    assert report in texts(wiring.panels(again)["reports"])
+    # It takes a search, after which the pictures have it.
+    sight = again.sight
     assert what_is_shown(again, "backlash:x") is None
-    assert "Show" in before
-    assert "Show" not in after
+    assert wiring.pin(again, "backlash:x", "") == "backlash:x"
+    assert "looking for what is missing" in texts(status(again))
+    settle(again)
+    assert again.sight > sight
+    assert again.told == session.told
+    assert what_is_shown(again, "backlash:x") == pytest.approx(what_is_shown(session, "backlash:x"))
+    assert kept not in texts(wiring.panels(again)["missing"])
+    assert "Write" in texts(wiring.panels(again)["reports"])
+    assert wiring.pin(again, "backlash:x", "backlash:x") == ""
     wiring.do(again, "add", "backlash:x")
     settle(again)
     assert again.step.name == "+ backlash:x"

@@ -121,8 +121,8 @@ def fit_classic(session: Session, components: str) -> None:
     session.begin(f"fitting the {components} errors", DATA, work)
 
 
-def find_missing(session: Session) -> None:
-    """Search for what the model lacks."""
+def find_missing(session: Session, *, is_shown: bool = False) -> None:
+    """Search for what the model lacks; `is_shown` draws the pictures anew when it is found."""
     model, data, effects = session.model, session.data, session.own_effects
 
     def work(advance: Advance) -> Callable[[], None]:
@@ -143,6 +143,7 @@ def find_missing(session: Session) -> None:
         def apply() -> None:
             with session.lock:
                 session.diagnosis, session.told, session.reports = found, told, {}
+                session.sight += is_shown
 
         return apply
 

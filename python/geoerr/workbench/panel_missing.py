@@ -24,8 +24,8 @@ _MANY_ROWS = 20_000
 # Share of its standard error below which a value says nothing.
 _NOTHING = 1e-6
 _KEPT = (
-    "Kept from the saved session, in words. Look again to see in the pictures what each would explain, and for the "
-    "report."
+    "Kept from the saved session, in words. The numbers behind them are too many for its file: the first “Show” "
+    "searches for them again, and finds the same. So does “Look again”, for the report too."
 )
 _AS_IT_IS = ("Value", "Certainty", "Looks like it", "These runs cannot tell it from")
 
@@ -214,9 +214,11 @@ def _buttons(one: Card, session: Session, *, is_in: bool) -> Any:
         text = "In the model" if is_in else one.adds
         off = session.is_busy or is_in
         buttons.append(button(text, "add", one.reference, is_main=one.is_main and not is_in, off=off, title=why))
-    if one.can_show and session.diagnosis is not None:
+    if one.can_show:
         title = "Show what it would explain in the pictures"
-        buttons.append(button("Show", "point", one.reference, title=title))
+        # What is found already is shown while other work is under way, too.
+        off = session.is_busy and session.diagnosis is None
+        buttons.append(button("Show", "point", one.reference, title=title, off=off))
     return html.Div(buttons, className="buttons") if buttons else None
 
 

@@ -17,7 +17,7 @@ from geoerr.workbench.program import HOLD, PASS, ZERO, CorrectedProgram, conditi
 from geoerr.workbench.reports import REPORTS, can_write
 from geoerr.workbench.session import Session
 
-_NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search, or a new one in a saved session"}
+_NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search"}
 
 
 def use_panel() -> list[Any]:
@@ -157,6 +157,9 @@ def reports_list(session: Session) -> list[Any]:
 def _report(session: Session, name: str, text: str) -> list[Any]:
     if name in session.reports:
         return [html.A(f"Open: {text}", href=f"/report/{name}", target="_blank")]
+    if name == "diagnosis" and session.diagnosis is None and session.told is not None:
+        said = f"{text}: the saved session has it in words only"
+        return [html.Span(said, className="why"), button("Look again", "diagnose", off=session.is_busy)]
     if not can_write(session, name):
         return [html.Span(f"{text}: comes with {_NEEDED[name]}", className="why")]
     return [html.Span(text), button("Write", "report", name, off=session.is_busy, title=f"Write the report: {text}")]

@@ -10,7 +10,7 @@ from dash import ALL, Dash, Input, Output, State, ctx, dcc, no_update
 
 from geoerr.errors import GeoerrError
 from geoerr.workbench import actions, reports
-from geoerr.workbench.explained import what_is_shown
+from geoerr.workbench.explained import TRIAL, what_is_shown
 from geoerr.workbench.layout import status
 from geoerr.workbench.marking import wire_marks
 from geoerr.workbench.own_effect import OwnFormula
@@ -147,6 +147,20 @@ def choose(session: Session, look: str, variable: str | None, color: str | None,
     if variable in seen.variables:
         view.variable = variable or ""
         view.color_by = color if color is not None and color in seen.variables else ""
+
+
+def pin(session: Session, name: str, pinned: str) -> str:
+    """Give what is shown from now on: a candidate, or nothing where it was shown already.
+
+    Of a saved session it is searched for again, and shown when it is found.
+    """
+    if name == TRIAL or session.diagnosis is not None:
+        return "" if name == pinned else name
+    try:
+        actions.find_missing(session, is_shown=True)
+    except GeoerrError as error:
+        refuse(session, actions.MISSING, error)
+    return name
 
 
 def wire(app: Dash, session: Session) -> None:
@@ -312,15 +326,15 @@ def _wire_pointing(app: Dash, session: Session) -> None:
 
     @app.callback(
         Output("pinned", "data"),
+        Output("tick", "data", allow_duplicate=True),
         Input({"do": "point", "what": ALL}, "n_clicks"),
         State("pinned", "data"),
         prevent_initial_call=True,
     )
     def _pin(_: Any, pinned: str) -> Any:
         if not ctx.triggered or not ctx.triggered[0]["value"]:
-            return no_update
-        name = ctx.triggered_id["what"]
-        return "" if name == pinned else name
+            return no_update, no_update
+        return pin(session, ctx.triggered_id["what"], pinned), session.version
 
 
 def _wire_forms(app: Dash, session: Session) -> None:
