@@ -107,7 +107,8 @@ def test_an_effect_is_named_with_value_worth_place_and_doubt(named: Diagnosis) -
     lines = text.splitlines()
     assert named.verdict == "missing"
     assert lines[2].startswith("An effect is missing: thermal expansion of the drive")
-    assert "×10⁻⁶/K (plausible: steel has 11.5)" in text
+    assert "expansion per kelvin alpha = 11." in text
+    assert "×10⁻⁶/K (plausible: steel has 11.5)" in " ".join(text.split())
     assert "µm rms, " in text
     assert "end of y" in text
     assert "held out " in text

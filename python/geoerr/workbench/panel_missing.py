@@ -129,7 +129,7 @@ def tried_value(parameter: Parameter) -> str:
     """Say the value of a formula's number, or that there is none to be said."""
     if abs(parameter.value) < _NOTHING * parameter.std:
         # What the data leave free is followed as little as can be.
-        return f"{parameter.name} cannot be told from what the model has already"
+        return f"{parameter.label} cannot be told from what the model has already"
     return value_words(parameter)
 
 

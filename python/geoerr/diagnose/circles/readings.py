@@ -83,7 +83,7 @@ def _plain(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
 
 def _of(parameter: Parameter, what: str | None = None, says: str = "") -> Reading:
     factor, unit = _UNITS.get(parameter.unit, (1.0, parameter.unit))
-    name = parameter.name if what is None else what
+    name = (parameter.what or parameter.name) if what is None else what
     return Reading(name, factor * parameter.value, factor * parameter.std, unit, says)
 
 
