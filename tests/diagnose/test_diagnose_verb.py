@@ -120,7 +120,8 @@ def test_an_effect_is_named_with_value_worth_place_and_doubt(named: Diagnosis) -
 
 
 def test_what_is_no_chance_and_has_no_name_is_not_said_to_be_nothing(clean: Diagnosis) -> None:
-    assert clean.sentence.startswith("nothing is missing that these data could show: ")
+    assert clean.sentence.startswith("nothing is missing that these data could show: chance does as much in ")
+    assert clean.sentence.count(":") == 1
     left = replace(clean, p_value=1e-9).sentence
     assert left.startswith("nothing can be named, though what is left is more than chance (chance does as much in ")
 
