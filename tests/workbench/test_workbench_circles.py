@@ -118,7 +118,7 @@ def test_pointing_at_a_cause_shows_it_on_the_circle(diagnosed: Session) -> None:
 
 def test_a_box_over_the_residual_marks_the_circle(diagnosed: Session) -> None:
     diagnosed.view.variable, diagnosed.view.run = "x", WORST
-    _, words = marking.mark(diagnosed, "residual", {"range": {"x": [200.0, 250.0]}})
+    words = marking.mark(diagnosed, "residual", {"range": {"x": [200.0, 250.0]}})
     in_circle = marking.mark_volume(diagnosed)
     operations = {tuple(one["location"]): one["params"]["value"] for one in in_circle.to_plotly_json()["operations"]}
     angle = np.rad2deg(next(one for one in diagnosed.seen.circles if one.name == WORST).measured.angle_rad)

@@ -83,7 +83,7 @@ def test_pointing_shows_what_it_would_explain(learned: Session) -> None:
 
 def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     learned.view.variable = "x"
-    in_residual, words = marking.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}})
+    words = marking.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}})
     fitted = learned.seen.comparison.points
     x = fitted.sightings.commanded_mm[:, 0]
     # A gross outlier takes no part in the fit, and is not drawn.
@@ -94,9 +94,14 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     in_volume = marking.mark_volume(learned)
     operations = {tuple(one["location"]): one["params"]["value"] for one in in_volume.to_plotly_json()["operations"]}
     assert len(operations["data", 2, "x"]) == 3 * expected.sum()
-    assert in_residual.to_plotly_json()["operations"]
+    places = [one["location"] for one in marking.mark_residual(learned).to_plotly_json()["operations"]]
+    assert ["data", 0, "selectedpoints"] in places
+    # The box stays with what it marked, and goes with what marks other rows.
+    assert ["layout", "selections"] not in places
     marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
     assert learned.selected.sum() == N_POINTS
+    places = [one["location"] for one in marking.mark_residual(learned).to_plotly_json()["operations"]]
+    assert ["layout", "selections"] in places
     marking.mark(learned, "region", "0")
     assert learned.selected is None or learned.selected.sum() < N_LINES * N_POINTS
     marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
@@ -112,7 +117,7 @@ def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> N
     learned.view.variable = "x"
     marking.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e6, 1e6]}})
     by_box = learned.selected
-    _, words = marking.mark(learned, "limits", ("100", "200,0"))
+    words = marking.mark(learned, "limits", ("100", "200,0"))
     assert (learned.selected == by_box).all()
     assert f"{by_box.sum()} rows marked" in texts(words)
     # The browser takes the box away: the mark stays.

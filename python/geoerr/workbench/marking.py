@@ -17,13 +17,14 @@ from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.view import REGION
 
 
-def mark(session: Session, source: str, what: Any) -> tuple[Patch, list[Any]] | None:
+def mark(session: Session, source: str, what: Any) -> list[Any] | None:
     """Mark rows as a picture, a region, two limits or a button asks for.
 
     Returns
     -------
-    tuple or None
-        What changes in the residual's picture, and what is said of it; None where nothing is to be seen.
+    list or None
+        What is said of it; None where nothing is to be seen. What it changes in the pictures is for `mark_residual`
+        and `mark_volume` to say.
 
     Raises
     ------
@@ -49,10 +50,18 @@ def mark(session: Session, source: str, what: Any) -> tuple[Patch, list[Any]] | 
             rows = rows_between(seen, session.view.variable, *what)
         actions.select(session, rows)
         session.is_marked_by_box = source == "residual"
-        in_residual = marks_in_residual(session, seen)
-        if source != "residual":
-            in_residual["layout"]["selections"] = []
-        return in_residual, marked_words(session)
+        return marked_words(session)
+
+
+def mark_residual(session: Session) -> Patch | None:
+    """Give what the rows that are marked change in the residual's picture; a box that did not mark them goes away."""
+    with session.lock:
+        if session.seen is None:
+            return None
+        changed = marks_in_residual(session, session.seen)
+        if not session.is_marked_by_box:
+            changed["layout"]["selections"] = []
+        return changed
 
 
 def mark_volume(session: Session) -> Patch | None:
@@ -70,13 +79,19 @@ def _rows_of_stroke(session: Session, seen: Seen, told: Sequence[Any]) -> Rows |
 
 def wire_marks(app: Dash, session: Session) -> None:
     """Put the callbacks of marking on the page."""
+    # Of a box its ends are enough: Plotly tells every point in it, more than 100 kB.
+    app.clientside_callback(
+        "(told) => told && told.range ? {range: told.range} : null",
+        Output("box", "data"),
+        Input("residual", "selectedData"),
+        prevent_initial_call=True,
+    )
 
     @app.callback(
-        Output("residual", "figure", allow_duplicate=True),
         Output("marked", "children", allow_duplicate=True),
         Output("marks", "data"),
         Output("wrong-limit", "children"),
-        Input("residual", "selectedData"),
+        Input("box", "data"),
         Input("volume", "clickData"),
         Input({"do": "mark-region", "what": ALL}, "n_clicks"),
         Input({"do": "unmark", "what": ALL}, "n_clicks"),
@@ -87,22 +102,30 @@ def wire_marks(app: Dash, session: Session) -> None:
         State("mark-to", "value"),
         prevent_initial_call=True,
     )
-    def _mark(selected: Any, clicked: Any, *rest: Any) -> Any:
+    def _mark(box: Any, clicked: Any, *rest: Any) -> Any:
         source, limits = ctx.triggered_id, rest[-2:]
         try:
-            if source in ("residual", "volume"):
-                found = mark(session, source, selected if source == "residual" else clicked)
+            if source == "box":
+                words = mark(session, "residual", box)
+            elif source == "volume":
+                words = mark(session, "volume", clicked)
             elif isinstance(source, str):
-                found = mark(session, "limits", limits)
+                words = mark(session, "limits", limits)
             elif ctx.triggered[0]["value"]:
-                found = mark(session, "region" if source["do"] == "mark-region" else "none", source["what"])
+                words = mark(session, "region" if source["do"] == "mark-region" else "none", source["what"])
             else:
-                found = None
+                words = None
         except InputFileError as error:
-            return no_update, no_update, no_update, wrong_field(error)
-        return (no_update, no_update, no_update, None) if found is None else (*found, time.monotonic(), None)
+            return no_update, no_update, wrong_field(error)
+        return (no_update, no_update, None) if words is None else (words, time.monotonic(), None)
+
+    # Pictures are slow to draw without a graphics card: what was asked for is answered first.
+    @app.callback(
+        Output("residual", "figure", allow_duplicate=True), Input("marks", "data"), prevent_initial_call=True
+    )
+    def _mark_residual(_: float) -> Any:
+        return mark_residual(session) or no_update
 
     @app.callback(Output("volume", "figure", allow_duplicate=True), Input("marks", "data"), prevent_initial_call=True)
     def _mark_volume(_: float) -> Any:
-        # The volume is slow to draw without a graphics card: what was asked for is answered first.
         return mark_volume(session) or no_update
