@@ -28,7 +28,7 @@ from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_missing import tried_value
 from geoerr.workbench.panel_where import limits_shown
-from geoerr.workbench.parts import signed
+from geoerr.workbench.parts import sentence, signed
 from geoerr.workbench.pictures import turned_volume
 from geoerr.workbench.program import PASS, ZERO, Wish
 from geoerr.workbench.security import Guard
@@ -407,6 +407,13 @@ def test_a_value_that_the_model_leaves_nothing_of_is_said_so() -> None:
     known = Parameter("c", "1/mm", 3.2e-8, 1e-9)
     assert tried_value(known) == value_words(known)
     assert tried_value(replace(known, value=-5.7e-20)) == "c cannot be told from what the model has already"
+
+
+def test_figures_are_explained_where_they_stand_and_no_text_is_marked_up_for_a_terminal(learned: Session) -> None:
+    told = texts(wiring.panels(learned)["given"])
+    assert "What these figures mean" in told
+    assert "held out: The same on passes that the fit did not see" in told
+    assert sentence("line 3: `G1 X50`: left as it is") == "Line 3: “G1 X50”: left as it is."
 
 
 def test_what_rounds_to_nothing_has_no_sign() -> None:

@@ -27,6 +27,8 @@ _KEPT = (
     "Kept from the saved session, in words. The numbers behind them are too many for its file: the first “Show” "
     "searches for them again, and finds the same. So does “Look again”, for the report too."
 )
+# A person's own formula states no units.
+_UNITS = ", in the units of the formula: mm, s, radians"
 _AS_IT_IS = ("Value", "Certainty", "Looks like it", "These runs cannot tell it from")
 
 
@@ -110,7 +112,7 @@ def own_result(session: Session) -> list[Any]:
             [
                 html.P(html.B("It helps." if helps else "It does not help: data that the fit did not see say so.")),
                 html.P(f"Held out {um(held[0])} → {um(held[1])}; residual {um(inside[0])} → {um(inside[1])}."),
-                html.P([html.B("Value: "), "; ".join(values)]),
+                html.P([html.B("Value: "), "; ".join(values), html.Span(_UNITS, className="why")]),
                 html.Div(
                     [
                         button("Add it", "add-trial", is_main=helps, off=session.is_busy),
@@ -149,7 +151,7 @@ def _answer(session: Session) -> list[Any]:
     diagnosis = session.diagnosis
     return [
         html.P(sentence(told.verdict), className="verdict"),
-        *(html.P(text, className="why") for text in told.sentences),
+        *(html.P(sentence(text), className="why") for text in told.sentences),
         html.P(_KEPT, className="why") if diagnosis is None else None,
         _causes_graph(diagnosis) if isinstance(diagnosis, CircleDiagnosis) else None,
         *(_card(one, session) for one in told.cards),

@@ -65,7 +65,7 @@ def _volume_figure(view: View) -> Any:
     ]
     return html.Figure(
         [
-            html.Div([looks], className="controls"),
+            html.Div([looks], className="controls", role="group", **{"aria-label": "What the volume shows"}),
             html.Div(
                 [
                     html.Div(
@@ -202,7 +202,7 @@ def marked_words(session: Session) -> list[Any]:
         return []
     if rows is None:
         other = "" if session.view.look == CIRCLE else ", click an arrow at the left, or a region"
-        return [html.Span(f"Nothing is marked: drag a box at the right{other}.")]
+        return [html.Span(f"Nothing is marked: drag a box at the right or say from where to where{other}.")]
     texts = []
     for component in seen.comparison.components:
         own = component.residual_um[rows & component.is_known]
@@ -224,6 +224,8 @@ def fall_graph(session: Session) -> Any:
     noise = figure.layout.title.subtitle.text
     in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
     figure.update_layout(legend={"yref": "container", "yanchor": "top", "y": 1.0})
+    # Plotly would write figures as small as bars are thin.
+    figure.update_traces(constraintext="none", textfont_size=10, selector={"type": "bar"})
     # A bar's length is for the eye; its row must not be thinner than its text.
     height_px = _BARS_PX[0] + _BARS_PX[1] * max(len(figure.data[0].y), 2)
     return html.Div(

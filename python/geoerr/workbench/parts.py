@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -10,6 +11,7 @@ from dash import html
 from geoerr.errors import InputFileError
 from geoerr.workbench.session import Session
 
+_IN_BACKTICKS: Final = re.compile(r"`([^`]*)`")
 # For fields that belong to the page alone: what was typed is there again after a reload.
 STAYS: Final = {"persistence": True, "persistence_type": "session"}
 
@@ -50,8 +52,11 @@ def wrong_field(error: InputFileError) -> Any:
 
 
 def sentence(text: str) -> str:
-    """Begin with a capital, unless the first word is a name (`part.gcode:118:`), and end with a full stop."""
-    text = text.strip()
+    """Begin with a capital, unless the first word is a name (`part.gcode:118:`), and end with a full stop.
+
+    What stands in backticks, for a terminal, stands in quotes.
+    """
+    text = _IN_BACKTICKS.sub(r"“\1”", text.strip())
     if not text:
         return text
     begins = text[0].upper() if text.split()[0].isalpha() else text[0]

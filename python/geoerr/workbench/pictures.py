@@ -154,8 +154,9 @@ def _circle_picture(session: Session, seen: Seen, explained_um: Numbers | None) 
     deviations = [style.UM_PER_MM * one.circular_deviation_mm for one in (run.measured, run.predicted)]
     centre = ", ".join(f"{value:.4g}" for value in commanded.center_mm)
     caption = (
-        f"Deviation from the least-squares circle, {rings}; G (ISO 230-4): measured {um(deviations[0])}, model "
-        f"{um(deviations[1])}. {commanded.plane} plane, radius {commanded.radius_mm:.4g} mm about ({centre}) mm."
+        f"Deviation from the least-squares circle, {rings}; circular deviation G (ISO 230-4): measured "
+        f"{um(deviations[0])}, model {um(deviations[1])}. {commanded.plane} plane, radius "
+        f"{commanded.radius_mm:.4g} mm about ({centre}) mm."
     )
     return Picture(figure, caption)
 
