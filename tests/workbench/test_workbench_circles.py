@@ -83,6 +83,8 @@ def test_causes_are_told_with_part_value_doubt_and_what_is_left(diagnosed: Sessi
     told = texts(wiring.panels(diagnosed)["missing"])
     assert "The circle is off by backlash of the drive (backlash:x)" in told
     assert "number 1 by its part" in told
+    assert "bow along y" in told
+    assert all(one.what for cause in diagnosed.diagnosis.found for one in cause.parameters)
     assert "Times are not stated: they follow from the feed." in told
     assert "µm (lost motion)" in told
     assert "peak to peak" in told

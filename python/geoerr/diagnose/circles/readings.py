@@ -165,15 +165,7 @@ def _sideways(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
 
 
 def _bow(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
-    found = []
-    for parameter in _values(term).values():
-        order, _, direction = parameter.name.partition("_")
-        along = direction or term.axis or ""
-        what = (
-            ("bow" if order == "h" else "S") if term.effect == "straightness" else ("middle" if order == "h" else "S")
-        )
-        found.append(_of(parameter, f"{what} along {along}", "over the circle's diameter"))
-    return found
+    return [_of(parameter, says="over the circle's diameter") for parameter in _values(term).values()]
 
 
 def _wave(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
