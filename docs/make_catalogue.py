@@ -31,7 +31,7 @@ since its last reversal, `v` and `a` its speed and acceleration, `L` its length 
 as `q_low` always does), `t` the time in a session, `clock` the time with all sessions laid end to end,
 `T` a temperature minus the reference or a difference of two temperatures. Lengths are in mm, angles in rad, times
 in s. A coefficient *across* an axis or of its *angles* exists once for each direction, with `_x`, `_y` or `_z`
-behind its name.
+behind its name. Reports, terminal and workbench show a coefficient in the words before its letter here.
 What each of them looks like: [the gallery](gallery.md). How to write effects of your own:
 [My effect is not in the catalogue](guides/own_effect.md) and `python/geoerr/effects/README.md`.
 """
@@ -127,7 +127,7 @@ def _formula(form: FormSpec) -> str:
 
 
 def _parameter(spec: ParameterSpec) -> str:
-    text = f"`{spec.name}`" + (f" [{spec.unit}]" if spec.unit not in ("", "1") else "")
+    text = f"{spec.what} `{spec.name}`".lstrip() + (f" [{spec.unit}]" if spec.unit not in ("", "1") else "")
     if isinstance(spec.range, tuple):
         low, high = spec.range
         text += f" = {low:g}, not searched" if low == high else f", {low:g} to {high:g}"

@@ -173,6 +173,8 @@ class Parameter:
         Range in which an inner parameter is searched; None for a linear coefficient. Equal ends hold it fixed.
     spacing
         How trial values are spread over that range.
+    what
+        What it is, in words, where the effect says; no part of what is compared.
     """
 
     name: str
@@ -183,10 +185,12 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     spacing: Spacing = "linear"
+    what: str = ""
 
     def __post_init__(self) -> None:
         _require(isinstance(self.name, str) and is_name(self.name), f"{self.name!r} is not a parameter's name")
         _require(_is_text(self.unit), f"the unit of {self.name} is {self.unit!r}, not a text")
+        _require(_is_text(self.what), f"what {self.name} is is {self.what!r}, not a text")
         for field in ("value", "std"):
             number = getattr(self, field)
             _require(_is_number(number) and not math.isinf(number), f"{field} of {self.name} is {number!r}")
@@ -219,6 +223,11 @@ class Parameter:
         return hash(self._key())
 
     @property
+    def label(self) -> str:
+        """What it is, and the letter that formulas and `TERM.NAME` know it by: `lost motion b`."""
+        return f"{self.what} {self.name}".lstrip()
+
+    @property
     def is_fixed(self) -> bool:
         """Whether an inner parameter's range is one point, so that there is nothing to search."""
         return self.low is not None and self.low == self.high
@@ -237,6 +246,8 @@ class Parameter:
             ]
         if self.low is not None:
             document |= {"low": self.low, "high": self.high, "spacing": self.spacing}
+        if self.what:
+            document["what"] = self.what
         return document
 
     @classmethod
@@ -248,7 +259,8 @@ class Parameter:
         name, unit = entries.text("name"), entries.text("unit")
         low, high = entries.number("low", None), entries.number("high", None)
         spacing: Any = entries.text("spacing", "linear")
-        return _checked(path, key, lambda: cls(name, unit, value, std, plausible, low, high, spacing))
+        what = entries.text("what", "")
+        return _checked(path, key, lambda: cls(name, unit, value, std, plausible, low, high, spacing, what))
 
 
 def _plausible(entries: _Entries) -> Plausible:

@@ -166,7 +166,7 @@ def test_text_fits_the_terminal_and_says_it_in_words(folder: Path) -> None:
     assert "(before: the same model without the effects)" in lines
     assert any(line.startswith("what is left is noise, as far as can be told (p = ") for line in lines)
     assert "  scale:x: Scale of an axis" in lines
-    (gap,) = [match for line in lines if (match := re.fullmatch(r"    b = (\S+) ± (\S+) µm", line))]
+    (gap,) = [match for line in lines if (match := re.fullmatch(r"    lost motion b = (\S+) ± (\S+) µm", line))]
     assert abs(float(gap[1]) - B_MM * 1e3) < 4.0 * float(gap[2])
     assert any(line.startswith("  2. added backlash:x: ") for line in lines)
     assert result.stderr.splitlines()[-1] == f"model: {folder / 'model.json'}"

@@ -293,3 +293,25 @@ def test_smooth_effects_are_classic_terms_of_their_channels() -> None:
     assert {parameter.unit for term in angles for parameter in term.coefficients} == {"rad"}
     assert {term.kind for term in angles} == {"classic"}
     assert all(term.parts[0].basis is not None for term in angles)
+
+
+def test_every_letter_is_told_in_words_with_its_direction_or_session() -> None:
+    silent = [
+        f"{one.id}.{spec.name}" for one in catalogue() for spec in one.coefficients + one.inner if not spec.what
+    ]
+    assert silent == []
+    own = machine("wbXYZt")
+    labels = {
+        reference: [one.label for one in (*term.coefficients, *term.inner)]
+        for reference, term in {
+            "backlash": catalogue()["backlash"].term("x", None, own),
+            "lateral-play": catalogue()["lateral-play"].term("x", None, own),
+            "angular-thermal": catalogue()["angular-thermal"].term("x", "temp", own, lagged=True),
+            "homing-offset": catalogue()["homing-offset"].term("x", None, own, n_sessions=3),
+        }.items()
+    }
+    assert labels["backlash"] == ["lost motion b"]
+    assert labels["lateral-play"] == ["play along y l_y", "play along z l_z"]
+    assert labels["angular-thermal"][0] == "tilt per kelvin about x k_x"
+    assert labels["angular-thermal"][-1] == "lag behind the temperature tau"
+    assert labels["homing-offset"] == ["offset in session 2 c_1", "offset in session 3 c_2"]

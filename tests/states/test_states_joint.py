@@ -141,7 +141,7 @@ def test_the_model_file_corrects_a_program_at_a_temperature(hot: Hot, states: St
 def test_the_report_says_it_in_words(states: States) -> None:
     text = states.report()
     assert "120 °C minus 20 °C" in text
-    assert "EXX*T@temp.alpha" in text
+    assert "EXX*T@temp: expansion alpha" in text
     assert "beyond" in text
     assert all(len(line) <= 100 for line in text.splitlines())
     document = states.to_document()

@@ -24,7 +24,7 @@ from workbench_scenes import (
 )
 
 from geoerr.diagnose.circles import CircleDiagnosis
-from geoerr.workbench import actions, wiring
+from geoerr.workbench import actions, marking, wiring
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.security import Guard
@@ -83,6 +83,9 @@ def test_causes_are_told_with_part_value_doubt_and_what_is_left(diagnosed: Sessi
     told = texts(wiring.panels(diagnosed)["missing"])
     assert "The circle is off by backlash of the drive (backlash:x)" in told
     assert "number 1 by its part" in told
+    assert "bow along y" in told
+    assert all(one.what for cause in diagnosed.diagnosis.found for one in cause.parameters)
+    assert "Times are not stated: they follow from the feed." in told
     assert "µm (lost motion)" in told
     assert "peak to peak" in told
     assert "Certainty:" in told
@@ -118,13 +121,13 @@ def test_pointing_at_a_cause_shows_it_on_the_circle(diagnosed: Session) -> None:
 
 def test_a_box_over_the_residual_marks_the_circle(diagnosed: Session) -> None:
     diagnosed.view.variable, diagnosed.view.run = "x", WORST
-    _, words = wiring.mark(diagnosed, "residual", {"range": {"x": [200.0, 250.0]}})
-    in_circle = wiring.mark_volume(diagnosed)
+    words = marking.mark(diagnosed, "residual", {"range": {"x": [200.0, 250.0]}})
+    in_circle = marking.mark_volume(diagnosed)
     operations = {tuple(one["location"]): one["params"]["value"] for one in in_circle.to_plotly_json()["operations"]}
     angle = np.rad2deg(next(one for one in diagnosed.seen.circles if one.name == WORST).measured.angle_rad)
     assert sorted(operations["data", 1, "selectedpoints"]) == np.flatnonzero(np.abs(angle) <= 60.0).tolist()
     assert "rows marked" in texts(words)
-    wiring.mark(diagnosed, "none", "")
+    marking.mark(diagnosed, "none", "")
 
 
 def test_the_page_of_the_circles_can_be_had(diagnosed: Session) -> None:
@@ -132,6 +135,8 @@ def test_the_page_of_the_circles_can_be_had(diagnosed: Session) -> None:
     client = make_app(diagnosed, guard).server.test_client()
     headers = {"Host": f"127.0.0.1:{PORT}"}
     client.get(f"/?token={guard.token}", headers=headers)
+    wiring.do(diagnosed, "report", "diagnosis")
+    settle(diagnosed)
     answer = client.get("/report/diagnosis", headers=headers)
     assert answer.status_code == 200
     assert "circular tests" in answer.get_data(as_text=True)

@@ -18,19 +18,23 @@ from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle
 
 from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
+from geoerr.report import model_page
 from geoerr.terms import Parameter
-from geoerr.workbench import actions, wiring
+from geoerr.workbench import actions, marking, wiring
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.history import story
 from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_missing import tried_value
-from geoerr.workbench.parts import signed
+from geoerr.workbench.panel_where import limits_shown
+from geoerr.workbench.parts import sentence, signed
+from geoerr.workbench.pictures import turned_volume
 from geoerr.workbench.program import PASS, ZERO, Wish
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
+from geoerr.workbench.view import CORNER, STANDS
 
 # Diagnosing needs a few seconds: once for all that only read it.
 PORT = 8124
@@ -79,7 +83,7 @@ def test_pointing_shows_what_it_would_explain(learned: Session) -> None:
 
 def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     learned.view.variable = "x"
-    in_residual, words = wiring.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}})
+    words = marking.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e3, 1e3]}})
     fitted = learned.seen.comparison.points
     x = fitted.sightings.commanded_mm[:, 0]
     # A gross outlier takes no part in the fit, and is not drawn.
@@ -87,21 +91,69 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     assert (~fitted.solved.used).sum() < 3
     assert (learned.selected == expected).all()
     assert f"{expected.sum()} rows marked" in texts(words)
-    in_volume = wiring.mark_volume(learned)
+    in_volume = marking.mark_volume(learned)
     operations = {tuple(one["location"]): one["params"]["value"] for one in in_volume.to_plotly_json()["operations"]}
     assert len(operations["data", 2, "x"]) == 3 * expected.sum()
-    assert in_residual.to_plotly_json()["operations"]
-    wiring.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
+    places = [one["location"] for one in marking.mark_residual(learned).to_plotly_json()["operations"]]
+    assert ["data", 0, "selectedpoints"] in places
+    # The box stays with what it marked, and goes with what marks other rows.
+    assert ["layout", "selections"] not in places
+    marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
     assert learned.selected.sum() == N_POINTS
-    wiring.mark(learned, "region", "0")
+    places = [one["location"] for one in marking.mark_residual(learned).to_plotly_json()["operations"]]
+    assert ["layout", "selections"] in places
+    marking.mark(learned, "region", "0")
     assert learned.selected is None or learned.selected.sum() < N_LINES * N_POINTS
-    wiring.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
+    marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
     # The browser tells that the box is gone; the mark of the other picture stays.
-    assert wiring.mark(learned, "residual", None) is None
-    assert wiring.mark(learned, "residual", {"points": []}) is None
+    assert marking.mark(learned, "residual", None) is None
+    assert marking.mark(learned, "residual", {"points": []}) is None
     assert learned.selected.sum() == N_POINTS
-    wiring.mark(learned, "none", "")
+    marking.mark(learned, "none", "")
     assert learned.selected is None
+
+
+def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> None:
+    learned.view.variable = "x"
+    marking.mark(learned, "residual", {"range": {"x": [100.0, 200.0], "y": [-1e6, 1e6]}})
+    by_box = learned.selected
+    words = marking.mark(learned, "limits", ("100", "200,0"))
+    assert (learned.selected == by_box).all()
+    assert f"{by_box.sum()} rows marked" in texts(words)
+    # The browser takes the box away: the mark stays.
+    assert marking.mark(learned, "residual", None) is None
+    marking.mark(learned, "limits", ("", "150"))
+    x = learned.seen.comparison.points.sightings.commanded_mm[:, 0]
+    assert learned.selected.any()
+    assert x[learned.selected].max() <= 150.0
+    with pytest.raises(InputFileError, match="'noon' is no number"):
+        marking.mark(learned, "limits", ("noon", ""))
+    marking.mark(learned, "limits", ("", " "))
+    assert learned.selected is None
+    low, high, unit = limits_shown(learned.seen, "x")
+    assert (float(low), float(high)) == pytest.approx((x.min(), x.max()), rel=1e-3)
+    assert unit == "mm"
+
+
+def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> None:
+    learned.view.look = "length"
+    turned = {}
+    for name, text in STANDS.items():
+        assert text in texts(page(learned))
+        learned.view.look_from(name)
+        changes = turned_volume(learned).to_plotly_json()["operations"]
+        turned[name] = {one["location"][-1]: one["params"]["value"] for one in changes}
+        scene = wiring.pictures(learned, "")["volume"].layout.scene
+        assert scene.camera.eye.to_plotly_json() == turned[name]["eye"]
+        assert scene.camera.up.to_plotly_json() == turned[name]["up"]
+        # Flat views leave out the axis that they look along.
+        assert sum(axis.visible for axis in (scene.xaxis, scene.yaxis, scene.zaxis)) == (3 if name == CORNER else 2)
+        # A new revision: Plotly would keep how a person has turned it.
+        assert scene.uirevision == turned[name]["uirevision"]
+    assert len({str(one["eye"]) for one in turned.values()}) == len(STANDS)
+    before = turned_volume(learned).to_plotly_json()
+    learned.view.look_from(learned.view.stand)
+    assert turned_volume(learned).to_plotly_json() != before
 
 
 def test_regions_come_worst_first(learned: Session) -> None:
@@ -119,9 +171,9 @@ def test_regions_come_worst_first(learned: Session) -> None:
     means = shown["volume"].data[0]
     assert len(means.x) == 3 * len(sizes)
     told = means.customdata[0]
-    wiring.mark(learned, "volume", {"points": [{"customdata": told.tolist()}]})
+    marking.mark(learned, "volume", {"points": [{"customdata": told.tolist()}]})
     assert learned.selected.sum() == learned.seen.comparison.regions[int(told[-1])].n == int(told[7])
-    wiring.mark(learned, "none", "")
+    marking.mark(learned, "none", "")
     learned.view.look = "length"
 
 
@@ -287,9 +339,51 @@ def test_a_report_is_made_without_holding_up_the_page(learned: Session, monkeypa
         threading.Thread(target=ask, daemon=True).start()
         path.write_text(f"free: {free.wait(5.0)}")
 
-    monkeypatch.setattr("geoerr.workbench.routes.write_comparison_page", write)
-    client = client_of(learned)
-    assert client.get("/report/comparison", headers=HEADERS).get_data(as_text=True) == "free: True"
+    monkeypatch.setattr("geoerr.workbench.reports.write_comparison_page", write)
+    assert written(learned, "comparison") == "free: True"
+    learned.reports = {}
+
+
+def test_a_report_tells_how_far_it_is_and_can_be_stopped(learned: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, goes_on, told = threading.Event(), threading.Event(), []
+    steps = model_page.made
+
+    def made(makers, progress):
+        def tell(done, total):
+            progress(done, total)
+            told.append(learned.job.progress if learned.job else None)
+            begun.set()
+            goes_on.wait(30.0)
+
+        return steps(makers, tell)
+
+    monkeypatch.setattr(model_page, "made", made)
+    assert "Write" in texts(wiring.panels(learned)["reports"])
+    wiring.do(learned, "report", "model")
+    job = learned.job
+    assert begun.wait(60.0)
+    done, total = told[0]
+    # The numbers are there, and the first section of the page.
+    assert total / 2 < done < total
+    assert "writing the report" in texts(status(learned))
+    wiring.do(learned, "stop", "")
+    goes_on.set()
+    job.wait(30.0)
+    # It ended where it next told its progress.
+    assert len(told) == 1
+    assert learned.reports == {}
+    assert client_of(learned).get("/report/model", headers=HEADERS).status_code == 404
+
+
+def test_a_report_is_kept_until_what_it_tells_changes(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    assert "what is known of its errors" in written(session, "model")
+    assert "Open: All that is known" in texts(wiring.panels(session)["reports"])
+    wiring.do(session, "fit", "21")
+    settle(session)
+    assert session.reports == {}
+    wiring.do(session, "report", "diagnosis")
+    assert "nothing to report" in session.problems[actions.REPORT]
 
 
 def test_what_is_no_number_is_said_beside_its_field_and_in_the_report(tmp_path: Path) -> None:
@@ -305,15 +399,21 @@ def test_what_is_no_number_is_said_beside_its_field_and_in_the_report(tmp_path: 
     assert told in texts(wiring.panels(session)["conditions"])
     # The pictures go on, without what needs the number.
     assert "needs conditions" in wiring.pictures(session, "")["captions"][0]
-    answer = client_of(session).get("/report/model", headers=HEADERS)
-    assert answer.status_code == 409
-    assert told in answer.get_data(as_text=True)
+    wiring.do(session, "report", "model")
+    assert told in texts(wiring.panels(session)["reports"])
 
 
 def test_a_value_that_the_model_leaves_nothing_of_is_said_so() -> None:
     known = Parameter("c", "1/mm", 3.2e-8, 1e-9)
     assert tried_value(known) == value_words(known)
     assert tried_value(replace(known, value=-5.7e-20)) == "c cannot be told from what the model has already"
+
+
+def test_figures_are_explained_where_they_stand_and_no_text_is_marked_up_for_a_terminal(learned: Session) -> None:
+    told = texts(wiring.panels(learned)["given"])
+    assert "What these figures mean" in told
+    assert "held out: The same on passes that the fit did not see" in told
+    assert sentence("line 3: `G1 X50`: left as it is") == "Line 3: “G1 X50”: left as it is."
 
 
 def test_what_rounds_to_nothing_has_no_sign() -> None:
@@ -329,6 +429,15 @@ def graphs_in(component: object) -> list[dcc.Graph]:
     # A graph has no parts, and is false.
     parts = getattr(component, "children", None)
     return [] if parts is None else graphs_in(parts)
+
+
+def written(session: Session, name: str) -> str:
+    """Write a report and open it."""
+    wiring.do(session, "report", name)
+    settle(session)
+    answer = client_of(session).get(f"/report/{name}", headers=HEADERS)
+    assert answer.status_code == 200
+    return answer.get_data(as_text=True)
 
 
 def client_of(session: Session) -> FlaskClient:
@@ -350,9 +459,7 @@ def test_reports_and_the_model_can_be_had(learned: Session) -> None:
         ("diagnosis", "what is missing"),
     )
     for path, words in pages:
-        answer = client.get(f"/report/{path}", headers=headers)
-        assert answer.status_code == 200
-        assert words in answer.get_data(as_text=True)
+        assert words in written(learned, path)
     assert client.get("/model.json", headers=headers).get_json()["schema"].startswith("geoerr-model")
 
 
@@ -362,7 +469,7 @@ def test_a_saved_session_is_the_same_again(tmp_path: Path) -> None:
     wiring.do(session, "fit", "21")
     settle(session)
     session.view.variable, session.view.power = "d_x", 1.0
-    wiring.mark(session, "residual", {"range": {"x": [0.5, 1.5]}})
+    marking.mark(session, "residual", {"range": {"x": [0.5, 1.5]}})
     wiring.do(session, "refer", "1")
     again = begin_session([], saved, threads=1)
     settle(again)
@@ -393,10 +500,21 @@ def test_a_saved_session_says_again_what_is_missing_and_what_it_takes_to_see_it(
     assert kept in after
     for words in ("Backlash of the drive", "Value:", "Certainty:", "To do:"):
         assert after.count(words) == before.count(words) > 0, words
-    # Nothing is drawn of what is not there, and no button promises it.
+    assert after.count("Show") == before.count("Show") + 1
+    report = "the saved session has it in words only Look again"
+    assert report in texts(wiring.panels(again)["reports"])
+    # It takes a search, after which the pictures have it.
+    sight = again.sight
     assert what_is_shown(again, "backlash:x") is None
-    assert "Show" in before
-    assert "Show" not in after
+    assert wiring.pin(again, "backlash:x", "") == "backlash:x"
+    assert "looking for what is missing" in texts(status(again))
+    settle(again)
+    assert again.sight > sight
+    assert again.told == session.told
+    assert what_is_shown(again, "backlash:x") == pytest.approx(what_is_shown(session, "backlash:x"))
+    assert kept not in texts(wiring.panels(again)["missing"])
+    assert "Write" in texts(wiring.panels(again)["reports"])
+    assert wiring.pin(again, "backlash:x", "backlash:x") == ""
     wiring.do(again, "add", "backlash:x")
     settle(again)
     assert again.step.name == "+ backlash:x"

@@ -74,7 +74,7 @@ def stages_of_parameters(model: Model, at: Conditions) -> list[Stage]:
     if squareness:
         stages.append(Stage("parameters", "squareness", float(np.median(squareness)) * _URAD, "µrad"))
     stages += [
-        Stage("parameters", f"{term.id}.{parameter.name}", parameter.std, parameter.unit)
+        Stage("parameters", f"{term.id}: {parameter.label}", parameter.std, parameter.unit)
         for term in model.machine_terms
         if term.kind != "classic"
         for parameter in (*term.coefficients, *term.inner)

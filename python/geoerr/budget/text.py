@@ -25,7 +25,8 @@ def budget_text(budget: Budget) -> str:
         known = f"  not determined: {', '.join(unknown)}" if unknown else ""
         lines.append(f"    {budget.place_names[row]:<12} {x:9.1f} {y:9.1f} {z:9.1f}{known}")
     lines += ["[[From the picture to the parameters]] standard uncertainties, medians"]
-    lines += [f"    {stage.what:<52} {_number(stage.std)} {stage.unit}" for stage in budget.stages]
+    wide = max((len(stage.what) for stage in budget.stages), default=0)
+    lines += [f"    {stage.what:<{max(wide, 52)}} {_number(stage.std)} {stage.unit}" for stage in budget.stages]
     lines += ["[[Sources]] own standard uncertainty, type, degrees of freedom; contribution to a part's error, µm"]
     lines += [f"    {'':<28}{'u':>9} {'':<5}{'':>2}{'dof':>5}{heads}   last share", *_sources(budget, shown)]
     lines += ["[[The same through the parameters]] contribution of each group alone, µm"]

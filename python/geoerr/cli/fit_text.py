@@ -191,7 +191,7 @@ def parameter_rows(terms: Sequence[Term], sightings: Sightings) -> Iterator[str]
 
 
 def _parameter(parameter: Parameter, unit: str, factor: float) -> str:
-    text = f"{parameter.name} = {with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
+    text = f"{parameter.label} = {with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
     words = plausible_words(parameter)
     return text if words is None else f"{text} ({words})"
 

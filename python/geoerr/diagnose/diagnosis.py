@@ -20,7 +20,7 @@ from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, othe
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.whole_search import searched_whole
-from geoerr.diagnose.words import chance_words, listed, sure_words
+from geoerr.diagnose.words import chance_words, listed
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
@@ -127,7 +127,7 @@ class Diagnosis(Answer):
                 "nothing is missing that these data could show for certain, though chance seldom leaves as much "
                 f"({chance_words(self.p_value)}): more passes would tell"
             )
-        return f"nothing is missing that these data could show: {sure_words(self.p_value)}"
+        return f"nothing is missing that these data could show: {chance_words(self.p_value)}"
 
     def plot_worth(self) -> go.Figure:
         """Draw what each candidate is worth, and the held-out error without it and with it."""

@@ -36,11 +36,11 @@ def value_words(parameter: Parameter) -> str:
     Linear coefficients in mm and rad are read in µm and µrad; inner parameters (places, lags, periods) as they are.
     """
     if is_open(parameter):
-        return f"{parameter.name} is not determined by these data"
+        return f"{parameter.label} is not determined by these data"
     unit, factor = _read_in(parameter)
     # At the end of a range the value is a bound, and its error is none.
     std = 0.0 if is_at_an_end(parameter) else parameter.std * factor
-    return f"{parameter.name} = {_number(parameter.value * factor, std)} {unit}".rstrip()
+    return f"{parameter.label} = {_number(parameter.value * factor, std)} {unit}".rstrip()
 
 
 def is_open(parameter: Parameter) -> bool:

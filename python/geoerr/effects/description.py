@@ -41,6 +41,8 @@ class ParameterSpec:
         Of trial values over the range.
     sign
         +1 or −1 where physics allows one sign only, else 0.
+    what
+        What it is, in words; empty where the entry does not say.
     """
 
     name: str
@@ -49,6 +51,7 @@ class ParameterSpec:
     range: tuple[float, float] | str | None = None
     spacing: Literal["linear", "log"] = "linear"
     sign: int = 0
+    what: str = ""
 
 
 @dataclass(frozen=True)

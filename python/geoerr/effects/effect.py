@@ -211,17 +211,19 @@ class Effect(Description):
         chosen = self.form(form, covariate)
         temperature, lag = self._temperature(reference, machine, lagged=lagged)
         parts: list[Part] = []
-        suffixes: dict[str, dict[str, None]] = {spec.name: {} for spec in self.coefficients}
+        suffixes: dict[str, dict[str, str]] = {spec.name: {} for spec in self.coefficients}
         for spec in chosen.parts:
             for place, part in self._parts(spec, chosen.only, reference.axis, machine, temperature, n_sessions):
                 parts.append(part)
                 for name in names_in(spec.expression):
                     if name in suffixes:
-                        suffixes[name] |= dict.fromkeys(self._suffixes(place, n_sessions))
+                        # The first part that mentions it says which way it acts.
+                        for suffix, which in self._suffixes(place, spec.channel, n_sessions).items():
+                            suffixes[name].setdefault(suffix, which)
         coefficients = tuple(
-            _parameter(spec, machine, reference.axis, time_range_s, suffix)
+            _parameter(spec, machine, reference.axis, time_range_s, suffix, which)
             for spec in self.coefficients
-            for suffix in suffixes[spec.name]
+            for suffix, which in suffixes[spec.name].items()
         )
         used = {name for part in chosen.parts for name in names_in(part.expression)}
         inner = tuple(
@@ -287,7 +289,9 @@ class Effect(Description):
         taken = {spec.name for spec in self.coefficients + self.inner}
         name = "tau" if "tau" not in taken else "tau_T"
         low, high = LAG_RANGE_S
-        return f"lag({text}, {name})", (Parameter(name, "s", low=low, high=high, spacing="log"),)
+        return f"lag({text}, {name})", (
+            Parameter(name, "s", low=low, high=high, spacing="log", what="lag behind the temperature"),
+        )
 
     def _parts(
         self,
@@ -308,17 +312,23 @@ class Effect(Description):
         for place in places(spec, axis, candidate, machine):
             if only is not None and place.suffix != only:
                 continue
-            for suffix in self._suffixes(place, n_sessions):
+            for suffix in self._suffixes(place, spec.channel, n_sessions):
                 text = renamed(spec.expression, {name: _suffixed(name, suffix) for name in names})
                 if self.each_session:
                     text = f"({text})*({SESSION_NAME} == {suffix.rpartition('_')[2]})"
                 found.append((place, Part(place.channel, text, definitions, factor=place.factor)))
         return found
 
-    def _suffixes(self, place: Place, n_sessions: int) -> tuple[str, ...]:
+    def _suffixes(self, place: Place, channel: str, n_sessions: int) -> dict[str, str]:
+        """Give what stands behind a coefficient's name, and behind what it is in words."""
+        which = place.suffix and f" {'about' if channel == 'angular' else 'along'} {place.suffix}"
         if not self.each_session:
-            return (place.suffix,)
-        return tuple(f"{place.suffix}_{number}".removeprefix("_") for number in range(1, max(n_sessions, 2)))
+            return {place.suffix: which}
+        # People count sessions from one.
+        return {
+            f"{place.suffix}_{number}".removeprefix("_"): f"{which} in session {number + 1}"
+            for number in range(1, max(n_sessions, 2))
+        }
 
 
 @dataclass(frozen=True)
@@ -364,6 +374,7 @@ def _parameter(
     candidate: str | None,
     time_range_s: tuple[float, float],
     suffix: str = "",
+    which: str = "",
 ) -> Parameter:
     low: float | None = None
     high: float | None = None
@@ -381,4 +392,5 @@ def _parameter(
         low=low,
         high=high,
         spacing=spec.spacing,
+        what=spec.what and spec.what + which,
     )

@@ -44,7 +44,7 @@ EFFECT_KEYS = (
     *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session"),
     *("one_direction", "part", "form", "coefficients", "inner", *_PART_KEYS),
 )
-PARAMETER_KEYS = ("unit", "plausible", "range", "spacing", "sign")
+PARAMETER_KEYS = ("what", "unit", "plausible", "range", "spacing", "sign")
 _RANGES = ("axis", *AXES, "time")
 _SIGNS = {"any": 0, "positive": 1, "negative": -1}
 
@@ -230,6 +230,7 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
                 range=_range(entries) if is_inner else None,
                 spacing="log" if entries.text("spacing", "linear", ("linear", "log")) == "log" else "linear",
                 sign=_SIGNS[entries.text("sign", "any", tuple(_SIGNS))],
+                what=entries.text("what", ""),
             )
         )
         _check_log_range(found[-1], entries)

@@ -61,20 +61,22 @@ class ErrorFigures:
 
 def figures_of(sightings: Sightings, residual_base_mm: Numbers, used: np.ndarray | None = None) -> ErrorFigures:
     """Summarize residuals (n, 3) in base axes over the used rows."""
-    counts = np.ones(len(sightings), dtype=bool) if used is None else used
-    is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session]
-    seen = sightings.is_measured & counts[:, None] & ~is_circle[:, None]
-    squares = np.where(seen, residual_base_mm, 0.0) ** 2
+    # Parts of the data are asked for by the thousand: each takes its own rows only.
+    rows = np.arange(len(sightings)) if used is None else np.flatnonzero(used)
+    is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session[rows]]
+    residual_mm = residual_base_mm[rows]
+    seen = sightings.is_measured[rows] & ~is_circle[:, None]
+    squares = np.where(seen, residual_mm, 0.0) ** 2
     n_components = seen.sum(axis=0)
     means = squares.sum(axis=0) / np.maximum(n_components, 1)
     total = math.sqrt(float(means.sum())) * _UM_PER_MM if n_components.any() else None
     each = [math.sqrt(float(m)) * _UM_PER_MM if n else None for m, n in zip(means, n_components, strict=True)]
-    radial = residual_base_mm[is_circle & counts, 0]
+    radial = residual_mm[is_circle, 0]
     return ErrorFigures(
         rmse_um=total,
         rms_per_component_um=(each[0], each[1], each[2]),
         n_components=(int(n_components[0]), int(n_components[1]), int(n_components[2])),
         radial_rms_um=float(np.sqrt(np.mean(radial**2))) * _UM_PER_MM if radial.size else None,
         n_radial=int(radial.size),
-        n=int(counts.sum()),
+        n=len(rows),
     )

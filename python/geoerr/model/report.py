@@ -153,8 +153,8 @@ def parameter_words(term: Term, parameter: Parameter) -> str:
     elif parameter.unit == "rad":
         factor, unit = _MICRO, "µrad"
     if math.isnan(parameter.value):
-        return f"{parameter.name}: not fitted yet, {parameter.unit}".rstrip(" ,")
-    text = f"{parameter.name} = {_value_with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
+        return f"{parameter.label}: not fitted yet, {parameter.unit}".rstrip(" ,")
+    text = f"{parameter.label} = {_value_with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
     if parameter.is_fixed:
         text += ", held"
     words = plausible_words(parameter)

@@ -8,7 +8,7 @@ from typing import Any
 
 from geoerr.diagnose import Comparison, LengthComparison, Part, Trend
 from geoerr.report.figures import residual_of_regions, residuals, style, variable_label
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.page import Block, Figure, Maker, Paragraph, Progress, Section, Table, made, write_report
 from geoerr.report.provenance import Provenance
 
 _MOST_TRENDS = 4
@@ -23,7 +23,11 @@ _FREEDOM = {
 
 
 def write_comparison_page(
-    path: str | Path, comparison: Comparison, document: Mapping[str, Any], provenance: Provenance
+    path: str | Path,
+    comparison: Comparison,
+    document: Mapping[str, Any],
+    provenance: Provenance,
+    progress: Progress | None = None,
 ) -> None:
     """Write the page, whole or not at all.
 
@@ -37,9 +41,11 @@ def write_comparison_page(
         Its figures, as `to_document` gives them.
     provenance
         For the last section.
+    progress
+        Called with the steps done and their number.
     """
     title = f"{comparison.model.machine.name}: model against measurements"
-    sections = comparison_sections(comparison, document)
+    sections = comparison_sections(comparison, document, progress)
     write_report(path, title, comparison_sentences(comparison, document), sections, provenance)
 
 
@@ -52,15 +58,25 @@ def comparison_sentences(comparison: Comparison, document: Mapping[str, Any]) ->
     return sentences
 
 
-def comparison_sections(comparison: Comparison, document: Mapping[str, Any]) -> list[Section]:
+def comparison_sections(
+    comparison: Comparison, document: Mapping[str, Any], progress: Progress | None = None
+) -> list[Section]:
     """Show how far the model is off, where, along what, and the worst places; lengths by themselves."""
-    sections = [] if comparison.fitted is None else _sections_of_points(comparison, document)
-    if comparison.lengths is not None:
-        sections.append(Section("Lengths", (_length_table(comparison.lengths),)))
-    return sections
+    makers: list[Maker] = []
+    if comparison.fitted is not None:
+        makers = [
+            lambda: _how_far(comparison),
+            lambda: _where(comparison),
+            lambda: _what_it_follows(comparison),
+            lambda: [Section("Worst places", (_worst_table(document["worst"]),))],
+        ]
+    lengths = comparison.lengths
+    if lengths is not None:
+        makers.append(lambda: [Section("Lengths", (_length_table(lengths),))])
+    return made(makers, progress)
 
 
-def _sections_of_points(comparison: Comparison, document: Mapping[str, Any]) -> list[Section]:
+def _how_far(comparison: Comparison) -> list[Section]:
     blocks: list[Block] = [
         Figure(
             residuals.residual_histogram(comparison), "Residuals component by component, beside the noise of repeats."
@@ -75,15 +91,22 @@ def _sections_of_points(comparison: Comparison, document: Mapping[str, Any]) -> 
         )
         if len(parts) > 1
     ]
-    sections = [Section("How far the model is off", tuple(blocks))]
-    if len(comparison.regions) > 1 and any(component.name != "radius" for component in comparison.components):
-        where: tuple[Block, ...] = (
-            Figure(residuals.residual_vectors(comparison), "Residuals at their commanded positions, by length."),
-            Figure(residuals.residual_directions(comparison), "The same by direction: clusters are what is missing."),
-            Figure(residual_of_regions(comparison), "By region of the volume: mean, and ± one standard deviation."),
-            Figure(residuals.residual_by_region(comparison), "Mean, spread and number of rows by region."),
-        )
-        sections.append(Section("Where it is off", where))
+    return [Section("How far the model is off", tuple(blocks))]
+
+
+def _where(comparison: Comparison) -> list[Section]:
+    if len(comparison.regions) < 2 or all(component.name == "radius" for component in comparison.components):
+        return []
+    where: tuple[Block, ...] = (
+        Figure(residuals.residual_vectors(comparison), "Residuals at their commanded positions, by length."),
+        Figure(residuals.residual_directions(comparison), "The same by direction: clusters are what is missing."),
+        Figure(residual_of_regions(comparison), "By region of the volume: mean, and ± one standard deviation."),
+        Figure(residuals.residual_by_region(comparison), "Mean, spread and number of rows by region."),
+    )
+    return [Section("Where it is off", where)]
+
+
+def _what_it_follows(comparison: Comparison) -> list[Section]:
     named = list(dict.fromkeys(trend.variable for trend in comparison.trends))[:_MOST_TRENDS]
     follows: list[Block] = [
         Figure(residuals.residual_against(comparison, name), f"The residual over {_words(name)}.") for name in named
@@ -102,9 +125,7 @@ def _sections_of_points(comparison: Comparison, document: Mapping[str, Any]) -> 
         table = _trend_table(shown)
     elif comparison.trends:
         table = Paragraph("The residual follows nothing that was looked at.")
-    sections.append(Section("What the residual follows", (table, *follows)))
-    sections.append(Section("Worst places", (_worst_table(document["worst"]),)))
-    return sections
+    return [Section("What the residual follows", (table, *follows))]
 
 
 def _part_table(title: str, parts: Sequence[Part]) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from geoerr.diagnose.circles import CircleDiagnosis
@@ -23,7 +23,19 @@ from geoerr.report.error_tables import error_function_table, not_determined, squ
 from geoerr.report.figures import error_curves, error_fall, error_field, style
 from geoerr.report.machine_blocks import data_blocks, effect_blocks, machine_blocks, record_blocks
 from geoerr.report.model_report import ModelReport, Stated, model_report
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_one, as_sentence, write_report
+from geoerr.report.page import (
+    Block,
+    Figure,
+    Maker,
+    Paragraph,
+    Progress,
+    Section,
+    Table,
+    as_one,
+    as_sentence,
+    made,
+    write_report,
+)
 from geoerr.report.provenance import Provenance, provenance_of_call
 from geoerr.report.standard_blocks import circle_blocks, diagonal_blocks, positioning_blocks
 
@@ -77,10 +89,12 @@ def write_model_report(
     return gathered
 
 
-def write_model_page(path: str | Path, report: ModelReport, provenance: Provenance) -> None:
-    """Write the page of what was gathered, whole or not at all."""
+def write_model_page(
+    path: str | Path, report: ModelReport, provenance: Provenance, progress: Progress | None = None
+) -> None:
+    """Write the page of what was gathered, whole or not at all; `progress` is called with steps done and number."""
     title = f"{report.model.machine.name}: what is known of its errors"
-    write_report(path, title, report_sentences(report), model_sections(report), provenance)
+    write_report(path, title, report_sentences(report), model_sections(report, progress), provenance)
 
 
 def report_sentences(report: ModelReport) -> list[str]:
@@ -131,36 +145,43 @@ def _circle_sentences(report: ModelReport) -> list[str]:
     return sentences
 
 
-def model_sections(report: ModelReport) -> list[Section]:
+def model_sections(report: ModelReport, progress: Progress | None = None) -> list[Section]:
     """Make the sections in the order in which a machine is judged: what it is, how far off, why, how sure."""
-    model = report.model
-    measured = () if report.comparison is None else data_blocks(report.comparison)
-    by_title: dict[str, tuple[Block, ...]] = {
-        parts.MACHINE: machine_blocks(model),
-        parts.DATA: (*measured, *record_blocks(model)),
-        parts.ERRORS: _error_blocks(report),
-        "Effects beyond the 21 errors": effect_blocks(model),
-        parts.FIELD: _field_blocks(report),
-        parts.CIRCLES: circle_blocks(report.circles),
-        parts.POSITIONING: positioning_blocks(report),
-        parts.DIAGONALS: diagonal_blocks(report),
-    }
-    last = {
-        parts.NOT_DETERMINED: () if report.errors is None else not_determined(report.errors),
-        "Not in this report": _left_out(report),
-    }
-    sections = [Section(title, blocks) for title, blocks in by_title.items() if blocks]
-    sections += _judgement(report)
-    return sections + [Section(title, blocks) for title, blocks in last.items() if blocks]
+    model, comparison, errors = report.model, report.comparison, report.errors
+    makers: list[Maker] = [
+        _maker(parts.MACHINE, lambda: machine_blocks(model)),
+        _maker(parts.DATA, lambda: (*(() if comparison is None else data_blocks(comparison)), *record_blocks(model))),
+        _maker(parts.ERRORS, lambda: _error_blocks(report)),
+        _maker("Effects beyond the 21 errors", lambda: effect_blocks(model)),
+        _maker(parts.FIELD, lambda: _field_blocks(report)),
+        _maker(parts.CIRCLES, lambda: circle_blocks(report.circles)),
+        _maker(parts.POSITIONING, lambda: positioning_blocks(report)),
+        _maker(parts.DIAGONALS, lambda: diagonal_blocks(report)),
+        lambda: _comparison(report),
+        lambda: _judgement(report),
+        _maker(parts.NOT_DETERMINED, lambda: () if errors is None else not_determined(errors)),
+        _maker("Not in this report", lambda: _left_out(report)),
+    ]
+    return made(makers, progress)
+
+
+def _maker(title: str, blocks: Callable[[], Sequence[Block]]) -> Maker:
+    """Make one section of blocks; none of no blocks."""
+    return lambda: [Section(title, tuple(found))] if (found := blocks()) else []
+
+
+def _comparison(report: ModelReport) -> list[Section]:
+    """Make the section of how far measurements are from the model."""
+    if report.comparison is None:
+        return []
+    document = report.comparison_document
+    said = Paragraph(" ".join(comparison_sentences(report.comparison, document)))
+    return [as_one(parts.COMPARISON, comparison_sections(report.comparison, document), said)]
 
 
 def _judgement(report: ModelReport) -> list[Section]:
-    """Make the sections of what measurements say of the model, and how sure it is."""
+    """Make the sections of what is missing, how the error fell, and how sure the model is."""
     sections = []
-    if report.comparison is not None:
-        document = report.comparison_document
-        said = Paragraph(" ".join(comparison_sentences(report.comparison, document)))
-        sections.append(as_one(parts.COMPARISON, comparison_sections(report.comparison, document), said))
     if isinstance(report.diagnosis, CircleDiagnosis):
         told = [Paragraph(sentence) for sentence in circle_diagnosis_sentences(report.diagnosis)]
         sections.append(as_one(parts.DIAGNOSIS, circle_diagnosis_sections(report.diagnosis), *told))

@@ -27,6 +27,7 @@ from geoerr.model.conditions import REFERENCE
 from geoerr.model.program_conditions import approach_conditions, needed_conditions
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report.figures import Stage, stages_of
+from geoerr.report.page import Progress
 from geoerr.summaries import by_reason
 from geoerr.tables import is_temperature
 from geoerr.verify.ballbar import (
@@ -63,7 +64,6 @@ _NO_MEASUREMENTS = "no measurements are given beside the model"
 _NO_ERRORS = "this is the machine without any errors: fit a model to measurements"
 _NO_VALUES = "some of the model's parameters have no value yet: fit it to measurements"
 
-Progress = Callable[[int, int], None]
 _T = TypeVar("_T")
 Stated = dict[str, float | str]
 

@@ -6,12 +6,13 @@ input gives the same bytes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import resources
 from pathlib import Path
 from string import Template
+from typing import TypeAlias
 
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
@@ -68,9 +69,33 @@ class Section:
     blocks: tuple[Block, ...]
 
 
+# Called with the steps done and their number.
+Progress: TypeAlias = Callable[[int, int], None]
+# Gives sections: what takes time happens when it is called.
+Maker: TypeAlias = Callable[[], Sequence[Section]]
+
+
 def as_one(title: str, parts: Sequence[Section], *before: Block) -> Section:
     """Make one section of several, each under a heading of its own."""
     return Section(title, (*before, *(block for part in parts for block in (Heading(part.title), *part.blocks))))
+
+
+def made(makers: Sequence[Maker], progress: Progress | None = None) -> list[Section]:
+    """Make sections one after the other.
+
+    Parameters
+    ----------
+    makers
+        Each gives its sections when it is called.
+    progress
+        Called after each with those that are made and the number of all, of which the page around them is the last.
+    """
+    sections: list[Section] = []
+    for number, make in enumerate(makers, start=1):
+        sections += make()
+        if progress is not None:
+            progress(number, len(makers) + 1)
+    return sections
 
 
 def as_sentence(note: str) -> Paragraph:

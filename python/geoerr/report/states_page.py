@@ -64,7 +64,8 @@ def _difference(difference: Difference) -> list[Block]:
 def _model(states: States) -> Table:
     rows = [
         (
-            f"{term.id}.{parameter.name}",
+            term.id,
+            parameter.label,
             f"{parameter.value:.4g}",
             f"{parameter.std:.2g}",
             parameter.unit,
@@ -75,7 +76,7 @@ def _model(states: States) -> Table:
     ]
     fit = states.temperature_fit
     caption = f"What follows {states.covariate}; p {style_probability(fit.misfit.p_value)} that this is all"
-    return Table(caption, ("term", "value", "±", "unit", "like"), tuple(rows))
+    return Table(caption, ("term", "in words", "value", "±", "unit", "like"), tuple(rows))
 
 
 def _left_out(states: States) -> Table:

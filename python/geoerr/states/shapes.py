@@ -27,6 +27,8 @@ from geoerr.model.groups import POSITIONING
 from geoerr.states.functions import Functions, term_id_of
 from geoerr.terms import BasisSpec, Parameter, Part, Plausible, Term
 
+# A shape's order to what it is, in words.
+_WHAT = {0: "turn", 1: "slope", 2: "bow", 3: "S-shape"}
 # Places at which a shape is brought into a basis that holds it exactly.
 _PLACES = 201
 
@@ -167,8 +169,15 @@ def _term(
         axis if axis is not None else term_id_of(name)[2:],
         covariate,
         (Part(term_id_of(name), f"{heat}*({sum_of_shapes})", tuple(definitions)),),
-        tuple(Parameter(coefficient_name(shape), unit, plausible=_plausible(shape)) for shape in shapes),
+        tuple(
+            Parameter(coefficient_name(shape), unit, plausible=_plausible(shape), what=_what(shape))
+            for shape in shapes
+        ),
     )
+
+
+def _what(shape: Shape) -> str:
+    return "expansion" if coefficient_name(shape) == "alpha" else _WHAT[shape.order]
 
 
 def _plausible(shape: Shape) -> tuple[Plausible, ...]:

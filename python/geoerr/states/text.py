@@ -79,7 +79,7 @@ def _temperature_lines(states: States) -> Iterator[str]:
         for parameter in term.coefficients:
             words = plausible_words(parameter)
             yield from _wrapped(
-                f"{term.id}.{parameter.name} = {parameter.value:.4g} ± {parameter.std:.2g} {parameter.unit}"
+                f"{term.id}: {parameter.label} = {parameter.value:.4g} ± {parameter.std:.2g} {parameter.unit}"
                 + (f"; {words}" if words else "")
             )
     yield from _wrapped(

@@ -32,6 +32,7 @@ DATA: Final = "data"
 MISSING: Final = "missing"
 OWN: Final = "own"
 PROGRAM: Final = "program"
+REPORT: Final = "report"
 _MOST_NOTES = 5
 
 
@@ -120,8 +121,8 @@ def fit_classic(session: Session, components: str) -> None:
     session.begin(f"fitting the {components} errors", DATA, work)
 
 
-def find_missing(session: Session) -> None:
-    """Search for what the model lacks."""
+def find_missing(session: Session, *, is_shown: bool = False) -> None:
+    """Search for what the model lacks; `is_shown` draws the pictures anew when it is found."""
     model, data, effects = session.model, session.data, session.own_effects
 
     def work(advance: Advance) -> Callable[[], None]:
@@ -141,7 +142,8 @@ def find_missing(session: Session) -> None:
 
         def apply() -> None:
             with session.lock:
-                session.diagnosis, session.told = found, told
+                session.diagnosis, session.told, session.reports = found, told, {}
+                session.sight += is_shown
 
         return apply
 
@@ -195,6 +197,7 @@ def show(session: Session, number: int) -> None:
         step = session.steps[number]
         if session.measured is None:
             session.current = number
+            session.forget_step()
             session.changed(is_kept=True)
             return
         before = session.before

@@ -41,6 +41,7 @@ def page(session: Session) -> Any:
             dcc.Store(id="tick", data=session.version),
             dcc.Store(id="sight", data=session.sight),
             dcc.Store(id="hovered", data=""),
+            dcc.Store(id="box"),
             dcc.Store(id="marks", data=0.0),
             dcc.Store(id="pinned", data=""),
             dcc.Interval(id="beat", interval=_BEAT_MS, disabled=True),

@@ -9,17 +9,18 @@ from dash import dcc, html
 from geoerr.summaries import counted
 from geoerr.workbench.actions import DATA
 from geoerr.workbench.inputs import Kind
-from geoerr.workbench.parts import button, difference_um, figure_row, problem, section, um
+from geoerr.workbench.parts import button, difference_um, figure_row, problem, section, sentence, um
 from geoerr.workbench.session import Session
 
 _FIGURES = (
-    ("residual", "rmse_um", "How far measured and predicted are apart, root mean square"),
+    ("residual", "rmse_um", "how far measured and predicted are apart, root mean square (rms)"),
     (
         "held out",
         "held_out_rmse_um",
-        "The same on passes that the fit did not see",
+        "the same on passes that the fit did not see: the better model has less",
     ),
 )
+_NOISE = "what repeats scatter, or what is stated: no model gets below it"
 
 
 _KINDS: dict[Kind, str] = {
@@ -85,7 +86,8 @@ def _model(session: Session) -> list[Any]:
     rows = [figure_row(name, um(step.figures.get(key)), why) for name, key, why in _FIGURES]
     floor = step.figures.get("noise_floor_um")
     noise = floor if floor is not None else step.figures.get("noise_um")
-    rows.append(figure_row("noise", um(noise), "What repeats scatter, or what is stated: no model gets below it"))
+    rows.append(figure_row("noise", um(noise), _NOISE))
+    explained = [*((name, why) for name, _, why in _FIGURES), ("noise", _NOISE)]
     effects = [
         html.Li([html.Span([title, html.Br(), html.Code(name)]),
                  button("Remove", "remove", name, off=busy, title=f"Take {name} out and fit again")])
@@ -95,6 +97,12 @@ def _model(session: Session) -> list[Any]:
     return [
         html.P([html.B(machine.name or "machine"), f" · {step.name}"]),
         html.Table(html.Tbody(rows), className="figures"),
+        html.Details(
+            [
+                html.Summary("What these figures mean"),
+                html.Ul([html.Li(f"{name}: {sentence(why)}") for name, why in explained], className="why"),
+            ]
+        ),
         html.P(f"{step.n_classic} classic errors and {counted(len(effects), 'effect')}", className="why"),
         html.Ul(effects, className="files") if effects else None,
         html.Div(

@@ -24,9 +24,11 @@ _MANY_ROWS = 20_000
 # Share of its standard error below which a value says nothing.
 _NOTHING = 1e-6
 _KEPT = (
-    "Kept from the saved session, in words. Look again to see in the pictures what each would explain, and for the "
-    "report."
+    "Kept from the saved session, in words. The numbers behind them are too many for its file: the first “Show” "
+    "searches for them again, and finds the same. So does “Look again”, for the report too."
 )
+# A person's own formula states no units.
+_UNITS = ", in the units of the formula: mm, s, radians"
 _AS_IT_IS = ("Value", "Certainty", "Looks like it", "These runs cannot tell it from")
 
 
@@ -110,7 +112,7 @@ def own_result(session: Session) -> list[Any]:
             [
                 html.P(html.B("It helps." if helps else "It does not help: data that the fit did not see say so.")),
                 html.P(f"Held out {um(held[0])} → {um(held[1])}; residual {um(inside[0])} → {um(inside[1])}."),
-                html.P([html.B("Value: "), "; ".join(values)]),
+                html.P([html.B("Value: "), "; ".join(values), html.Span(_UNITS, className="why")]),
                 html.Div(
                     [
                         button("Add it", "add-trial", is_main=helps, off=session.is_busy),
@@ -129,7 +131,7 @@ def tried_value(parameter: Parameter) -> str:
     """Say the value of a formula's number, or that there is none to be said."""
     if abs(parameter.value) < _NOTHING * parameter.std:
         # What the data leave free is followed as little as can be.
-        return f"{parameter.name} cannot be told from what the model has already"
+        return f"{parameter.label} cannot be told from what the model has already"
     return value_words(parameter)
 
 
@@ -149,7 +151,7 @@ def _answer(session: Session) -> list[Any]:
     diagnosis = session.diagnosis
     return [
         html.P(sentence(told.verdict), className="verdict"),
-        *(html.P(text, className="why") for text in told.sentences),
+        *(html.P(sentence(text), className="why") for text in told.sentences),
         html.P(_KEPT, className="why") if diagnosis is None else None,
         _causes_graph(diagnosis) if isinstance(diagnosis, CircleDiagnosis) else None,
         *(_card(one, session) for one in told.cards),
@@ -214,9 +216,11 @@ def _buttons(one: Card, session: Session, *, is_in: bool) -> Any:
         text = "In the model" if is_in else one.adds
         off = session.is_busy or is_in
         buttons.append(button(text, "add", one.reference, is_main=one.is_main and not is_in, off=off, title=why))
-    if one.can_show and session.diagnosis is not None:
+    if one.can_show:
         title = "Show what it would explain in the pictures"
-        buttons.append(button("Show", "point", one.reference, title=title))
+        # What is found already is shown while other work is under way, too.
+        off = session.is_busy and session.diagnosis is None
+        buttons.append(button("Show", "point", one.reference, title=title, off=off))
     return html.Div(buttons, className="buttons") if buttons else None
 
 

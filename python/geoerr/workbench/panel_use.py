@@ -10,13 +10,14 @@ from geoerr.errors import InputFileError
 from geoerr.model.program_conditions import needed_conditions
 from geoerr.report.figures import variable_label
 from geoerr.summaries import counted
-from geoerr.workbench.actions import PROGRAM
-from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um
+from geoerr.workbench.actions import PROGRAM, REPORT
+from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um, wrong_field
 from geoerr.workbench.pictures import WITHOUT_BUTTONS, in_panel
 from geoerr.workbench.program import HOLD, PASS, ZERO, CorrectedProgram, conditions_of, default_condition, on_the_page
+from geoerr.workbench.reports import REPORTS, can_write
 from geoerr.workbench.session import Session
 
-_NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search, or a new one in a saved session"}
+_NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search"}
 
 
 def use_panel() -> list[Any]:
@@ -48,7 +49,7 @@ def use_panel() -> list[Any]:
             "Report",
             [html.Div(id="reports")],
             name="report",
-            explanation="Each opens in a page of its own, which can be saved and printed.",
+            explanation="Written here, each opens in a page of its own, which can be saved and printed.",
         ),
     ]  # fmt: skip
 
@@ -88,7 +89,7 @@ def wrong_number(session: Session) -> Any:
     try:
         conditions_of(session.step.model, session.view.conditions)
     except InputFileError as error:
-        return html.P(sentence(f"{error.path}: {error.problem}; {error.remedy}"), className="problem", role="alert")
+        return wrong_field(error)
     return None
 
 
@@ -140,19 +141,9 @@ def _folded(notes: list[Any]) -> Any:
     return html.Details([html.Summary(counted(len(notes), "note")), html.Ul(notes, className="told")])
 
 
-def reports_list(session: Session) -> Any:
-    """Offer the pages that can be made now."""
-    offers = [("model", "All that is known of the machine", bool(session.steps))]
-    offers += [("comparison", "How far and where the model is off", session.seen is not None)]
-    offers += [("diagnosis", "What is missing, and how sure that is", session.diagnosis is not None)]
-    items = [
-        html.Li(
-            html.A(text, href=f"/report/{name}", target="_blank")
-            if is_there
-            else html.Span(f"{text}: comes with {_NEEDED[name]}", className="why")
-        )
-        for name, text, is_there in offers
-    ]
+def reports_list(session: Session) -> list[Any]:
+    """Offer the reports that can be written now, and open those that are."""
+    items = [html.Li(_report(session, name, text)) for name, text in REPORTS.items()]
     items.append(
         html.Li(
             html.A("The model itself, model.json", href="/model.json")
@@ -160,7 +151,18 @@ def reports_list(session: Session) -> Any:
             else html.Span("model.json: comes with a model", className="why")
         )
     )
-    return html.Ul(items, className="files")
+    return [problem(session, REPORT), html.Ul(items, className="files")]
+
+
+def _report(session: Session, name: str, text: str) -> list[Any]:
+    if name in session.reports:
+        return [html.A(f"Open: {text}", href=f"/report/{name}", target="_blank")]
+    if name == "diagnosis" and session.diagnosis is None and session.told is not None:
+        said = f"{text}: the saved session has it in words only"
+        return [html.Span(said, className="why"), button("Look again", "diagnose", off=session.is_busy)]
+    if not can_write(session, name):
+        return [html.Span(f"{text}: comes with {_NEEDED[name]}", className="why")]
+    return [html.Span(text), button("Write", "report", name, off=session.is_busy, title=f"Write the report: {text}")]
 
 
 def _pair(name: str, before: str, after: str) -> Any:

@@ -9,13 +9,13 @@ from dash import dcc, html
 
 from geoerr.diagnose.regions import Region, region_name
 from geoerr.machine import AXES
-from geoerr.report.figures import error_fall, variable_label
+from geoerr.report.figures import error_fall, variable_label, variable_unit
 from geoerr.summaries import counted
 from geoerr.workbench.history import story
 from geoerr.workbench.parts import button, signed, um
-from geoerr.workbench.pictures import CONFIG, WITHOUT_BUTTONS, in_panel
+from geoerr.workbench.pictures import CONFIG, WITHOUT_BUTTONS, in_panel, span_of
 from geoerr.workbench.session import Rows, Seen, Session
-from geoerr.workbench.view import CIRCLE, LARGEST_POWER, LEAST_POWER, LOOKS, View
+from geoerr.workbench.view import CIRCLE, LARGEST_POWER, LEAST_POWER, LOOKS, STANDS, View
 
 # Twice the pixels each way, Plotly's usual, are four times the work where no graphics card does it.
 _CONFIG = {**CONFIG, "scrollZoom": False, "plotGlPixelRatio": 1}
@@ -60,17 +60,26 @@ def _volume_figure(view: View) -> Any:
         included=False,
         allow_direct_input=False,
     )
+    stands = [
+        button(text, "look-from", name, title=f"Look at the volume from {text}") for name, text in STANDS.items()
+    ]
     return html.Figure(
         [
-            html.Div([looks], className="controls"),
+            html.Div([looks], className="controls", role="group", **{"aria-label": "What the volume shows"}),
             html.Div(
                 [
-                    html.Div(shape, id="shape-control"),
-                    html.Span("Exaggerate", className="why"),
-                    html.Div(power, className="slider"),
+                    html.Div(
+                        [
+                            html.Div(shape, id="shape-control"),
+                            html.Span("Exaggerate", className="why"),
+                            html.Div(power, className="slider"),
+                        ],
+                        className="controls row",
+                    ),
+                    html.Div([html.Span("Look from", className="why"), *stands], className="controls small",
+                             role="group", **{"aria-label": "Look at the volume from"}),
                 ],
                 id="volume-controls",
-                className="controls row",
             ),
             html.Div(
                 html.Label(["Run", dcc.Dropdown(id="run", clearable=False, searchable=False)]),
@@ -83,7 +92,7 @@ def _volume_figure(view: View) -> Any:
             ),
             html.Figcaption(id="volume-caption"),
         ]
-    )
+    )  # fmt: skip
 
 
 def _residual_figure() -> Any:
@@ -96,10 +105,38 @@ def _residual_figure() -> Any:
                 ],
                 className="controls",
             ),
+            _limits_form(),
             html.Div(dcc.Graph(id="residual", config=_RESIDUAL_CONFIG, responsive=True), className="picture"),
             html.Figcaption(id="residual-caption"),
         ]
     )
+
+
+def _limits_form() -> Any:
+    """Make the fields that mark rows as a box over the picture does, without a mouse and to the digit."""
+    fields = [
+        html.Label([word, dcc.Input("", id=f"mark-{word}", type="text", className="code", autoComplete="off")])
+        for word in ("from", "to")
+    ]
+    return html.Div(
+        [
+            html.Span("Rows", className="why"),
+            *fields,
+            html.Span(id="mark-unit", className="why"),
+            html.Button("Mark", id="mark-limits", n_clicks=0, type="button", title="Mark the rows between the two"),
+            html.Div(id="wrong-limit"),
+        ],
+        className="controls small",
+        role="group",
+        **{"aria-label": "Mark rows by what the residual is drawn over"},
+    )
+
+
+def limits_shown(seen: Seen, variable: str) -> tuple[str, str, str]:
+    """Give what stands in the empty fields, the variable's ends, and its unit."""
+    span = span_of(seen, variable)
+    low, high = ("", "") if span is None else (f"{end:.4g}".replace("-", "−") for end in span)
+    return low, high, variable_unit(variable)
 
 
 def options_of(seen: Seen) -> list[dict[str, str]]:
@@ -165,16 +202,16 @@ def marked_words(session: Session) -> list[Any]:
         return []
     if rows is None:
         other = "" if session.view.look == CIRCLE else ", click an arrow at the left, or a region"
-        return [html.Span(f"Nothing is marked: drag a box at the right{other}.")]
+        return [html.Span(f"Nothing is marked: drag a box at the right or say from where to where{other}.")]
     texts = []
     for component in seen.comparison.components:
         own = component.residual_um[rows & component.is_known]
         if own.size:
             spread = float(own.std(ddof=1)) if own.size > 1 else float("nan")
-            texts.append(f"{component.name} {_mean(float(own.mean()), spread)} µm")
+            texts.append(f"{component.name} {_mean(float(own.mean()), spread)}")
     figures = seen.comparison.figures_on(rows)
     marked = counted(int(rows.sum()), "row", grouped=True)
-    told = f"{marked} marked: {um(figures.headline_um)} rms; mean ± spread {', '.join(texts)}"
+    told = f"{marked} marked: {um(figures.headline_um)} rms; mean ± spread {', '.join(texts)} µm"
     return [html.Span(told), button("Unmark", "unmark")]
 
 
@@ -187,6 +224,8 @@ def fall_graph(session: Session) -> Any:
     noise = figure.layout.title.subtitle.text
     in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
     figure.update_layout(legend={"yref": "container", "yanchor": "top", "y": 1.0})
+    # Plotly would write figures as small as bars are thin.
+    figure.update_traces(constraintext="none", textfont_size=10, selector={"type": "bar"})
     # A bar's length is for the eye; its row must not be thinner than its text.
     height_px = _BARS_PX[0] + _BARS_PX[1] * max(len(figure.data[0].y), 2)
     return html.Div(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, Final
 
 from dash import html
 
+from geoerr.errors import InputFileError
 from geoerr.workbench.session import Session
 
+_IN_BACKTICKS: Final = re.compile(r"`([^`]*)`")
 # For fields that belong to the page alone: what was typed is there again after a reload.
 STAYS: Final = {"persistence": True, "persistence_type": "session"}
 
@@ -43,9 +46,17 @@ def problem(session: Session, place: str) -> Any:
     )
 
 
+def wrong_field(error: InputFileError) -> Any:
+    """Say what is wrong with what was typed, beside its field."""
+    return html.P(sentence(f"{error.path}: {error.problem}; {error.remedy}"), className="problem", role="alert")
+
+
 def sentence(text: str) -> str:
-    """Begin with a capital, unless the first word is a name (`part.gcode:118:`), and end with a full stop."""
-    text = text.strip()
+    """Begin with a capital, unless the first word is a name (`part.gcode:118:`), and end with a full stop.
+
+    What stands in backticks, for a terminal, stands in quotes.
+    """
+    text = _IN_BACKTICKS.sub(r"“\1”", text.strip())
     if not text:
         return text
     begins = text[0].upper() if text.split()[0].isalpha() else text[0]

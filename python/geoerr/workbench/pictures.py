@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from dash import Patch
 
 from geoerr.diagnose import Comparison, Component
 from geoerr.errors import InputFileError
+from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.report.figures import circle, residual_against, residual_of_regions, style, value_label
 from geoerr.report.figures.error_field import field_difference, grid_traces
@@ -23,7 +24,8 @@ from geoerr.workbench.circles import CircleRun
 from geoerr.workbench.parts import um
 from geoerr.workbench.program import conditions_of
 from geoerr.workbench.session import Rows, Seen, Session
-from geoerr.workbench.view import CIRCLE, DIFFERENCE, REGION
+from geoerr.workbench.typed import typed_number
+from geoerr.workbench.view import CIRCLE, CORNER, DIFFERENCE, REGION, View
 
 # For every picture of the page. Plotly offers to upload a chart to its makers' cloud: not from here.
 CONFIG = {"displaylogo": False, "responsive": True, "showSendToCloud": False}
@@ -38,7 +40,14 @@ _MEASURED = 1
 # Traces of each component in the picture of the residual: points, means, what would be explained.
 _PER_COMPONENT = 3
 # Far enough away that the axes' names are inside a narrow panel.
-_EYE = {"x": 1.75, "y": -2.05, "z": 1.2}
+_EYES = {
+    "above": {"x": 0.0, "y": 0.0, "z": 3.2},
+    "front": {"x": 0.0, "y": -2.7, "z": 0.0},
+    "side": {"x": 2.7, "y": 0.0, "z": 0.0},
+    CORNER: {"x": 1.75, "y": -2.05, "z": 1.2},
+}
+# The axis that is looked along.
+_ALONG = {"above": "z", "front": "y", "side": "x"}
 _MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
 _FEED_MM_MIN = 1000.0
 
@@ -73,7 +82,7 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     if view.shows_shape and view.look in _DRAWN:
         caption += _add_shape(figure, session)
     ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}
-    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", camera_eye=_EYE)
+    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", **_scene_of(view))
     return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)
 
 
@@ -145,8 +154,9 @@ def _circle_picture(session: Session, seen: Seen, explained_um: Numbers | None) 
     deviations = [style.UM_PER_MM * one.circular_deviation_mm for one in (run.measured, run.predicted)]
     centre = ", ".join(f"{value:.4g}" for value in commanded.center_mm)
     caption = (
-        f"Deviation from the least-squares circle, {rings}; G (ISO 230-4): measured {um(deviations[0])}, model "
-        f"{um(deviations[1])}. {commanded.plane} plane, radius {commanded.radius_mm:.4g} mm about ({centre}) mm."
+        f"Deviation from the least-squares circle, {rings}; circular deviation G (ISO 230-4): measured "
+        f"{um(deviations[0])}, model {um(deviations[1])}. {commanded.plane} plane, radius "
+        f"{commanded.radius_mm:.4g} mm about ({centre}) mm."
     )
     return Picture(figure, caption)
 
@@ -195,6 +205,21 @@ def marks_in_volume(session: Session, seen: Seen) -> Patch:
     return changed
 
 
+def turned_volume(session: Session) -> Patch | None:
+    """Give what another place to look from changes in the volume; None where none is drawn."""
+    view = session.view
+    if session.seen is None or view.look == CIRCLE:
+        return None
+    changed = Patch()
+    for name, value in _scene_of(view).items():
+        place = changed["layout"]["scene"]
+        *above, last = name.split("_")
+        for part in above:
+            place = place[part]
+        place[last] = value
+    return changed
+
+
 def marks_in_residual(session: Session, seen: Seen) -> Patch:
     """Give what a new mark changes in the residual's picture, and nothing else of it."""
     changed = Patch()
@@ -237,6 +262,31 @@ def rows_in_box(seen: Seen, variable: str, box: dict[str, list[float]]) -> Rows:
     return np.asarray(inside & seen.comparison.points.solved.used)
 
 
+def rows_between(seen: Seen, variable: str, low: str | None, high: str | None) -> Rows | None:
+    """Tell which rows (n,) lie between two limits as typed: those of a box as high as the picture.
+
+    An empty field is no limit; None where both are empty.
+
+    Raises
+    ------
+    InputFileError
+        for what is no number.
+    """
+    ends = (typed_number("from", low), typed_number("to", high))
+    if ends == (None, None):
+        return None
+    return rows_in_box(
+        seen, variable, {"x": [-np.inf if ends[0] is None else ends[0], np.inf if ends[1] is None else ends[1]]}
+    )
+
+
+def span_of(seen: Seen, variable: str) -> tuple[float, float] | None:
+    """Give the least and the largest value of a variable; None where it has none."""
+    values = seen.variables.get(variable, np.zeros(0))
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if known.size else None
+
+
 def rows_of_pass(seen: Seen, row: int) -> Rows:
     """Tell which rows (n,) belong to the same pass as one."""
     sightings = seen.comparison.points.sightings
@@ -260,6 +310,19 @@ def _volume(session: Session, seen: Seen) -> Volume:
         return volume
     # What would be explained is drawn as long as the means are.
     return replace(volume, magnification=view.exaggeration * magnification_of_means(seen.comparison))
+
+
+def _scene_of(view: View) -> dict[str, Any]:
+    """Give what of the volume depends on where it is looked at from; an axis that is looked along is a point."""
+    along = _ALONG.get(view.stand)
+    return {
+        "camera_eye": _EYES.get(view.stand, _EYES[CORNER]),
+        "camera_up": {"x": 0.0, "y": 1.0, "z": 0.0} if along == "z" else {"x": 0.0, "y": 0.0, "z": 1.0},
+        "camera_projection_type": "perspective" if along is None else "orthographic",
+        **{f"{axis}axis_visible": axis != along for axis in AXES},
+        # New with every wish: until then the picture stays as a person turned it.
+        "uirevision": f"turned {view.turns}",
+    }
 
 
 def _chosen_run(session: Session, seen: Seen) -> CircleRun | None:

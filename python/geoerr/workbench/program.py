@@ -16,6 +16,7 @@ from geoerr.model import Model
 from geoerr.model.program_conditions import needed_conditions
 from geoerr.model.worth import well_known
 from geoerr.verify.path_trace import PathTrace, trace_paths
+from geoerr.workbench.typed import typed_number
 
 Numbers = npt.NDArray[np.float64]
 # What the page asks, as it asks it.
@@ -127,16 +128,10 @@ def conditions_of(model: Model, typed: Mapping[str, str]) -> dict[str, float]:
     """
     found = {}
     for name in needed_conditions(model):
-        text = typed.get(name, "").strip().replace(",", ".")
-        if not text:
-            default = default_condition(model, name)
-            if default is not None:
-                found[name] = default
-            continue
-        try:
-            found[name] = float(text)
-        except ValueError:
-            raise InputFileError(name, f"{text!r} is no number", remedy="write a number, for example 60") from None
+        value = typed_number(name, typed.get(name))
+        value = default_condition(model, name) if value is None else value
+        if value is not None:
+            found[name] = value
     return found
 
 

@@ -109,6 +109,8 @@ class Session:
         name and content, to be corrected again by another model or with other wishes.
     before
         The model that was looked at before, of the same data. One only: each holds its measurements anew.
+    reports
+        Name to the page, of those that were written and still tell what is so.
     problems
         Panel to the message that it shows.
     notes
@@ -136,6 +138,7 @@ class Session:
     program: CorrectedProgram | None = None
     dropped: tuple[str, bytes] | None = None
     before: Looked | None = None
+    reports: dict[str, str] = field(default_factory=dict)
     view: View = field(default_factory=View)
     problems: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -205,6 +208,7 @@ class Session:
     def forget_step(self) -> None:
         """Forget what belongs to the model that was looked at."""
         self.seen = self.diagnosis = self.told = self.trial = None
+        self.reports = {}
 
     def begin(self, title: str, place: str, work: Work) -> None:
         """Begin work in the background.

@@ -1,7 +1,7 @@
 """A session's file: everything that cannot be had again by a click, and what the page says of a diagnosis.
 
 The diagnosis itself, with every number behind it, is not in it: pictures of what candidates explain, and a report,
-come with a new search.
+come with the same search again, which takes seconds, where its numbers would take megabytes.
 """
 
 from __future__ import annotations

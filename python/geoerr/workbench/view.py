@@ -13,6 +13,9 @@ LOOKS = {
     **{"length": "arrows", "magnitude": "size", "direction": "direction"},
     **{REGION: "regions", DIFFERENCE: "vs ★", CIRCLE: "circle"},
 }
+# Where the volume is looked at from, to what a person reads.
+CORNER = "corner"
+STANDS = {"above": "above", "front": "the front", "side": "the side", CORNER: "a corner"}
 # Powers of two around the exaggeration that draws the largest error as about a tenth of the volume.
 LEAST_POWER, LARGEST_POWER = -3, 3
 
@@ -27,6 +30,9 @@ class View:
         One of `LOOKS`.
     shows_shape
         Whether the volume's grid is drawn as the model bends it.
+    stand, turns
+        One of `STANDS`, and how often one was asked for: asked for again, it is taken again, however the picture was
+        turned meanwhile.
     power
         Exaggeration, as a power of two.
     variable, color_by
@@ -39,6 +45,8 @@ class View:
 
     look: str = "length"
     shows_shape: bool = True
+    stand: str = CORNER
+    turns: int = 0
     power: float = 0.0
     variable: str = ""
     color_by: str = ""
@@ -49,6 +57,11 @@ class View:
     def exaggeration(self) -> float:
         """Times the automatic magnification."""
         return float(2.0**self.power)
+
+    def look_from(self, stand: str) -> None:
+        """Look at the volume from one of `STANDS`."""
+        self.stand = stand
+        self.turns += 1
 
     def settle(
         self, variables: Sequence[str], by_worth: Sequence[str], looks: Collection[str], runs: Sequence[str]

@@ -3,32 +3,35 @@
 from __future__ import annotations
 
 import base64
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, Patch, State, ctx, dcc, no_update
+from dash import ALL, Dash, Input, Output, State, ctx, dcc, no_update
 
 from geoerr.errors import GeoerrError
-from geoerr.workbench import actions
-from geoerr.workbench.explained import what_is_shown
+from geoerr.workbench import actions, reports
+from geoerr.workbench.explained import TRIAL, what_is_shown
 from geoerr.workbench.layout import status
+from geoerr.workbench.marking import wire_marks
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_given import given_panel
 from geoerr.workbench.panel_missing import missing_panel, own_result
 from geoerr.workbench.panel_use import conditions_form, program_result, reports_list, wrong_number
-from geoerr.workbench.panel_where import fall_graph, marked_words, options_of, regions_table, rows_of_region
+from geoerr.workbench.panel_where import (
+    fall_graph,
+    limits_shown,
+    marked_words,
+    options_of,
+    regions_table,
+)
 from geoerr.workbench.pictures import (
     explanation,
-    marks_in_residual,
-    marks_in_volume,
     residual_picture,
-    rows_in_box,
-    rows_of_pass,
+    turned_volume,
     volume_picture,
 )
 from geoerr.workbench.program import Wish
-from geoerr.workbench.session import Rows, Seen, Session
+from geoerr.workbench.session import Session
 from geoerr.workbench.view import CIRCLE, DIFFERENCE, LOOKS, REGION
 
 # Actions of buttons to the panel in which a refusal is shown.
@@ -42,6 +45,7 @@ PLACES = {
     "diagnose": actions.MISSING,
     "add": actions.MISSING,
     "add-trial": actions.OWN,
+    "report": actions.REPORT,
     "stop": actions.DATA,
     "dismiss": actions.DATA,
 }
@@ -58,6 +62,7 @@ _ACTIONS: dict[str, Callable[[Session, str], None]] = {
     "refer": lambda session, what: actions.refer_to(session, int(what)),
     "put-away": actions.put_away,
     "add-trial": lambda session, _: actions.add_trial(session),
+    "report": reports.write,
     "stop": lambda session, _: session.stop(),
     "dismiss": actions.dismiss,
 }
@@ -113,6 +118,7 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
                 "residual": no_update,
                 "regions": None,
                 "captions": (said, ""),
+                "limits": ("", "", ""),
                 "marked": [],
             }
         explained = what_is_shown(session, shown)
@@ -123,6 +129,7 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
             "residual": residual.figure,
             "regions": regions_table(seen) if session.view.look == REGION else None,
             "captions": (volume.caption, residual.caption),
+            "limits": limits_shown(seen, session.view.variable),
             "marked": marked_words(session),
         }
 
@@ -142,48 +149,18 @@ def choose(session: Session, look: str, variable: str | None, color: str | None,
         view.color_by = color if color is not None and color in seen.variables else ""
 
 
-def mark(session: Session, source: str, what: Any) -> tuple[Patch, list[Any]] | None:
-    """Mark rows as a picture, a region or a button asks for.
+def pin(session: Session, name: str, pinned: str) -> str:
+    """Give what is shown from now on: a candidate, or nothing where it was shown already.
 
-    Returns
-    -------
-    tuple or None
-        What changes in the residual's picture, and what is said of it; None where nothing is to be seen.
+    Of a saved session it is searched for again, and shown when it is found.
     """
-    with session.lock:
-        seen = session.seen
-        if seen is None:
-            return None
-        rows = None
-        has_box = source == "residual" and bool(what) and "range" in what
-        if source == "residual" and not has_box and not session.is_marked_by_box:
-            # The box goes away where rows are marked elsewhere: that takes no mark away.
-            return None
-        if has_box:
-            rows = rows_in_box(seen, session.view.variable, what["range"])
-        elif source == "volume" and what:
-            rows = _rows_of_stroke(session, seen, what["points"][0].get("customdata") or [])
-        elif source == "region":
-            rows = rows_of_region(seen, int(what))
-        actions.select(session, rows)
-        session.is_marked_by_box = source == "residual"
-        in_residual = marks_in_residual(session, seen)
-        if source != "residual":
-            in_residual["layout"]["selections"] = []
-        return in_residual, marked_words(session)
-
-
-def mark_volume(session: Session) -> Patch | None:
-    """Give what the rows that are marked change in the volume, or the circle."""
-    with session.lock:
-        return None if session.seen is None else marks_in_volume(session, session.seen)
-
-
-def _rows_of_stroke(session: Session, seen: Seen, told: Sequence[Any]) -> Rows | None:
-    """Give what a stroke in the volume stands for: its last number is its region, or its row; a grid tells none."""
-    if len(told) <= 6:
-        return session.selected
-    return rows_of_region(seen, int(told[-1])) if session.view.look == REGION else rows_of_pass(seen, int(told[-1]))
+    if name == TRIAL or session.diagnosis is not None:
+        return "" if name == pinned else name
+    try:
+        actions.find_missing(session, is_shown=True)
+    except GeoerrError as error:
+        refuse(session, actions.MISSING, error)
+    return name
 
 
 def wire(app: Dash, session: Session) -> None:
@@ -191,6 +168,8 @@ def wire(app: Dash, session: Session) -> None:
     _wire_actions(app, session)
     _wire_panels(app, session)
     _wire_pictures(app, session)
+    _wire_stand(app, session)
+    wire_marks(app, session)
     _wire_pointing(app, session)
     _wire_forms(app, session)
     _wire_program(app, session)
@@ -284,6 +263,11 @@ def _wire_pictures(app: Dash, session: Session) -> None:
                 "shape": Output("shape-control", "hidden"),
             },
             "captions": (Output("volume-caption", "children"), Output("residual-caption", "children")),
+            "limits": (
+                Output("mark-from", "placeholder"),
+                Output("mark-to", "placeholder"),
+                Output("mark-unit", "children"),
+            ),
             "marked": Output("marked", "children"),
         },
         inputs={
@@ -312,30 +296,18 @@ def _wire_pictures(app: Dash, session: Session) -> None:
         }
         return pictures(session, shown) | {"hidden": hidden}
 
+
+def _wire_stand(app: Dash, session: Session) -> None:
     @app.callback(
-        Output("residual", "figure", allow_duplicate=True),
-        Output("marked", "children", allow_duplicate=True),
-        Output("marks", "data"),
-        Input("residual", "selectedData"),
-        Input("volume", "clickData"),
-        Input({"do": "mark-region", "what": ALL}, "n_clicks"),
-        Input({"do": "unmark", "what": ALL}, "n_clicks"),
+        Output("volume", "figure", allow_duplicate=True),
+        Input({"do": "look-from", "what": ALL}, "n_clicks"),
         prevent_initial_call=True,
     )
-    def _mark(selected: Any, clicked: Any, *_: Any) -> Any:
-        source = ctx.triggered_id
-        if isinstance(source, str):
-            found = mark(session, source, selected if source == "residual" else clicked)
-        elif ctx.triggered[0]["value"]:
-            found = mark(session, "region" if source["do"] == "mark-region" else "none", source["what"])
-        else:
-            found = None
-        return (no_update, no_update, no_update) if found is None else (*found, time.monotonic())
-
-    @app.callback(Output("volume", "figure", allow_duplicate=True), Input("marks", "data"), prevent_initial_call=True)
-    def _mark_volume(_: float) -> Any:
-        # The volume is slow to draw without a graphics card: what was asked for is answered first.
-        return mark_volume(session) or no_update
+    def _look_from(_: Any) -> Any:
+        if not ctx.triggered or not ctx.triggered[0]["value"]:
+            return no_update
+        session.view.look_from(ctx.triggered_id["what"])
+        return turned_volume(session) or no_update
 
 
 def _wire_pointing(app: Dash, session: Session) -> None:
@@ -354,15 +326,15 @@ def _wire_pointing(app: Dash, session: Session) -> None:
 
     @app.callback(
         Output("pinned", "data"),
+        Output("tick", "data", allow_duplicate=True),
         Input({"do": "point", "what": ALL}, "n_clicks"),
         State("pinned", "data"),
         prevent_initial_call=True,
     )
     def _pin(_: Any, pinned: str) -> Any:
         if not ctx.triggered or not ctx.triggered[0]["value"]:
-            return no_update
-        name = ctx.triggered_id["what"]
-        return "" if name == pinned else name
+            return no_update, no_update
+        return pin(session, ctx.triggered_id["what"], pinned), session.version
 
 
 def _wire_forms(app: Dash, session: Session) -> None:
@@ -387,6 +359,7 @@ def _wire_forms(app: Dash, session: Session) -> None:
     @app.callback(
         Output("sight", "data", allow_duplicate=True),
         Output("wrong-number", "children"),
+        Output("reports", "children", allow_duplicate=True),
         Input({"condition": ALL}, "value"),
         State({"condition": ALL}, "id"),
         prevent_initial_call=True,
@@ -394,10 +367,12 @@ def _wire_forms(app: Dash, session: Session) -> None:
     def _state_conditions(values: Sequence[str | None], ids: Sequence[dict[str, str]]) -> Any:
         typed = {one["condition"]: value or "" for one, value in zip(ids, values, strict=True)}
         if typed == {name: session.view.conditions.get(name, "") for name in typed}:
-            return no_update, no_update
+            return no_update, no_update, no_update
         session.view.conditions |= typed
         session.sight += 1
-        return session.sight, wrong_number(session)
+        # What was written tells of the machine under other conditions.
+        session.reports = {}
+        return session.sight, wrong_number(session), reports_list(session)
 
 
 def _wire_program(app: Dash, session: Session) -> None:

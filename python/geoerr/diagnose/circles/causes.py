@@ -55,6 +55,9 @@ _MOST_WAVES = 500
 _N_DECAYS = 9
 _JUMPS_OF_A_TURN = 72
 _JUMP_FROM_END = 0.05
+# The low orders of a guideway's shape, and of positioning, in words.
+_SHAPES = {"h": "bow", "s": "S-shape"}
+_MIDDLES = {"h": "middle", "s": "S-shape"}
 
 _WHY_NOT = {
     "radius-change": "the radius of every set-up is free: it is told beside the causes",
@@ -188,14 +191,22 @@ def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
         names = [f"{order}_{other}" for order in orders]
         channel = f"E{other.upper()}{axis.upper()}"
         parts.append(Part(channel, _low_orders(names), _relative(runs, axis)))
-        coefficients += [Parameter(name, "mm") for name in names]
+        coefficients += [
+            Parameter(name, "mm", what=f"{_SHAPES[order]} along {other}")
+            for name, order in zip(names, orders, strict=True)
+        ]
     return _classic(effect, axis, tuple(parts), tuple(coefficients))
 
 
 def _pitch(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
     """Give the same shapes along the axis: a scale that changes from one end to the other."""
     part = Part(f"E{axis.upper()}{axis.upper()}", _low_orders(list(orders)), _relative(runs, axis))
-    return _classic(effect, axis, (part,), tuple(Parameter(name, "mm") for name in orders))
+    return _classic(
+        effect,
+        axis,
+        (part,),
+        tuple(Parameter(order, "mm", what=f"{_MIDDLES[order]} along {axis}") for order in orders),
+    )
 
 
 def _low_orders(names: Sequence[str]) -> str:

@@ -20,7 +20,7 @@ from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
 from geoerr.diagnose.summary import circle_diagnosis_html
-from geoerr.diagnose.words import listed, sure_words, um_words
+from geoerr.diagnose.words import chance_words, listed, um_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
@@ -210,7 +210,7 @@ class CircleDiagnosis(Answer):
             return f"the circle is off by {listed(causes)}, some of which these runs cannot tell from others{more}"
         if self.unknown is not None:
             return self.unknown.words()
-        return f"nothing is wrong that these runs could show: {sure_words(self.p_value)}"
+        return f"nothing is wrong that these runs could show: {chance_words(self.p_value)}"
 
     def tied_with(self, cause: Cause) -> tuple[Alias, ...]:
         """Give what these runs cannot tell from a found cause."""

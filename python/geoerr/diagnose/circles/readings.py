@@ -83,7 +83,7 @@ def _plain(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
 
 def _of(parameter: Parameter, what: str | None = None, says: str = "") -> Reading:
     factor, unit = _UNITS.get(parameter.unit, (1.0, parameter.unit))
-    name = parameter.name if what is None else what
+    name = (parameter.what or parameter.name) if what is None else what
     return Reading(name, factor * parameter.value, factor * parameter.std, unit, says)
 
 
@@ -165,15 +165,7 @@ def _sideways(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
 
 
 def _bow(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
-    found = []
-    for parameter in _values(term).values():
-        order, _, direction = parameter.name.partition("_")
-        along = direction or term.axis or ""
-        what = (
-            ("bow" if order == "h" else "S") if term.effect == "straightness" else ("middle" if order == "h" else "S")
-        )
-        found.append(_of(parameter, f"{what} along {along}", "over the circle's diameter"))
-    return found
+    return [_of(parameter, says="over the circle's diameter") for parameter in _values(term).values()]
 
 
 def _wave(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:

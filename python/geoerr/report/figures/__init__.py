@@ -6,7 +6,7 @@ from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unkno
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
 from geoerr.report.figures.fall import Stage, diagnosis_fall, error_fall, stages_of
-from geoerr.report.figures.labels import value_label, variable_label
+from geoerr.report.figures.labels import value_label, variable_label, variable_unit
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.of_model import (
@@ -78,4 +78,5 @@ __all__ = [
     "unknown_curve",
     "value_label",
     "variable_label",
+    "variable_unit",
 ]

@@ -30,6 +30,11 @@ def variable_label(name: str) -> str:
     return text if unit is None else f"{text}, {unit}"
 
 
+def variable_unit(name: str) -> str:
+    """Give a variable's unit; nothing where it has none."""
+    return _words_and_unit(name)[1] or ""
+
+
 def value_label(name: str, value: str) -> str:
     """Say what a variable is somewhere: `temp_bed 34.99 °C`, `direction of approach in x 1`."""
     text, unit = _words_and_unit(name)

@@ -1,0 +1,131 @@
+"""Marking rows: by a box, a stroke, a region or two limits; what is marked shows in both pictures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from dash import ALL, Dash, Input, Output, Patch, State, ctx, no_update
+
+from geoerr.errors import InputFileError
+from geoerr.workbench import actions
+from geoerr.workbench.panel_where import marked_words, rows_of_region
+from geoerr.workbench.parts import wrong_field
+from geoerr.workbench.pictures import marks_in_residual, marks_in_volume, rows_between, rows_in_box, rows_of_pass
+from geoerr.workbench.session import Rows, Seen, Session
+from geoerr.workbench.view import REGION
+
+
+def mark(session: Session, source: str, what: Any) -> list[Any] | None:
+    """Mark rows as a picture, a region, two limits or a button asks for.
+
+    Returns
+    -------
+    list or None
+        What is said of it; None where nothing is to be seen. What it changes in the pictures is for `mark_residual`
+        and `mark_volume` to say.
+
+    Raises
+    ------
+    InputFileError
+        for a limit that is no number.
+    """
+    with session.lock:
+        seen = session.seen
+        if seen is None:
+            return None
+        rows = None
+        has_box = source == "residual" and bool(what) and "range" in what
+        if source == "residual" and not has_box and not session.is_marked_by_box:
+            # The box goes away where rows are marked elsewhere: that takes no mark away.
+            return None
+        if has_box:
+            rows = rows_in_box(seen, session.view.variable, what["range"])
+        elif source == "volume" and what:
+            rows = _rows_of_stroke(session, seen, what["points"][0].get("customdata") or [])
+        elif source == "region":
+            rows = rows_of_region(seen, int(what))
+        elif source == "limits":
+            rows = rows_between(seen, session.view.variable, *what)
+        actions.select(session, rows)
+        session.is_marked_by_box = source == "residual"
+        return marked_words(session)
+
+
+def mark_residual(session: Session) -> Patch | None:
+    """Give what the rows that are marked change in the residual's picture; a box that did not mark them goes away."""
+    with session.lock:
+        if session.seen is None:
+            return None
+        changed = marks_in_residual(session, session.seen)
+        if not session.is_marked_by_box:
+            changed["layout"]["selections"] = []
+        return changed
+
+
+def mark_volume(session: Session) -> Patch | None:
+    """Give what the rows that are marked change in the volume, or the circle."""
+    with session.lock:
+        return None if session.seen is None else marks_in_volume(session, session.seen)
+
+
+def _rows_of_stroke(session: Session, seen: Seen, told: Sequence[Any]) -> Rows | None:
+    """Give what a stroke in the volume stands for: its last number is its region, or its row; a grid tells none."""
+    if len(told) <= 6:
+        return session.selected
+    return rows_of_region(seen, int(told[-1])) if session.view.look == REGION else rows_of_pass(seen, int(told[-1]))
+
+
+def wire_marks(app: Dash, session: Session) -> None:
+    """Put the callbacks of marking on the page."""
+    # Of a box its ends are enough: Plotly tells every point in it, more than 100 kB.
+    app.clientside_callback(
+        "(told) => told && told.range ? {range: told.range} : null",
+        Output("box", "data"),
+        Input("residual", "selectedData"),
+        prevent_initial_call=True,
+    )
+
+    @app.callback(
+        Output("marked", "children", allow_duplicate=True),
+        Output("marks", "data"),
+        Output("wrong-limit", "children"),
+        Input("box", "data"),
+        Input("volume", "clickData"),
+        Input({"do": "mark-region", "what": ALL}, "n_clicks"),
+        Input({"do": "unmark", "what": ALL}, "n_clicks"),
+        Input("mark-limits", "n_clicks"),
+        Input("mark-from", "n_submit"),
+        Input("mark-to", "n_submit"),
+        State("mark-from", "value"),
+        State("mark-to", "value"),
+        prevent_initial_call=True,
+    )
+    def _mark(box: Any, clicked: Any, *rest: Any) -> Any:
+        source, limits = ctx.triggered_id, rest[-2:]
+        try:
+            if source == "box":
+                words = mark(session, "residual", box)
+            elif source == "volume":
+                words = mark(session, "volume", clicked)
+            elif isinstance(source, str):
+                words = mark(session, "limits", limits)
+            elif ctx.triggered[0]["value"]:
+                words = mark(session, "region" if source["do"] == "mark-region" else "none", source["what"])
+            else:
+                words = None
+        except InputFileError as error:
+            return no_update, no_update, wrong_field(error)
+        return (no_update, no_update, None) if words is None else (words, time.monotonic(), None)
+
+    # Pictures are slow to draw without a graphics card: what was asked for is answered first.
+    @app.callback(
+        Output("residual", "figure", allow_duplicate=True), Input("marks", "data"), prevent_initial_call=True
+    )
+    def _mark_residual(_: float) -> Any:
+        return mark_residual(session) or no_update
+
+    @app.callback(Output("volume", "figure", allow_duplicate=True), Input("marks", "data"), prevent_initial_call=True)
+    def _mark_volume(_: float) -> Any:
+        return mark_volume(session) or no_update
