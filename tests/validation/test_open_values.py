@@ -18,7 +18,7 @@ def test_sag_under_weights_that_change_is_named_by_what_the_weights_do() -> None
     values = {one.name: one for one in found[0].parameters}
     # A model with straightness and angles has the sag under the usual weight in it.
     assert math.isnan(values["k"].std)
-    assert "k is not determined by these data" in found[0].value_words
+    assert "curvature under the weight k is not determined by these data" in found[0].value_words
     assert found[0].to_document()["parameters"]["k"]["value"] is None
     assert values["k1"].value == pytest.approx(truth.parameters["k1"], abs=4.0 * values["k1"].std)
     assert values["k1"].std < 0.05 * abs(values["k1"].value)
