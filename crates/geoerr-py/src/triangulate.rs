@@ -1,6 +1,8 @@
 //! Binds `geoerr_core::triangulate`.
 
-use geoerr_core::triangulate::{PixelNoise, Pixels, Rig, Rows, Status, triangulate_into, triangulate_points};
+use geoerr_core::triangulate::{
+    PixelNoise, Pixels, Precision, Rig, Rows, Status, triangulate_into, triangulate_points,
+};
 use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
@@ -89,7 +91,7 @@ fn py_triangulate_points<'py>(
     plain_points::<f64>(py, &rig, &left, &right, threads)
 }
 
-fn plain_points<'py, P: Element + Copy + Into<f64>>(
+fn plain_points<'py, P: Element + Precision>(
     py: Python<'py>,
     rig: &Rig,
     left: &PyReadonlyArray2<'py, P>,

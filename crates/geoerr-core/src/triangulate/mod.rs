@@ -289,7 +289,7 @@ pub fn triangulate_into(
 /// assert!((points_mm[0][0] - 40.0).abs() < 1e-10 && (points_mm[0][2] - 800.0).abs() < 1e-10);
 /// # Ok::<(), geoerr_core::triangulate::TriangulateError>(())
 /// ```
-pub fn triangulate_points<P: Copy + Sync + Into<f64>>(
+pub fn triangulate_points<P: Precision>(
     rig: &Rig,
     left_px: &[[P; 2]],
     right_px: &[[P; 2]],
@@ -301,7 +301,7 @@ pub fn triangulate_points<P: Copy + Sync + Into<f64>>(
     check_length("the array of points", points_mm.len(), n_points)?;
     check_length("the array of statuses", status.len(), n_points)?;
     let fill = |(((left_px, right_px), points_mm), status): (((&[_], &[_]), &mut [_]), &mut [_])| {
-        fill_points(rig, left_px, right_px, points_mm, status);
+        P::fill_points(rig, left_px, right_px, points_mm, status);
     };
     if n_points <= POINTS_PARALLEL_ABOVE {
         fill((((left_px, right_px), points_mm), status));
@@ -314,6 +314,47 @@ pub fn triangulate_points<P: Copy + Sync + Into<f64>>(
             .for_each(fill);
     }
     Ok(())
+}
+
+/// What pixels are given in: `f32` or `f64`.
+pub trait Precision: Copy + Sync + Into<f64> + sealed::Fill {}
+
+impl Precision for f32 {}
+impl Precision for f64 {}
+
+/// The kernel of each precision, made in this crate: where it was made in the crate of whoever called it, that crate's way
+/// of being compiled decided whether it was four times as slow.
+mod sealed {
+    use super::{Rig, Status, fill_points};
+
+    pub trait Fill: Sized {
+        fn fill_points(
+            rig: &Rig,
+            left_px: &[[Self; 2]],
+            right_px: &[[Self; 2]],
+            points_mm: &mut [[f64; 3]],
+            status: &mut [Status],
+        );
+    }
+
+    macro_rules! fill {
+        ($($precision:ty),*) => {$(
+            impl Fill for $precision {
+                #[inline(never)]
+                fn fill_points(
+                    rig: &Rig,
+                    left_px: &[[Self; 2]],
+                    right_px: &[[Self; 2]],
+                    points_mm: &mut [[f64; 3]],
+                    status: &mut [Status],
+                ) {
+                    fill_points(rig, left_px, right_px, points_mm, status);
+                }
+            }
+        )*};
+    }
+
+    fill!(f32, f64);
 }
 
 fn fill_points<P: Copy + Into<f64>>(
