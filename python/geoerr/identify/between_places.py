@@ -69,7 +69,7 @@ def _miss_rad(position_mm: Numbers, angles_rad: Sequence[Numbers], covariances: 
         return 0.0
     left_out = _left_out(position_mm)
     square = expected = chi_squared = 0.0
-    dof = 0
+    n_missed = dof = 0
     for angle, covariance in zip(angles_rad, covariances, strict=True):
         if covariance is None or not np.isfinite(covariance).all():
             continue
@@ -79,11 +79,12 @@ def _miss_rad(position_mm: Numbers, angles_rad: Sequence[Numbers], covariances: 
         kept = value > _RANK_TOLERANCE * max(float(value[-1]), 0.0)
         chi_squared += float(((vector[:, kept].T @ miss) ** 2 / value[kept]).sum())
         dof += int(kept.sum())
+        n_missed += len(miss)
         square += float(miss @ miss)
         expected += float(np.trace(own))
     if dof == 0 or stats.chi2.sf(chi_squared, dof) >= _SIGNIFICANCE:
         return 0.0
-    return float(np.sqrt(max(square - expected, 0.0) / (len(left_out) * len(angles_rad))))
+    return float(np.sqrt(max(square - expected, 0.0) / n_missed))
 
 
 def _left_out(position_mm: Numbers) -> Numbers:
