@@ -142,11 +142,12 @@ def freedom_of(fitted: Fitted, used: np.ndarray, *, threads: int = 0) -> Numbers
     held = _held_beforehand(fitted)
     own = root.copy()
     own[held] = 0.0
-    raw = projected_rows(fitted.problem, solved.state, own, scale, threads)
-    basis = orthonormal(raw.reshape(-1, raw.shape[2]), threads=threads)
+    # The rest of the model, and each of those unknowns by itself.
+    wanted = np.concatenate([own, np.eye(len(root))[:, held]], axis=1)
+    raw = projected_rows(fitted.problem, solved.state, wanted, scale, threads).reshape(3 * len(scale), -1)
+    basis = orthonormal(raw[:, : own.shape[1]], threads=threads)
     if len(held):
-        unit = np.eye(len(root))[:, held]
-        columns = projected_rows(fitted.problem, solved.state, unit, scale, threads).reshape(-1, len(held))
+        columns = raw[:, own.shape[1] :]
         for _ in range(2):
             columns = columns - basis @ (basis.T @ columns)
         value, vector = np.linalg.eigh(columns.T @ columns)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr.geometry import remove_line
+from geoerr.identify.distance import squared_distance
 from geoerr.identify.linear import Numbers
 
 # Below this probability of such misses by chance the places are too far apart.
@@ -21,7 +22,6 @@ _SIGNIFICANCE = 0.01
 _NEIGHBOURS = 4
 # Mean of a parabola that is 0 at both ends of an interval and 1 in its middle.
 _MEAN_OF_A_BUMP = 2.0 / 3.0
-_RANK_TOLERANCE = 1e-9
 
 
 def integral_covariance(
@@ -75,10 +75,8 @@ def _miss_rad(position_mm: Numbers, angles_rad: Sequence[Numbers], covariances: 
             continue
         miss = left_out @ angle
         own = left_out @ covariance @ left_out.T
-        value, vector = np.linalg.eigh(own)
-        kept = value > _RANK_TOLERANCE * max(float(value[-1]), 0.0)
-        chi_squared += float(((vector[:, kept].T @ miss) ** 2 / value[kept]).sum())
-        dof += int(kept.sum())
+        more, rank = squared_distance(miss, own)
+        chi_squared, dof = chi_squared + more, dof + rank
         n_missed += len(miss)
         square += float(miss @ miss)
         expected += float(np.trace(own))

@@ -10,12 +10,11 @@ integral of the angle are both linear in the coefficients, and so is their diffe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from geoerr.bases import basis_of
 from geoerr.error_functions import ErrorFunctions, NotDetermined
@@ -26,14 +25,10 @@ from geoerr.identify.axis import angle_name
 from geoerr.identify.between_places import integral_covariance, without_line
 from geoerr.identify.linear import Numbers
 from geoerr.identify.nine_line import StraightnessMethod
-from geoerr.identify.straightness import TangentVerdict
+from geoerr.identify.straightness import TangentVerdict, judged
 from geoerr.machine import AXES, Machine
 from geoerr.observations import Observations
 
-# Below this probability of so large a disagreement by chance the assumption is rejected.
-_SIGNIFICANCE = 0.01
-# Eigenvalues of the difference's covariance below this share of the largest are the gauge's, or round-off.
-_RANK_TOLERANCE = 1e-9
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
 _MOST_ENTRIES = 101
 
@@ -165,10 +160,15 @@ def _verdicts(result: FitResult, machine: Machine) -> tuple[TangentVerdict, ...]
     unknown = {item.name for item in result.fitted.not_determined}
     by_id = {term.id: term for term in terms}
     determined = by_id.keys() - unknown
+    pairs = [(angle, *other) for angle, other in TANGENT.items() if {angle, other[0]} <= determined]
+    positions = _positions(result)
+    between = {}
+    for axis in dict.fromkeys(angle[2].lower() for angle, _, _ in pairs):
+        names = [name for name in (angle_name(direction, axis) for direction in range(3)) if name in determined]
+        between[axis] = _between(result, by_id, spans, names, positions[axis])
     return tuple(
-        _verdict(result, machine, by_id, spans, determined, angle, straight, sign)
-        for angle, (straight, sign) in TANGENT.items()
-        if {angle, straight} <= determined
+        _verdict(result, machine, by_id, spans, positions, between, angle, straight, sign)
+        for angle, straight, sign in pairs
     )
 
 
@@ -177,7 +177,8 @@ def _verdict(
     machine: Machine,
     by_id: Mapping[str, Any],
     spans: Mapping[str, slice],
-    determined: Set[str],
+    positions: Mapping[str, Numbers],
+    between_mm2: Mapping[str, Numbers],
     angle: str,
     straight: str,
     sign: float,
@@ -185,26 +186,15 @@ def _verdict(
     """Test `straightness − ∫ angle` at the measured positions against its covariance, and what lies between them."""
     axis = angle[2].lower()
     side = 1.0 if machine.side(axis) == "tool" else -1.0
-    places = _positions(result)[axis]
+    places = positions[axis]
     spec, angle_spec = by_id[straight].parts[0].basis, by_id[angle].parts[0].basis
     direct = basis_of(spec).evaluate(places)
     integral = side * sign * basis_of(replace(angle_spec, is_tangent_integral=True)).evaluate(places)
-    design = np.hstack([direct, -integral])
+    design = without_line(places) @ np.hstack([direct, -integral])
     own = np.r_[spans[straight], spans[angle]]
     values = np.array([p.value for p in (*by_id[straight].coefficients, *by_id[angle].coefficients)])
-    gauge = without_line(places)
-    difference = gauge @ design @ values
-    covariance = gauge @ design @ result.fitted.covariance[np.ix_(own, own)] @ design.T @ gauge.T
-    names = [name for name in (angle_name(direction, axis) for direction in range(3)) if name in determined]
-    covariance = covariance + _between(result, by_id, spans, names, places)
-    spread, direction = np.linalg.eigh(covariance)
-    keep = spread > _RANK_TOLERANCE * max(float(spread[-1]), 0.0)
-    rms = float(np.sqrt(np.mean(difference**2)))
-    if not keep.any():
-        return TangentVerdict(straight, rms, None, None)
-    chi_squared = float(((direction[:, keep].T @ difference) ** 2 / spread[keep]).sum())
-    p_value = float(stats.chi2.sf(chi_squared, int(keep.sum())))
-    return TangentVerdict(straight, rms, p_value, p_value >= _SIGNIFICANCE)
+    covariance = design @ result.fitted.covariance[np.ix_(own, own)] @ design.T
+    return judged(straight, design @ values, covariance + between_mm2[axis])
 
 
 def _between(

@@ -21,16 +21,14 @@ import numpy as np
 from scipy import stats
 
 from geoerr.error_functions import LI_NAMES
-from geoerr.geometry import integrate_straightness, remove_line
+from geoerr.geometry import integrate_straightness
 from geoerr.identify.between_places import without_line
+from geoerr.identify.distance import squared_distance
 from geoerr.identify.linear import Curve, Linear, Numbers
 from geoerr.machine import AXES, Machine
 
 # Below this probability of so large a disagreement by chance the assumption is rejected.
 _SIGNIFICANCE = 0.01
-# Eigenvalues of the difference's covariance below this share of the largest are the gauge's (no slope, first value
-# 0).
-_RANK_TOLERANCE = 1e-9
 
 _UM_PER_MM = 1e3
 
@@ -80,10 +78,9 @@ def without_slope(curve: Curve) -> tuple[Curve, Linear]:
     slope
         What was taken away, mm/mm, one value.
     """
-    unit = np.eye(len(curve.nodes))
-    gauged = remove_line(curve.position_mm, unit).T
+    gauged = without_line(curve.position_mm)
     # The line that was removed from each unit vector, from its rise over the range.
-    removed = unit - gauged
+    removed = np.eye(len(gauged)) - gauged
     slope = (removed[-1] - removed[0]) / (curve.position_mm[-1] - curve.position_mm[0])
     return curve.transformed(gauged), curve.linear.transformed(slope[None])
 
@@ -128,17 +125,21 @@ def compare(
         return None
     # On common nodes both are put into the gauge again, so that a missing end does not count as a disagreement.
     difference = without_slope(direct.on(both))[0].minus(without_slope(by_integral.on(both))[0], 1.0).linear
-    rms = float(np.sqrt(np.mean(difference.value**2)))
     covariance = covariance_of(difference)
-    if covariance is None:
+    if covariance is not None:
+        in_both = np.isin(by_integral.nodes, both)
+        gauge = without_line(by_integral.position_mm[in_both])
+        covariance = covariance + gauge @ between_mm2[np.ix_(in_both, in_both)] @ gauge.T
+    return judged(name, difference.value, covariance)
+
+
+def judged(name: str, difference_mm: Numbers, covariance_mm2: Numbers | None) -> TangentVerdict:
+    """Judge a difference (n,) of direct and integrated straightness by its covariance (n, n), where that is known."""
+    rms = float(np.sqrt(np.mean(difference_mm**2)))
+    if covariance_mm2 is None:
         return TangentVerdict(name, rms, None, None)
-    in_both = np.isin(by_integral.nodes, both)
-    gauge = without_line(by_integral.position_mm[in_both])
-    covariance = covariance + gauge @ between_mm2[np.ix_(in_both, in_both)] @ gauge.T
-    eigenvalue, vector = np.linalg.eigh(covariance)
-    kept = eigenvalue > _RANK_TOLERANCE * eigenvalue[-1]
-    if eigenvalue[-1] <= 0.0:
+    chi_squared, dof = squared_distance(difference_mm, covariance_mm2)
+    if dof == 0:
         return TangentVerdict(name, rms, None, None)
-    chi_squared = float(np.sum((vector[:, kept].T @ difference.value) ** 2 / eigenvalue[kept]))
-    p_value = float(stats.chi2.sf(chi_squared, int(kept.sum())))
+    p_value = float(stats.chi2.sf(chi_squared, dof))
     return TangentVerdict(name, rms, p_value, p_value >= _SIGNIFICANCE)

@@ -13,7 +13,7 @@ from geoerr.diagnose.advice.columns import Terms, poses_of
 from geoerr.diagnose.advice.families import Company
 from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser
 from geoerr.diagnose.findings import Separation
-from geoerr.diagnose.space import Space, freedom_of, noise_sums, orthonormal, whitened_space
+from geoerr.diagnose.space import Space, beyond, freedom_of, noise_sums, whitened_space
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted
@@ -147,11 +147,11 @@ def _space_with(fitted: Fitted, term: Term, threads: int) -> Space:
     solved, sightings = fitted.solved, fitted.sightings
     rows: Numbers = (sightings.is_measured & solved.used[:, None]).astype(np.float64)
     used = solved.used.astype(np.float64)
-    own = freedom_of(fitted, solved.used, threads=threads)
+    own = freedom_of(fitted, solved.used, threads=threads).reshape(rows.size, -1)
     terms = Terms(fitted.machine, [term], with_inner=False)
     columns = terms.columns(sightings, poses_of(fitted), scale=used, threads=threads)[:, :, : terms.n_columns]
-    joined = np.concatenate([own, columns * rows[:, :, None]], axis=2)
-    basis = orthonormal(joined.reshape(-1, joined.shape[2])).reshape(*rows.shape, -1)
+    new = beyond(own, (columns * rows[:, :, None]).reshape(rows.size, -1))
+    basis = np.concatenate([own, new], axis=1).reshape(*rows.shape, -1)
     sums = noise_sums(fitted, rows, basis, threads=threads)
     return whitened_space(fitted, sums.fit(), rows, sums)
 
