@@ -110,8 +110,10 @@ impl BlockWriter {
         out: &mut Vec<u8>,
     ) -> Result<(), GcodeError> {
         let &Outgoing { line, source: SourceLine { body, .. }, a_move, .. } = outgoing;
+        // What is printed as the end of the range is in it.
+        let slack_mm = options.half_step_mm(a_move.is_inch);
         for node in nodes {
-            check_command(node, options, a_move.is_inch, line, body)?;
+            check_command(node, options, slack_mm, line, body)?;
         }
         if let (Share::Unclear, [_, .., end]) = (a_move.share, nodes) {
             if options.on_unsupported == OnUnsupported::Refuse {
@@ -164,12 +166,10 @@ fn refused(error: SplitError, line: u64, body: &[u8]) -> GcodeError {
 fn check_command(
     node: &Node,
     options: &Options,
-    is_inch: bool,
+    slack_mm: f64,
     line: u64,
     body: &[u8],
 ) -> Result<(), GcodeError> {
-    // What is printed as the end of the range is in it.
-    let slack_mm = options.half_step_mm(is_inch);
     let axes = AXIS_LETTERS.into_iter().zip(options.range_mm).zip(node.command_mm);
     for ((axis, (low_mm, high_mm)), position_mm) in axes {
         if !(low_mm - slack_mm..=high_mm + slack_mm).contains(&position_mm) {
