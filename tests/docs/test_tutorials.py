@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -49,6 +50,8 @@ def test_numbers_done_again_are_those_that_were_said() -> None:
     assert names["p_value"] == pytest.approx(names["finding"].p_value, rel=1e-6)
     assert names["correlation"] == pytest.approx(names["rival"].correlation, rel=1e-6)
     assert names["value"][0] == pytest.approx(names["finding"].term.coefficients[0].value, rel=1e-3)
+    worth_um = np.sqrt((names["explained"][names["used"]] ** 2).sum(axis=1).mean())
+    assert worth_um == pytest.approx(names["finding"].worth_um, rel=1e-3)
 
 
 def test_all_three_are_named() -> None:

@@ -19,8 +19,9 @@ def test_a_centre_is_as_sure_as_it_says(number: int) -> None:
     case = one.case(4_000, is_study=False)
     fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
     (found,) = search(fitted, Catalogue({"bed-bow": catalogue()["bed-bow"]}), threads=1).found
-    assert found.beside_others is not None
-    told = {one.name: one for one in found.beside_others.inner}
+    term = found.at_last.term
+    assert term is not None
+    told = {one.name: one for one in term.inner}
     for name in ("x_c", "y_c"):
         assert 0.0 < told[name].std < 100.0
         assert abs(told[name].value - case.truth[0].parameters[name]) < 4.0 * told[name].std

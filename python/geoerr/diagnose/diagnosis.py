@@ -312,7 +312,7 @@ class _Summary:
         tied = next((rival for rival in one.rivals if self._is_tied(first, rival)), None)
         against = None if tied is None else reference_of(tied.judged)
         held_out = self._held_out(one.settled, [other.settled for other in self.searched.found[:place]])
-        finding = self._finding(one.judged, one.with_last_values, aliases=aliases, against=against, held_out=held_out)
+        finding = self._finding(one.judged, one.at_last, aliases=aliases, against=against, held_out=held_out)
         return replace(finding, alike=self._alike(finding.term))
 
     def _alike(self, term: Term) -> dict[str, tuple[float, ...]]:
@@ -325,7 +325,7 @@ class _Summary:
         return [
             self._finding(
                 rival.judged,
-                rival.settled,
+                self.searched.rival_at_last(first, rival),
                 tied=self._is_tied(name, rival),
                 aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
                 against=name,
@@ -389,7 +389,7 @@ class _Summary:
         return where_of(self.fitted.sightings, moved_um, self.fitted.solved.used, variables)
 
     def _unknown(self, found: Found) -> Unknown:
-        judged, settled = found.judged, found.settled
+        judged, settled = found.judged, found.at_last
         assert isinstance(judged.what, Probe)
         probe = judged.what
         reference = curve_reference(self.fitted, probe)

@@ -13,7 +13,8 @@ from geoerr.fit.sightings import Numbers
 def explained_um(diagnosis: Diagnosis, what: Finding | Unknown) -> Numbers:
     """Give the part of the residuals that something would explain: (n, 3), µm in base axes, rows as in the fit.
 
-    Of an effect it is what the model cannot do itself: `worth_um` is its root mean square.
+    Of an effect it is what neither the model nor the other effects that were found can do: `worth_um` is its root
+    mean square.
 
     Raises
     ------
@@ -29,11 +30,13 @@ def _settled(diagnosis: Diagnosis, what: Finding | Unknown) -> Settled:
     if isinstance(what, Unknown):
         if searched.unknown is None:
             raise GeoerrError("this diagnosis found nothing without a name")
-        return searched.unknown.settled
+        return searched.unknown.at_last
     for found in searched.found:
-        for judged, settled in ((found.judged, found.settled), *((one.judged, one.settled) for one in found.rivals)):
-            if reference_of(judged) == what.reference:
-                return settled
+        if reference_of(found.judged) == what.reference:
+            return found.at_last
+        for rival in found.rivals:
+            if reference_of(rival.judged) == what.reference:
+                return searched.rival_at_last(found, rival)
     first = searched.first
     for judged in first.candidates:
         if reference_of(judged) == what.reference:

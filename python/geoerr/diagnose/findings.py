@@ -144,8 +144,8 @@ class Named(ABC):
 class Finding(Named):
     """A candidate in the diagnosis of measured points.
 
-    `worth_um` is of what the model cannot explain, components summed as for errors; `separate_by` tells it from the
-    first, or from the first one tied with it.
+    `worth_um` is of what neither the model nor the others that were found can explain, components summed as for
+    errors; `separate_by` tells it from the first, or from the first one tied with it.
 
     Attributes
     ----------

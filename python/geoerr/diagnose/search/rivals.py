@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from geoerr.diagnose.search.together import Together, together
 from geoerr.diagnose.space import Space
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import Term
 
 # Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
 # contains it.
@@ -129,17 +128,20 @@ class Found:
     looked
         The look that found it.
     beside_others
-        An effect's term as it is beside all that was found, in the noise that all of it leaves; None while the search
-        goes on.
+        The same beside all that was found, in the noise that all of it leaves; None while the search goes on.
     """
 
     judged: Judged
     settled: Settled
     rivals: tuple[Rival, ...]
     looked: Round
-    beside_others: Term | None = None
+    beside_others: Settled | None = None
 
     @property
-    def with_last_values(self) -> Settled:
-        """What it explained when it was found, with the values that it has beside the others."""
-        return replace(self.settled, term=self.beside_others) if self.beside_others else self.settled
+    def at_last(self) -> Settled:
+        """What it explains beside the others.
+
+        When it was found it was itself a part of the noise: what a play does to a pass counted as the pass's offset,
+        and in a session of few passes more was to be explained than had been measured.
+        """
+        return self.beside_others or self.settled

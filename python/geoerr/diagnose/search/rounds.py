@@ -29,7 +29,7 @@ from geoerr.diagnose.search.nameless import (
     without_remainders,
 )
 from geoerr.diagnose.search.own_noise import in_own_noise
-from geoerr.diagnose.search.rivals import Found, rivals_of
+from geoerr.diagnose.search.rivals import Found, Rival, rivals_of
 from geoerr.diagnose.search.settle import Settled, resettle, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.diagnose.space import Space
@@ -81,6 +81,11 @@ class Searched:
     not_offered: tuple[tuple[str, str], ...]
     beside: tuple[Numbers, ...]
     ends_early: bool = False
+
+    def rival_at_last(self, found: Found, rival: Rival) -> Settled:
+        """Give a rival in the place of what was found: beside the others, in the noise that all of it leaves."""
+        space = found.at_last.space
+        return resettle(space, self.bench.scanner(space, n_draws=0), rival.settled)
 
 
 def search(
@@ -177,6 +182,8 @@ def search(
     assert first is not None
     beside = [*finer, *aside]
     together = tuple(_together(bench, found, beside, looked))
+    named = [one.settled.raw for one in together]
+    unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early)
 
 
@@ -246,6 +253,14 @@ def _nameless(looked: Round, probe: Judged) -> Found:
     return Found(probe, settle(looked.space, looked.scanner, probe), (), looked)
 
 
+def _nameless_at_last(bench: Bench, unknown: Found | None, others: Sequence[Numbers], last: Round) -> Found | None:
+    """Estimate what has no name, if anything, beside all the rest, in the noise that all of it leaves."""
+    if unknown is None:
+        return None
+    space = bench.space_to_estimate_in(last.space.noise, others)
+    return replace(unknown, beside_others=settle(space, bench.scanner(space, n_draws=0), unknown.judged))
+
+
 def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers]) -> bool:
     """Tell whether a name that is only just sure, or gains less than its numbers cost, lowers the held-out error."""
     if best.p_value < _SURE and best.evidence > 0.0:
@@ -269,7 +284,7 @@ def _together(bench: Bench, found: list[Found], aside: list[Numbers], last: Roun
         settled[place] = again
         if others and again.gain < _REMAINS * one.settled.gain and _evidence(space, again, one) <= 0.0:
             return _together(bench, [other for other in found if other is not one], aside, last)
-        result.append(replace(one, beside_others=again.term))
+        result.append(replace(one, beside_others=again))
     return result
 
 
