@@ -321,18 +321,18 @@ class _Summary:
         return {} if found is None else {term.inner[found[0]].name: tuple(found[1])}
 
     def _rivals(self, first: Found) -> list[Finding]:
-        name = reference_of(first.judged)
+        name, rivals = reference_of(first.judged), _listed(first)
         return [
             self._finding(
                 rival.judged,
-                self.searched.rival_at_last(first, rival),
+                settled,
                 tied=self._is_tied(name, rival),
                 aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
                 against=name,
                 held_out=self._held_out(rival.settled, []),
                 together=rival.together,
             )
-            for rival in _listed(first)
+            for rival, settled in zip(rivals, self.searched.rivals_at_last(first, rivals), strict=True)
         ]
 
     def _is_tied(self, first: EffectReference, rival: Rival) -> bool:

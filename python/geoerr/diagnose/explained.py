@@ -36,7 +36,7 @@ def _settled(diagnosis: Diagnosis, what: Finding | Unknown) -> Settled:
             return found.at_last
         for rival in found.rivals:
             if reference_of(rival.judged) == what.reference:
-                return searched.rival_at_last(found, rival)
+                return searched.rivals_at_last(found, [rival])[0]
     first = searched.first
     for judged in first.candidates:
         if reference_of(judged) == what.reference:

@@ -82,10 +82,11 @@ class Searched:
     beside: tuple[Numbers, ...]
     ends_early: bool = False
 
-    def rival_at_last(self, found: Found, rival: Rival) -> Settled:
-        """Give a rival in the place of what was found: beside the others, in the noise that all of it leaves."""
+    def rivals_at_last(self, found: Found, rivals: Sequence[Rival]) -> list[Settled]:
+        """Give rivals in the place of what was found: beside the others, in the noise that all of it leaves."""
         space = found.at_last.space
-        return resettle(space, self.bench.scanner(space, n_draws=0), rival.settled)
+        scanner = self.bench.scanner(space, n_draws=0)
+        return [resettle(space, scanner, rival.settled) for rival in rivals]
 
 
 def search(
