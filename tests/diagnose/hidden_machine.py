@@ -31,6 +31,12 @@ class Motion:
     line: npt.NDArray[np.int64]
     load: Numbers
 
+    @property
+    def seen_from_the_tool(self) -> dict[str, object]:
+        """Columns of a camera on the tool: of each row its line, and the direction of each axis."""
+        columns: dict[str, object] = {"carrier": ["tool"] * len(self.q), "line": [f"L{one}" for one in self.line]}
+        return columns | {f"dir_{name}": self.d[:, index] for index, name in enumerate("xyz")}
+
 
 @dataclass
 class Noise:
@@ -158,8 +164,7 @@ def measure(
     measured = measured + 1e-3 * error
     columns: dict[str, object] = {
         "session": [str(one) for one in moved.session],
-        "line": [f"L{one}" for one in moved.line],
-        "carrier": ["tool"] * n,
+        **moved.seen_from_the_tool,
         "t": moved.t,
         "feed": moved.feed,
         "moving": np.ones(n),
@@ -171,6 +176,5 @@ def measure(
         columns[f"t{name}"] = np.zeros(n)
         columns[f"m{name}"] = measured[:, index]
         columns[f"s{name}"] = np.full(n, 1e-3 * noise.white[index])
-        columns[f"dir_{name}"] = moved.d[:, index]
     columns |= (plan or Plan()).columns
     return observations_from_columns(columns)

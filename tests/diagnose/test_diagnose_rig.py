@@ -32,9 +32,7 @@ def test_what_the_calibration_can_do_is_no_effects(monkeypatch: pytest.MonkeyPat
     rng = np.random.default_rng(4)
     moved = motion(rng, PLAN)
     seen = 1.0001 * moved.q - 8e-3 * moved.d[:, :1] * np.eye(3)[0]
-    columns = {f"dir_{axis}": moved.d[:, index] for index, axis in enumerate("xyz")}
-    columns |= {"line": [f"L{one}" for one in moved.line], "carrier": ["tool"] * len(seen)}
-    observations = measured(moved.q, seen, rng, noise_mm=5e-3, **columns)
+    observations = measured(moved.q, seen, rng, noise_mm=5e-3, **moved.seen_from_the_tool)
     model = geoerr.fit_model(machine(), observations, components="none", options=FitOptions(threads=1)).model
     without = diagnose(model, observations, threads=1)
     assert {one.reference.effect for one in without.found} == {"rig-scale", "backlash"}
@@ -55,9 +53,7 @@ def test_what_the_calibration_hardly_moves_takes_no_residual_away(
     rng = np.random.default_rng(4)
     moved = motion(rng, PLAN)
     seen = moved.q - 16e-3 * moved.d[:, :1] * np.eye(3)[0]
-    columns = {f"dir_{axis}": moved.d[:, index] for index, axis in enumerate("xyz")}
-    columns |= {"line": [f"L{one}" for one in moved.line], "carrier": ["tool"] * len(seen)}
-    observations = measured(moved.q, seen, rng, noise_mm=5e-3, **columns)
+    observations = measured(moved.q, seen, rng, noise_mm=5e-3, **moved.seen_from_the_tool)
     calibration = {
         "rig_sensitivity": observations.measured_mm[:, :, None],
         "rig_covariance": np.array([[known_to**2]]),

@@ -19,9 +19,7 @@ def test_in_a_session_of_few_passes_play_is_not_worth_more_than_was_measured(see
     rng = np.random.default_rng(seed)
     moved = motion(rng, Plan(n_sessions=1, n_lines=6, n_points=12))
     seen_mm = moved.q - 0.5e-3 * PLAY_UM * moved.d[:, :1] * np.eye(3)[0]
-    columns = {f"dir_{axis}": moved.d[:, index] for index, axis in enumerate("xyz")}
-    columns |= {"line": [f"L{one}" for one in moved.line], "carrier": ["tool"] * len(seen_mm)}
-    observations = measured(moved.q, seen_mm, rng, noise_mm=1e-3 * NOISE_UM, **columns)
+    observations = measured(moved.q, seen_mm, rng, noise_mm=1e-3 * NOISE_UM, **moved.seen_from_the_tool)
     model = geoerr.fit_model(machine(), observations, components="none", options=FitOptions(threads=1)).model
     diagnosis = diagnose(model, observations, threads=1)
     play = diagnosis.found[0]
