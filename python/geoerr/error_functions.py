@@ -125,6 +125,8 @@ class ErrorFunctions:
         Other estimates of the same functions by name, e.g. `straightness-integrated`.
     notes
         Sentences for the reader.
+    data_digest
+        SHA-256 of the measurements that they were found from (`geoerr.fit.digest_of`); empty where nobody wrote it.
     extra
         Further keys of the file, kept when it is written again (`hidden` of a truth.json).
     """
@@ -136,6 +138,7 @@ class ErrorFunctions:
     not_determined: tuple[NotDetermined, ...] = ()
     alternatives: dict[str, dict[str, ErrorFunction | Squareness]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    data_digest: str = ""
     extra: dict[str, Any] = field(default_factory=dict)
 
     def to_document(self) -> dict[str, Any]:
@@ -150,6 +153,8 @@ class ErrorFunctions:
         }
         if self.notes:
             document["notes"] = list(self.notes)
+        if self.data_digest:
+            document["data"] = {"digest": self.data_digest}
         return {**document, **self.extra}
 
     def plot_errors(self, truth: ErrorFunctions | None = None) -> go.Figure:
@@ -222,7 +227,7 @@ def errors_from_document(document: Any, path: str | Path) -> ErrorFunctions:
             _as_dict(tables, f"alternatives.{name}", path), f"alternatives.{name}", path
         )
         alternatives[name] = {**other_functions, **other_squareness}
-    known = {"schema", "machine", "method", "errors", "alternatives", "not_determined", "notes"}
+    known = {"schema", "machine", "method", "errors", "alternatives", "not_determined", "notes", "data"}
     return ErrorFunctions(
         machine=machine,
         functions=functions,
@@ -231,8 +236,18 @@ def errors_from_document(document: Any, path: str | Path) -> ErrorFunctions:
         not_determined=_read_not_determined(document.get("not_determined", []), path),
         alternatives=alternatives,
         notes=tuple(str(note) for note in document.get("notes", [])),
+        data_digest=_read_digest(_as_dict(document.get("data", {}), "data", path), path),
         extra={key: value for key, value in document.items() if key not in known},
     )
+
+
+def _read_digest(data: dict[str, Any], path: str | Path) -> str:
+    digest = data.get("digest", "")
+    if not isinstance(digest, str):
+        raise InputFileError(
+            path, f"{digest!r} is no digest", column="data.digest", remedy="leave `data` out, or identify again"
+        )
+    return digest
 
 
 def _tables_to_document(tables: Mapping[str, ErrorFunction | Squareness]) -> dict[str, Any]:

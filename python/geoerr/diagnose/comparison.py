@@ -298,10 +298,11 @@ def all_terms(model: Model) -> tuple[Term, ...]:
 
 
 def _is_own_data(model: Model, sightings: Sightings, terms: Sequence[Term]) -> bool:
-    """Tell whether these are the data of the model's fit, by the digest of the rows that it could use."""
-    if model.record is None or not model.record.data_digest:
-        return False
-    return digest_of(complete_rows(model.machine, sightings, terms)) == model.record.data_digest
+    """Tell whether these are the data that the model is from, by the digest of the rows that it could use."""
+    known = "" if model.errors is None else model.errors.data_digest
+    if model.record is not None:
+        known = model.record.data_digest
+    return bool(known) and digest_of(complete_rows(model.machine, sightings, terms)) == known
 
 
 def _selected(sightings: Sightings, rows: np.ndarray) -> Sightings:

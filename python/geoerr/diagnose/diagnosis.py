@@ -368,7 +368,8 @@ class _Summary:
             evidence=judged.evidence,
             worth_um=settled.visible_um,
             tied=tied,
-            aliases=tuple(sorted(aliases, key=lambda alias: -alias.correlation)),
+            # By name where only rounding tells them apart, which is another on another processor.
+            aliases=tuple(sorted(aliases, key=lambda alias: (-round(alias.correlation, 2), str(alias.reference)))),
             separate_by=None if rival is None else Separation(rival.separate_by, rival.plan, rival.minutes),
             where=self._where(settled, variables),
             held_out=held_out,

@@ -38,8 +38,8 @@ _STEP = 0.125
 _CLEARLY = 6.0
 # Of what few knots leave, a wave that leaves less than this does nearly all.
 _NEARLY_ALL = 0.1
-# Two functions more, beside those of a smooth error, and χ² falls by more than this: so it does of a smooth error that
-# is not followed yet, three to thirty times. Of waves it fell 1.0 to 2.2 times.
+# With two functions more χ² falls by more than this: so it does of a smooth error that is not followed yet, three to
+# thirty times. Of waves it fell 1.0 to 2.2 times.
 _STILL_FALLS = 2.5
 
 
@@ -92,7 +92,8 @@ def _is_wave(
     if not waves:
         return False
     fewer, more = (
-        by(basis_of(spline(basis.axis, positions_mm, plain.n_functions + step)).evaluate(places))[0] for step in (-2, 2)
+        by(basis_of(spline(basis.axis, positions_mm, plain.n_functions + step)).evaluate(places))[0]
+        for step in (-2, 2)
     )
     if fewer > _STILL_FALLS * alone and alone > _STILL_FALLS * more:
         return False

@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeometryError, ShapeError
+from geoerr.fit import digest_of, sightings_of
 from geoerr.identify.along import FittedPass
 from geoerr.identify.assemble import assemble
 from geoerr.identify.fitting import fit_passes
@@ -244,13 +245,21 @@ def analyze_nine_lines(
         errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
         errors = replace(errors, squareness=corrected_squareness(first.squareness, again.squareness))
     return NineLineResult(
-        errors=errors,
+        errors=replace(errors, data_digest=_digest_of(observations)),
         lines=_found_lines(places, passes, data),
         missing_lines=tuple(sorted(number for numbers in places.missing.values() for number in numbers)),
         tangent=tangent,
         scatter=tuple(scatter.values()),
         left_out=dict(found.left_out),
     )
+
+
+def _digest_of(observations: Observations) -> str:
+    """Give the digest of the data; of such as no model is fitted to none, for nothing is held against them."""
+    try:
+        return digest_of(sightings_of(observations))
+    except GeometryError:
+        return ""
 
 
 def _arithmetic(
