@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 from hidden_machine import LENGTH_MM, Noise, Plan, machine, measure, motion
+from numpy.polynomial import Chebyshev
 
+from geoerr.bases import basis_of
 from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_model
-from geoerr.fit.wavy import without_waves
+from geoerr.fit.classic import spline
+from geoerr.fit.wavy import _still_falls, without_waves
 from geoerr.observations import Observations
 
 PERIOD_MM = LENGTH_MM / 6.3
@@ -24,6 +27,32 @@ def observed(wave_um: float) -> Observations:
 def test_what_is_smooth_keeps_its_knots() -> None:
     result = fit_model(machine(), observed(0.0), options=FitOptions(threads=1))
     assert without_waves(result.fitted) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_few_knots_leave_of_a_large_smooth_error_is_no_wave(seed: int) -> None:
+    """Of polynomials of a hundred micrometres few knots leave some that go up and down."""
+    rng = np.random.default_rng(seed)
+    moved = motion(rng, Plan())
+    errors = [Chebyshev(100.0 * rng.normal(size=13) / np.arange(1, 14), [0.0, LENGTH_MM]) for _ in range(3)]
+    hidden = np.stack([error(q) for error, q in zip(errors, moved.q.T, strict=True)], axis=1)
+    observations = measure(rng, moved, Noise(white=(1.0, 1.0, 1.0)), hidden)
+    result = fit_model(machine(), observations, options=FitOptions(threads=1))
+    assert without_waves(result.fitted) is None
+
+
+@pytest.mark.parametrize("turns", [5.0, 5.5, 6.0, 8.0])
+def test_a_wave_stays_until_there_are_two_knots_to_a_turn(turns: float) -> None:
+    """What the bound between the two stands on."""
+    q = np.sort(np.random.default_rng(0).uniform(5.0, 395.0, 200))
+    for phase in np.linspace(0.0, np.pi, 7):
+        wave = np.cos(2.0 * np.pi * turns * (q - q[0]) / np.ptp(q) + phase)
+
+        def left_by(count: int, wave: np.ndarray = wave) -> float:
+            columns = basis_of(spline("x", q, count)).evaluate(q)
+            return float(((wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]) ** 2).sum())
+
+        assert not _still_falls(left_by, spline("x", q, 11))
 
 
 def test_waves_that_knots_follow_are_named_and_added_with_few_knots() -> None:

@@ -17,7 +17,7 @@ every knot more, where a wave stays until there are two knots to each turn: what
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -38,9 +38,9 @@ _STEP = 0.125
 _CLEARLY = 6.0
 # Of what few knots leave, a wave that leaves less than this does nearly all.
 _NEARLY_ALL = 0.1
-# With two functions more χ² falls by more than this: so it does of a smooth error that is not followed yet, three to
-# thirty times. Of waves it fell 1.0 to 2.2 times.
-_STILL_FALLS = 2.5
+# With two functions more, what is left falls by more than this: so it does of a smooth error that is not yet followed.
+# Of waves of five turns and more it falls 1.9 times at most, of whatever phase.
+_STILL_FALLS = 3.0
 
 
 def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
@@ -91,17 +91,19 @@ def _is_wave(
     waves = list(_waves(places, basis))
     if not waves:
         return False
-    fewer, more = (
-        by(basis_of(spline(basis.axis, positions_mm, plain.n_functions + step)).evaluate(places))[0]
-        for step in (-2, 2)
-    )
-    if fewer > _STILL_FALLS * alone and alone > _STILL_FALLS * more:
+    if _still_falls(lambda count: by(basis_of(spline(basis.axis, positions_mm, count)).evaluate(places))[0], plain):
         return False
     # A period is one number more.
     best, rank_with = min(by(np.concatenate([smooth, wave], axis=1)) for wave in waves)
     with_wave = best + price * (rank_with + 1) + 2.0 * math.log(len(waves))
     is_as_good = with_wave + _CLEARLY < price * len(target) or best < _NEARLY_ALL * alone
     return is_as_good and with_wave + _CLEARLY < alone + price * rank
+
+
+def _still_falls(left_by: Callable[[int], float], plain: BasisSpec) -> bool:
+    """Tell whether what few functions leave would fall with every one more; odd and even numbers of them together."""
+    few, more = (left_by(count - 1) + left_by(count) for count in (plain.n_functions, plain.n_functions + 2))
+    return few > _STILL_FALLS * more
 
 
 def _waves(places_mm: Numbers, basis: BasisSpec) -> Iterator[Numbers]:
