@@ -38,7 +38,7 @@ _STEP = 0.125
 _CLEARLY = 6.0
 # Of what few knots leave, a wave that leaves less than this does nearly all.
 _NEARLY_ALL = 0.1
-# With two functions more, what is left falls by more than this: so it does of a smooth error that is not yet followed.
+# With two functions more, what is left falls by more than this: so it does of a smooth error not yet followed.
 # Of waves of five turns and more it falls 1.9 times at most, of whatever phase.
 _STILL_FALLS = 3.0
 
