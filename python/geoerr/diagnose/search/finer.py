@@ -53,7 +53,7 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
     does_as_much = [one for one in ways if one.gain >= _AS_MUCH * claim.gain]
     # Twice the logarithm that Schwarz takes for the fewest knots that do as much.
     price = min((one.rank for one in does_as_much), default=0) * math.log(max(looked.space.n_numbers, 2))
-    if is_smooth and (claim.share < _MOSTLY_OWN or claim.gain < price):
+    if claim.share < _MOSTLY_OWN or (is_smooth and claim.gain < price):
         # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
         worth = [(0.5 * one.gain - one.rank - math.log(len(ways)), one.columns) for one in does_as_much]
         least = 0.0
