@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from virtual_machine import Truth, camera, draw_truth, gauged, machine_of, nine_lines, observe
 
-from geoerr.error_functions import ALL_NAMES, LINEAR_AND_ANGULAR, is_angular
-from geoerr.identify import analyze_nine_lines
+from geoerr.diagnose import compare
+from geoerr.error_functions import ALL_NAMES, LINEAR_AND_ANGULAR, errors_from_document, is_angular, write_errors
+from geoerr.errors import InputFileError
+from geoerr.identify import NineLineResult, analyze_nine_lines
 from geoerr.identify.joint import JointResult, identify_joint
+from geoerr.model import load_model
 from geoerr.observations import Observations, observations_from_columns
 
 CROSSING = {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}
@@ -183,3 +188,21 @@ def test_document_is_plain() -> None:
     document = identify_joint(measured(7)[1], machine_of("wZbXYt")).to_document()
     assert json.loads(json.dumps(document)) == document
     assert {item["name"] for item in document["straightness"]} == CROSSING
+
+
+@pytest.mark.parametrize("identify", [identify_joint, analyze_nine_lines])
+def test_tables_know_the_data_that_they_came_from(
+    identify: Callable[..., JointResult | NineLineResult], tmp_path: Path
+) -> None:
+    """Held against these, the model's own freedom takes part, as it does of a fitted model; not against others."""
+    _, observations = measured(3)
+    _, others = measured(4)
+    path = tmp_path / "errors.json"
+    write_errors(path, identify(observations, machine_of("wZbXYt")).errors)
+    model = load_model(path)
+    assert compare(model, observations).freedom == "own"
+    assert compare(model, others).freedom == "held"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["data"] = {"digest": 7}
+    with pytest.raises(InputFileError, match=r"data\.digest"):
+        errors_from_document(document, path)
