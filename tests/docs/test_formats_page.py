@@ -321,7 +321,7 @@ def test_keys_of_errors(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
     asked = keys_asked(monkeypatch, geoerr.model.load, "read_json", "models.md", "errors.json", tmp_path)
     asked = {re.sub(r"^errors\.E\w+", "errors.*", key) for key in asked if not key.startswith("machine.")}
     # What tells a model.json from it, and entries of a list.
-    asked -= {"terms", "errors.*", "not_determined.name", "not_determined.why"}
+    asked -= {"terms", "errors.*", "not_determined.name", "not_determined.why", "data"}
     assert asked == keys_in("models.md", "errorsjson")
 
 
