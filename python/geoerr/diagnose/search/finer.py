@@ -36,7 +36,7 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
 
     Of what the model does most already, it is enough that they do as much, and predict better. So it is of what gains
     less than the price at which they were not chosen: so much of a smooth error evidence leaves. But many waves along
-    an axis are no smooth error, however many knots follow them.
+    an axis, of which the model leaves more, are no smooth error, however many knots follow them.
 
     Parameters
     ----------
