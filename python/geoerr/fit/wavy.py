@@ -86,12 +86,13 @@ def _is_wave(
         # What the knots cannot follow exactly is to be compared as they would follow it.
         return misfit(whiten @ (design @ np.linalg.lstsq(design, columns, rcond=None)[0]), target)
 
+    def by_splines(count: int) -> float:
+        return by(basis_of(spline(basis.axis, positions_mm, count)).evaluate(places))[0]
+
     smooth = basis_of(plain).evaluate(places)
     alone, rank = by(smooth)
     waves = list(_waves(places, basis))
-    if not waves:
-        return False
-    if _still_falls(lambda count: by(basis_of(spline(basis.axis, positions_mm, count)).evaluate(places))[0], plain):
+    if not waves or _still_falls(by_splines, plain):
         return False
     # A period is one number more.
     best, rank_with = min(by(np.concatenate([smooth, wave], axis=1)) for wave in waves)

@@ -18,7 +18,7 @@ import numpy as np
 
 from geoerr.bases import basis_of
 from geoerr.error_functions import ErrorFunctions, NotDetermined
-from geoerr.fit import FitOptions, FitResult, digest_of, fit_model
+from geoerr.fit import FitOptions, FitResult, fit_model
 from geoerr.fit.classic import TANGENT, positions_by_axis
 from geoerr.fit.sightings import SAME_POSITION_MM
 from geoerr.identify.axis import angle_name
@@ -112,6 +112,8 @@ def identify_joint(
         for method in ("direct", "integrated")
     }
     chosen = fits[straightness]
+    record = chosen.model.record
+    assert record is not None
     other_name = "integrated" if straightness == "direct" else "direct"
     positions = _positions(chosen)
     errors = chosen.model.error_functions(positions)
@@ -128,7 +130,7 @@ def identify_joint(
         },
         not_determined=_all_reasons(chosen, errors),
         notes=(*errors.notes, *_notes(chosen, verdicts, straightness)),
-        data_digest=digest_of(chosen.fitted.sightings),
+        data_digest=record.data_digest,
     )
     return JointResult(errors, chosen, verdicts)
 
