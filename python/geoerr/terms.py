@@ -70,6 +70,7 @@ EMPIRICAL = "empirical"
 TermKind = Literal["classic", "effect", "empirical"]
 TermSource = Literal["built-in", "user"]
 Spacing = Literal["linear", "log"]
+_SPACINGS = get_args(Spacing)
 BasisKind = Literal["bspline", "polynomial", "fourier", "linear", "quadratic"]
 
 # Bounds that no honest document comes near; they keep a hostile one from costing memory or time.
@@ -188,19 +189,29 @@ class Parameter:
     what: str = ""
 
     def __post_init__(self) -> None:
-        _require(isinstance(self.name, str) and is_name(self.name), f"{self.name!r} is not a parameter's name")
-        _require(_is_text(self.unit), f"the unit of {self.name} is {self.unit!r}, not a text")
-        _require(_is_text(self.what), f"what {self.name} is is {self.what!r}, not a text")
+        # Thousands are made in a fit: what is refused is put into words only then.
+        if not (isinstance(self.name, str) and is_name(self.name)):
+            raise ShapeError(f"{self.name!r} is not a parameter's name")
+        for field in ("unit", "what"):
+            if not _is_text(text := getattr(self, field)):
+                raise ShapeError(f"{field} of {self.name} is {text!r}, not a text")
         for field in ("value", "std"):
-            number = getattr(self, field)
-            _require(_is_number(number) and not math.isinf(number), f"{field} of {self.name} is {number!r}")
-        _require(not self.std < 0.0, f"std of {self.name} is negative")
-        _require((self.low is None) == (self.high is None), f"the range of {self.name} has one end only")
-        _require(self.spacing in get_args(Spacing), f"spacing {self.spacing!r} of {self.name} is not known")
+            if not _is_number(number := getattr(self, field)) or math.isinf(number):
+                raise ShapeError(f"{field} of {self.name} is {number!r}")
+        if self.std < 0.0:
+            raise ShapeError(f"std of {self.name} is negative")
+        if self.spacing not in _SPACINGS:
+            raise ShapeError(f"spacing {self.spacing!r} of {self.name} is not known")
+        self._check_range()
+
+    def _check_range(self) -> None:
+        if (self.low is None) != (self.high is None):
+            raise ShapeError(f"the range of {self.name} has one end only")
         if self.low is not None and self.high is not None:
-            ordered = _is_finite(self.low) and _is_finite(self.high) and self.low <= self.high
-            _require(ordered, f"{self.name} ranges from {self.low!r} to {self.high!r}")
-            _require(self.spacing == "linear" or self.low > 0.0, f"the log range of {self.name} must be above 0")
+            if not (_is_finite(self.low) and _is_finite(self.high) and self.low <= self.high):
+                raise ShapeError(f"{self.name} ranges from {self.low!r} to {self.high!r}")
+            if self.spacing != "linear" and not self.low > 0.0:
+                raise ShapeError(f"the log range of {self.name} must be above 0")
 
     def _key(self) -> tuple[object, ...]:
         return (

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoerr.diagnose.answer import held_out_um
 from geoerr.diagnose.summary import change_html
 from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
@@ -195,7 +194,7 @@ def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], referenc
     _refuse_held(model, *(term.id for term in terms))
     after = data.fitted(model, [*own.terms, *terms])
     before = own.fitted or _before(model, own, after)
-    if is_worth_asking(held_out_um(before), held_out_um(after)):
+    if is_worth_asking(before.scale, after.scale):
         chosen = choose_again(after)
         if chosen is not None:
             # The same rows, joined and placed already.

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from geoerr.fit.classic import on_basis, positions_by_axis, rich_bases
-from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import Ladder, choose_bases
 from geoerr.fit.sightings import SAME_POSITION_MM
@@ -20,9 +19,9 @@ from geoerr.terms import BasisSpec, Term
 _FELL = 1.3
 
 
-def is_worth_asking(before_um: float | None, after_um: float | None) -> bool:
+def is_worth_asking(before: float | None, after: float | None) -> bool:
     """Tell whether an error fell so far that the scatter in which bases were chosen was not the noise."""
-    return before_um is not None and after_um is not None and before_um > _FELL * after_um
+    return before is not None and after is not None and before > _FELL * after
 
 
 def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
@@ -39,10 +38,9 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     if not rich:
         return None
     terms = _on(fitted.terms, rich)
-    # On the rows that were found not to be gross.
-    free = fitted.again(terms, used=fitted.solved.used)
-    if has_run_away(free):
-        free = fitted.again(terms, used=fitted.solved.used, one_step=True)
+    # On the rows that were found not to be gross. To choose by, first order is enough: effects stand where they were
+    # fitted, and what is hardly determined cannot run away.
+    free = fitted.again(terms, used=fitted.solved.used, one_step=True)
     undecided = [term for term in terms if term.id in rich]
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions, ladder=ladder)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}

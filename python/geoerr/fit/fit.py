@@ -333,7 +333,7 @@ class Posed:
             prior=prior,
             robust=options.is_robust,
             is_linear=not free,
-            inner_ranges=_ranges(terms, free, compiled.n_coefficients),
+            inner_ranges=_ranges(terms, free, compiled, problem.n_columns),
             one_step=one_step or around is not None,
             used=used,
             limits=limits,
@@ -534,13 +534,18 @@ class Posed:
         )
 
 
-def _ranges(terms: Sequence[Term], free: Sequence[int], n_coefficients: int) -> Ranges | None:
+def _ranges(terms: Sequence[Term], free: Sequence[int], compiled: Compiled, n_columns: int) -> Ranges | None:
     """Give the ranges of the inner parameters that have columns."""
     if not free:
         return None
     inner = [parameter for term in terms for parameter in term.inner]
     ends = np.array([[inner[place].low, inner[place].high] for place in free], dtype=np.float64)
-    return Ranges(np.array(free), n_coefficients + np.arange(len(free)), ends[:, 0], ends[:, 1])
+    column = compiled.n_coefficients + np.arange(len(free))
+    is_followed = np.zeros(n_columns, dtype=bool)
+    is_followed[column] = True
+    for term, own in zip(terms, compiled.coefficient_slices, strict=True):
+        is_followed[own] = any(not parameter.is_fixed for parameter in term.inner)
+    return Ranges(np.array(free), column, ends[:, 0], ends[:, 1], is_followed)
 
 
 def _not_finite(

@@ -166,7 +166,7 @@ def digest_of(sightings: Sightings) -> str:
             values = column.cast(pl.Float64).fill_null(math.nan).to_numpy()
             sums.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
         else:
-            sums.update("\0".join(value or "" for value in column.cast(pl.String).to_list()).encode())
+            sums.update((column.cast(pl.String).fill_null("").str.join("\0").item() or "").encode())
     return sums.hexdigest()
 
 

@@ -25,6 +25,8 @@ _NEARLY_SETTLED = 0.03
 _NEAR = 0.3
 # While each is so much shorter than the one before.
 _SHORTER = 0.3
+# Columns that were made so near to the minimum, in standard errors of what they follow, are those of the minimum.
+_OF_THE_MINIMUM = 0.03
 _MAX_STEPS = 40
 # As many steps cost as much as a triangle.
 _STEPS_WITH_ANOTHER = 4
@@ -54,12 +56,15 @@ class Ranges:
         Its column.
     low, high : (k,)
         Ends of its range.
+    is_followed : (n_columns,)
+        Unknowns that the columns depend on: these, and the sizes of what follows them.
     """
 
     inner: np.ndarray
     column: np.ndarray
     low: Numbers
     high: Numbers
+    is_followed: np.ndarray
 
     def leaving(self, state: _core.FitState, step: Numbers) -> np.ndarray:
         """Tell which are at an end and would step beyond it, (k,)."""
@@ -274,16 +279,19 @@ def _gauss_newton(
         triangle, unheld, made_at = of_all.triangle, of_all.solution, of_all.design_state
     solution = unheld
     converged, steps = False, 0
-    # Of standard errors: the last step and the one before it, and all steps since the triangle was made.
-    moved = moved_before = moved_in_all = 0.0
+    # Of standard errors: the last step; the same of what the columns follow, its most, and all since the triangle.
+    moved = followed = followed_in_all = 0.0
+    most_followed = _NEAR
+    follows = np.ones(problem.n_columns, dtype=bool) if ranges is None else ranges.is_followed
     settled = _SETTLED if of_all is None else _NEARLY_SETTLED
     cost = _cost(problem, residual, row_scale, _held(problem, state, prior))
     while not converged and steps < _MAX_STEPS:
         if not is_linear:
             design_state = state
-            if moved > min(_NEAR, _SHORTER * moved_before) or moved < settled < moved_in_all:
+            is_at_rest = moved < settled and followed_in_all > _OF_THE_MINIMUM
+            if is_at_rest or followed > most_followed:
                 triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
-                unheld, moved_in_all = triangle.solve(None, threads), 0.0
+                unheld, followed_in_all = triangle.solve(None, threads), 0.0
         elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
             triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
             solution = unheld = triangle.solve(None, threads)
@@ -292,7 +300,7 @@ def _gauss_newton(
             gradient -= prior.T @ _held(problem, state, prior)
         solution, step = _step_inside(triangle, unheld, gradient, state, ranges, limits, threads)
         spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
-        share = float(np.max(np.abs(step) / np.where(spread > 0.0, spread, np.inf), initial=0.0))
+        shares = np.abs(step) / np.where(spread > 0.0, spread, np.inf)
         longest = factor = 1.0 if ranges is None else ranges.share_inside(state, step)
         while True:
             trial = problem.corrected(state, factor * step)
@@ -305,11 +313,14 @@ def _gauss_newton(
             factor *= 0.5
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
-        moved, moved_before = factor * share, moved
-        moved_in_all += moved
+        moved = factor * float(shares.max(initial=0.0))
+        # Of the first step nothing was expected.
+        most_followed = min(_NEAR, _SHORTER * followed) or _NEAR
+        followed = factor * float(shares[follows].max(initial=0.0))
+        followed_in_all += followed
         # A step cut short by the end of a range is not small: the next one goes on along the end. The triangle is to
         # be that of the minimum.
-        is_there = is_linear or moved_in_all < 2.0 * settled
+        is_there = is_linear or followed_in_all <= _OF_THE_MINIMUM
         converged = moved < settled and is_there and (factor < longest or longest == 1.0)
     return _Iterated(state, solution, triangle, made_at, residual, problem.whitened(residual), converged, steps)
 

@@ -29,6 +29,7 @@ pub use dense::{
     add_lower_outer, add_lower_product, product_with_upper, product_with_upper_transposed,
     set_rows_times_upper, symmetric_eigen,
 };
+pub(crate) use dense::{lower_gram, product, transposed_product};
 pub use error::LeastSquaresError;
 pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
 pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};

@@ -1,24 +1,24 @@
-//! `AᵀA` of the whitened design, and what its rows make of matrices, from the entries that are not 0.
+//! `AᵀA` of the whitened design, and what its rows make of matrices, cell by cell.
 //!
 //! A sighting sees of every function along an axis the few splines about its position, and of all frames its own: some
-//! eighty entries of five hundred. They lie in runs of neighbouring columns, and the product of two runs is a small block.
+//! ninety columns of two hundred to five hundred. Sightings of one cell (the same splines, the same frame) see the same
+//! ones, so that all of them are multiplied at once as a small dense matrix over these columns.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::problem::Block;
-use crate::arithmetic::in_wide_registers;
-use crate::least_squares::{Forms, Matrix};
+use super::problem::{Block, NUMBERS_OF_A_ROW};
+use crate::least_squares::{Forms, Matrix, lower_gram, product, transposed_product};
 
 /// Sightings of one sum. The sums are added up in their order, whatever thread made them.
 const SIGHTINGS: usize = 1024;
-/// Sightings whose entries are gathered together: they fit into the cache.
-const TOGETHER: usize = 64;
+/// Sightings that are multiplied together at most: their matrix fits into the cache.
+const MOST_TOGETHER: usize = 64;
+/// With fewer, the next cell's go along: it has most columns in common.
+const LEAST_TOGETHER: usize = 16;
 /// Rows and columns of a tile of a matrix: two of them fit into the nearest cache.
 const TILE: usize = 32;
-/// Columns that are multiplied at once; runs are filled up with zeros to whole lanes.
-const LANES: usize = 4;
 
 impl Block<'_> {
     /// `AᵀA` of the whitened design, each row multiplied by its `row_scale`.
@@ -36,54 +36,43 @@ impl Block<'_> {
         row_scale: &[f64],
     ) -> (Matrix, Vec<f64>) {
         let n = self.n_columns();
-        let stride = n + LANES;
-        let total = self.summed(rows, row_scale, n * stride + n, || {
-            let mut runs = Vec::new();
-            move |sum: &mut [f64], at: usize, entries: &[Entry]| {
-                let (gram, products) = sum.split_at_mut(n * stride);
-                set_runs(&mut runs, entries);
-                in_wide_registers(
-                    #[inline(always)]
-                    || add_products(gram, stride, &runs),
-                );
-                if let Some(b) = numbers.get(at) {
-                    for (column, a) in entries {
-                        products[*column] += a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-                    }
+        let total = self.summed(rows, row_scale, n * n + n, |sum, together| {
+            let (gram, products) = sum.split_at_mut(n * n);
+            add_half_of_gram(gram, n, together);
+            if !numbers.is_empty() {
+                let b = Matrix::from_column(together.places.iter().flat_map(|&at| numbers[at]).collect());
+                let own = transposed_product(&together.design, &b);
+                for (&column, product) in together.columns.iter().zip(own.as_slice()) {
+                    products[column] += product;
                 }
             }
         });
-        let (gram, products) = total.split_at(n * stride);
-        (with_transposed(gram, n, stride), products.to_vec())
+        let (gram, products) = total.split_at(n * n);
+        (with_transposed(gram, n), products.to_vec())
     }
 
     /// Of each of the three numbers of some sightings, `a` a row of the whitened design, `aᵀx` for a direction x (n) and
     /// `aᵀ M a` for a symmetric M (n, n).
     pub fn forms_of(&self, rows: &[usize], row_scale: &[f64], direction: &[f64], matrix: &Matrix) -> Forms {
-        let n = self.n_columns();
-        let stride = n + LANES;
-        // Lanes beyond the end of a run meet zeros, and so must be numbers.
-        let mut padded = vec![0.0; n * stride];
-        for (target, column) in padded.chunks_exact_mut(stride).zip(0..n) {
-            target[..n].copy_from_slice(matrix.column(column));
-        }
-        let mut forms = Forms::default();
-        let mut runs = Vec::new();
-        self.each_sighting(rows, row_scale, |_, entries| {
-            let mut along = [0.0; 3];
-            for (column, numbers) in entries {
-                for (along, number) in along.iter_mut().zip(numbers) {
-                    *along += number * direction[*column];
-                }
+        let none = vec![0.0; NUMBERS_OF_A_ROW * rows.len()];
+        let mut forms = Forms { along: none.clone(), squares: none };
+        self.each_together(&self.by_cell(rows), rows, row_scale, |together| {
+            let Together { columns, places, design } = together;
+            let k = columns.len();
+            let x = Matrix::from_column(columns.iter().map(|&column| direction[column]).collect());
+            let own = Matrix::from_fn(k, k, |i, j| matrix[(columns[i], columns[j])]);
+            let (along, turned) = (product(design, &x), product(design, &own));
+            let mut squares = vec![0.0; design.n_rows()];
+            for column in 0..k {
+                let pairs = design.column(column).iter().zip(turned.column(column));
+                squares.iter_mut().zip(pairs).for_each(|(square, (a, b))| *square += a * b);
             }
-            forms.along.extend(along);
-            set_runs(&mut runs, entries);
-            let mut squares = [0.0; 3];
-            in_wide_registers(
-                #[inline(always)]
-                || squares = quadratic_forms(&padded, stride, &runs),
-            );
-            forms.squares.extend(squares);
+            for (number, &at) in places.iter().enumerate() {
+                let from = NUMBERS_OF_A_ROW * number..NUMBERS_OF_A_ROW * (number + 1);
+                let to = NUMBERS_OF_A_ROW * at..NUMBERS_OF_A_ROW * (at + 1);
+                forms.along[to.clone()].copy_from_slice(&along.as_slice()[from.clone()]);
+                forms.squares[to].copy_from_slice(&squares[from]);
+            }
         });
         forms
     }
@@ -91,41 +80,41 @@ impl Block<'_> {
     /// `AᵀA x` (n, d) and `xᵀAᵀA x` (d, d) of the whitened design for some directions x (n, d).
     pub fn along(&self, directions: &Matrix, row_scale: &[f64]) -> (Matrix, Matrix) {
         let (n, d) = (directions.n_rows(), directions.n_columns());
-        let by_column = directions.transposed();
-        let by_column = &by_column;
-        let total = self.summed(&all_rows(row_scale), row_scale, (n + d) * d, || {
-            let mut moved = [vec![0.0; d], vec![0.0; d], vec![0.0; d]];
-            move |sum: &mut [f64], _, entries: &[Entry]| {
-                in_wide_registers(
-                    #[inline(always)]
-                    || add_along(sum, &mut moved, entries, by_column),
-                );
+        let total = self.summed(&all_rows(row_scale), row_scale, n * d + d * d, |sum, together| {
+            let Together { columns, design, .. } = together;
+            let own = Matrix::from_fn(columns.len(), d, |i, j| directions[(columns[i], j)]);
+            let moved = product(design, &own);
+            let (across, squares) = sum.split_at_mut(n * d);
+            let products = transposed_product(design, &moved);
+            for (j, across) in across.chunks_exact_mut(n).enumerate() {
+                for (&column, value) in columns.iter().zip(products.column(j)) {
+                    across[column] += value;
+                }
             }
+            let own = transposed_product(&moved, &moved);
+            squares.iter_mut().zip(own.as_slice()).for_each(|(sum, value)| *sum += value);
         });
         let (across, squares) = total.split_at(n * d);
         (
-            Matrix::from_fn(n, d, |row, column| across[row * d + column]),
-            Matrix::from_fn(d, d, |row, column| squares[row * d + column]),
+            Matrix::from_fn(n, d, |row, column| across[column * n + row]),
+            Matrix::from_fn(d, d, |row, column| squares[column * d + row]),
         )
     }
 
-    /// Sums of so many numbers over sightings, to which what `adding` makes adds the entries of one, the `at`-th of them.
-    fn summed<F: FnMut(&mut [f64], usize, &[Entry])>(
+    /// Sums of so many numbers over sightings, to which `add` adds what some of them together have.
+    fn summed(
         &self,
         rows: &[usize],
         row_scale: &[f64],
         size: usize,
-        adding: impl Fn() -> F + Sync,
+        add: impl Fn(&mut [f64], &Together) + Sync,
     ) -> Vec<f64> {
-        let sums: Vec<Vec<f64>> = rows
+        let sums: Vec<Vec<f64>> = self
+            .by_cell(rows)
             .par_chunks(SIGHTINGS)
-            .enumerate()
-            .map(|(chunk, rows)| {
+            .map(|cells| {
                 let mut sum = vec![0.0; size];
-                let mut add = adding();
-                self.each_sighting(rows, row_scale, |at, entries| {
-                    add(&mut sum, SIGHTINGS * chunk + at, entries)
-                });
+                self.each_together(cells, rows, row_scale, |together| add(&mut sum, together));
                 sum
             })
             .collect();
@@ -136,31 +125,100 @@ impl Block<'_> {
         total
     }
 
-    /// Visits sightings in their order, each with its place in it and its entries that are not 0.
-    fn each_sighting(&self, rows: &[usize], row_scale: &[f64], mut visit: impl FnMut(usize, &[Entry])) {
-        let mut entries = Vec::new();
-        for (chunk, rows) in rows.chunks(TOGETHER).enumerate() {
-            entries.resize_with(rows.len(), Vec::new);
-            entries.iter_mut().for_each(Vec::clear);
-            self.each_entry(rows, row_scale, |column, at, numbers| {
-                // Unknowns that rows share are asked of all of them.
-                if *numbers != [0.0; 3] {
-                    entries[at].push((column, *numbers));
+    /// Visits sightings of one cell together, or of some neighbouring ones.
+    fn each_together(
+        &self,
+        cells: &[(u64, usize)],
+        rows: &[usize],
+        row_scale: &[f64],
+        mut visit: impl FnMut(&Together),
+    ) {
+        let mut slots = vec![usize::MAX; self.n_columns()];
+        for cells in cuts(cells).map(|range| &cells[range]) {
+            let places: Vec<usize> = cells.iter().map(|&(_, at)| at).collect();
+            visit(&self.together(places, rows, row_scale, &mut slots));
+        }
+    }
+
+    /// The design of some sightings over the columns that they have; `slots`, where columns begin, are free, and so again.
+    fn together(
+        &self,
+        places: Vec<usize>,
+        rows: &[usize],
+        row_scale: &[f64],
+        slots: &mut [usize],
+    ) -> Together {
+        let own: Vec<usize> = places.iter().map(|&at| rows[at]).collect();
+        let height = NUMBERS_OF_A_ROW * own.len();
+        let mut columns = Vec::new();
+        let mut values = Vec::new();
+        self.each_run(&own, row_scale, |first, at, direction, run| {
+            // Unknowns that rows share are asked of all of them.
+            if *direction == [0.0; 3] {
+                return;
+            }
+            for (column, value) in (first..).zip(run) {
+                if slots[column] == usize::MAX {
+                    slots[column] = values.len();
+                    columns.push(column);
+                    values.resize(values.len() + height, 0.0);
                 }
-            });
-            entries.iter().enumerate().for_each(|(at, entries)| visit(TOGETHER * chunk + at, entries));
+                let entry = &mut values[slots[column] + NUMBERS_OF_A_ROW * at..][..NUMBERS_OF_A_ROW];
+                entry.iter_mut().zip(direction).for_each(|(entry, along)| *entry += along * value);
+            }
+        });
+        columns.iter().for_each(|&column| slots[column] = usize::MAX);
+        let design = Matrix::from_columns(height, columns.len(), values).unwrap_or_default();
+        Together { places, columns, design }
+    }
+}
+
+/// Some sightings, by their places among those that were asked for, and their whitened design over the columns in which
+/// some of them have an entry, in whatever order.
+struct Together {
+    places: Vec<usize>,
+    columns: Vec<usize>,
+    design: Matrix,
+}
+
+/// Where cells in their order are cut, so that many sightings of one cell, or all of few cells, are together.
+fn cuts(cells: &[(u64, usize)]) -> impl Iterator<Item = Range<usize>> {
+    let mut ranges: Vec<Range<usize>> = Vec::new();
+    for cell in cells.chunk_by(|one, next| one.0 == next.0) {
+        for part in cell.chunks(MOST_TOGETHER) {
+            match ranges.last_mut() {
+                Some(range) if range.len() < LEAST_TOGETHER => range.end += part.len(),
+                last => {
+                    let first = last.map_or(0, |range| range.end);
+                    ranges.push(first..first + part.len());
+                }
+            }
+        }
+    }
+    ranges.into_iter()
+}
+
+/// Adds to H (n, n), by columns, the lower triangle of the products over the columns that there are, and a half of their
+/// squares: `H + Hᵀ` is the sum, in whatever order columns come.
+fn add_half_of_gram(half: &mut [f64], n: usize, together: &Together) {
+    let own = lower_gram(&together.design);
+    for (j, &column) in together.columns.iter().enumerate() {
+        let target = &mut half[n * column..][..n];
+        target[column] += 0.5 * own[(j, j)];
+        for (&row, value) in together.columns.iter().zip(own.column(j)).skip(j + 1) {
+            target[row] += value;
         }
     }
 }
 
-/// `H + Hᵀ` (n, n) of a square H by rows, tile by tile: what is read across its rows stays in the cache.
-fn with_transposed(half: &[f64], n: usize, stride: usize) -> Matrix {
+/// `H + Hᵀ` (n, n) of a square H, tile by tile: what is read across its columns stays in the cache.
+fn with_transposed(half: &[f64], n: usize) -> Matrix {
     let mut sum = Matrix::zeros(n, n);
     for (columns, rows) in tiles(n).flat_map(|columns| tiles(n).map(move |rows| (columns.clone(), rows))) {
         for column in columns {
             let target = &mut sum.column_mut(column)[rows.clone()];
             for (value, row) in target.iter_mut().zip(rows.clone()) {
-                *value = half[row * stride + column] + half[column * stride + row];
+                *value = half[row * n + column] + half[column * n + row];
             }
         }
     }
@@ -173,115 +231,4 @@ fn tiles(n: usize) -> impl Iterator<Item = Range<usize>> {
 
 fn all_rows(row_scale: &[f64]) -> Vec<usize> {
     (0..row_scale.len()).collect()
-}
-
-/// A column and what a sighting's three numbers have in it.
-type Entry = (usize, [f64; 3]);
-
-/// Entries of one sighting in neighbouring columns.
-#[derive(Clone, Copy)]
-struct Run {
-    first: usize,
-    count: usize,
-    /// By component; zeros beyond `count`.
-    values: [[f64; LANES]; 3],
-}
-
-fn set_runs(runs: &mut Vec<Run>, entries: &[Entry]) {
-    runs.clear();
-    let neighbours = entries.chunk_by(|one, next| one.0 + 1 == next.0);
-    for own in neighbours.flat_map(|neighbours| neighbours.chunks(LANES)) {
-        let mut run = Run { first: own[0].0, count: own.len(), values: [[0.0; LANES]; 3] };
-        for (lane, (_, numbers)) in own.iter().enumerate() {
-            for (values, number) in run.values.iter_mut().zip(numbers) {
-                values[lane] = *number;
-            }
-        }
-        runs.push(run);
-    }
-}
-
-/// Adds each product of two entries once, in whatever order their columns come, and a half of each square.
-#[inline(always)]
-fn add_products(sum: &mut [f64], stride: usize, runs: &[Run]) {
-    for (number, one) in runs.iter().enumerate() {
-        for other in &runs[..number] {
-            add_block(sum, stride, one, other);
-        }
-        let half = Run { values: one.values.map(|values| values.map(|value| 0.5 * value)), ..*one };
-        add_block(sum, stride, one, &half);
-    }
-}
-
-#[inline(always)]
-fn add_block(sum: &mut [f64], stride: usize, one: &Run, other: &Run) {
-    let [u, v, w] = &other.values;
-    for lane in 0..one.count {
-        let [a, b, c] = one.values.map(|values| values[lane]);
-        let row = &mut sum[(one.first + lane) * stride + other.first..][..LANES];
-        for (at, target) in row.iter_mut().enumerate() {
-            *target += a * u[at] + b * v[at] + c * w[at];
-        }
-    }
-}
-
-/// `aᵀ M a` of a sighting's three numbers, each pair of entries once.
-#[inline(always)]
-fn quadratic_forms(matrix: &[f64], stride: usize, runs: &[Run]) -> [f64; 3] {
-    let mut squares = [0.0; 3];
-    for (number, one) in runs.iter().enumerate() {
-        let mut across = [0.0; 3];
-        for other in &runs[..number] {
-            add_form(&mut across, matrix, stride, one, other);
-        }
-        let mut own = [0.0; 3];
-        add_form(&mut own, matrix, stride, one, one);
-        for (square, (across, own)) in squares.iter_mut().zip(across.iter().zip(own)) {
-            *square += 2.0 * across + own;
-        }
-    }
-    squares
-}
-
-#[inline(always)]
-fn add_form(sums: &mut [f64; 3], matrix: &[f64], stride: usize, one: &Run, other: &Run) {
-    let mut moved = [[0.0; LANES]; 3];
-    for lane in 0..one.count {
-        let row = &matrix[(one.first + lane) * stride + other.first..][..LANES];
-        for (moved, values) in moved.iter_mut().zip(&one.values) {
-            for (moved, entry) in moved.iter_mut().zip(row) {
-                *moved += values[lane] * entry;
-            }
-        }
-    }
-    for (sum, (moved, values)) in sums.iter_mut().zip(moved.iter().zip(&other.values)) {
-        *sum += moved.iter().zip(values).map(|(moved, value)| moved * value).sum::<f64>();
-    }
-}
-
-/// Adds what a sighting gives to `AᵀA x` and behind it to `xᵀAᵀA x`; `moved` is what it sees of x.
-#[inline(always)]
-fn add_along(sum: &mut [f64], moved: &mut [Vec<f64>; 3], entries: &[Entry], by_column: &Matrix) {
-    moved.iter_mut().for_each(|moved| moved.fill(0.0));
-    for &(column, numbers) in entries {
-        for (moved, number) in moved.iter_mut().zip(numbers) {
-            for (moved, along) in moved.iter_mut().zip(by_column.column(column)) {
-                *moved += number * along;
-            }
-        }
-    }
-    let d = by_column.n_rows();
-    let (across, squares) = sum.split_at_mut(by_column.n_columns() * d);
-    let [u, v, w] = &*moved;
-    for &(column, [a, b, c]) in entries {
-        for (((sum, u), v), w) in across[column * d..][..d].iter_mut().zip(u).zip(v).zip(w) {
-            *sum += a * u + b * v + c * w;
-        }
-    }
-    for (row, squares) in squares.chunks_exact_mut(d).enumerate() {
-        let [a, b, c] = [u[row], v[row], w[row]];
-        for (((sum, u), v), w) in squares.iter_mut().zip(u).zip(v).zip(w) {
-            *sum += a * u + b * v + c * w;
-        }
-    }
 }

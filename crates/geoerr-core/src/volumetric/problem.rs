@@ -395,9 +395,23 @@ impl Block<'_> {
         parts.concat()
     }
 
+    /// Sightings in an order in which those that see the same splines and the same frame stand together: a number of
+    /// that, and their place among `rows`.
+    pub(super) fn by_cell(&self, rows: &[usize]) -> Vec<(u64, usize)> {
+        let Sightings { rows: known, session, .. } = &self.problem.sightings;
+        let mut cells: Vec<(u64, usize)> = rows
+            .par_iter()
+            .with_min_len(BLOCK_ROWS)
+            .enumerate()
+            .map(|(at, &row)| (self.problem.bases.cell_of(&known.q_mm[row], session[row]), at))
+            .collect();
+        cells.sort_unstable();
+        cells
+    }
+
     /// Visits the entries of the design that are not 0: column, place among the rows, three whitened numbers. An entry
     /// may come in several parts.
-    pub(super) fn each_entry(
+    fn each_entry(
         &self,
         rows: &[usize],
         row_scale: &[f64],
@@ -412,7 +426,7 @@ impl Block<'_> {
 
     /// Visits the same by runs of neighbouring columns: the first of them, place among the rows, three whitened numbers,
     /// and what these are multiplied with in each column of the run.
-    fn each_run(
+    pub(super) fn each_run(
         &self,
         rows: &[usize],
         row_scale: &[f64],

@@ -41,6 +41,18 @@ impl SharedBases {
         self.of_part[part]
     }
 
+    /// A number that positions have in common where every basis has the same functions there, of one session; others
+    /// rarely.
+    pub(super) fn cell_of(&self, q_mm: &[f64; 3], session: usize) -> u64 {
+        let mut functions = Vec::new();
+        self.bases.iter().fold(session as u64, |cell, (axis, basis)| {
+            functions.resize(basis.most_support().max(functions.len()), 0.0);
+            let (begin, _) = basis.support(q_mm[axis.index()], &mut functions);
+            // Neighbours in the order of numbers share the functions of the first bases.
+            cell.wrapping_mul(basis.len() as u64).wrapping_add(begin as u64)
+        })
+    }
+
     /// The functions of every basis at some positions of the machine.
     pub(super) fn supports<'a>(
         &self,
