@@ -41,7 +41,7 @@ def knot_vectors(draw: st.DrawFn) -> tuple[Array, int]:
 
 
 @given(knot_vectors())
-@settings(derandomize=True, max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_splines_agree_with_scipy(case: tuple[Array, int]) -> None:
     knots, degree = case
     basis = _core.Basis.bspline(knots, degree)

@@ -71,9 +71,7 @@ def check(model: Model, program: str, folder: Path, passed: bytes | None = None)
     return written
 
 
-@settings(
-    max_examples=300, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(programs)
 def test_programs_of_any_words(tmp_path, program):
     passed = check(MILL, program, tmp_path)
@@ -83,7 +81,7 @@ def test_programs_of_any_words(tmp_path, program):
         check(MILL, program, tmp_path, passed)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.binary(max_size=200))
 def test_any_bytes(data):
     for options in (PASS, CompensationOptions()):

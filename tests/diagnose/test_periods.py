@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from validation.laser_run import MACHINE, laser_run
 
@@ -47,7 +47,6 @@ def test_uneven_steps_tell_it() -> None:
     assert "alike" not in found[0].to_document()["parameters"]["P"]
 
 
-@settings(deadline=None)
 @given(step=st.floats(2.0, 30.0), period=st.floats(1.0, 150.0), start=st.floats(-200.0, 200.0))
 def test_what_is_alike_is_the_same_wave_at_the_places(step: float, period: float, start: float) -> None:
     places = start + step * np.arange(31)
@@ -58,7 +57,6 @@ def test_what_is_alike_is_the_same_wave_at_the_places(step: float, period: float
         assert max(abs(np.vdot(wave, same)), abs(np.vdot(wave.conj(), same))) > 0.95 * len(places)
 
 
-@settings(deadline=None)
 @given(low=st.floats(0.5, 5.0), ratio=st.floats(2.0, 100.0), span=st.floats(10.0, 999.0))
 def test_no_period_is_far_from_one_that_is_tried(low: float, ratio: float, span: float) -> None:
     high = low * ratio

@@ -333,7 +333,7 @@ def _places(document: object, here: tuple[object, ...] = ()) -> list[tuple[objec
     return found
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(data=st.data())
 def test_mangled_entries_are_refused_or_read_and_nothing_else(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
@@ -362,7 +362,7 @@ def test_mangled_entries_are_refused_or_read_and_nothing_else(
             assert term.parts
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(data=st.data())
 def test_mangled_text_is_refused_or_read_and_nothing_else(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory

@@ -235,7 +235,7 @@ def _paths(document: object, here: tuple[object, ...] = ()) -> list[tuple[object
     return paths
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(data=st.data(), n_changes=st.integers(1, 3))
 def test_mangled_documents_are_refused_or_read_and_nothing_else(data: st.DataObject, n_changes: int) -> None:
     document = copy.deepcopy(data.draw(st.sampled_from([TERM, *map(smooth, BASES)])).to_document())
@@ -252,7 +252,7 @@ def test_mangled_documents_are_refused_or_read_and_nothing_else(data: st.DataObj
     assert Term.from_document(json.loads(json.dumps(term.to_document())), "model.json") == term
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(document=_JSON)
 def test_anything_else_is_refused(document: object) -> None:
     with pytest.raises(InputFileError):

@@ -155,7 +155,7 @@ def test_wrong_errors_are_refused_by_key(tmp_path: Path, change: object, column:
     assert caught.value.column == column
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
 @given(
     content=st.recursive(
         st.none() | st.integers() | st.text(max_size=5),

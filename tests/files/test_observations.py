@@ -181,7 +181,7 @@ def test_a_circle_whose_uncertainty_or_direction_is_no_number_loses_that_row(
     assert kind_of(["x", "y", "z", "mx"]) == "points"
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
 @given(content=st.binary(max_size=200) | st.text(alphabet="xyzm,\n\"'.-+e0123 \t", max_size=200).map(str.encode))
 def test_no_bytes_get_past_the_reader_unnamed(tmp_path: Path, content: bytes) -> None:
     path = write(tmp_path, b"x,y,z,mx\n" + content)

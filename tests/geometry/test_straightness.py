@@ -115,7 +115,7 @@ def test_identity_gives_the_operator_for_propagation() -> None:
     assert stated[0] == 0.0
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     steps=st.lists(st.floats(0.5, 50.0), min_size=1, max_size=30),
     constant=st.floats(-1e-3, 1e-3),

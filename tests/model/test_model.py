@@ -52,7 +52,7 @@ class TestIdentities:
         q = points()
         assert Model(machine()).commands_for(q).tobytes() == q.tobytes()
 
-    @settings(max_examples=100, deadline=None)
+    @settings(max_examples=100)
     @given(
         chain=st.sampled_from(CHAINS),
         q=st.lists(st.tuples(*[st.floats(-50.0, 450.0)] * 3), min_size=1, max_size=5),

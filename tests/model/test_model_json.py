@@ -111,7 +111,7 @@ def models(draw: st.DrawFn) -> Model:
 
 
 class TestRoundTrip:
-    @settings(max_examples=150, deadline=None)
+    @settings(max_examples=150)
     @given(model=models())
     def test_without_loss_and_the_same_bytes(self, model: Model) -> None:
         written = to_json(document_of(model))
@@ -339,7 +339,7 @@ ANYTHING = st.recursive(
 
 
 class TestFuzz:
-    @settings(max_examples=600, deadline=None)
+    @settings(max_examples=600)
     @given(changes=st.lists(st.tuples(PLACES, st.one_of(ANYTHING, st.just(...))), min_size=1, max_size=2))
     def test_a_changed_file_is_read_or_refused(self, changes: list[tuple[str, Any]]) -> None:
         document = good()
@@ -358,7 +358,7 @@ class TestFuzz:
         assert to_json(document_of(again)) == to_json(document_of(model))
         assert all(len(line) <= 100 for line in model.report().splitlines())
 
-    @settings(max_examples=200, deadline=None)
+    @settings(max_examples=200)
     @given(start=st.integers(0, 6000), length=st.integers(0, 40), patch=st.binary(max_size=20))
     def test_changed_bytes_are_read_or_refused(
         self, tmp_path_factory: Any, start: int, length: int, patch: bytes

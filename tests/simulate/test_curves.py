@@ -61,7 +61,7 @@ def test_without_line_leaves_no_slope_and_starts_at_zero():
 vectors = st.lists(st.floats(-1.5, 1.5), min_size=3, max_size=3).map(np.array)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(vectors)
 def test_rotation_agrees_with_scipy_and_comes_back(vector):
     matrix = rotation(vector)

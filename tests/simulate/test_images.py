@@ -55,7 +55,7 @@ def test_a_note_to_turn_the_picture_is_ignored(tmp_path):
     assert read_grey(tmp_path / "a.jpg").shape == (48, 64)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(share=st.floats(0.0, 1.0), suffix=st.sampled_from(sorted(WHOLE)))
 def test_a_picture_cut_anywhere_is_refused(tmp_path_factory, share, suffix):
     content = WHOLE[suffix]
@@ -66,7 +66,7 @@ def test_a_picture_cut_anywhere_is_refused(tmp_path_factory, share, suffix):
     assert str(path) in str(refusal.value)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(place=st.integers(8, len(WHOLE[".png"]) - 1), flip=st.integers(1, 255))
 def test_a_png_with_one_byte_changed_is_never_read(tmp_path_factory, place, flip):
     content = bytearray(WHOLE[".png"])

@@ -26,7 +26,7 @@ def scipy_circle(points, start):
     return least_squares(residual, start, xtol=1e-15, ftol=1e-15, gtol=1e-15, jac="3-point").x
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     center=st.tuples(st.floats(-500, 500), st.floats(-500, 500)),
     radius=st.floats(1, 1000),
@@ -43,7 +43,7 @@ def test_an_exact_circle_is_found(center, radius, start, arc, n):
     assert fitted.circular_deviation_mm < bound
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), arc=st.floats(1.5, 2 * np.pi), noise=st.floats(1e-4, 3.0))
 def test_it_is_the_least_squares_circle_of_scipy(seed, arc, noise):
     rng = np.random.default_rng(seed)
@@ -130,7 +130,7 @@ def test_a_circle_that_touches_the_range_fits():
     radius=st.floats(1, 400),
     high=st.tuples(*[st.floats(100, 500)] * 3),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_what_a_refusal_says_would_fit_does_fit(plane, center, radius, high):
     low, high = np.zeros(3), np.array(high)
     circle = CircleOfCommands(plane, center, radius)

@@ -39,7 +39,7 @@ def fit_one(picture: np.ndarray, start: np.ndarray, along_u: float, along_v: flo
     return fit_corners(np.rint(picture).clip(0, 255).astype(np.uint8), start[None], side_u, side_v)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     st.floats(-0.5, 0.5),
     st.floats(-0.5, 0.5),

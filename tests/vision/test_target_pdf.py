@@ -235,7 +235,7 @@ def test_no_seams_inside_the_black(dpi: float) -> None:
 
 
 @given(hnp.arrays(np.uint8, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.integers(0, 1)))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_outlines_enclose_exactly_the_black_cells(white: npt.NDArray[np.uint8]) -> None:
     rows, columns = white.shape
     pattern = Pattern(np.cumsum(np.arange(columns + 1.0)), np.cumsum(np.arange(rows + 1.0)) * 0.5, white)
@@ -310,7 +310,7 @@ def test_page(tmp_path: Path, spec: str, page: str | None, paper: str, orientati
 )
 @example(columns=4, rows=4, square_mm=51.84)
 @example(columns=4, rows=4, square_mm=25.92)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_size_that_a_refusal_names_is_just_enough(columns: int, rows: int, square_mm: float) -> None:
     (artwork,) = read_request(f"chessboard:{columns}x{rows}:{square_mm}").artworks
     width_mm, height_mm = needed_page_mm(artwork)
