@@ -18,18 +18,7 @@ geoerr measure session --rig rig.json -o observations.csv --quiet | sed -n 1,1p
 echo "== find the 21 errors"
 geoerr identify observations.csv --machine session/machine.toml --rig rig.json -o errors.json --quiet | sed -n 1,24p
 
-cat > part.gcode <<'GCODE'
-; a square of 200 mm with a diagonal
-G21
-G90
-M82
-G0 X100 Y100 Z10 F9000
-G1 X300 Y100 E10 F1800
-G1 X300 Y300 E20
-G1 X100 Y300 E30
-G1 X100 Y100 E40
-G1 X300 Y300 E54
-GCODE
+cp "$here/part.gcode" .
 echo "== correct a program"
 geoerr compensate errors.json part.gcode -o part-corrected.gcode --quiet
 echo "== prove it: on the model, and on the true machine that nobody else knows"
