@@ -5,9 +5,9 @@
 The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three
 temperatures. Nothing is hidden in them, but where something is added. `ranking` is one look at everything: all
 candidates of the catalogue on all axes, covariates and inner parameters, all probes, and the largest of every draw
-of noise. `search` is a whole search; on such data it is one look. `add` puts what a search found into the model:
-the refit, and the held-out error before and after. The median of the repeats counts, wall and processor seconds:
-the latter where others use the machine too.
+of noise. `search` is a whole search; on such data it is one look. `add` puts what a search found into the model, on
+the bases that the search had, as the workbench does: the refit, and the held-out error before and after. The median
+of the repeats counts, wall and processor seconds: the latter where others use the machine too.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search import Bench, look, search
+from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_terms, result_of
 from geoerr.machine import AXES, Axis, Machine
@@ -96,12 +97,15 @@ def print_costs(n_points: int, threads: int, repeats: int) -> None:
     for name, hidden in HIDDEN.items():
         table = measured(n_points, np.random.default_rng(1), **hidden)
         fitted = fit_terms(machine, [table], options=FitOptions(threads=threads))
-        found = search(fitted, known, threads=threads).found[0].settled.term
+        beside, searched = searched_whole(fitted, known, threads=threads)
+        found = searched.found[0].settled.term
         assert found is not None
         if found.id != name:
             raise SystemExit(f"{found.id} was found, {name} is hidden")
         model = result_of(fitted).model
-        add = partial(add_terms, model, [table], [found], name, found.title, known=fitted, threads=threads)
+        add = partial(
+            add_terms, model, [table], [found], name, found.title, known=fitted, searched=beside, threads=threads
+        )
         _, seconds = timed(add, repeats)
         row(f"add {name}", seconds)
 

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 import geoerr
 from geoerr.cli.main import app
+from geoerr.diagnose import diagnose
 from geoerr.diagnose.change import add_terms, remove_terms
 from geoerr.effects import catalogue
 from geoerr.errors import GeoerrError
@@ -186,6 +187,32 @@ def test_bases_that_are_chosen_again_are_fitted_as_from_the_tables(observations:
     fresh = fit_terms(MACHINE, [table], effects=change.after.terms, options=FitOptions(components="none"))
     assert fresh.terms == change.after.terms
     assert fresh.held_out.figures == change.after.held_out.figures
+
+
+def test_bases_that_a_search_chose_beside_what_it_found_are_not_chosen_once_more(observations: Observations) -> None:
+    """What was found is added to the fit that it was found beside; alone it is determined as well."""
+    table = Observations(observations.frame.with_columns(mx=pl.col("mx") - 0.2 * pl.col("dir_x")))
+    known = fit_terms(MACHINE, [table])
+    model = result_of(known).model
+    diagnosis = diagnose(model, table)
+    found = next(one for one in diagnosis.found if str(one.reference) == "backlash:x")
+    assert diagnosis.fitted is not known
+    searched, chosen = (
+        add_terms(model, [table], [found.term], "backlash:x", "", known=known, searched=one)
+        for one in (diagnosis.fitted, None)
+    )
+    bases, expected = (
+        {term.id: term.parts[0].basis for term in one if term.kind == "classic"}
+        for one in (searched.after.terms, diagnosis.fitted.terms)
+    )
+    assert bases == expected
+    assert searched.before.figures == chosen.before.figures
+    play, other = (
+        next(term for term in change.after.terms if term.id == "backlash:x").coefficients[0]
+        for change in (searched, chosen)
+    )
+    assert play.std == pytest.approx(other.std, rel=0.1)
+    assert abs(play.value - other.value) < 0.2 * other.std
 
 
 def test_rows_that_the_known_fit_lacked_take_part_again(observations: Observations) -> None:

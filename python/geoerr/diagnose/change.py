@@ -138,6 +138,7 @@ def add_terms(
     title: str,
     *,
     known: Fitted | None = None,
+    searched: Fitted | None = None,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
     threads: int = 0,
@@ -157,6 +158,9 @@ def add_terms(
     known
         The fit of the model as it is to the same measurements, if there is one: it is what was before, where the same
         rows take part.
+    searched
+        The fit that a diagnosis found the effect beside: its bases are what the data choose beside what is missing.
+        Without it they are chosen once more here, which takes two fits.
     rig_sensitivity, rig_covariance
         As for `add_effect`.
 
@@ -166,17 +170,21 @@ def add_terms(
         where the model has the effect already.
     """
     data = _Data(tables, rig_sensitivity, rig_covariance, threads, known)
-    own = _own_beside(model, data, terms, known)
+    own = _own_beside(model, data, terms, known) if searched is None else _own_as_searched(model, known, searched)
     return _added(model, data, own, terms, reference, title)
 
 
 @dataclass(frozen=True, eq=False)
 class _Own:
-    """A model's own terms as they stand beside an effect, and the fit of the model as it is, where it is known."""
+    """A model's own terms as they stand beside an effect, and the fit of the model as it is, where it is known.
+
+    `are_chosen`: their bases are those that the data choose beside it.
+    """
 
     terms: Sequence[Term]
     fitted: Fitted | None
     has_fewer_knots: bool = False
+    are_chosen: bool = False
 
 
 def _own_beside(model: Model, data: _Data, terms: Sequence[Term], fitted: Fitted | None = None) -> _Own:
@@ -190,11 +198,17 @@ def _own_beside(model: Model, data: _Data, terms: Sequence[Term], fitted: Fitted
     return _Own([few.get(one.id, one) for one in own], fitted, bool(few))
 
 
+def _own_as_searched(model: Model, fitted: Fitted | None, searched: Fitted) -> _Own:
+    """Give a model's own terms on the bases that a search had beside what it found."""
+    by_id = {term.id: term for term in searched.terms}
+    return _Own([by_id.get(term.id, term) for term in own_terms(model)], fitted, are_chosen=True)
+
+
 def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], reference: str, title: str) -> Change:
     _refuse_held(model, *(term.id for term in terms))
     after = data.fitted(model, [*own.terms, *terms])
     before = own.fitted or _before(model, own, after)
-    if is_worth_asking(before.scale, after.scale):
+    if not own.are_chosen and is_worth_asking(before.scale, after.scale):
         chosen = choose_again(after)
         if chosen is not None:
             # The same rows, joined and placed already.

@@ -153,7 +153,7 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
 def add(session: Session, reference: str) -> None:
     """Add an effect and fit again."""
     model, data, effects = session.model, session.data, session.own_effects
-    found, known = _found(session, reference), _own_fit(session)
+    found, known, searched = _found(session, reference), _own_fit(session), _searched_fit(session)
 
     def work(_: Advance) -> Callable[[], None]:
         tables, threads = _fittable(data), session.threads
@@ -162,7 +162,7 @@ def add(session: Session, reference: str) -> None:
                 model, *tables, reference=reference, effects=effects, threads=threads, **_calibration(session)
             )
         else:
-            # The search has found its form, and where its inner parameters are.
+            # The search has found its form, its inner parameters, and the freedom that the rest has beside it.
             change = add_terms(
                 model,
                 tables,
@@ -170,6 +170,7 @@ def add(session: Session, reference: str) -> None:
                 reference,
                 found.effect.title,
                 known=known,
+                searched=searched,
                 threads=threads,
                 **_calibration(session),
             )
@@ -323,6 +324,12 @@ def _own_fit(session: Session) -> Fitted | None:
     """Give the fit of the model that is looked at, where it was fitted to these measurements."""
     seen = session.seen
     return seen.comparison.fitted if seen is not None and seen.comparison.freedom == "own" else None
+
+
+def _searched_fit(session: Session) -> Fitted | None:
+    """Give the fit beside which a search found what it found, where the model itself was free in it."""
+    found = session.diagnosis
+    return found.fitted if isinstance(found, Diagnosis) and _own_fit(session) is not None else None
 
 
 def _calibration(session: Session) -> dict[str, Any]:
