@@ -62,7 +62,7 @@ OTHERS = {
         ("1", "2"),
         "10,000 points in five sessions, three temperature columns; 119 draws of noise. Aims on two threads: a "
         "ranking in 0.2 s, an add in 0.3 s. Half of a ranking is products of matrices, the rest formulas and sums by "
-        "block; an add chooses the bases of the machine's errors again where the error falls by a quarter.",
+        "block. An add has the bases that the search chose; half of it is the held-out error.",
     ),
 }
 
