@@ -162,6 +162,26 @@ def test_the_advised_measurement_is_written_where_there_is_one(
     assert "is an input of this command" in str(refused.exception)
 
 
+@pytest.mark.usefixtures("few_effects")
+def test_a_machine_whose_errors_were_never_fitted_is_told_so_before_anything_else(tmp_path: Path) -> None:
+    observations = observed(play)
+    write_machine(tmp_path / "machine.toml", machine())
+    geoerr.write_observations(tmp_path / "o.csv", observations)
+    model = geoerr.fit_model(machine(), geoerr.read_observations(tmp_path / "o.csv"), options=OPTIONS).model
+    write_model(tmp_path / "model.json", model)
+    nominal, fitted = (
+        CliRunner().invoke(app, ["diagnose", str(tmp_path / name), str(tmp_path / "o.csv")]).stdout
+        for name in ("machine.toml", "model.json")
+    )
+    said, verdict = "note: the 21 geometric errors were never fitted", "backlash"
+    assert 0 < nominal.index(said) < nominal.index(verdict)
+    command = f"  geoerr fit {tmp_path}/o.csv --machine {tmp_path}/machine.toml -o model.json\n"
+    assert nominal.index(said) < nominal.index(command) < nominal.index(verdict)
+    assert verdict in fitted
+    assert "never fitted" not in fitted
+    assert "geoerr fit" not in fitted
+
+
 def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> None:
     text = text_of(unknown)
     found = unknown.unknown

@@ -14,7 +14,7 @@ from geoerr.diagnose.between_passes import BetweenPasses, between_passes
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
-from geoerr.diagnose.notes import notes_of
+from geoerr.diagnose.notes import is_without_errors, notes_of
 from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, reference_of, settle
 from geoerr.diagnose.summary import diagnosis_html
@@ -93,6 +93,11 @@ class Diagnosis(Answer):
     def notes(self) -> tuple[str, ...]:
         """What one has to know before trusting it: sentences, without a full stop."""
         return notes_of(self.as_it_was, self.comparison, has_found=bool(self.found) or self.unknown is not None)
+
+    @property
+    def is_without_errors(self) -> bool:
+        """Whether points were held against a machine without errors: the 21 are to be fitted first."""
+        return is_without_errors(self.as_it_was, self.comparison)
 
     @property
     def tied(self) -> tuple[Finding, ...]:

@@ -1,10 +1,11 @@
-"""What to know before trusting a diagnosis: of the fit, of the model's numbers, of how lines are named."""
+"""What to know before trusting a diagnosis: of the fit, of the model, of how lines are named."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from geoerr.diagnose.comparison import Comparison, all_terms
+from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.words import listed
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
@@ -19,6 +20,11 @@ _SPOKEN = 3
 def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) -> tuple[str, ...]:
     """Give them, a sentence each; none where nothing stands in the way."""
     said = []
+    if is_without_errors(fitted, comparison):
+        said.append(
+            "the 21 geometric errors were never fitted, as geoerr fit does: the model is a machine without errors, "
+            "and what they do is looked for among all else, effects and cameras"
+        )
     if not fitted.solved.converged:
         said.append(
             "the fit has not settled, so that what it leaves is not only what the model lacks: leave out the term "
@@ -37,6 +43,11 @@ def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) 
             "back to, and both visits count as one pass: number them in the column repeat"
         )
     return tuple(said)
+
+
+def is_without_errors(fitted: Fitted, comparison: Comparison | None) -> bool:
+    """Tell whether points are held against a machine without errors, of which the 21 could be fitted."""
+    return comparison is not None and comparison.model.is_nominal and not bool(is_circle(fitted).all())
 
 
 def interrupted_lines(fitted: Fitted) -> list[str]:
