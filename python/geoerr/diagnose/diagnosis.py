@@ -92,7 +92,12 @@ class Diagnosis(Answer):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What one has to know before trusting it: sentences, without a full stop."""
-        return notes_of(self.as_it_was, self.comparison, has_found=bool(self.found) or self.unknown is not None)
+        return notes_of(
+            self.as_it_was,
+            self.comparison,
+            has_found=bool(self.found) or self.unknown is not None,
+            blames_cameras=any(one.is_rig for one in (*self.found, *self.tied)),
+        )
 
     @property
     def is_without_errors(self) -> bool:

@@ -10,15 +10,29 @@ from geoerr.diagnose.words import listed
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
-from geoerr.observations import CARRIERS
+from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import counted
 
 # Lines that a sentence names.
 _SPOKEN = 3
 
 
-def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) -> tuple[str, ...]:
-    """Give them, a sentence each; none where nothing stands in the way."""
+def notes_of(
+    fitted: Fitted, comparison: Comparison | None, *, has_found: bool, blames_cameras: bool = False
+) -> tuple[str, ...]:
+    """Give them, a sentence each; none where nothing stands in the way.
+
+    Parameters
+    ----------
+    fitted
+        What was searched.
+    comparison
+        The model held against the measurements; None where a fit was diagnosed.
+    has_found
+        Whether anything is missing.
+    blames_cameras
+        Whether an effect of the cameras is among it.
+    """
     said = []
     if is_without_errors(fitted, comparison):
         said.append(
@@ -34,6 +48,12 @@ def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) 
         said.append(
             "the model's numbers come from other data: where the cause acted there already they hold a part of it, "
             "and its image is what is seen here; --refit fits them to these data"
+        )
+    if blames_cameras and fitted.shared is None and set(PIXELS) <= set(fitted.sightings.table.columns):
+        is_held = comparison is not None and comparison.freedom == "held"
+        said.append(
+            "an effect of the cameras may be no more than what their calibration does not know, which took no part: "
+            f"--rig rig.json{' --refit' if is_held else ''} lets it"
         )
     broken = interrupted_lines(fitted)
     if broken:
