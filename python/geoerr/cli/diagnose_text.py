@@ -110,6 +110,8 @@ def _finding(finding: Finding, number: str) -> Iterator[str]:
     if finding.held_out_words is not None:
         yield from narrow(finding.held_out_words, "    ")
     yield from remedy_lines(finding, "the cameras")
+    if finding.left_because is not None:
+        yield from narrow(f"left: {finding.left_because}", "    ")
     if finding.in_model:
         yield from narrow("the model has it with another value: fit it to these data (--refit)", "    ")
     if not finding.tied:
@@ -218,6 +220,9 @@ def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
             yield f"  {name}"
             name = ""
         yield f"  {name:<{_NAME_WIDTH - 2}}{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}".rstrip()
+    reasons = [(str(one.reference), one.left_because) for one in others[:_MOST_OTHERS] if one.left_because]
+    for why, names in by_reason(reasons).items():
+        yield from narrow(f"{', '.join(names)}: {why}", "  ")
     if len(others) > _MOST_OTHERS:
         yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
 
