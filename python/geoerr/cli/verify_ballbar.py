@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, files_given, note, print_json
-from geoerr.cli.program_options import At, conditions
+from geoerr.cli.program_options import At, followed_conditions
 from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def ballbar(
     from geoerr.observations import read_circular_test
     from geoerr.report.provenance import provenance_of_command
     from geoerr.verify.ballbar import circle_to_test, run_circular_test
+    from geoerr.verify.circle_motion import followed_on_circle
 
     check_output(report, files_given(model, trace, truth))
     loaded = load_model(model)
@@ -67,7 +68,8 @@ def ballbar(
     measured = None if trace is None else read_circular_test(trace)
     plane, center_mm, radius_mm = _circle_asked_for(plane, center, radius, trace, measured)
     circle = circle_to_test(loaded, plane, center_mm, radius_mm)
-    result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured, at=conditions(at))
+    given = followed_conditions(at, followed_on_circle(loaded, true_model or loaded), quiet)
+    result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured, at=given)
     provenance = provenance_of_command([model, trace, truth])
     if report is not None:
         # Plotly comes with it: only a page pays for it.
@@ -80,7 +82,7 @@ def ballbar(
     _print_result(result, truth is not None)
     for problem in result.set_aside:
         note(f"set aside: {problem}", quiet)
-    for one in extrapolated_conditions(loaded, conditions(at)):
+    for one in extrapolated_conditions(loaded, given):
         note(f"note: {one}", quiet)
     for sentence in result.notes:
         note(f"note: {sentence}", quiet)

@@ -19,10 +19,11 @@ from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
+from geoerr.model.program_conditions import refuse_unneeded
 from geoerr.observations import CircularTest
 from geoerr.tables import RowProblem
 from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, fit_circle, fit_set_up, what_fits
-from geoerr.verify.circle_motion import conditions_on_circle, refuse_unneeded
+from geoerr.verify.circle_motion import conditions_on_circle, followed_on_circle
 from geoerr.verify.remaining import compensate_positions
 
 if TYPE_CHECKING:
@@ -366,7 +367,7 @@ def run_circular_test(
         if no run of the measured test can be used.
     """
     machine = model if truth is None else truth
-    refuse_unneeded(at, model, machine)
+    refuse_unneeded(at, followed_on_circle(model, machine))
     positions = circle.positions_mm(N_POINTS)
     conditions = conditions_on_circle(model, circle, positions, 1, at)
     out_of_range = compensate_positions(model, positions, at=conditions).out_of_range(model.machine)
