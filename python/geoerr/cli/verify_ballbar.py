@@ -79,7 +79,7 @@ def ballbar(
     if as_json:
         print_json({**result.to_document(), "provenance": provenance.to_document()})
         return
-    _print_result(result, truth is not None)
+    _print_result(result, model)
     for problem in result.set_aside:
         note(f"set aside: {problem}", quiet)
     for one in extrapolated_conditions(loaded, given):
@@ -128,7 +128,7 @@ def _numbers(text: str) -> list[float]:
     return numbers
 
 
-def _print_result(result: CircularTestResult, with_truth: bool) -> None:
+def _print_result(result: CircularTestResult, model: Path) -> None:
     circle = result.before[0].circle
     place = ", ".join(f"{value:g}" for value in circle.center_mm)
     typer.echo(f"circle in {circle.plane}, centre ({place}) mm, radius {circle.radius_mm:g} mm")
@@ -138,9 +138,9 @@ def _print_result(result: CircularTestResult, with_truth: bool) -> None:
         typer.echo(f"  {sense:<38}{_um(result.before[number])}{_um(result.after[number])}")
     if result.eq23 is not None:
         typer.echo(f"  {'Li Eq. 23 as printed, no squareness':<38}{_um(result.eq23)}")
-    if not with_truth:
-        note_text = "after: what the model itself leaves over; --truth or --trace says what a machine does"
-        typer.echo(f"({note_text})")
+    if result.is_predicted:
+        proof = "is compared below" if result.runs else f"proves it: geoerr verify ballbar {model} --trace circle.csv"
+        typer.echo(f"(before and after by the model itself; a measured circle {proof})")
     if result.runs:
         typer.echo("")
         typer.echo(f"{'measured run':<28}{'points':>8}{'measured G':>13}{'predicted G':>13}{'rms difference':>16}")

@@ -150,6 +150,8 @@ class CircularTestResult:
         Sentences for the reader.
     set_aside
         Rows of the measured file that could not be used.
+    is_predicted
+        Whether the model itself carries out the commands, so that `after` proves nothing; else a known machine does.
     """
 
     before: tuple[Trace, Trace]
@@ -159,6 +161,7 @@ class CircularTestResult:
     assumed_zero: tuple[str, ...]
     notes: tuple[str, ...]
     set_aside: tuple[RowProblem, ...] = ()
+    is_predicted: bool = True
 
     def plot_circle(self) -> go.Figure:
         """Draw the deviation round the circle, before and after compensation, and what was measured."""
@@ -393,6 +396,7 @@ def run_circular_test(
         assumed_zero=assumed_zero,
         notes=tuple(notes),
         set_aside=set_aside,
+        is_predicted=truth is None,
     )
 
 
