@@ -93,7 +93,8 @@ def report_verb(
         )
     provenance = provenance_of_command(inputs)
     if output is not None:
-        write_model_page(output, gathered, provenance)
+        with progress_bar("write", quiet) as advance:
+            write_model_page(output, gathered, provenance, advance)
     if as_json:
         print_result(gathered.to_document(), report=output, set_aside=set_aside, provenance=provenance)
         return
