@@ -4,6 +4,7 @@
 
 On a cluster that there is, `Client("tcp://its-scheduler:8786")` takes the place of the two workers here. Any other
 executor of the kind of `concurrent.futures` is given in the same way; without one all cores of this computer work.
+Dask comes with `pip install '.[cluster]'`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from distributed import Client, LocalCluster
+try:
+    from distributed import Client, LocalCluster
+except ModuleNotFoundError:
+    sys.exit("this example needs Dask: pip install '.[cluster]', in the folder that geoerr was installed from")
 from virtual_machines import printers
 
 import geoerr

@@ -28,6 +28,7 @@ CARRIERS = ("tool", "work", "base", "relative")
 MEASURED = ("mx", "my", "mz")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 STANDARD_UNCERTAINTY = ("sx", "sy", "sz")
+PIXELS = ("u_left", "v_left", "u_right", "v_right")
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 _AXES = ("x", "y", "z")
 _UNITS = {**dict.fromkeys((*_AXES, "r", "measured"), "mm"), "feed": "mm/min"}
@@ -44,7 +45,8 @@ POINT_COLUMNS = Schema(
         *MEASURED,
         *STANDARD_UNCERTAINTY,
         *COVARIANCE,
-        *("t", "feed", "temp", "u_left", "v_left", "u_right", "v_right"),
+        *("t", "feed", "temp"),
+        *PIXELS,
     ),
     whole_numbers=("repeat", *DIRECTIONS, "moving"),
     texts=("line", "session", "target", "group"),

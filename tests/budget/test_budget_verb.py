@@ -46,12 +46,15 @@ def test_it_says_what_the_library_says(model: Path) -> None:
 
 def test_in_words_and_on_a_page(model: Path, tmp_path: Path) -> None:
     page = tmp_path / "budget.html"
-    done = CliRunner().invoke(app, ["budget", str(model), "--at", "temp_bed=70", "--report", str(page)])
+    done = CliRunner().invoke(
+        app, ["budget", str(model), "--at", "temp_bed=70", "--at", "spool=1", "--report", str(page)]
+    )
     assert done.exit_code == 0, done.output
     assert "[[Combined]]" in done.stdout
     assert "worst" in done.stdout
     # What was assumed and what lies beyond the data is said.
     assert "taken as d_y = 1" in done.stderr
+    assert "note: the model does not depend on spool: --at spool changes nothing" in done.stderr
     assert "temp_bed = 70 is extrapolated: 8.75 °C above" in done.stdout
     text = page.read_text(encoding="utf-8")
     for word in ("How uncertain", "Uncertainty over the volume", "thermal-expansion:x@temp_bed", "Not counted"):

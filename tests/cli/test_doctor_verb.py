@@ -104,7 +104,10 @@ def test_a_library_that_is_too_old_or_absent_is_wrong(monkeypatch: pytest.Monkey
 def test_an_extra_that_is_not_there_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(doctor_checks.EXTRAS, "workbench", ("nodash", "no_such_module", "geoerr workbench"))
     (check,) = (one for one in document()["installation"] if one["name"] == "nodash")
-    assert (check["state"], check["hint"]) == ("note", "pip install 'geoerr[workbench]'")
+    # What the README says: no registry has a package to take the extra of.
+    hint = "pip install '.[workbench]', in the folder that geoerr was installed from"
+    assert (check["state"], check["hint"]) == ("note", hint)
+    assert hint.partition(",")[0] in (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
 
 def test_a_core_that_computes_wrongly_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -483,3 +483,17 @@ def test_status_and_streams_of_the_program(folder: Path) -> None:
     document = json.loads(piped.stdout)
     assert document["converged"] is True
     assert document["parameters"] == json.loads(done(folder, *SMALL, "--json"))["parameters"]
+
+
+def test_an_effect_that_is_not_told_from_nothing_is_said_to_be_none(folder: Path) -> None:
+    text = " ".join(done(folder, *SMALL, "--add", "lateral-play:x").split())
+    _, backlash, lateral = re.split("backlash:x: Backlash|lateral-play:x: Play", text)
+    assert "do not tell it from nothing" not in backlash
+    assert "these data do not tell it from nothing (p = 0." in lateral
+
+
+def test_an_effect_that_is_not_determined_is_said_to_be_where_its_value_stands(folder: Path) -> None:
+    text = " ".join(done(folder, *SMALL, "--effects", str(folder / "own.toml"), "--add", "my-gap:x").split())
+    assert "µm not determined: these measurements cannot tell it from my-gap:x" in text
+    assert "µm not determined: these measurements cannot tell it from backlash:x" in text
+    assert "from nothing" not in text

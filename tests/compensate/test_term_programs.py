@@ -399,7 +399,7 @@ def test_the_verbs(tmp_path):
     refused = CliRunner().invoke(app, ["compensate", *files, "-o", str(target)])
     assert refused.exit_code == 1
     assert not target.exists()
-    at = ["--at", "temp_bed=90"]
+    at = ["--at", "temp_bed=90", "--at", "spool=2"]
     done = CliRunner().invoke(app, ["compensate", *files, "-o", str(target), *at, "--json"])
     assert done.exit_code == 0, done.output
     document = json.loads(done.stdout)
@@ -407,6 +407,8 @@ def test_the_verbs(tmp_path):
     assert document["correction_std_um"] is None
     checked = CliRunner().invoke(app, ["verify", "path", *files, str(target), *at, "--tolerance", "0.005", "--json"])
     assert checked.exit_code == 0, checked.output
+    for verb in (done, checked):
+        assert "note: the model does not depend on spool: --at spool changes nothing" in verb.stderr
     assert json.loads(checked.stdout)["max_error_um_after"] < 5.0
     cold = [*files, str(target), "--at", "temp_bed=reference", "--tolerance", "0.005"]
     assert CliRunner().invoke(app, ["verify", "path", *cold]).exit_code == 1

@@ -15,6 +15,7 @@ import geoerr
 from geoerr.cli.main import app
 from geoerr.diagnose import Comparison, compare
 from geoerr.diagnose.components import is_circle
+from geoerr.diagnose.labels import variable_meaning
 from geoerr.errors import GeoerrError, GeometryError, InputFileError
 from geoerr.machine import write_machine
 from geoerr.model import Model, write_model
@@ -82,6 +83,35 @@ def test_any_model_with_any_measurements_gives_the_keys_of_the_contract(
     assert (found["is_own_data"], found["model_takes_part"]) == (own, own)
 
 
+def test_variables_of_the_machine_come_before_pixels_and_all_have_a_meaning(folder: Path) -> None:
+    """Where the camera saw the target follows the position, and its error no less than the position does."""
+    points = pl.read_csv(folder / "points.csv").with_columns(u_left=pl.col("x") + 100.0, load=pl.int_range(90) % 7)
+    points.write_csv(folder / "points.csv")
+    trends = document(folder, "machine.toml", "points.csv")["trends"]
+    named = [trend["variable"] for trend in trends]  # type: ignore[attr-defined]
+    assert set(named[-3:]) == {"u_left"}
+    assert "u_left" not in named[:-3]
+    text = " ".join(run(folder, "machine.toml", "points.csv").stdout.split())
+    assert "the largest first, pixels last: along x over x (position, mm): worth" in text
+    without = points.drop("u_left")
+    without.write_csv(folder / "points.csv")
+    assert "pixels" not in run(folder, "machine.toml", "points.csv").stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "meaning"),
+    [
+        ("y", "position, mm"),
+        ("temp_bed", "temperature, °C"),
+        ("s_x", "travel of x since it turned round, mm"),
+        ("u_left", "column of the left picture, px"),
+        ("load", "as measured"),
+    ],
+)
+def test_a_name_has_a_meaning(name: str, meaning: str) -> None:
+    assert variable_meaning(name) == meaning
+
+
 def test_the_model_that_knows_the_scale_is_better_and_refit_is_said(folder: Path) -> None:
     nominal, own = document(folder, "machine.toml", "points.csv"), document(folder, "model.json", "points.csv")
     assert own["rmse_um"] < 0.3 * nominal["rmse_um"]  # type: ignore[operator]
@@ -103,7 +133,13 @@ def test_the_text_fits_the_terminal_and_says_where(folder: Path, data: tuple[str
     assert max(map(len, lines)) <= 100
     assert "nan" not in result.stdout
     if "points.csv" in data:
-        for words in ("by line, worst first", "by region", "along x over x: worth", "worst places:", "points.csv:"):
+        for words in (
+            "by line, worst first",
+            "by region",
+            "along x over x (position, mm): worth",
+            "worst places:",
+            "points.csv:",
+        ):
             assert words in result.stdout
     if "lengths.csv" in data:
         # 10 µm in 100 mm and 20 in 200.

@@ -20,10 +20,13 @@ from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeometryError, InputFileError
 from geoerr.fit import FitOptions
 from geoerr.machine import write_machine
+from geoerr.model import Model
+from geoerr.observations import PIXELS, Observations
 from geoerr.vision.rig import Rig, RightFromLeft, write_rig
 
 KNOWN = Catalogue({name: catalogue()[name] for name in ("scale", "rig-scale", "backlash")})
 PLAN = Plan(n_sessions=1, n_lines=20, n_points=12)
+OPTIONS = FitOptions(threads=1)
 
 
 def test_what_the_calibration_can_do_is_no_effects(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,6 +42,33 @@ def test_what_the_calibration_can_do_is_no_effects(monkeypatch: pytest.MonkeyPat
     longer = observations.measured_mm[:, :, None]
     known = diagnose(model, observations, rig_sensitivity=longer, rig_covariance=np.array([[1e-8]]), threads=1)
     assert [str(one.reference) for one in known.found] == ["backlash:x"]
+
+
+def test_cameras_that_are_blamed_without_their_calibration_are_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of cameras only: where there are no pixels there is no rig.json; held, the calibration needs --refit, too."""
+    monkeypatch.setattr("geoerr.diagnose.diagnosis.catalogue", lambda: KNOWN)
+    rng = np.random.default_rng(4)
+    moved = motion(rng, PLAN)
+    pixels = dict.fromkeys(PIXELS, np.zeros(len(moved.q)))
+    said = "an effect of the cameras may be no more than what their calibration does not know"
+
+    def notes(points: Observations, **calibration: np.ndarray) -> list[str]:
+        model = geoerr.fit_model(machine(), points, components="none", effects=("backlash:x",), options=OPTIONS).model
+        return [note for note in diagnose(model, points, threads=1, **calibration).notes if said in note]
+
+    points, bare = (
+        measured(
+            moved.q, 1.0001 * moved.q, np.random.default_rng(5), noise_mm=5e-3, **moved.seen_from_the_tool, **more
+        )
+        for more in (pixels, {})
+    )
+    (note,) = notes(points)
+    assert note.endswith("which took no part: --rig rig.json lets it")
+    assert not notes(bare)
+    longer = points.measured_mm[:, :, None]
+    assert not notes(points, rig_sensitivity=longer, rig_covariance=np.array([[1e-14]]))
+    held = diagnose(Model(machine()), points, threads=1).notes
+    assert any(note.endswith("--rig rig.json --refit lets it") for note in held)
 
 
 @pytest.mark.parametrize("known_to", [1e-5, 1e-3])

@@ -20,7 +20,7 @@ from geoerr.diagnose import add_effect
 from geoerr.diagnose.advice import Advice, adviser_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms
 from geoerr.diagnose.explained import explained_um
-from geoerr.diagnose.search import search
+from geoerr.diagnose.search import reference_of, search, why_left
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError
@@ -160,6 +160,65 @@ def test_the_advised_measurement_is_written_where_there_is_one(
     assert pl.read_csv(path).height == 2 * len(plan.pictures)
     refused = CliRunner().invoke(app, [*arguments[:-1], str(table)])
     assert "is an input of this command" in str(refused.exception)
+
+
+def test_what_was_looked_at_and_left_has_a_reason(named: Diagnosis, ambiguous: Diagnosis, clean: Diagnosis) -> None:
+    for diagnosis in (named, ambiguous, clean):
+        spoken = {one.reference for one in (*diagnosis.found, *diagnosis.tied)}
+        for one in diagnosis.candidates:
+            assert (one.left_because is None) == (one.reference in spoken), one.reference
+            assert one.to_document()["left_because"] == one.left_because
+    text = " ".join(text_of(named).split())
+    others = [one for one in named.candidates if one.reference not in {each.reference for each in named.found}]
+    assert f"{others[0].reference}" in text[text.index("looked at and left") :]
+    assert f": {others[0].left_because}" in text[text.index("looked at and left") :]
+    assert f"left: {others[0].left_because}" in " ".join(text_of(named, verbose=True).split())
+    assert ": no more than chance" in text_of(clean)
+    assert "beside what was found" not in text_of(clean)
+
+
+def test_the_reason_is_what_the_last_look_says(named: Diagnosis) -> None:
+    searched = named.searched
+    last = searched.last.candidates
+    judged = last[0]
+
+    def why(*, p_value: float = 0.0, evidence: float = 1.0, **changes: object) -> str | None:
+        now = replace(judged, p_value=p_value, evidence=evidence)
+        looked = replace(searched.last, candidates=(now, *last[1:]))
+        return why_left(replace(searched, **{"last": looked, "unknown": None} | changes), judged)
+
+    reference = reference_of(judged)
+    assert why(p_value=0.3) == "no more than chance beside what was found"
+    assert why(p_value=0.3, found=()) == "no more than chance"
+    assert why(p_value=0.01) == "not sure enough beside what was found"
+    assert why(evidence=-1.0) == "explains too little beside what was found for so many numbers"
+    assert why(found=searched.found * 6) == "6 effects were found, and no more are looked for"
+    assert why(unknown=searched.found[0]) == "may be a part of what has no name"
+    assert why(dropped={reference: "no better held out"}) == "no better held out"
+    assert why() is None
+    unseen = replace(searched.last, candidates=last[1:], invisible=(judged.what,))
+    assert why(last=unseen) == "nothing of it is left beside what was found"
+    assert why(last=replace(unseen, invisible=())) == "only with the sign that physics does not give it"
+
+
+@pytest.mark.usefixtures("few_effects")
+def test_a_machine_whose_errors_were_never_fitted_is_told_so_before_anything_else(tmp_path: Path) -> None:
+    observations = observed(play)
+    write_machine(tmp_path / "machine.toml", machine())
+    geoerr.write_observations(tmp_path / "o.csv", observations)
+    model = geoerr.fit_model(machine(), geoerr.read_observations(tmp_path / "o.csv"), options=OPTIONS).model
+    write_model(tmp_path / "model.json", model)
+    nominal, fitted = (
+        CliRunner().invoke(app, ["diagnose", str(tmp_path / name), str(tmp_path / "o.csv")]).stdout
+        for name in ("machine.toml", "model.json")
+    )
+    said, verdict = "note: the 21 geometric errors were never fitted", "backlash"
+    assert 0 < nominal.index(said) < nominal.index(verdict)
+    command = f"  geoerr fit {tmp_path}/o.csv --machine {tmp_path}/machine.toml -o model.json\n"
+    assert nominal.index(said) < nominal.index(command) < nominal.index(verdict)
+    assert verdict in fitted
+    assert "never fitted" not in fitted
+    assert "geoerr fit" not in fitted
 
 
 def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
 
 import geoerr
-from geoerr.cli.fit_text import parameter_rows
+from geoerr.cli.fit_text import effect_rows
 from geoerr.diagnose.diagnosis import diagnosis_of, with_terms
 from geoerr.diagnose.moments import moment_of, moments_of, span_words
 from geoerr.diagnose.search import search
@@ -94,4 +94,4 @@ def test_a_jump_that_is_found_is_told_on_the_time_of_its_session() -> None:
     assert document["value"] == found.parameters[-1].value
     assert document["value"] == pytest.approx(document["session_t"] - 50.0 + 199.0 * 3.0)
     refitted = with_terms(fitted, [found.term])
-    assert any(words in line for line in parameter_rows([refitted.terms[-1]], refitted.sightings))
+    assert any(words in line for line in effect_rows(refitted))

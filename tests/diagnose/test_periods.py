@@ -6,9 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from validation.laser_run import MACHINE, laser_run
 
+from geoerr.cli.change_text import change_text
+from geoerr.diagnose.change import Change, add_effect
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
-from geoerr.diagnose.periods import alike_periods, periods_to_try
-from geoerr.fit import FitOptions, fit_terms
+from geoerr.fit import FitOptions, fit_model, fit_terms
+from geoerr.fit.inner import other_periods
+from geoerr.fit.periods import alike_periods, periods_to_try
 
 PULLEY_MM, STEP_MM, N_REPEATS = 40.0, 10.0, 5
 
@@ -65,3 +68,36 @@ def test_no_period_is_far_from_one_that_is_tried(low: float, ratio: float, span:
     wanted = 1.0 / np.geomspace(low, high, 200)
     near = np.abs(tried[None, :] - wanted[:, None]).min(axis=1) * span
     assert near.max() <= 0.5 + 1e-6
+
+
+def _added(places_mm: np.ndarray) -> Change:
+    rng = np.random.default_rng(7)
+    run = laser_run(places_mm, N_REPEATS)
+    error_um = 3.0 * np.sin(2.0 * np.pi * run.x_mm / PULLEY_MM) + 0.3 * rng.normal(size=len(run.x_mm))
+    observed = run.observed(error_um)
+    model = fit_model(MACHINE, observed, options=FitOptions(components="12", threads=1)).model
+    return add_effect(model, observed, reference="periodic:x", threads=1)
+
+
+def test_a_wave_that_is_added_without_its_period_has_the_one_that_a_diagnosis_tells() -> None:
+    """Any of forty periods explains the same: it was 0.889 mm."""
+    change = _added(np.arange(0.0, 400.1, STEP_MM))
+    period = change.after.terms[-1].inner[0]
+    assert period.value == pytest.approx(PULLEY_MM, abs=4.0 * period.std)
+    told = other_periods(change.after, change.after.terms[-1])["P"]
+    assert told[:3] == pytest.approx([13.33, 8.0, 5.714], rel=1e-3)
+    text = " ".join(" ".join(change_text(change)).split())
+    assert "or 13.3" in text
+    assert "which are the same at these places: measure in uneven steps" in text
+
+
+def test_a_wave_that_is_added_in_uneven_steps_has_no_other_period() -> None:
+    rng = np.random.default_rng(11)
+    inner = np.arange(STEP_MM, 399.9, STEP_MM)
+    change = _added(np.concatenate([[0.0], inner + rng.uniform(-4.0, 4.0, len(inner)), [400.0]]))
+    period = change.after.terms[-1].inner[0]
+    assert period.value == pytest.approx(PULLEY_MM, abs=4.0 * period.std)
+    assert not other_periods(change.after, change.after.terms[-1])
+    assert "which are the same" not in " ".join(change_text(change))
+    # What is no wave has no period.
+    assert not other_periods(change.after, change.after.terms[0])

@@ -6,6 +6,8 @@ import importlib.util
 import math
 import re
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,6 +29,9 @@ RUN = (
 )
 _COMMAND = re.compile(r"(?<![\w./`-])geoerr ((?:[^\n|;>&\\]|\\\n)+)")
 _CONSOLE = re.compile(r"```console\n(.*?)```", re.DOTALL)
+_COMMANDS = re.compile(r"```(?:console|sh)\n(.*?)```", re.DOTALL)
+_WRITTEN = re.compile(r"(?:-o|--report|--plan|>) ([a-z][\w./-]*)")
+_FILE = re.compile(r"<!-- file: (\S+) -->")
 _NUMBER = re.compile(r"[−-]?\d+(?:\.\d+)?(?:e[−-]?\d+)?")
 
 
@@ -71,6 +76,23 @@ def test_what_it_prints_is_what_stands_there(name: str) -> None:
         assert _NUMBER.sub("#", there).split() == _NUMBER.sub("#", now).split()
         for old, new in zip(_NUMBER.findall(there), _NUMBER.findall(now), strict=True):
             assert near(old, new), f"{there}\n{now}"
+
+
+@pytest.mark.skipif(shutil.which("git") is None or not (DOCS.parent / ".git").exists(), reason="no clone")
+@pytest.mark.parametrize("name", [*GUIDES, "../README.md"])
+def test_what_a_page_leaves_is_no_change_of_the_project(name: str) -> None:
+    """Who follows a page from the clone's own folder finds it as it was."""
+    lines = [line for block in _COMMANDS.findall(text_of(name)) for line in block.replace("\\\n", "").splitlines()]
+    written = {found for line in lines if "cd " not in line for found in _WRITTEN.findall(line)}
+    for path in sorted(written | set(_FILE.findall(text_of(name)))):
+        # A folder is ignored with what is in it.
+        both = subprocess.run(
+            ["git", "check-ignore", "--no-index", path, f"{path}/x"],
+            cwd=DOCS.parent,
+            capture_output=True,
+            check=False,
+        )
+        assert both.returncode == 0, path
 
 
 def near(old: str, new: str) -> bool:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from geoerr.cli.options import install_command
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # One that hangs is stopped; how long one takes is for a quiet machine to say, not for a test.
 SECONDS = 240
@@ -44,6 +46,15 @@ def test_every_example_has_something_to_say_and_a_line_in_the_table() -> None:
     table = (EXAMPLES / "README.md").read_text(encoding="utf-8")
     for name in scripts():
         assert f"| [{name}]({name}) |" in table
+
+
+def test_an_example_that_needs_an_extra_says_how_to_have_it(tmp_path: Path) -> None:
+    hidden = f"import runpy, sys; sys.modules['distributed'] = None; sys.path.insert(0, {str(EXAMPLES)!r})"
+    code = f"{hidden}; runpy.run_path({str(EXAMPLES / 'farm_on_a_cluster.py')!r}, run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    hint = install_command("cluster")
+    assert done.stderr == f"this example needs Dask: {hint}\n"
 
 
 @pytest.mark.parametrize("name", scripts())

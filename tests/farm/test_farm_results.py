@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,12 @@ def test_a_model_that_is_given_is_used_and_not_made_again(farm: Path, right_byte
     done, written = results(farm / "mill-0")
     assert [one.step for one in done.outcomes] == ["diagnose", "compensate"]
     assert written == {name: right_bytes[name] for name in ("mill-0/diagnosis.json", "mill-0/programs/corner.gcode")}
+
+
+def test_a_condition_that_a_machine_does_not_follow_is_none_of_its(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    done, written = results(farm / "mill-0", replace(RECIPE, at={"temp_bed": 90.0}))
+    assert not done.failures
+    assert written["mill-0/programs/corner.gcode"] == right_bytes["mill-0/programs/corner.gcode"]
 
 
 def test_an_old_model_in_the_results_corrects_nothing(farm: Path) -> None:

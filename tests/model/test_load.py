@@ -12,6 +12,7 @@ from geoerr.error_functions import write_errors
 from geoerr.errors import InputFileError
 from geoerr.machine import write_machine
 from geoerr.model import Model, load_model
+from geoerr.vision.rig import Rig, RightFromLeft, write_rig
 
 
 def test_machine_toml_is_the_nominal_machine(tmp_path: Path) -> None:
@@ -55,6 +56,16 @@ def test_neither(tmp_path: Path, name: str, content: str, problem: str) -> None:
     (tmp_path / name).write_text(content)
     with pytest.raises(InputFileError, match=problem):
         load_model(tmp_path / name)
+
+
+def test_a_rig_is_told_where_it_belongs(tmp_path: Path) -> None:
+    path, matrix = tmp_path / "rig.json", np.array([[2300.0, 0.0, 1224.0], [0.0, 2300.0, 1024.0], [0.0, 0.0, 1.0]])
+    pose = RightFromLeft(np.eye(3), np.array([-300.0, 0.0, 0.0]))
+    write_rig(path, Rig(matrix, np.zeros(5), matrix, np.zeros(5), pose, (2448, 2048), None))
+    with pytest.raises(InputFileError, match="is a rig, two cameras, and no model") as refused:
+        load_model(path)
+    assert refused.value.remedy is not None
+    assert f"as --rig {path}; a model is a model.json" in refused.value.remedy
 
 
 @pytest.mark.parametrize("name", ["none.json", "none.toml", "none"])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from typer.testing import CliRunner, Result
 
 import geoerr
 from geoerr.cli.main import app
+from geoerr.cli.progress import Advance
 from geoerr.errors import GeoerrError
 from geoerr.machine import Machine, write_machine
 from geoerr.model import Model
@@ -138,6 +141,21 @@ def test_figures_of_the_standards_are_those_that_were_put_in(full: parts.ModelRe
         assert test.known_to_um is not None
         assert 0.0 < test.known_to_um < 5.0
     assert full.diagonal_systematic_um == max(one.systematic_um for one in full.diagonals.values())
+
+
+def test_gathering_and_writing_both_tell_how_far_they_are(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: dict[str, list[tuple[int, int]]] = {}
+
+    @contextmanager
+    def watched(title: str, quiet: bool = False) -> Iterator[Advance]:
+        yield lambda done, total: told.setdefault(title, []).append((done, total))
+
+    monkeypatch.setattr("geoerr.cli.report.progress_bar", watched)
+    assert run(folder, "model.json", "-o", str(folder / "page.html")).exit_code == 0
+    assert list(told) == ["report", "write"]
+    for steps in told.values():
+        assert [done for done, _ in steps] == sorted(done for done, _ in steps)
+        assert len(steps) > 2
 
 
 def test_a_condition_is_the_users(folder: Path) -> None:

@@ -290,6 +290,20 @@ def test_the_command_prints_what_it_computes(tmp_path):
     assert "Circular test" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
+def test_what_the_model_says_of_itself_is_no_proof(tmp_path):
+    machine, errors, page = wavy(), tmp_path / "errors.json", tmp_path / "page.html"
+    write_errors(errors, machine.errors)
+    trace = measured_file(tmp_path / "trace.csv", machine, circle_to_test(machine))
+    said = "(before and after by the model itself; a measured circle "
+    alone = run_command(errors, "--report", page).stdout
+    assert f"{said}proves it: geoerr verify ballbar {errors} --trace circle.csv)" in alone
+    assert "By the model itself, on a circle" in page.read_text(encoding="utf-8")
+    assert "a measured circle proves the model" in page.read_text(encoding="utf-8")
+    assert f"{said}is compared below)" in run_command(errors, "--trace", trace).stdout
+    assert "by the model itself" not in run_command(errors, "--truth", errors, "--report", page).stdout
+    assert "By the model itself" not in page.read_text(encoding="utf-8")
+
+
 def test_a_page_never_replaces_what_was_read(tmp_path):
     machine = wavy()
     write_errors(tmp_path / "errors.json", machine.errors)

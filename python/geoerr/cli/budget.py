@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, print_json
-from geoerr.cli.program_options import At, conditions, triple
+from geoerr.cli.program_options import At, conditions, followed_conditions, triple
 
 _EXAMPLES = (
     "geoerr budget model.json --at temp_bed=90 --at-std temp_bed=2",
@@ -62,7 +62,7 @@ def budget(
 
     check_output(report, [model])
     loaded = load_model(model)
-    given, assumed = conditions(at), approach_conditions(loaded)
+    given, assumed = followed_conditions(at, loaded.conditions, quiet), approach_conditions(loaded)
     found = uncertainty_budget(
         loaded,
         None if place is None else {f"({text})": triple(text, "--place") for text in place},

@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from geoerr.cli.fit_document import fit_document
-from geoerr.cli.fit_text import figure_rows, parameter_rows, quality_in_words, wrapped
+from geoerr.cli.fit_text import effect_rows, figure_rows, quality_in_words, wrapped
 from geoerr.cli.options import note, note_left_out, note_set_aside, print_json
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
@@ -28,9 +28,7 @@ def change_text(change: Change) -> list[str]:
     lines = [*figure_rows({"before": comparison_document(change.before), "after": comparison_document(after)}), ""]
     for sentence in quality_in_words(after):
         lines += wrapped(sentence, "")
-    effects = [term for term in after.terms if term.kind != "classic"]
-    if effects:
-        lines += ["", "effects:", *parameter_rows(effects, after.sightings)]
+    lines += effect_rows(after)
     record = change.result.model.record
     assert record is not None
     lines += ["", *fall(record.history)]

@@ -11,8 +11,10 @@ import numpy as np
 from geoerr.cli.fit_text import figure_rows, quality_in_words, wrapped
 from geoerr.cli.options import note, note_left_out, note_set_aside
 from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
+from geoerr.diagnose.labels import variable_meaning
 from geoerr.diagnose.regions import region_name
 from geoerr.measurements import Measurements
+from geoerr.observations import PIXELS
 from geoerr.summaries import counted
 
 _MOST_LINES = 12
@@ -146,17 +148,21 @@ def _trend_tables(comparison: Comparison) -> Iterator[str]:
     if not shown:
         yield "the residual follows nothing in these data by more than a tenth of itself"
         return
-    yield "what the residual follows (mean ± standard error of its bins, µm), the largest first:"
+    behind = ", pixels last" if any(trend.variable in PIXELS for trend in comparison.trends) else ""
+    yield f"what the residual follows (mean ± standard error of its bins, µm), the largest first{behind}:"
     for trend in shown[:_MOST_TRENDS]:
         what = "radius" if trend.component == "radius" else f"along {trend.component}"
-        yield f"  {what} over {trend.variable}: worth {trend.worth_um:.2f} µm"
+        yield f"  {what} over {trend.variable} ({variable_meaning(trend.variable)}): worth {trend.worth_um:.2f} µm"
         for one in trend.bins:
             span = f"{one.low:.6g}" if one.low == one.high else f"{one.low:.6g} to {one.high:.6g}"
             error = "–" if math.isnan(one.std_error_um) else f"{one.std_error_um:.2f}"
             yield f"    {span:<28}{_signed(one.mean_um, 2):>10} ± {error:<8}{one.n:>8} rows"
-    rest = [f"{trend.component} over {trend.variable} ({trend.worth_um:.1f})" for trend in shown[_MOST_TRENDS:]]
+    rest = [
+        f"{trend.component} over {trend.variable} ({variable_meaning(trend.variable)}) {trend.worth_um:.1f}"
+        for trend in shown[_MOST_TRENDS:]
+    ]
     if rest:
-        yield from wrapped(f"then {', '.join(rest[:_MOST_LINES])}")
+        yield from wrapped(f"then, in µm: {'; '.join(rest[:_MOST_LINES])}")
 
 
 def _is_same(one: Trend, other: Trend) -> bool:

@@ -19,7 +19,7 @@ from geoerr.cli.program_options import (
     Tolerance,
     UnsupportedChoice,
     WorkOffset,
-    conditions,
+    followed_conditions,
     names,
     triple,
 )
@@ -84,7 +84,6 @@ def compensate(
     from geoerr.model import load_model
     from geoerr.report.provenance import provenance_of_command
 
-    given = conditions(at)
     options = CompensationOptions(
         work_offset_mm=triple(work_offset, "--work-offset"),
         tolerance_mm=tolerance,
@@ -100,6 +99,7 @@ def compensate(
     loaded = load_model(model)
     if output.exists() and output.samefile(model):
         raise InputFileError(output, "is the model that is read", remedy="name another output")
+    given = followed_conditions(at, loaded.conditions, quiet)
     size = program.stat().st_size if program.is_file() else 0
     with progress_bar("compensate", quiet) as advance:
         result = compensate_program(

@@ -114,13 +114,16 @@ def diagnose_verb(
         document |= {"plan": written}
         print_result(document, report=report, set_aside=measured.set_aside, provenance=provenance)
         return
-    command = " ".join(["geoerr add", str(model), *map(str, observations)])
+    tables = " ".join(map(str, observations))
+    command = f"geoerr add {model} {tables}"
     options = "".join(f" --effects {path}" for path in effects or []) + ("" if rig is None else f" --rig {rig}")
-    lines = (
-        circle_diagnosis_lines(diagnosis, command, options, verbose=verbose)
-        if isinstance(diagnosis, CircleDiagnosis)
-        else diagnosis_lines(diagnosis, command, options, verbose=verbose)
-    )
+    if isinstance(diagnosis, CircleDiagnosis):
+        lines = circle_diagnosis_lines(diagnosis, command, options, verbose=verbose)
+    else:
+        fit_first = None
+        if diagnosis.is_without_errors and model.suffix == ".toml":
+            fit_first = f"geoerr fit {tables} --machine {model}{options} -o model.json"
+        lines = diagnosis_lines(diagnosis, command, options, fit_first=fit_first, verbose=verbose)
     for line in lines:
         typer.echo(line)
     note_set_aside(measured.set_aside, quiet)

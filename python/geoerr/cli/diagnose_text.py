@@ -1,4 +1,4 @@
-"""A diagnosis in words and tables that fit eighty columns: the verdict first, then its grounds, then what to do."""
+"""A diagnosis in words and tables of eighty columns: what to know first, the verdict, its grounds, what to do."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ _MOST_EFFECTS = 3
 _NAME_WIDTH = 42
 
 
-def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose: bool = False) -> Iterator[str]:
+def diagnosis_lines(
+    diagnosis: Diagnosis, command: str, options: str, *, fit_first: str | None = None, verbose: bool = False
+) -> Iterator[str]:
     """Give everything that the verb prints.
 
     Parameters
@@ -38,15 +40,21 @@ def diagnosis_lines(diagnosis: Diagnosis, command: str, options: str, *, verbose
         How a `geoerr add` of these files begins.
     options
         How it goes on after the effect, from a space: the user's own effect files.
+    fit_first
+        The command that fits the 21 errors, of a machine that has none yet.
     verbose
         Every candidate in full, and everything that was not offered.
     """
     yield from _data(diagnosis)
     yield ""
-    yield from narrow(f"{capitalised(diagnosis.sentence)}.")
-    yield from _figures(diagnosis)
     for text in diagnosis.notes:
         yield from narrow(f"note: {text}")
+    if fit_first is not None:
+        yield from ("to fit them first:", f"  {fit_first}")
+    if diagnosis.notes:
+        yield ""
+    yield from narrow(f"{capitalised(diagnosis.sentence)}.")
+    yield from _figures(diagnosis)
     drifts_most = diagnosis.between_passes.worth_um > max((one.worth_um for one in diagnosis.found), default=0.0)
     if drifts_most:
         yield from _between_passes(diagnosis)
@@ -102,6 +110,8 @@ def _finding(finding: Finding, number: str) -> Iterator[str]:
     if finding.held_out_words is not None:
         yield from narrow(finding.held_out_words, "    ")
     yield from remedy_lines(finding, "the cameras")
+    if finding.left_because is not None:
+        yield from narrow(f"left: {finding.left_because}", "    ")
     if finding.in_model:
         yield from narrow("the model has it with another value: fit it to these data (--refit)", "    ")
     if not finding.tied:
@@ -210,6 +220,9 @@ def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
             yield f"  {name}"
             name = ""
         yield f"  {name:<{_NAME_WIDTH - 2}}{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}".rstrip()
+    reasons = [(str(one.reference), one.left_because) for one in others[:_MOST_OTHERS] if one.left_because]
+    for why, names in by_reason(reasons).items():
+        yield from narrow(f"{', '.join(names)}: {why}", "  ")
     if len(others) > _MOST_OTHERS:
         yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
 

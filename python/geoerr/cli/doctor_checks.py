@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geoerr import __version__
+from geoerr.cli.options import install_command
 from geoerr.errors import GeoerrError, InputFileError
 
 State = Literal["ok", "note", "wrong"]
@@ -86,7 +87,7 @@ def _core() -> Check:
     # 100 µm/m over 100 mm.
     if abs(along_x_mm - 0.01) > _SELF_TEST_MM or left_mm > _SELF_TEST_MM:
         text = f"computes wrongly: {1e3 * along_x_mm:.4f} µm for 10, {1e6 * left_mm:.2f} nm left after correction"
-        return Check("core", "wrong", text, "install geoerr again: pip install --force-reinstall geoerr")
+        return Check("core", "wrong", text, f"install geoerr again: {install_command()}")
     return Check("core", "ok", "predicts and corrects a known machine to a nanometre")
 
 
@@ -123,7 +124,7 @@ def _extra(extra: str, distribution: str, module: str, purpose: str) -> Check:
     except ImportError as error:
         absent = isinstance(error, ModuleNotFoundError) and error.name == module
         text = f"not installed: no `{purpose}`" if absent else f"cannot be loaded: {error}"
-        return Check(distribution, "note" if absent else "wrong", text, f"pip install 'geoerr[{extra}]'")
+        return Check(distribution, "note" if absent else "wrong", text, install_command(extra))
     return Check(distribution, "ok", f"{_version(distribution, loaded)}, for `{purpose}`")
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geoerr.cli.fit import ComponentsChoice
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, install_command, note, print_json
 from geoerr.cli.program_options import (
     At,
     Firmware,
@@ -132,7 +132,7 @@ def _connected(scheduler: str) -> Iterator[FarmExecutor]:
     try:
         from distributed import Client
     except ModuleNotFoundError as error:
-        raise GeoerrError("a cluster needs Dask\nhint: pip install 'geoerr[cluster]'") from error
+        raise GeoerrError(f"a cluster needs Dask\nhint: {install_command('cluster')}") from error
     try:
         client = Client(scheduler, timeout=_CONNECTION_S)
     except (OSError, ValueError) as error:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geoerr.cli.fit_text import (
+    effect_rows,
     error_rows,
     figure_rows,
     freedom_of,
     not_determined_rows,
-    parameter_rows,
     quality_in_words,
     scale_sentence,
     wrapped,
@@ -76,9 +76,7 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
     ]
     for sentence in quality_in_words(fitted):
         lines += wrapped(sentence, "")
-    effects = [term for term in fitted.terms if term.kind != "classic"]
-    if effects:
-        lines += ["", "effects:", *parameter_rows(effects, fitted.sightings)]
+    lines += effect_rows(fitted)
     classic = {iso_name(term.id) for term in fitted.terms if term.kind == "classic"}
     if classic:
         shown = [name for name in ALL_NAMES if name in classic]

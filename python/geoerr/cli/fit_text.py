@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from geoerr.diagnose.moments import moments_of
+from geoerr.diagnose.words import alike_words
 from geoerr.effects import plausible_words
 from geoerr.error_functions import (
     LI_NAMES,
@@ -20,7 +21,8 @@ from geoerr.error_functions import (
     is_angular,
 )
 from geoerr.fit import Fitted
-from geoerr.fit.sightings import Sightings
+from geoerr.fit.from_nothing import SIGNIFICANCE, chance_of_nothing
+from geoerr.fit.inner import other_periods
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
 from geoerr.model.fit_words import lack_of_fit_words
@@ -167,27 +169,36 @@ def scale_sentence(scales: Mapping[str, MeanScale]) -> str | None:
     return f"mean scale, ×10⁻⁶: {', '.join(texts)}" if texts else None
 
 
-def parameter_rows(terms: Sequence[Term], sightings: Sightings) -> Iterator[str]:
-    """Give the parameters of effects with their uncertainties and what is plausible about them.
+def effect_rows(fitted: Fitted) -> Iterator[str]:
+    """Give the effects of a fit: parameters, what is plausible about them, and whether the data show them at all."""
+    effects = [term for term in fitted.terms if term.kind != "classic"]
+    if not effects:
+        return
+    yield ""
+    yield "effects:"
+    chance = chance_of_nothing(fitted)
+    unknown = {item.name: item.why for item in fitted.not_determined}
+    for term in effects:
+        yield from _parameter_rows(term, fitted)
+        if term.id in unknown:
+            yield from wrapped(f"not determined: {unknown[term.id]}", "    ")
+        elif chance.get(term.id, 0.0) > SIGNIFICANCE:
+            yield f"    these data do not tell it from nothing (p = {chance[term.id]:.2g})"
 
-    Parameters
-    ----------
-    terms
-        Whose.
-    sightings
-        The data: a moment on the clock of all sessions is told by its session.
-    """
-    for term in terms:
-        moments = moments_of(term, sightings)
-        yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""))
-        for parameter in term.coefficients:
-            unit, factor = _READ_IN.get(parameter.unit, (parameter.unit, 1.0))
-            yield from wrapped(_parameter(parameter, unit, factor), "    ")
-        for parameter in term.inner:
-            moment = moments.get(parameter.name)
-            unit = parameter.unit if moment is None else moment.unit
-            when = "" if moment is None else f" ({moment.words()})"
-            yield from wrapped(_parameter(parameter, unit, 1.0) + when, "    ")
+
+def _parameter_rows(term: Term, fitted: Fitted) -> Iterator[str]:
+    """Give a term's parameters: a moment on the clock of all sessions by its session, a period with those alike."""
+    moments, alike = moments_of(term, fitted.sightings), other_periods(fitted, term)
+    yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""))
+    for parameter in term.coefficients:
+        unit, factor = _READ_IN.get(parameter.unit, (parameter.unit, 1.0))
+        yield from wrapped(_parameter(parameter, unit, factor), "    ")
+    for parameter in term.inner:
+        moment = moments.get(parameter.name)
+        unit = parameter.unit if moment is None else moment.unit
+        when = "" if moment is None else f" ({moment.words()})"
+        others = f", or {alike_words(alike[parameter.name], unit)}" if parameter.name in alike else ""
+        yield from wrapped(_parameter(parameter, unit, 1.0) + when + others, "    ")
 
 
 def _parameter(parameter: Parameter, unit: str, factor: float) -> str:

@@ -50,6 +50,12 @@ ModelOutput = Annotated[Path | None, typer.Option("--output", "-o", help="model.
 PageFile = Annotated[Path | None, typer.Option("--report", help="Write tables and pictures as an HTML page.")]
 
 
+def install_command(extra: str = "") -> str:
+    """Say how geoerr is installed with an extra: from its folder, for no registry has it."""
+    what = f"'.[{extra}]'" if extra else "--force-reinstall ."
+    return f"pip install {what}, in the folder that geoerr was installed from"
+
+
 def examples(*commands: str) -> str:
     """Give what stands below the options of a verb: lines to copy; long ones go on behind a backslash."""
     split = (

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from geoerr.cli.options import note
 
 if TYPE_CHECKING:
     from geoerr.compensate.program import Triple
@@ -98,3 +101,12 @@ def conditions(given: list[str] | None) -> dict[str, float | str]:
             raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--at")
         read[name] = number
     return read
+
+
+def followed_conditions(given: list[str] | None, follows: Collection[str], quiet: bool) -> dict[str, float | str]:
+    """Read conditions; what a model does not follow is left out, with a note: one command line serves all models."""
+    read = conditions(given)
+    for name in read:
+        if name not in follows:
+            note(f"note: the model does not depend on {name}: --at {name} changes nothing", quiet)
+    return {name: value for name, value in read.items() if name in follows}

@@ -23,7 +23,7 @@ from geoerr.cli.options import (
     note_set_aside,
     print_result,
 )
-from geoerr.cli.program_options import At, conditions
+from geoerr.cli.program_options import At, followed_conditions
 from geoerr.cli.progress import progress_bar
 
 _EXAMPLES = (
@@ -69,6 +69,7 @@ def report_verb(
     from geoerr.report.model_page import report_sentences, write_model_page
     from geoerr.report.model_report import model_report
     from geoerr.report.provenance import provenance_of_command
+    from geoerr.verify.circle_motion import followed_on_circle
 
     inputs = files_given(model, observations, effects, rig)
     check_output(output, inputs)
@@ -77,11 +78,12 @@ def report_verb(
     tables = () if measured is None else (*measured.tables, *measured.lengths)
     set_aside = () if measured is None else measured.set_aside
     sensitivity, covariance = calibration(rig, None if measured is None else measured.points)
+    given = followed_conditions(at, followed_on_circle(known), quiet)
     with progress_bar("report", quiet) as advance:
         gathered = model_report(
             known,
             *tables,
-            at=conditions(at),
+            at=given,
             search=search,
             effects=effects_of(effects),
             rig_sensitivity=sensitivity,
@@ -91,7 +93,8 @@ def report_verb(
         )
     provenance = provenance_of_command(inputs)
     if output is not None:
-        write_model_page(output, gathered, provenance)
+        with progress_bar("write", quiet) as advance:
+            write_model_page(output, gathered, provenance, advance)
     if as_json:
         print_result(gathered.to_document(), report=output, set_aside=set_aside, provenance=provenance)
         return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, files_given, note, print_json
-from geoerr.cli.program_options import At, conditions
+from geoerr.cli.program_options import At, followed_conditions
 from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def ballbar(
     from geoerr.observations import read_circular_test
     from geoerr.report.provenance import provenance_of_command
     from geoerr.verify.ballbar import circle_to_test, run_circular_test
+    from geoerr.verify.circle_motion import followed_on_circle
 
     check_output(report, files_given(model, trace, truth))
     loaded = load_model(model)
@@ -67,7 +68,8 @@ def ballbar(
     measured = None if trace is None else read_circular_test(trace)
     plane, center_mm, radius_mm = _circle_asked_for(plane, center, radius, trace, measured)
     circle = circle_to_test(loaded, plane, center_mm, radius_mm)
-    result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured, at=conditions(at))
+    given = followed_conditions(at, followed_on_circle(loaded, true_model or loaded), quiet)
+    result = run_circular_test(loaded, circle, truth=true_model, with_eq23=eq23, measured=measured, at=given)
     provenance = provenance_of_command([model, trace, truth])
     if report is not None:
         # Plotly comes with it: only a page pays for it.
@@ -77,10 +79,10 @@ def ballbar(
     if as_json:
         print_json({**result.to_document(), "provenance": provenance.to_document()})
         return
-    _print_result(result, truth is not None)
+    _print_result(result, model)
     for problem in result.set_aside:
         note(f"set aside: {problem}", quiet)
-    for one in extrapolated_conditions(loaded, conditions(at)):
+    for one in extrapolated_conditions(loaded, given):
         note(f"note: {one}", quiet)
     for sentence in result.notes:
         note(f"note: {sentence}", quiet)
@@ -126,7 +128,7 @@ def _numbers(text: str) -> list[float]:
     return numbers
 
 
-def _print_result(result: CircularTestResult, with_truth: bool) -> None:
+def _print_result(result: CircularTestResult, model: Path) -> None:
     circle = result.before[0].circle
     place = ", ".join(f"{value:g}" for value in circle.center_mm)
     typer.echo(f"circle in {circle.plane}, centre ({place}) mm, radius {circle.radius_mm:g} mm")
@@ -136,9 +138,9 @@ def _print_result(result: CircularTestResult, with_truth: bool) -> None:
         typer.echo(f"  {sense:<38}{_um(result.before[number])}{_um(result.after[number])}")
     if result.eq23 is not None:
         typer.echo(f"  {'Li Eq. 23 as printed, no squareness':<38}{_um(result.eq23)}")
-    if not with_truth:
-        note_text = "after: what the model itself leaves over; --truth or --trace says what a machine does"
-        typer.echo(f"({note_text})")
+    if result.is_predicted:
+        proof = "is compared below" if result.runs else f"proves it: geoerr verify ballbar {model} --trace circle.csv"
+        typer.echo(f"(before and after by the model itself; a measured circle {proof})")
     if result.runs:
         typer.echo("")
         typer.echo(f"{'measured run':<28}{'points':>8}{'measured G':>13}{'predicted G':>13}{'rms difference':>16}")

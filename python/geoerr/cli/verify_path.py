@@ -15,7 +15,7 @@ from geoerr.cli.program_options import (
     Home,
     KeepUncertain,
     WorkOffset,
-    conditions,
+    followed_conditions,
     names,
     triple,
 )
@@ -63,7 +63,7 @@ def path(
     from geoerr.verify.path import compare_paths
 
     machine = load_model(model).without(names(firmware_corrects))
-    given: Conditions = conditions(at)
+    given: Conditions = followed_conditions(at, machine.conditions, quiet)
     told = [str(one) for one in extrapolated_conditions(machine, given)]
     if not keep_uncertain:
         program_conditions(machine, given)

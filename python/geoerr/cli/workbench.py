@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, install_command, note, print_json
 
 _EXAMPLES = (
     "geoerr workbench machine.toml observations.csv",
@@ -53,7 +53,7 @@ def workbench(
     from geoerr.errors import GeoerrError
 
     if find_spec("dash") is None:
-        raise GeoerrError("the workbench needs Dash\nhint: pip install 'geoerr[workbench]'")
+        raise GeoerrError(f"the workbench needs Dash\nhint: {install_command('workbench')}")
     from geoerr.workbench.server import begin_session, serve
 
     def ready(url: str) -> None:

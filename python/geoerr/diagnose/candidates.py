@@ -17,7 +17,6 @@ import numpy as np
 
 from geoerr.diagnose.classic import lacking_classics
 from geoerr.diagnose.functions import CompiledPart, Functions
-from geoerr.diagnose.periods import is_wave, periods_to_try
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.description import FormSpec
@@ -25,6 +24,7 @@ from geoerr.effects.effect import DEFAULT_TIME_RANGE_S, Effect
 from geoerr.errors import InputFileError
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.jumps import Gaps, is_jump_in_time
+from geoerr.fit.periods import is_wave, periods_to_try, place_of_period
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.fit.variables import clock_span_s
 from geoerr.machine import AXES
@@ -442,10 +442,10 @@ def _grid(
 
 def wave_along(formulas: Formulas, term: Term, inner: Sequence[float]) -> tuple[int, Numbers] | None:
     """Give the place of a term's period and its variable (n,); None if it is no wave along one variable."""
-    free = [place for place, one in enumerate(term.inner) if not one.is_fixed]
-    if len(free) != 1 or len(term.variables) != 1 or term.inner[free[0]].spacing != "log":
+    place = place_of_period(term)
+    if place is None:
         return None
-    functions, place = formulas.functions, free[0]
+    functions = formulas.functions
     rows = _few_rows(functions.n_rows)
     values = functions.variables[functions.names.index(term.variables[0])]
 

@@ -133,7 +133,7 @@ class Comparison:
 
     @cached_property
     def trends(self) -> tuple[Trend, ...]:
-        """What the residual follows, the largest trend first."""
+        """What the residual follows, the largest trend first, those over pixels behind all others."""
         return trends_of(self.points)
 
     @cached_property

@@ -14,9 +14,19 @@ from geoerr.diagnose.between_passes import BetweenPasses, between_passes
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
-from geoerr.diagnose.notes import notes_of
+from geoerr.diagnose.notes import is_without_errors, notes_of
 from geoerr.diagnose.probes import Probe, curve_reference
-from geoerr.diagnose.search import Found, Judged, Rival, Searched, Settled, other_periods, reference_of, settle
+from geoerr.diagnose.search import (
+    Found,
+    Judged,
+    Rival,
+    Searched,
+    Settled,
+    other_periods,
+    reference_of,
+    settle,
+    why_left,
+)
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.whole_search import searched_whole
@@ -92,7 +102,17 @@ class Diagnosis(Answer):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What one has to know before trusting it: sentences, without a full stop."""
-        return notes_of(self.as_it_was, self.comparison, has_found=bool(self.found) or self.unknown is not None)
+        return notes_of(
+            self.as_it_was,
+            self.comparison,
+            has_found=bool(self.found) or self.unknown is not None,
+            blames_cameras=any(one.is_rig for one in (*self.found, *self.tied)),
+        )
+
+    @property
+    def is_without_errors(self) -> bool:
+        """Whether points were held against a machine without errors: the 21 are to be fitted first."""
+        return is_without_errors(self.as_it_was, self.comparison)
 
     @property
     def tied(self) -> tuple[Finding, ...]:
@@ -269,7 +289,9 @@ class _Summary:
         else:
             first = searched.first
             candidates = tuple(
-                self._finding(judged, settle(first.space, first.scanner, judged))
+                self._finding(
+                    judged, settle(first.space, first.scanner, judged), left_because=why_left(searched, judged)
+                )
                 for judged in first.candidates[:_LISTED]
             )
         unknown = None if searched.unknown is None else self._unknown(searched.unknown)
@@ -331,6 +353,7 @@ class _Summary:
                 against=name,
                 held_out=self._held_out(rival.settled, []),
                 together=rival.together,
+                left_because=self._why_left(name, rival),
             )
             for rival, settled in zip(rivals, self.searched.rivals_at_last(first, rivals), strict=True)
         ]
@@ -340,10 +363,20 @@ class _Summary:
 
         One that contains the first as a special case is no rival: the first says the same in fewer numbers.
         """
+        return rival.is_tied and not self._contains(first, rival)
+
+    def _contains(self, first: EffectReference, rival: Rival) -> bool:
         other = reference_of(rival.judged)
-        if first.effect in self.known[other.effect].contains and first.axis == other.axis:
-            return False
-        return rival.is_tied
+        return rival.contains or (first.effect in self.known[other.effect].contains and first.axis == other.axis)
+
+    def _why_left(self, first: EffectReference, rival: Rival) -> str | None:
+        """Say why a rival of the first is not named beside it."""
+        named = {reference_of(one.judged) for one in self.searched.found}
+        if self._is_tied(first, rival) or reference_of(rival.judged) in named:
+            return None
+        if self._contains(first, rival):
+            return f"says what {first} says, with more freedom"
+        return why_left(self.searched, rival.judged)
 
     def _finding(
         self,
@@ -355,6 +388,7 @@ class _Summary:
         against: EffectReference | None = None,
         held_out: HeldOut | None = None,
         together: tuple[str, ...] = (),
+        left_because: str | None = None,
     ) -> Finding:
         reference = reference_of(judged)
         assert settled.term is not None
@@ -376,6 +410,7 @@ class _Summary:
             moments=moments_of(settled.term, self.fitted.sightings),
             in_model=str(reference) in self.held,
             together=together,
+            left_because=left_because,
         )
 
     def _held_out(self, settled: Settled, earlier: Sequence[Settled]) -> HeldOut:

@@ -162,6 +162,8 @@ class Finding(Named):
     together
         Axes whose effects of this kind do only together what the first does, this one among them; empty where it
         stands for itself.
+    left_because
+        Why it is not among what was found; None of what is, or is tied with it, and where the search knows no reason.
     """
 
     where: Where
@@ -170,6 +172,7 @@ class Finding(Named):
     alike: dict[str, tuple[float, ...]] = field(default_factory=dict)
     in_model: bool = False
     together: tuple[str, ...] = ()
+    left_because: str | None = None
 
     @property
     def company_words(self) -> str:
@@ -240,6 +243,7 @@ class Finding(Named):
             "where": self.where.to_document(),
             "words": self.words(),
             "together": list(self.together),
+            "left_because": self.left_because,
         }
 
 

@@ -1,24 +1,44 @@
-"""What to know before trusting a diagnosis: of the fit, of the model's numbers, of how lines are named."""
+"""What to know before trusting a diagnosis: of the fit, of the model, of how lines are named."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from geoerr.diagnose.comparison import Comparison, all_terms
+from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.words import listed
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
-from geoerr.observations import CARRIERS
+from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import counted
 
 # Lines that a sentence names.
 _SPOKEN = 3
 
 
-def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) -> tuple[str, ...]:
-    """Give them, a sentence each; none where nothing stands in the way."""
+def notes_of(
+    fitted: Fitted, comparison: Comparison | None, *, has_found: bool, blames_cameras: bool = False
+) -> tuple[str, ...]:
+    """Give them, a sentence each; none where nothing stands in the way.
+
+    Parameters
+    ----------
+    fitted
+        What was searched.
+    comparison
+        The model held against the measurements; None where a fit was diagnosed.
+    has_found
+        Whether anything is missing.
+    blames_cameras
+        Whether an effect of the cameras is among it.
+    """
     said = []
+    if is_without_errors(fitted, comparison):
+        said.append(
+            "the 21 geometric errors were never fitted, as geoerr fit does: the model is a machine without errors, "
+            "and what they do is looked for among all else, effects and cameras"
+        )
     if not fitted.solved.converged:
         said.append(
             "the fit has not settled, so that what it leaves is not only what the model lacks: leave out the term "
@@ -29,6 +49,12 @@ def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) 
             "the model's numbers come from other data: where the cause acted there already they hold a part of it, "
             "and its image is what is seen here; --refit fits them to these data"
         )
+    if blames_cameras and fitted.shared is None and set(PIXELS) <= set(fitted.sightings.table.columns):
+        is_held = comparison is not None and comparison.freedom == "held"
+        said.append(
+            "an effect of the cameras may be no more than what their calibration does not know, which took no part: "
+            f"--rig rig.json{' --refit' if is_held else ''} lets it"
+        )
     broken = interrupted_lines(fitted)
     if broken:
         names = [*broken[:_SPOKEN], *([f"{len(broken) - _SPOKEN} more"] if len(broken) > _SPOKEN else [])]
@@ -37,6 +63,11 @@ def notes_of(fitted: Fitted, comparison: Comparison | None, *, has_found: bool) 
             "back to, and both visits count as one pass: number them in the column repeat"
         )
     return tuple(said)
+
+
+def is_without_errors(fitted: Fitted, comparison: Comparison | None) -> bool:
+    """Tell whether points are held against a machine without errors, of which the 21 could be fitted."""
+    return comparison is not None and comparison.model.is_nominal and not bool(is_circle(fitted).all())
 
 
 def interrupted_lines(fitted: Fitted) -> list[str]:

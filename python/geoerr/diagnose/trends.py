@@ -1,5 +1,7 @@
 """What the residual follows: its mean over each variable of the data, in bins, the largest trend first.
 
+Where the cameras saw a target follows from where the machine was: trends over pixels come after all others.
+
 A table to look at, not a test: `diagnose` says what is beyond chance over all that was tried.
 """
 
@@ -15,6 +17,7 @@ from geoerr.fit import Fitted, Sightings
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES
+from geoerr.observations import PIXELS
 
 # A variable of at most so many values has a bin for each, another this many with as many rows in each.
 MOST_VALUES = 12
@@ -83,7 +86,7 @@ def variables_of(fitted: Fitted) -> dict[str, Numbers]:
 
 
 def trends_of(fitted: Fitted) -> tuple[Trend, ...]:
-    """Give all trends, the largest first."""
+    """Give all trends, the largest first, those over pixels behind all others."""
     components = components_of(fitted)
     pass_number = fitted.sightings.pass_number
     trends = []
@@ -96,7 +99,7 @@ def trends_of(fitted: Fitted) -> tuple[Trend, ...]:
                 binned = _Binned.of(values, known, pass_number)
             trends.append(binned.trend(name, component))
     kept = [trend for trend in trends if len(trend.bins) > 1]
-    return tuple(sorted(kept, key=lambda trend: -trend.worth_um))
+    return tuple(sorted(kept, key=lambda trend: (trend.variable in PIXELS, -trend.worth_um)))
 
 
 def trend_of(sightings: Sightings, name: str, values: Numbers, component: Component) -> Trend:

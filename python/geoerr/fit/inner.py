@@ -2,7 +2,8 @@
 
 Trial values lie so close that none in between is a stranger to both its neighbours (`_ALIKE`): a wave of 2 mm
 over 400 mm is told from one that is a four-hundredth off. What a trial explains beyond the fit is exact and takes all
-rows; Gauss-Newton goes on from the best.
+rows; Gauss-Newton goes on from the best. Of periods that are the same wave at the measured places (`periods`) it is
+the likeliest.
 
 | symbol | code | what |
 |---|---|---|
@@ -27,6 +28,7 @@ from geoerr import _core
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import projected_rows
 from geoerr.fit.jumps import Gaps, is_jump_in_time
+from geoerr.fit.periods import alike_periods, is_wave, likeliest, place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
@@ -82,8 +84,57 @@ def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, f
         gains = beyond.gains(trials)
     trials, gains = _closer(beyond, trials, gains)
     best = int(np.argmax(gains))
+    gain = float(gains[best])
     inner = tuple(replace(p, value=v) for p, v in zip(term.inner, trials[best], strict=True))
-    return replace(term, inner=inner), float(gains[best])
+    found = replace(term, inner=inner)
+    return _at_likeliest_period(fitted, candidate, found, gain) if gain > 0.0 else found, gain
+
+
+def other_periods(fitted: Fitted, term: Term) -> dict[str, list[float]]:
+    """Give other values of a wave's period, by its name, that are the same at the measured places; none of others."""
+    if place_of_period(term) is None:
+        return {}
+    wave = _wave_of(_Candidate(fitted, term, fitted.threads), term)
+    others = [] if wave is None else _alike(*wave)
+    return {wave[0].name: others} if wave is not None and others else {}
+
+
+def _at_likeliest_period(fitted: Fitted, candidate: _Candidate, term: Term, gain: float) -> Term:
+    """Give a wave the likeliest of the periods that the places do not tell apart; leave any other term.
+
+    The frequency of a wave that explains G of the sum of squares over a span L is known to √(12 σ²/G)/(2π L), the
+    bound of Cramér and Rao for places in even steps; σ² is the variance of what is left.
+    """
+    wave = _wave_of(candidate, term)
+    others = [] if wave is None else _alike(*wave)
+    if wave is None or not others:
+        return term
+    period, values = wave
+    left = max(fitted.scale**2 - gain / fitted.dof, 0.0) if fitted.dof > 0 else 0.0
+    std = float(np.sqrt(12.0 * left / gain) / (2.0 * np.pi * np.ptp(values)))
+    best = likeliest(replace(period, std=std * period.value**2), [period.value, *others])
+    return replace(term, inner=tuple(replace(one, value=best) if one is period else one for one in term.inner))
+
+
+def _wave_of(candidate: _Candidate, term: Term) -> tuple[Parameter, Numbers] | None:
+    """Give a wave's period and its variable at the rows that show it, (n,); None of what is no wave."""
+    place = place_of_period(term)
+    if place is None:
+        return None
+    rows = np.flatnonzero(candidate.is_seen)
+    values, at = candidate.variables[candidate.names.index(term.variables[0])][rows], candidate.rows(rows)
+    inner = [one.value for one in term.inner]
+
+    def columns_at(period: float) -> Numbers:
+        return np.asarray(at.shapes([[*inner[:place], period, *inner[place + 1 :]]])[0])
+
+    return (term.inner[place], values) if is_wave(columns_at, values, term.inner[place]) else None
+
+
+def _alike(period: Parameter, values: Numbers) -> list[float]:
+    assert period.low is not None
+    assert period.high is not None
+    return alike_periods(values, period.value, period.low, period.high)
 
 
 def _closer(
@@ -108,6 +159,7 @@ class _Candidate:
         compiled = compile_terms(fitted.machine, (term,))
         variables = variable_columns(sightings, compiled.variables)
         known = complete_rows_of(sightings, compiled.variables, variables, (term,))
+        self.names = list(compiled.variables)
         self.n_coefficients = len(term.coefficients)
         self.needs_order = compiled.needs_order
         # What runs along the rows passes over those that lack something.
@@ -125,6 +177,11 @@ class _Candidate:
             self.shapes.append((shape, inner))
             self.columns += [(number, coefficient) for coefficient in coefficients]
         self.directions = directions(fitted, term, (known & fitted.solved.used).astype(np.float64), threads)
+
+    @property
+    def is_seen(self) -> np.ndarray:
+        """Rows at which it can show, (n,)."""
+        return np.asarray(np.abs(self.directions).max(axis=(0, 2)) > 0.0)
 
     def rows(self, chosen: np.ndarray) -> _Rows:
         """Give some of the rows for evaluation: a formula that is a recursion along them needs all."""
@@ -241,15 +298,14 @@ def _moments(candidate: _Candidate, term: Term) -> list[float]:
     low, high = term.inner[0].low, term.inner[0].high
     assert low is not None
     assert high is not None
-    seen = np.abs(candidate.directions).max(axis=(0, 2)) > 0.0
-    middle = Gaps.of(candidate.variables[0, seen]).middle
+    middle = Gaps.of(candidate.variables[0, candidate.is_seen]).middle
     return [float(moment) for moment in middle if low <= moment <= high]
 
 
 def _grids(candidate: _Candidate, inner: Sequence[Parameter]) -> list[list[float]]:
     """Give the trial values of each parameter, as many as the number of their combinations allows."""
     size = len(candidate.directions[0])
-    rows = np.flatnonzero(np.abs(candidate.directions).max(axis=(0, 2)) > 0.0)
+    rows = np.flatnonzero(candidate.is_seen)
     if len(rows) > _ROWS_TO_COMPARE:
         rows = np.sort(np.random.default_rng(size).choice(rows, _ROWS_TO_COMPARE, replace=False))
     n_unknown = sum(bool(np.isnan(parameter.value)) for parameter in inner)

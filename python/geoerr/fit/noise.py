@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
-from geoerr.observations import CARRIERS
+from geoerr.observations import CARRIERS, PIXELS
 
 # Covariates are alike where they differ by less than this share of their spread: a twentieth of the spread changes a
 # linear effect by a twentieth, well below the noise wherever the effect itself is not far above it.
@@ -26,7 +26,7 @@ _UM_PER_MM = 1e3
 NOT_CONDITIONS = {
     *("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz", "sx", "sy", "sz", "repeat", "t", "r", "file_row"),
     *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z", "dir"),
-    *("u_left", "v_left", "u_right", "v_right"),
+    *PIXELS,
 }
 
 

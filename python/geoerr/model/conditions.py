@@ -142,11 +142,10 @@ def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -
 def refusal(missing: Sequence[str], machine: Machine) -> str:
     """Say which conditions are needed, what they are, and how to give them."""
     wanted = "; ".join(f"{name} ({_meaning(name, machine)})" for name in missing)
-    example = ", ".join(f"{name}={REFERENCE if is_temperature(name) else '...'}" for name in missing)
-    return (
-        f"the model needs conditions that are not given: {wanted}\n"
-        f"hint: state them, as {example}; {REFERENCE!r} is the machine's reference temperature, at which T = 0"
-    )
+    example = " ".join(f"--at {name}={REFERENCE if is_temperature(name) else '...'}" for name in missing)
+    has_temperature = any(map(is_temperature, missing))
+    meaning = f"; {REFERENCE!r} is the machine's reference temperature, at which T = 0" if has_temperature else ""
+    return f"the model needs conditions that are not given: {wanted}\nhint: state them, as {example}{meaning}"
 
 
 def _meaning(name: str, machine: Machine) -> str:

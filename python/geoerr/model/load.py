@@ -31,6 +31,13 @@ def load_model(path: str | Path) -> Model:
     document = _read(path)
     if is_model_document(document):
         return model_from_document(document, path)
+    if isinstance(document, dict) and "errors" not in document and "K_left" in document:
+        raise InputFileError(
+            path,
+            "is a rig, two cameras, and no model of a machine",
+            remedy=f"where measurements are given it belongs to them, as --rig {path}; a model is a model.json, an "
+            "errors.json or a machine.toml",
+        )
     errors = errors_from_document(document, path)
     return Model(errors.machine, errors)
 

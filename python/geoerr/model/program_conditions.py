@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from geoerr.errors import GeoerrError
@@ -107,11 +107,7 @@ def program_conditions(model: Model, at: Conditions | None, *, extrapolates: boo
         does not follow, and those that are too far outside.
     """
     given = constants_of(model.machine, at)
-    follows = model.conditions
-    for name in given:
-        if name not in follows:
-            has = f"it needs {', '.join(sorted(follows))}" if follows else "it needs no conditions"
-            raise GeoerrError(f"the model does not depend on {name!r}\nhint: leave --at {name} out; {has}")
+    refuse_unneeded(given, model.conditions)
     missing = [name for name in needed_conditions(model) if name not in given]
     if missing:
         problem, _, hint = refusal(missing, model.machine).partition("\n")
@@ -124,6 +120,19 @@ def program_conditions(model: Model, at: Conditions | None, *, extrapolates: boo
             f"it (--extrapolate); up to {MOST_SPANS_BEYOND:g} of a span's width is taken with a note"
         )
     return given
+
+
+def refuse_unneeded(at: Conditions | None, follows: Collection[str]) -> None:
+    """Refuse a stated condition that is not among those that a model follows: it may be a slip of the pen.
+
+    Raises
+    ------
+    GeoerrError
+        naming it.
+    """
+    for name in at or {}:
+        if name not in follows:
+            raise GeoerrError(f"the model does not depend on {name!r}\nhint: leave it out of the conditions")
 
 
 def extrapolated_conditions(model: Model, at: Conditions | None) -> tuple[Extrapolated, ...]:

@@ -16,10 +16,13 @@ def write_ballbar_report(path: str | Path, result: CircularTestResult, provenanc
     """Write the circular test as one self-contained page, whole or not at all."""
     before, after = (trace.circular_deviation_mm * _UM_PER_MM for trace in (result.before[0], result.after[0]))
     commanded = result.before[0].circle
+    by_whom = "By the model itself, on" if result.is_predicted else "On"
     summary = [
-        f"On a circle of radius {commanded.radius_mm:g} mm in the {commanded.plane} plane the machine deviates from "
-        f"roundness by {before:.1f} µm (ISO 230-4), and by {after:.1f} µm with compensated commands.",
+        f"{by_whom} a circle of radius {commanded.radius_mm:g} mm in the {commanded.plane} plane the machine "
+        f"deviates from roundness by {before:.1f} µm (ISO 230-4), and by {after:.1f} µm with compensated commands.",
     ]
+    if result.is_predicted and not result.runs:
+        summary.append("That is a prediction; a measured circle proves the model (--trace).")
     for run in result.runs:
         summary.append(
             f"Measured run {run.name}: {run.measured.circular_deviation_mm * _UM_PER_MM:.1f} µm, predicted "

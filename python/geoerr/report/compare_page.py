@@ -143,7 +143,11 @@ def _part_table(title: str, parts: Sequence[Part]) -> Table:
 
 def _trend_table(trends: Sequence[Trend]) -> Table:
     rows = tuple((variable_label(trend.variable), trend.component, f"{trend.worth_um:.2f}") for trend in trends)
-    return Table("Largest first: how much the means of bins differ, rms", ("over", "component", "worth, µm"), rows)
+    return Table(
+        "Largest first, over pixels last: how much the means of bins differ, rms",
+        ("over", "component", "worth, µm"),
+        rows,
+    )
 
 
 def _worst_table(worst: Sequence[Mapping[str, Any]]) -> Table:

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from geoerr.diagnose import Comparison
+from geoerr.diagnose.labels import variable_label
 from geoerr.diagnose.words import plausibility_words, value_words
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.fit_words import FIGURES, fit_sentences
-from geoerr.report.figures.labels import variable_label
 from geoerr.report.page import Block, Paragraph, Table, as_sentence
 
 _FRAMES = {

@@ -24,7 +24,7 @@ from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import REFERENCE
-from geoerr.model.program_conditions import approach_conditions, needed_conditions
+from geoerr.model.program_conditions import approach_conditions, needed_conditions, refuse_unneeded
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report.figures import Stage, stages_of
 from geoerr.report.page import Progress
@@ -38,7 +38,7 @@ from geoerr.verify.ballbar import (
     usable_range_mm,
 )
 from geoerr.verify.circle import PLANES
-from geoerr.verify.circle_motion import refuse_unneeded
+from geoerr.verify.circle_motion import followed_on_circle
 from geoerr.verify.positioning import (
     PositioningTest,
     axis_line_mm,
@@ -230,7 +230,7 @@ def model_report(
     GeoerrError
         for a stated condition that the model does not follow, and measurements that cannot be compared with it.
     """
-    refuse_unneeded(at, model)
+    refuse_unneeded(at, followed_on_circle(model))
     given = dict(at or {})
     assumed = tuple(name for name in needed_conditions(model) if is_temperature(name) and name not in given)
     stated = {**given, **dict.fromkeys(assumed, REFERENCE)}

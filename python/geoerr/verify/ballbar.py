@@ -19,10 +19,11 @@ from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
+from geoerr.model.program_conditions import refuse_unneeded
 from geoerr.observations import CircularTest
 from geoerr.tables import RowProblem
 from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, fit_circle, fit_set_up, what_fits
-from geoerr.verify.circle_motion import conditions_on_circle, refuse_unneeded
+from geoerr.verify.circle_motion import conditions_on_circle, followed_on_circle
 from geoerr.verify.remaining import compensate_positions
 
 if TYPE_CHECKING:
@@ -149,6 +150,8 @@ class CircularTestResult:
         Sentences for the reader.
     set_aside
         Rows of the measured file that could not be used.
+    is_predicted
+        Whether the model itself carries out the commands, so that `after` proves nothing; else a known machine does.
     """
 
     before: tuple[Trace, Trace]
@@ -158,6 +161,7 @@ class CircularTestResult:
     assumed_zero: tuple[str, ...]
     notes: tuple[str, ...]
     set_aside: tuple[RowProblem, ...] = ()
+    is_predicted: bool = True
 
     def plot_circle(self) -> go.Figure:
         """Draw the deviation round the circle, before and after compensation, and what was measured."""
@@ -366,7 +370,7 @@ def run_circular_test(
         if no run of the measured test can be used.
     """
     machine = model if truth is None else truth
-    refuse_unneeded(at, model, machine)
+    refuse_unneeded(at, followed_on_circle(model, machine))
     positions = circle.positions_mm(N_POINTS)
     conditions = conditions_on_circle(model, circle, positions, 1, at)
     out_of_range = compensate_positions(model, positions, at=conditions).out_of_range(model.machine)
@@ -392,6 +396,7 @@ def run_circular_test(
         assumed_zero=assumed_zero,
         notes=tuple(notes),
         set_aside=set_aside,
+        is_predicted=truth is None,
     )
 
 

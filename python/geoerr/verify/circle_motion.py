@@ -51,21 +51,12 @@ def conditions_on_circle(
     return {**{name: told[name] for name in needed if name in told}, **given}
 
 
-def refuse_unneeded(at: Conditions | None, *models: Model) -> None:
-    """Refuse a stated condition that no model follows.
-
-    Raises
-    ------
-    GeoerrError
-        naming it.
-    """
+def followed_on_circle(*models: Model) -> set[str]:
+    """Name the conditions that any of the models follows on a circle; the feed, where that makes their speeds."""
     follows = {name for model in models for name in model.conditions}
     if any(name.startswith("v_") for name in follows):
         follows.add("feed")
-    for name in at or {}:
-        if name not in follows:
-            has = f"it follows {', '.join(sorted(follows))}" if follows else "it follows no conditions"
-            raise GeoerrError(f"the model does not depend on {name!r}\nhint: leave --at {name} out; {has}")
+    return follows
 
 
 def _motion(circle: CircleOfCommands, positions_mm: Numbers, sense: int, feed_mm_min: float) -> dict[str, Numbers]:

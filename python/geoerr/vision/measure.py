@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
-from geoerr.observations import COVARIANCE, MEASURED, observations_from_columns
+from geoerr.observations import COVARIANCE, MEASURED, PIXELS, observations_from_columns
 from geoerr.vision.consistency import agreement
 from geoerr.vision.expected import expected_places, rows_to_search
 from geoerr.vision.frame import FrameReader, FrameResult, Missed
@@ -23,7 +23,7 @@ from geoerr.vision.opencv_threads import one_opencv_thread
 from geoerr.vision.plate import N_RESIDUALS
 from geoerr.vision.plate_rows import Collector, PlateRows
 from geoerr.vision.rig import Rig
-from geoerr.vision.session import IMAGE_COLUMNS, Session
+from geoerr.vision.session import Session
 from geoerr.vision.verdicts import notes, nothing_seen, outliers, refuse_wrong_rig, sizes
 
 Array = npt.NDArray[np.float64]
@@ -161,7 +161,7 @@ def _table(session: Session, rows: PlateRows, kept: npt.NDArray[np.bool_], covar
     columns |= {name: np.round(rows.centre_mm[kept, axis], 7) for axis, name in enumerate(MEASURED)}
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     columns |= {name: _seven_digits(covariance[:, i, j]) for name, (i, j) in zip(COVARIANCE, pairs, strict=True)}
-    columns |= {name: np.round(rows.pixel[kept, k], 6) for k, name in enumerate(IMAGE_COLUMNS)}
+    columns |= {name: np.round(rows.pixel[kept, k], 6) for k, name in enumerate(PIXELS)}
     return columns | {name: frames[name] for name in frames.columns if name not in columns}
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from geoerr.errors import GeometryError, InputFileError
 from geoerr.geometry import triangulate
-from geoerr.observations import Observations
+from geoerr.observations import PIXELS, Observations
 from geoerr.vision.camera import project_jacobian
 from geoerr.vision.rig import Rig, read_rig
 from geoerr.vision.rotation import cross_matrix
@@ -94,7 +94,7 @@ def rig_sensitivity(rig: Rig, observations: Observations) -> Array:
     A point X explains its four pixels m: `m = f(X, θ)`, so `dX/dθ = −(AᵀA)⁻¹Aᵀ ∂f/∂θ` with `A = ∂f/∂X`. Verified
     against triangulation with a changed rig (tests/vision/test_sensitivity.py).
     """
-    pixels = observations.numbers("u_left", "v_left", "u_right", "v_right")
+    pixels = observations.numbers(*PIXELS)
     if len(pixels) and not np.isfinite(pixels).all(axis=1).any():
         raise GeometryError(
             "the observations have no pixels (u_left v_left u_right v_right): how they depend on the rig is unknown\n"

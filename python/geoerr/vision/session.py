@@ -18,7 +18,7 @@ import polars as pl
 from geoerr.errors import InputFileError
 from geoerr.files import read_toml
 from geoerr.machine import Machine, read_machine
-from geoerr.observations import CARRIERS, COVARIANCE, MEASURED, STANDARD_UNCERTAINTY
+from geoerr.observations import CARRIERS, COVARIANCE, MEASURED, PIXELS, STANDARD_UNCERTAINTY
 from geoerr.tables import RowProblem, Schema, check, read_raw
 from geoerr.vision.patterns import (
     Board,
@@ -33,13 +33,12 @@ TARGET_CARRIERS = tuple(name for name in CARRIERS if name != "relative")
 """What a target in a picture can be fixed to: cameras stand on the floor, so nothing they see is `relative`."""
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
-IMAGE_COLUMNS = ("u_left", "v_left", "u_right", "v_right")
 FORBIDDEN_COLUMNS = (
     *MEASURED,
     *STANDARD_UNCERTAINTY,
     *COVARIANCE,
     *("tx", "ty", "tz", "carrier", "target"),
-    *IMAGE_COLUMNS,
+    *PIXELS,
 )
 """Columns of observations that `measure` writes itself."""
 

@@ -13,7 +13,7 @@ from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import clock_s, times_s
 from geoerr.machine import AXES, Machine
-from geoerr.observations import CARRIERS
+from geoerr.observations import CARRIERS, PIXELS
 from geoerr.tables import is_temperature
 
 # Where the data do not say: a usual feed of printers and small mills, settling and exposure of a picture at rest,
@@ -27,7 +27,6 @@ _INTERVALS_S = (0.1, 5.0)
 _LEAST_WARMING_K, _USUAL_WARMING_K = 10.0, 20.0
 # More kinds of target than bits of a whole number: only the commonest is looked at.
 _MOST_KINDS = 62
-_PIXELS = ("u_left", "v_left", "u_right", "v_right")
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,10 +291,10 @@ def _pixels(sightings: Sightings) -> dict[str, Numbers]:
     """Give where in the pictures a point of the measuring frame is seen, as a camera without distortion would."""
     found: dict[str, Numbers] = {}
     complete = sightings.is_measured.all(axis=1)
-    for name in _PIXELS:
+    for name in PIXELS:
         values = sightings.numbers(name)
         rows = complete & np.isfinite(values) & (np.abs(sightings.measured_mm[:, 2]) > 1.0)
-        if rows.sum() < len(_PIXELS) * 2:
+        if rows.sum() < len(PIXELS) * 2:
             continue
         design = pinhole(sightings.measured_mm[rows])
         found[name] = np.asarray(np.linalg.lstsq(design, values[rows], rcond=None)[0], dtype=np.float64)

@@ -3,6 +3,7 @@
 from geoerr.diagnose.search.alike import other_periods
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, reference_of
+from geoerr.diagnose.search.left import why_left
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found, Rival
 from geoerr.diagnose.search.rounds import Searched, search
@@ -23,4 +24,5 @@ __all__ = [
     "search",
     "settle",
     "waves_seen",
+    "why_left",
 ]

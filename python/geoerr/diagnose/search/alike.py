@@ -6,10 +6,10 @@ import numpy as np
 
 from geoerr.diagnose.candidates import Formulas, wave_along
 from geoerr.diagnose.functions import Functions
-from geoerr.diagnose.periods import alike_periods, likeliest
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.search.settle import Settled, settle_at
 from geoerr.diagnose.space import Space
+from geoerr.fit.periods import alike_periods, likeliest
 from geoerr.terms import Term
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +16,15 @@ from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
 from geoerr.diagnose.search.best_form import at_its_values, in_best_form
 from geoerr.diagnose.search.finer import finer_functions
-from geoerr.diagnose.search.judged import ALPHA, Judged, evidence_of, first_to_pass, is_admissible, simplest_to_pass
+from geoerr.diagnose.search.judged import (
+    ALPHA,
+    Judged,
+    evidence_of,
+    first_to_pass,
+    is_admissible,
+    reference_of,
+    simplest_to_pass,
+)
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.nameless import (
     acts_elsewhere,
@@ -37,10 +45,11 @@ from geoerr.effects.collection import Catalogue
 from geoerr.fit.choose_again import is_worth_asking
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
+from geoerr.terms import EffectReference
 
 MOST_EFFECTS = 6
 # Every further look is another chance to be wrong: beside what was found, this share of the level.
-_FURTHER = 0.2
+FURTHER = 0.2
 # Less sure than this, a name has to help where the fit did not see the data.
 _SURE = 1e-3
 # What gains less than this share of what it gained when it was found may be nothing beside what was found later.
@@ -71,6 +80,8 @@ class Searched:
         Columns (n, 3, k) that stood beside what was found: more freedom of the model, and what has no name.
     ends_early
         Whether it ended where something large was found.
+    dropped
+        What passed for more than chance and was not added all the same, and why.
     """
 
     bench: Bench
@@ -81,6 +92,7 @@ class Searched:
     not_offered: tuple[tuple[str, str], ...]
     beside: tuple[Numbers, ...]
     ends_early: bool = False
+    dropped: Mapping[EffectReference, str] = field(default_factory=dict)
 
     def rivals_at_last(self, found: Found, rivals: Sequence[Rival]) -> list[Settled]:
         """Give rivals in the place of what was found: beside the others, in the noise that all of it leaves."""
@@ -127,6 +139,7 @@ def search(
     finer: list[Numbers] = []
     first: Round | None = None
     ends_early = False
+    dropped: dict[EffectReference, str] = {}
     # Without a name that is no find another look would show nothing new.
     seen: Round | None = None
     while not ends_early:
@@ -136,7 +149,7 @@ def search(
         looked = beside_drift(bench, plain, added)
         looked = replace(looked, probes=without_remainders(found, looked.probes))
         first, seen = first or looked, None
-        level = 0.5 * ALPHA * (_FURTHER if found or unknown is not None else 1.0)
+        level = 0.5 * ALPHA * (FURTHER if found or unknown is not None else 1.0)
         best, probe = _claims(looked, level, found, unknown)
         formed = None if best is None else in_best_form(bench, looked, best, added)
         more = _finer(bench, looked, best, formed, probe)
@@ -162,7 +175,11 @@ def search(
         if formed is None or len(found) >= MOST_EFFECTS:
             break
         best, settled = formed
-        if is_a_remainder(found, settled) or not _helps(bench, settled, best, added):
+        is_remainder = is_a_remainder(found, settled)
+        if is_remainder or not _helps(bench, settled, best, added):
+            dropped[reference_of(best)] = (
+                "may be what a larger one leaves of itself" if is_remainder else "no better held out"
+            )
             candidates = [one for one in candidates if one is not best.what]
             seen = replace(plain, candidates=tuple(one for one in plain.candidates if one.what is not best.what))
             continue
@@ -185,7 +202,7 @@ def search(
     together = tuple(_together(bench, found, beside, looked))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
-    return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early)
+    return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early, dropped)
 
 
 def _found(

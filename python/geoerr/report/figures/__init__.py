@@ -1,12 +1,12 @@
 """Figures: one function a figure, each gives a `plotly.graph_objects.Figure`."""
 
+from geoerr.diagnose.labels import value_label, variable_label, variable_unit
 from geoerr.report.figures.calibration import CalibrationView, calibration_quality, calibration_views
 from geoerr.report.figures.circle import circle, circular_test, predicted_circles
 from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unknown_curve
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
 from geoerr.report.figures.fall import Stage, diagnosis_fall, error_fall, stages_of
-from geoerr.report.figures.labels import value_label, variable_label, variable_unit
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.of_model import (

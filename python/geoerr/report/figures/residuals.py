@@ -9,12 +9,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from geoerr.diagnose import Comparison, Component
+from geoerr.diagnose.labels import value_label, variable_label
 from geoerr.diagnose.regions import region_name
 from geoerr.diagnose.trends import trend_of, variables_of
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.report.figures import style
-from geoerr.report.figures.labels import value_label, variable_label
 from geoerr.report.figures.style import Numbers, thinned
 from geoerr.report.figures.volume import MOST_POINTS, Look, residual_volume, volume_of
 

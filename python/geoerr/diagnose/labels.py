@@ -1,14 +1,16 @@
-"""Variables of the data as axes name them: in words, with their unit."""
+"""Variables of the data in words, with their unit, as axes and tables name them."""
 
 from __future__ import annotations
 
+from geoerr.machine import AXES
+from geoerr.observations import PIXELS
 from geoerr.tables import is_temperature
 
 _UNITS = {
     **dict.fromkeys(("x", "y", "z", "tx", "ty", "tz"), "mm"),
     "t": "s",
     "feed": "mm/min",
-    **dict.fromkeys(("u_left", "v_left", "u_right", "v_right"), "px"),
+    **dict.fromkeys(PIXELS, "px"),
 }
 _WORDS = {
     **{f"t{axis}": f"target offset {axis}" for axis in "xyz"},
@@ -16,6 +18,8 @@ _WORDS = {
     "row": "number of the row",
     "repeat": "repetition",
     "moving": "moving (1) or at rest (0)",
+    **{f"u_{side}": f"column of the {side} picture" for side in ("left", "right")},
+    **{f"v_{side}": f"row of the {side} picture" for side in ("left", "right")},
 }
 _BY_AXIS = {
     "d": ("direction of approach in {}, −1 or +1", None),
@@ -27,6 +31,14 @@ _BY_AXIS = {
 def variable_label(name: str) -> str:
     """Name a variable: `temp_bed, °C`, `travel of x since it turned round, mm`."""
     text, unit = _words_and_unit(name)
+    return text if unit is None else f"{text}, {unit}"
+
+
+def variable_meaning(name: str) -> str:
+    """Say what stands behind a name: `position, mm`, `temperature, °C`, `travel of x since it turned round, mm`."""
+    text, unit = _words_and_unit(name)
+    if text == name:
+        text = "position" if name in AXES else "temperature" if is_temperature(name) else "as measured"
     return text if unit is None else f"{text}, {unit}"
 
 
@@ -43,7 +55,7 @@ def value_label(name: str, value: str) -> str:
 
 def _words_and_unit(name: str) -> tuple[str, str | None]:
     head, _, axis = name.partition("_")
-    if head in _BY_AXIS and axis in ("x", "y", "z"):
+    if head in _BY_AXIS and axis in AXES:
         words, unit = _BY_AXIS[head]
         return words.format(axis), unit
     return _WORDS.get(name, name), "°C" if is_temperature(name) else _UNITS.get(name)

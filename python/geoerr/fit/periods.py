@@ -15,7 +15,7 @@ from scipy import optimize
 
 from geoerr.effects.plausible import plausible_match
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import Parameter
+from geoerr.terms import Parameter, Term
 
 # Waves are apart by this share of a cycle over the range of their variable: what lies midway has 0.81 of its gain.
 _CYCLES_APART = 0.5
@@ -29,6 +29,14 @@ _ALIKE = 0.98
 _TRIED_PER_CYCLE, _MOST_PLACES = 6, 400
 # Of very many the rest is not told.
 _MOST_TOLD = 40
+
+
+def place_of_period(term: Term) -> int | None:
+    """Give the place of the inner parameter that is a period, if the term is a wave; None where it cannot be one."""
+    free = [place for place, one in enumerate(term.inner) if not one.is_fixed]
+    if len(free) != 1 or len(term.variables) != 1 or term.inner[free[0]].spacing != "log":
+        return None
+    return free[0]
 
 
 def is_wave(columns_at: Callable[[float], Numbers], values: Numbers, parameter: Parameter) -> bool:
