@@ -28,7 +28,7 @@ from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_missing import tried_value
 from geoerr.workbench.panel_where import limits_shown
-from geoerr.workbench.parts import sentence, signed
+from geoerr.workbench.parts import breakable, sentence, signed
 from geoerr.workbench.pictures import turned_volume
 from geoerr.workbench.program import PASS, ZERO, Wish
 from geoerr.workbench.security import Guard
@@ -147,7 +147,11 @@ def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> N
         assert scene.camera.eye.to_plotly_json() == turned[name]["eye"]
         assert scene.camera.up.to_plotly_json() == turned[name]["up"]
         # Flat views leave out the axis that they look along.
-        assert sum(axis.visible for axis in (scene.xaxis, scene.yaxis, scene.zaxis)) == (3 if name == CORNER else 2)
+        named = [axis.title.text for axis in (scene.xaxis, scene.yaxis, scene.zaxis) if axis.showticklabels]
+        assert [text for text in ("X, mm", "Y, mm", "Z, mm") if text in named] == named
+        assert len(named) == (3 if name == CORNER else 2)
+        # Plotly leaves an axis without its name for ever once it was invisible.
+        assert all(axis.visible is None for axis in (scene.xaxis, scene.yaxis, scene.zaxis))
         # A new revision: Plotly would keep how a person has turned it.
         assert scene.uirevision == turned[name]["uirevision"]
     assert len({str(one["eye"]) for one in turned.values()}) == len(STANDS)
@@ -213,6 +217,16 @@ def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> N
     assert session.step.name == "− backlash:x"
     # The bases stay as they were chosen beside the play; what was before is what undo gives.
     assert 1.25 * held[2] < session.step.figures["held_out_rmse_um"] < held[1]
+
+
+def test_bars_have_the_height_that_a_window_leaves_them(learned: Session) -> None:
+    (fall,) = graphs_in(wiring.panels(learned)["fall"])
+    assert fall.style == {"height": "calc(68px + 2 * var(--bars))"}
+    assert fall.responsive is True
+    for text in ("4. + thermal-expansion:y@temp_bed", "2. 21 errors fitted"):
+        parts = breakable(text)
+        assert "".join(part for part in parts if isinstance(part, str)) == text
+        assert len(parts) == (3 if "@" in text else 1)
 
 
 def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
