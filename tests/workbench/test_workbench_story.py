@@ -29,7 +29,7 @@ from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_missing import tried_value
 from geoerr.workbench.panel_where import limits_shown
 from geoerr.workbench.parts import breakable, sentence, signed
-from geoerr.workbench.pictures import turned_volume
+from geoerr.workbench.pictures import explanation, turned_volume
 from geoerr.workbench.program import PASS, ZERO, Wish
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
@@ -158,6 +158,29 @@ def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> N
     before = turned_volume(learned).to_plotly_json()
     learned.view.look_from(learned.view.stand)
     assert turned_volume(learned).to_plotly_json() != before
+
+
+def test_without_webgl_a_sentence_stands_for_the_volume_and_the_rest_goes_on(learned: Session) -> None:
+    learned.has_webgl, learned.view.variable = False, "x"
+    try:
+        drawn = wiring.pictures(learned, "backlash:x")
+        assert "no WebGL" in drawn["volume"].layout.annotations[0].text
+        for picture in (drawn["volume"], drawn["residual"]):
+            assert {trace.type for trace in picture.data} == {"scatter"}
+        assert len(drawn["residual"].data[0].x) == N_LINES * N_POINTS
+        # What marks and causes change in the volume has a place there that is not seen.
+        assert not any(trace.visible for trace in drawn["volume"].data)
+        marking.mark(learned, "limits", ("100", "200"))
+        explained = explanation(learned, learned.seen, what_is_shown(learned, "backlash:x"))[0]
+        for changed in (marking.mark_volume(learned), explained):
+            places = {one["location"][1] for one in changed.to_plotly_json()["operations"]}
+            assert max(places) < len(drawn["volume"].data)
+    finally:
+        learned.has_webgl = True
+        marking.mark(learned, "none", "")
+    kinds = {trace.type for picture in wiring.pictures(learned, "").values() if hasattr(picture, "data")
+             for trace in picture.data}  # fmt: skip
+    assert {"scatter3d", "scattergl"} <= kinds
 
 
 def test_regions_come_worst_first(learned: Session) -> None:

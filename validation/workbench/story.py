@@ -186,7 +186,13 @@ def tell(story: Story, url: str, program: Path) -> None:
     story.shoot("reloaded", is_whole=True)
 
 
-def walk(files: Sequence[Path], out: Path, browser_path: str | None, tell_it: Callable[[Story, str], None]) -> int:
+def walk(
+    files: Sequence[Path],
+    out: Path,
+    browser_path: str | None,
+    tell_it: Callable[[Story, str], None],
+    flags: Sequence[str] = FLAGS,
+) -> int:
     """Tell a story at each size, with a server of its own that was given the files; 1 where anything went wrong."""
     from playwright.sync_api import sync_playwright
 
@@ -199,7 +205,7 @@ def walk(files: Sequence[Path], out: Path, browser_path: str | None, tell_it: Ca
             try:
                 assert server.stdout is not None
                 url = server.stdout.readline().strip()
-                browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
+                browser = playwright.chromium.launch(executable_path=browser_path, args=list(flags))
                 page = browser.new_page(viewport={"width": width_px, "height": height_px})
                 story = Story(page, out, width_px)
                 tell_it(story, url)

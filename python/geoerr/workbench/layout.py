@@ -44,6 +44,7 @@ def page(session: Session) -> Any:
             dcc.Store(id="box"),
             dcc.Store(id="marks", data=0.0),
             dcc.Store(id="pinned", data=""),
+            dcc.Store(id="webgl"),
             dcc.Interval(id="beat", interval=_BEAT_MS, disabled=True),
         ],
         className="page",

@@ -58,6 +58,11 @@ _ALONG = {"above": "z", "front": "y", "side": "x"}
 _MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
 _FEED_MM_MIN = 1000.0
 
+_NO_WEBGL = (
+    "This browser draws no 3-D pictures: it has no WebGL.<br>Everything else works, with marks in the picture at<br>"
+    "the right and in the table of “regions”. Hardware<br>acceleration in the browser's settings, or another<br>"
+    "browser, brings them."
+)
 # Looks that draw every row.
 _DRAWN: dict[str, Look] = {look: look for look in get_args(Look)}
 
@@ -75,10 +80,13 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     view = session.view
     if view.look == CIRCLE:
         return _circle_picture(session, seen, explained_um)
+    if not session.has_webgl:
+        return Picture(_empty(_NO_WEBGL), "")
     volume = _volume(session, seen)
     drawn = {REGION: _means, DIFFERENCE: _difference}.get(view.look, _residuals)(session, seen, volume)
     figure, caption = drawn.figure, drawn.caption
-    if not figure.data:
+    if figure.layout.annotations:
+        # It says why nothing is drawn.
         return drawn
     figure.add_traces(
         [
@@ -182,6 +190,7 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
         explained_um=explained_um,
         most_points=MOST_POINTS,
         is_live=True,
+        has_webgl=session.has_webgl,
     )
     for place, rows in enumerate(_selected_points(seen, session.selected, view.variable)):
         figure.data[_PER_COMPONENT * place].selectedpoints = rows
@@ -196,9 +205,8 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
         return Picture(
             panel, "Measured minus predicted radius. Drag a box over points to mark them in the circle too."
         )
-    return Picture(
-        panel, "Measured minus predicted, along x, y and z. Drag a box over points to mark them in the volume too."
-    )
+    where = " in the volume too" if session.has_webgl else ""
+    return Picture(panel, f"Measured minus predicted, along x, y and z. Drag a box over points to mark them{where}.")
 
 
 def marks_in_volume(session: Session, seen: Seen) -> Patch:
@@ -453,7 +461,8 @@ def _plain(values: object) -> list[float | None]:
 
 
 def _empty(text: str) -> go.Figure:
-    figure = go.Figure()
-    figure.add_annotation(text=text, showarrow=False, font={"size": 14, "color": style.INK})
+    """Say why nothing is drawn, with traces in the places where marks and causes would be."""
+    figure = go.Figure([go.Scatter(visible=False) for _ in range(_EXPLAINED + 1)])
+    figure.add_annotation(text=text, showarrow=False, font={"size": 13, "color": style.INK})
     figure.update_layout(template=style.template(), xaxis={"visible": False}, yaxis={"visible": False})
     return in_panel(figure, "empty", margin={"l": 10, "r": 10, "t": 10, "b": 10})
