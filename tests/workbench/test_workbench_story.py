@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from dash import dcc
 from flask.testing import FlaskClient
 from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle, texts
 
+from geoerr.diagnose import diagnose
 from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.report import model_page
@@ -585,6 +587,41 @@ def test_the_page_is_there_again_after_a_reload(learned: Session) -> None:
     assert stores["tick"] == learned.version
     assert "Backlash of the drive" in texts(wiring.panels(learned)["missing"])
     assert texts(page(learned))
+
+
+def test_a_search_says_which_round_it_is_in_and_ends_there_when_it_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = loaded(tmp_path)
+    told, goes_on, in_round = list[str](), threading.Event(), threading.Event()
+
+    def spied(*arguments: object, on_step: Callable[[str], None], **options: object) -> object:
+        def tell(what: str) -> None:
+            on_step(what)
+            told.append(what)
+            if "round 1" in what:
+                in_round.set()
+                goes_on.wait(60.0)
+
+        return diagnose(*arguments, on_step=tell, **options)
+
+    monkeypatch.setattr(actions, "diagnose", spied)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    wiring.do(session, "diagnose", "")
+    job = session.job
+    assert in_round.wait(60.0)
+    said = texts(status(session))
+    assert "looking for what is missing: search 1, round 1: " in said
+    assert "candidates" in said
+    assert job.progress[0] > 0
+    wiring.do(session, "stop", "")
+    goes_on.set()
+    job.wait(60.0)
+    # It ended before the next step.
+    assert "round 1" in told[-1]
+    assert sum("round 1" in what for what in told) == 1
+    assert session.diagnosis is None
 
 
 def test_work_can_be_stopped_and_then_changes_nothing(tmp_path: Path) -> None:

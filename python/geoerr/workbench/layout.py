@@ -58,8 +58,10 @@ def status(session: Session) -> list[Any]:
         return [html.Span("ready", className="why")]
     done, total = job.progress
     bar = html.Progress(value=str(done), max=str(total)) if total else html.Progress()
+    step = f": {job.step}" if job.step else ""
     return [
-        html.Span(f"{job.title} … {job.elapsed_s:.0f} s"),
+        html.Span(f"{job.title}{step}", className="step", title=job.step),
+        html.Span(f"{job.elapsed_s:.0f} s"),
         bar,
         html.Button("Stop", id={"do": "stop", "what": ""}, n_clicks=0, type="button"),
     ]
