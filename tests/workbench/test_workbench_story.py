@@ -137,6 +137,14 @@ def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> N
     assert unit == "mm"
 
 
+def test_a_box_that_goes_away_does_not_take_the_answer_to_another_mark_along(learned: Session) -> None:
+    # Of one callback that is asked twice the page takes the last answer, here one that nothing has changed.
+    marks = [one for name, one in make_app(learned, Guard(PORT)).callback_map.items() if "marks.data" in name]
+    of_box = [one["inputs"] for one in marks if any(asked["id"] == "box" for asked in one["inputs"])]
+    assert of_box == [[{"id": "box", "property": "data"}]]
+    assert len(marks) == 2
+
+
 def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> None:
     learned.view.look = "length"
     turned = {}
@@ -269,6 +277,17 @@ def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
         actions.try_formula(session, OwnFormula("bad", "along", "x", "c*(q"))
     with pytest.raises(InputFileError, match="no number to be found"):
         actions.try_formula(session, OwnFormula("bad", "along", "x", "q"))
+
+
+def test_a_formula_that_the_model_has_already_makes_no_difference(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    actions.try_formula(session, OwnFormula("Bow", "along", "x", "c*(q - 150)^2"))
+    settle(session)
+    told = texts(wiring.panels(session)["own"])
+    assert "It makes no difference" in told
+    assert "It helps." not in told
 
 
 def test_a_refusal_is_shown_in_its_panel_with_its_hint(tmp_path: Path) -> None:
