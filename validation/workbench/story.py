@@ -162,7 +162,7 @@ def tell(story: Story, url: str, program: Path) -> None:
         number += 1
     story.shoot("nothing-left")
     page.fill("#own-formula", "c*(q - 200)^2")
-    story.do("try a formula", lambda: page.click("#own-try"), until="#own-result >> text=elp")
+    story.do("try a formula", lambda: page.click("#own-try"), until="#own-result .card")
     story.shoot("own-formula")
     with page.expect_file_chooser() as chooser:
         page.click("text=Choose a program")
