@@ -6,6 +6,8 @@ import math
 
 import pytest
 
+from geoerr.cli.change_text import fall
+from geoerr.diagnose.error_scale import LARGEST_LINEAR_RATIO, ErrorScale
 from geoerr.model import HistoryEntry
 from geoerr.report.figures import Stage, error_fall, stages_of, variable_label
 
@@ -23,6 +25,55 @@ def test_every_model_has_its_two_bars_and_the_last_ones_noise_is_drawn() -> None
     assert residual.y[1] == "2. + backlash:x"
     assert figure.layout.shapes[0].x0 == 4.0
     assert "4.00 µm" in figure.layout.title.subtitle.text
+
+
+@pytest.mark.parametrize("noise_um", [1.0, math.nan])
+def test_beside_a_millimetre_micrometres_are_told_apart_on_a_logarithmic_axis(noise_um: float) -> None:
+    story = [(1043.0, 1043.0), (11.3, 12.6), (0.94, 1.06)]
+    stages = [Stage("step", {"rmse_um": r, "held_out_rmse_um": h, "noise_um": noise_um}) for r, h in story]
+    figure = error_fall(stages)
+    axis = figure.layout.xaxis
+    assert axis.type == "log"
+    assert "logarithmic" in axis.title.text
+    assert "logarithmic" in figure.layout.title.subtitle.text
+    held, residual = figure.data
+    for bars, values in ((residual, [r for r, _ in story]), (held, [h for _, h in story])):
+        assert [bars.base + x for x in bars.x] == pytest.approx(values)
+        assert list(bars.customdata) == values
+        assert math.log10(min(bars.base, *values)) > axis.range[0]
+        assert math.log10(max(values)) < axis.range[1]
+    assert residual.text == ("1,043", "11.3", "0.94")
+    assert "1,000" in axis.ticktext
+    # Bars begin where no model gets below; where nobody knows that, at the least.
+    assert residual.base == (1.0 if noise_um == 1.0 else 0.94)
+
+
+def test_an_axis_is_linear_where_the_shortest_bar_can_be_seen() -> None:
+    story = [(LARGEST_LINEAR_RATIO * 2.0, None), (2.0, None)]
+    figure = error_fall([Stage("step", {"rmse_um": r, "held_out_rmse_um": h}) for r, h in story])
+    assert figure.layout.xaxis.type is None
+    assert figure.layout.xaxis.range[0] == 0.0
+    assert "logarithmic" not in figure.layout.xaxis.title.text
+    assert error_fall([Stage("nothing", {}), Stage("perfect", {"rmse_um": 0.0})]).layout.xaxis.type is None
+
+
+def test_a_logarithmic_bar_says_how_many_times_the_noise_an_error_is() -> None:
+    scale = ErrorScale.of([1000.0, 10.0, 0.9], 1.0)
+    assert [scale.share(value) for value in (1000.0, 10.0, 1.0, 0.9)] == pytest.approx([1.0, 1.0 / 3.0, 0.0, 0.0])
+    assert [ErrorScale.of([8.0, 2.0], 1.0).share(value) for value in (8.0, 2.0)] == [1.0, 0.25]
+    # A noise above all errors is none to begin at.
+    assert ErrorScale.of([1000.0, 10.0], 2000.0).begin_um == 10.0
+
+
+def test_a_terminal_draws_the_fall_on_the_same_scale() -> None:
+    first, last = figures(1000.0, 1000.0, 1.0), figures(10.0, math.nan, 1.0)
+    heading, *rows = fall([HistoryEntry("backlash:x", "Backlash", first, last)])
+    assert "logarithmic" in heading
+    assert [row.count("█") for row in rows] == [43, 14]
+    assert all(row.count("│") == 1 for row in rows)
+    heading, *rows = fall([HistoryEntry("backlash:x", "Backlash", figures(40.0, 40.0), figures(10.0, math.nan))])
+    assert "logarithmic" not in heading
+    assert [row.count("█") for row in rows] == [43, 10]
 
 
 def test_without_repeats_the_stated_noise_is_drawn() -> None:

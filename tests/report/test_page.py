@@ -145,3 +145,10 @@ def test_provenance_has_digests_of_files_only(tmp_path, monkeypatch):
 
 def test_no_figure_offers_to_upload_itself() -> None:
     assert "showSendToCloud: false" in a_page()
+
+
+def test_a_page_says_what_a_browser_without_webgl_does_not_draw(elements) -> None:
+    script = elements.text["script"][-1]
+    # Which figures are 3-D pictures is told by their traces.
+    assert "/3d$/.test(trace.type)" in script
+    assert "this browser draws none: it has no WebGL" in script

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from dash import dcc
 from flask.testing import FlaskClient
 from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle, texts
 
+from geoerr.diagnose import diagnose
 from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.report import model_page
@@ -28,8 +30,8 @@ from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_missing import tried_value
 from geoerr.workbench.panel_where import limits_shown
-from geoerr.workbench.parts import sentence, signed
-from geoerr.workbench.pictures import turned_volume
+from geoerr.workbench.parts import breakable, sentence, signed
+from geoerr.workbench.pictures import explanation, turned_volume
 from geoerr.workbench.program import PASS, ZERO, Wish
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
@@ -135,6 +137,14 @@ def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> N
     assert unit == "mm"
 
 
+def test_a_box_that_goes_away_does_not_take_the_answer_to_another_mark_along(learned: Session) -> None:
+    # Of one callback that is asked twice the page takes the last answer, here one that nothing has changed.
+    marks = [one for name, one in make_app(learned, Guard(PORT)).callback_map.items() if "marks.data" in name]
+    of_box = [one["inputs"] for one in marks if any(asked["id"] == "box" for asked in one["inputs"])]
+    assert of_box == [[{"id": "box", "property": "data"}]]
+    assert len(marks) == 2
+
+
 def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> None:
     learned.view.look = "length"
     turned = {}
@@ -147,13 +157,40 @@ def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> N
         assert scene.camera.eye.to_plotly_json() == turned[name]["eye"]
         assert scene.camera.up.to_plotly_json() == turned[name]["up"]
         # Flat views leave out the axis that they look along.
-        assert sum(axis.visible for axis in (scene.xaxis, scene.yaxis, scene.zaxis)) == (3 if name == CORNER else 2)
+        named = [axis.title.text for axis in (scene.xaxis, scene.yaxis, scene.zaxis) if axis.showticklabels]
+        assert [text for text in ("X, mm", "Y, mm", "Z, mm") if text in named] == named
+        assert len(named) == (3 if name == CORNER else 2)
+        # Plotly leaves an axis without its name for ever once it was invisible.
+        assert all(axis.visible is None for axis in (scene.xaxis, scene.yaxis, scene.zaxis))
         # A new revision: Plotly would keep how a person has turned it.
         assert scene.uirevision == turned[name]["uirevision"]
     assert len({str(one["eye"]) for one in turned.values()}) == len(STANDS)
     before = turned_volume(learned).to_plotly_json()
     learned.view.look_from(learned.view.stand)
     assert turned_volume(learned).to_plotly_json() != before
+
+
+def test_without_webgl_a_sentence_stands_for_the_volume_and_the_rest_goes_on(learned: Session) -> None:
+    learned.has_webgl, learned.view.variable = False, "x"
+    try:
+        drawn = wiring.pictures(learned, "backlash:x")
+        assert "no WebGL" in drawn["volume"].layout.annotations[0].text
+        for picture in (drawn["volume"], drawn["residual"]):
+            assert {trace.type for trace in picture.data} == {"scatter"}
+        assert len(drawn["residual"].data[0].x) == N_LINES * N_POINTS
+        # What marks and causes change in the volume has a place there that is not seen.
+        assert not any(trace.visible for trace in drawn["volume"].data)
+        marking.mark(learned, "limits", ("100", "200"))
+        explained = explanation(learned, learned.seen, what_is_shown(learned, "backlash:x"))[0]
+        for changed in (marking.mark_volume(learned), explained):
+            places = {one["location"][1] for one in changed.to_plotly_json()["operations"]}
+            assert max(places) < len(drawn["volume"].data)
+    finally:
+        learned.has_webgl = True
+        marking.mark(learned, "none", "")
+    kinds = {trace.type for picture in wiring.pictures(learned, "").values() if hasattr(picture, "data")
+             for trace in picture.data}  # fmt: skip
+    assert {"scatter3d", "scattergl"} <= kinds
 
 
 def test_regions_come_worst_first(learned: Session) -> None:
@@ -215,6 +252,16 @@ def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> N
     assert 1.25 * held[2] < session.step.figures["held_out_rmse_um"] < held[1]
 
 
+def test_bars_have_the_height_that_a_window_leaves_them(learned: Session) -> None:
+    (fall,) = graphs_in(wiring.panels(learned)["fall"])
+    assert fall.style == {"height": "calc(68px + 2 * var(--bars))"}
+    assert fall.responsive is True
+    for text in ("4. + thermal-expansion:y@temp_bed", "2. 21 errors fitted"):
+        parts = breakable(text)
+        assert "".join(part for part in parts if isinstance(part, str)) == text
+        assert len(parts) == (3 if "@" in text else 1)
+
+
 def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
     session = loaded(tmp_path)
     wiring.do(session, "fit", "21")
@@ -230,6 +277,17 @@ def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
         actions.try_formula(session, OwnFormula("bad", "along", "x", "c*(q"))
     with pytest.raises(InputFileError, match="no number to be found"):
         actions.try_formula(session, OwnFormula("bad", "along", "x", "q"))
+
+
+def test_a_formula_that_the_model_has_already_makes_no_difference(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    actions.try_formula(session, OwnFormula("Bow", "along", "x", "c*(q - 150)^2"))
+    settle(session)
+    told = texts(wiring.panels(session)["own"])
+    assert "It makes no difference" in told
+    assert "It helps." not in told
 
 
 def test_a_refusal_is_shown_in_its_panel_with_its_hint(tmp_path: Path) -> None:
@@ -548,6 +606,41 @@ def test_the_page_is_there_again_after_a_reload(learned: Session) -> None:
     assert stores["tick"] == learned.version
     assert "Backlash of the drive" in texts(wiring.panels(learned)["missing"])
     assert texts(page(learned))
+
+
+def test_a_search_says_which_round_it_is_in_and_ends_there_when_it_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = loaded(tmp_path)
+    told, goes_on, in_round = list[str](), threading.Event(), threading.Event()
+
+    def spied(*arguments: object, on_step: Callable[[str], None], **options: object) -> object:
+        def tell(what: str) -> None:
+            on_step(what)
+            told.append(what)
+            if "round 1" in what:
+                in_round.set()
+                goes_on.wait(60.0)
+
+        return diagnose(*arguments, on_step=tell, **options)
+
+    monkeypatch.setattr(actions, "diagnose", spied)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    wiring.do(session, "diagnose", "")
+    job = session.job
+    assert in_round.wait(60.0)
+    said = texts(status(session))
+    assert "looking for what is missing: search 1, round 1: " in said
+    assert "candidates" in said
+    assert job.progress[0] > 0
+    wiring.do(session, "stop", "")
+    goes_on.set()
+    job.wait(60.0)
+    # It ended before the next step.
+    assert "round 1" in told[-1]
+    assert sum("round 1" in what for what in told) == 1
+    assert session.diagnosis is None
 
 
 def test_work_can_be_stopped_and_then_changes_nothing(tmp_path: Path) -> None:

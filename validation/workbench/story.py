@@ -18,6 +18,9 @@ from pathlib import Path
 from typing import Any
 
 SIZES = ((1366, 768), (1920, 1080))
+# Of a window that is turned, or of two above each other: its lower half is to be used too.
+TALL_PX = 1500
+_MOST_EMPTY_PX = 40
 # Drawing without a graphics card.
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 # Searching a large data set on two cores.
@@ -96,6 +99,18 @@ def brush(story: Story) -> None:
     print(f"{story.width_px:5d}  {'brush to answer':<28} {1e-3 * took_ms:7.2f} s")
 
 
+def fill_a_tall_window(story: Story) -> None:
+    """Insist that pictures reach the lower part of a tall window, and that the lower part can be seen."""
+    page, height_px = story.page, story.page.viewport_size["height"]
+    page.set_viewport_size({"width": story.width_px, "height": TALL_PX})
+    story.shoot("tall")
+    ends = page.evaluate("""() => ["#fall", "main", "#program"].map(
+        (name) => document.querySelector(name).getBoundingClientRect().bottom)""")
+    assert ends[1] - ends[0] < _MOST_EMPTY_PX, f"the middle ends {ends[1] - ends[0]:.0f} px above its end"
+    assert ends[2] < TALL_PX, "where a program is corrected is out of sight"
+    page.set_viewport_size({"width": story.width_px, "height": height_px})
+
+
 def without_mouse(story: Story) -> None:
     """Mark rows and turn the volume by keys alone."""
     page = story.page
@@ -119,6 +134,7 @@ def tell(story: Story, url: str, program: Path) -> None:
     story.shoot("load")
     story.do("fit the 21 errors", lambda: page.click("text=Fit the 21 errors"), until="text=2. 21 errors fitted")
     story.shoot("fitted")
+    fill_a_tall_window(story)
     brush(story)
     story.shoot("marked")
     page.click("text=Unmark")
@@ -146,7 +162,7 @@ def tell(story: Story, url: str, program: Path) -> None:
         number += 1
     story.shoot("nothing-left")
     page.fill("#own-formula", "c*(q - 200)^2")
-    story.do("try a formula", lambda: page.click("#own-try"), until="#own-result >> text=elp")
+    story.do("try a formula", lambda: page.click("#own-try"), until="#own-result .card")
     story.shoot("own-formula")
     with page.expect_file_chooser() as chooser:
         page.click("text=Choose a program")
@@ -170,7 +186,13 @@ def tell(story: Story, url: str, program: Path) -> None:
     story.shoot("reloaded", is_whole=True)
 
 
-def walk(files: Sequence[Path], out: Path, browser_path: str | None, tell_it: Callable[[Story, str], None]) -> int:
+def walk(
+    files: Sequence[Path],
+    out: Path,
+    browser_path: str | None,
+    tell_it: Callable[[Story, str], None],
+    flags: Sequence[str] = FLAGS,
+) -> int:
     """Tell a story at each size, with a server of its own that was given the files; 1 where anything went wrong."""
     from playwright.sync_api import sync_playwright
 
@@ -183,7 +205,7 @@ def walk(files: Sequence[Path], out: Path, browser_path: str | None, tell_it: Ca
             try:
                 assert server.stdout is not None
                 url = server.stdout.readline().strip()
-                browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
+                browser = playwright.chromium.launch(executable_path=browser_path, args=list(flags))
                 page = browser.new_page(viewport={"width": width_px, "height": height_px})
                 story = Story(page, out, width_px)
                 tell_it(story, url)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import typer
@@ -13,6 +13,7 @@ from geoerr.cli.fit_text import effect_rows, figure_rows, quality_in_words, wrap
 from geoerr.cli.options import note, note_left_out, note_set_aside, print_json
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
+from geoerr.diagnose.error_scale import ErrorScale
 from geoerr.files import null_for_nan
 from geoerr.fit.result import CALIBRATION_UNKNOWNS
 from geoerr.measurements import Measurements
@@ -39,28 +40,32 @@ def fall(history: Sequence[HistoryEntry]) -> list[str]:
     """Draw the error from the first model to the last: in-sample full, held out hatched, the noise as a line."""
     steps = [("at first", history[0].figures_before)]
     steps += [(f"{'+' if one.action == 'added' else '−'} {one.reference}", one.figures_after) for one in history]
-    largest = max(
-        (value for _, figures in steps for value in (figures["rmse_um"], figures["held_out_rmse_um"]) if value > 0.0),
-        default=1.0,
-    )
+    errors_um = [figures[name] for _, figures in steps for name in ("rmse_um", "held_out_rmse_um")]
+    noises_um = [noise for _, figures in steps if math.isfinite(noise := _noise_um(figures))]
+    scale = ErrorScale.of(errors_um, noises_um[-1] if noises_um else None)
     width = max(len(name) for name, _ in steps)
-    lines = [f"the error, µm ({_FULL} residual rms, {_HELD_OUT} held out, {_FLOOR} noise):"]
+    axis = ", logarithmic from the noise" if scale.is_logarithmic else ""
+    lines = [f"the error, µm{axis} ({_FULL} residual rms, {_HELD_OUT} held out, {_FLOOR} noise):"]
     for name, figures in steps:
         inside, held = figures["rmse_um"], figures["held_out_rmse_um"]
-        noise = figures["noise_floor_um"] if math.isfinite(figures["noise_floor_um"]) else figures["noise_um"]
         text = f"{inside:.2f}" + (f", held out {held:.2f}" if math.isfinite(held) else "")
-        lines.append(f"  {name:<{width}}  {_bar(inside, held, noise, largest)} {text}")
+        lines.append(f"  {name:<{width}}  {_bar(inside, held, _noise_um(figures), scale)} {text}")
     return lines
 
 
-def _bar(inside: float, held: float, noise: float, largest: float) -> str:
+def _noise_um(figures: Mapping[str, float]) -> float:
+    floor_um = figures["noise_floor_um"]
+    return floor_um if math.isfinite(floor_um) else figures["noise_um"]
+
+
+def _bar(inside: float, held: float, noise: float, scale: ErrorScale) -> str:
     def cells(value: float) -> int:
-        return round(_BAR_WIDTH * value / largest) if math.isfinite(value) else 0
+        return round(_BAR_WIDTH * scale.share(value)) if math.isfinite(value) else 0
 
     bar = [_FULL] * cells(inside)
     bar += [_HELD_OUT] * max(cells(held) - len(bar), 0)
     bar += [" "] * (_BAR_WIDTH + 1 - len(bar))
-    if math.isfinite(noise) and 0.0 < noise <= largest:
+    if math.isfinite(noise) and 0.0 < noise <= scale.largest_um:
         bar[min(cells(noise), _BAR_WIDTH)] = _FLOOR
     return "".join(bar)
 

@@ -88,7 +88,7 @@ def diagnose_verb(
     measured = read_measurements(observations)
     sensitivity, covariance = calibration(rig, measured.points)
     diagnosis: Diagnosis | CircleDiagnosis
-    with progress_bar("diagnose", quiet) as advance:
+    with progress_bar("diagnose", quiet, says_steps=True) as advance:
         if measured.points is None and not refit:
             advance(0, 1)
             diagnosis = diagnose_circles(known, *measured.circles, effects=own, threads=threads)
@@ -102,6 +102,7 @@ def diagnose_verb(
                 rig_sensitivity=sensitivity,
                 rig_covariance=covariance,
                 progress=advance,
+                on_step=advance.say,
                 threads=threads,
             )
         document = diagnosis.to_document()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from geoerr.diagnose.search import (
     settle,
     why_left,
 )
+from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.whole_search import searched_whole
@@ -47,9 +48,6 @@ from geoerr.terms import EffectReference, Term
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-# Called with what is done and the total.
-Progress = Callable[[int, int], None]
-
 # Candidates that a diagnosis lists beside the first.
 _LISTED = 8
 # Candidates that a sentence names.
@@ -63,8 +61,6 @@ _ALIAS = 0.5
 # The catalogue has one half of the family-wise level, probes the other.
 _HALVES = 2.0
 _INVISIBLE = "not measurable with this plan: the model's own freedom does nearly all that it would do"
-# How far the work goes: data and fit, search, refits.
-_STEPS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +185,7 @@ def diagnose(
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
     progress: Progress | None = None,
+    on_step: OnStep | None = None,
     threads: int = 0,
 ) -> Diagnosis:
     """Find which physical effects a model lacks.
@@ -208,7 +205,10 @@ def diagnose(
         The calibration's uncertainty, as for `compare`; what its unknowns can do is no candidate's. None of a fit,
         which has its own.
     progress
-        Called with the steps done and their number.
+        Called with the steps done and the least number that there will be: what is found makes it grow.
+    on_step
+        Called with what comes next in words: which round of the search, beside what, and what is tried in it. What it
+        raises ends the work.
 
     Raises
     ------
@@ -220,8 +220,8 @@ def diagnose(
     Verified in tests/diagnose: gains and scores against least squares written out, the noise against dense matrices,
     and the search on machines that hide something, and on machines that hide nothing.
     """
-    advance = progress or (lambda done, total: None)
-    advance(0, _STEPS)
+    steps = Steps(progress, on_step)
+    steps.next("the model and the measurements are compared")
     comparison: Comparison | None = None
     if isinstance(subject, Fitted):
         if tables:
@@ -240,14 +240,12 @@ def diagnose(
         )
         fitted = comparison.points
     known = catalogue().extended(effects, "effects") if effects else catalogue()
-    advance(1, _STEPS)
     # A model that is held has its terms outside the fit.
     is_held = comparison is not None and comparison.freedom == "held"
     held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
-    whole, searched = searched_whole(fitted, known, present=held, threads=threads)
-    advance(2, _STEPS)
-    found = diagnosis_of(whole, searched, known, comparison, as_it_was=fitted)
-    advance(_STEPS, _STEPS)
+    whole, searched = searched_whole(fitted, known, present=held, steps=steps, threads=threads)
+    found = diagnosis_of(whole, searched, known, comparison, as_it_was=fitted, steps=steps)
+    steps.end()
     return found
 
 
@@ -258,9 +256,10 @@ def diagnosis_of(
     comparison: Comparison | None = None,
     *,
     as_it_was: Fitted | None = None,
+    steps: Steps | None = None,
 ) -> Diagnosis:
     """Say what a search has found; `known` is the catalogue that it was made with."""
-    return _Summary(fitted, searched, known, comparison, as_it_was or fitted).diagnosis()
+    return _Summary(fitted, searched, known, comparison, as_it_was or fitted, steps or Steps()).diagnosis()
 
 
 class _Summary:
@@ -273,14 +272,16 @@ class _Summary:
         known: Catalogue,
         comparison: Comparison | None,
         as_it_was: Fitted,
+        steps: Steps,
     ) -> None:
         self.fitted, self.searched, self.known, self.comparison = fitted, searched, known, comparison
-        self.as_it_was = as_it_was
+        self.as_it_was, self.steps = as_it_was, steps
         held = () if comparison is None or comparison.freedom != "held" else all_terms(comparison.model)
         self.held = {term.id for term in held}
 
     def diagnosis(self) -> Diagnosis:
         searched = self.searched
+        self.steps.next("values, worth and certainty of what was found")
         rivals = [rival.settled for one in searched.found[:1] for rival in _listed(one)]
         searched.bench.held_out.prepare([one.raw for one in (*(one.settled for one in searched.found), *rivals)])
         found = tuple(self._found(place) for place in range(len(searched.found)))
@@ -316,6 +317,7 @@ class _Summary:
 
     def _with_advice(self, diagnosis: Diagnosis) -> Diagnosis:
         """Say with everything tied which one measurement tells all of it apart, for this machine and these data."""
+        self.steps.next("which measurement would tell apart what looks the same")
         separation = advise(diagnosis, known=self.known)
         if separation is None:
             return diagnosis

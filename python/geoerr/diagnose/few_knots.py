@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 
 from geoerr.diagnose.candidates import n_waves
 from geoerr.diagnose.search import Searched, search, waves_seen
+from geoerr.diagnose.steps import RoundSteps, Steps
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted, refit
 from geoerr.fit.wavy import MANY_WAVES, may_be_followed, without_waves
@@ -17,17 +18,18 @@ from geoerr.terms import Term
 
 
 def searched_beside_few_knots(
-    fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0
+    fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), steps: Steps, threads: int = 0
 ) -> tuple[Fitted, Searched] | None:
     """Give the fit with few knots and what a search finds beside it; None where it names no wave of the knots."""
     plain = without_waves(fitted)
     if plain is None:
         return None
+    steps.next("whether the model's curves follow waves")
     few = refit(fitted, plain)
     changed = [before for before, after in zip(fitted.terms, plain, strict=True) if after != before]
     if not _is_followed(changed, waves_seen(few, known, present=present, threads=threads)):
         return None
-    searched = search(few, known, present=present, threads=threads)
+    searched = search(few, known, present=present, steps=RoundSteps(steps), threads=threads)
     return (few, searched) if _is_followed(changed, _waves_found(searched)) else None
 
 

@@ -20,6 +20,7 @@ from geoerr.diagnose.few_knots import searched_beside_few_knots
 from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import Found, Searched, search
 from geoerr.diagnose.second_order import second_order
+from geoerr.diagnose.steps import RoundSteps, Steps
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import InputFileError
 from geoerr.fit import Fitted, has_covariates, refit
@@ -33,7 +34,12 @@ _MOST_TIMES = 3
 
 
 def searched_whole(
-    fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0
+    fitted: Fitted,
+    known: Catalogue,
+    *,
+    present: Sequence[str] = (),
+    steps: Steps | None = None,
+    threads: int = 0,
 ) -> tuple[Fitted, Searched]:
     """Give what a search finds, and the fit that was searched.
 
@@ -41,27 +47,37 @@ def searched_whole(
     ----------
     present
         Ids of terms that the model has besides those of the fit.
+    steps
+        Told what is done next.
     """
-    few = searched_beside_few_knots(fitted, known, present=present, threads=threads)
+    steps = steps or Steps()
+    few = searched_beside_few_knots(fitted, known, present=present, steps=steps, threads=threads)
     if few is not None:
         return few
     again, explained, beside_large = fitted, None, list[str]()
+    rounds = RoundSteps(steps)
     for _ in range(_MOST_TIMES):
         searched = search(
-            again, known, present=present, explained=explained, ends_beside_large=beside_large, threads=threads
+            again,
+            known,
+            present=present,
+            explained=explained,
+            ends_beside_large=beside_large,
+            steps=rounds,
+            threads=threads,
         )
         is_first = explained is None
-        beside = _fitted_beside(fitted, searched) if is_first or searched.ends_early else None
+        beside = _fitted_beside(fitted, searched, rounds) if is_first or searched.ends_early else None
         if beside is None:
             break
         again, explained = _as_beside(fitted, beside)
         beside_large = [term.id for term in beside.terms[len(fitted.terms) :]]
     if searched.ends_early:
-        searched = search(again, known, present=present, explained=explained, threads=threads)
+        searched = search(again, known, present=present, explained=explained, steps=rounds, threads=threads)
     return again, searched
 
 
-def _fitted_beside(fitted: Fitted, searched: Searched) -> Fitted | None:
+def _fitted_beside(fitted: Fitted, searched: Searched, rounds: RoundSteps) -> Fitted | None:
     """Fit everything anew beside what was found, where that is large beside the noise; None where it is not."""
     held_out = searched.bench.held_out
     found = searched.found or ((searched.unknown,) if searched.unknown is not None else ())
@@ -69,7 +85,10 @@ def _fitted_beside(fitted: Fitted, searched: Searched) -> Fitted | None:
     if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
         return None
     terms = [term for one in found if (term := _term_of(fitted, one)) is not None]
-    return refit(fitted, [*fitted.terms, *terms]) if terms else None
+    if not terms:
+        return None
+    rounds.next("what was found is large: all is fitted anew beside it, and searched again")
+    return refit(fitted, [*fitted.terms, *terms])
 
 
 def _term_of(fitted: Fitted, found: Found) -> Term | None:

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from geoerr.effects.wording import with_words
 from geoerr.error_functions import NotDetermined
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.machine import machine_from_document
@@ -85,7 +86,8 @@ def model_from_document(document: Any, path: str | Path) -> Model:
     _check_plain(document, path)
     machine = machine_from_document(document.get("machine"), path)
     content = _list(document.get("terms"), "terms", path)
-    terms = tuple(Term.from_document(item, path, f"terms[{place}]") for place, item in enumerate(content, start=1))
+    read = (Term.from_document(item, path, f"terms[{place}]") for place, item in enumerate(content, start=1))
+    terms = tuple(with_words(term, machine) for term in read)
     count = sum(len(term.coefficients) + len(term.inner) for term in terms)
     _refuse(count > MAX_PARAMETERS, path, "terms", f"have {count} parameters, at most {MAX_PARAMETERS} are read")
     model = _made(path, "terms", lambda: Model(machine, None, terms))

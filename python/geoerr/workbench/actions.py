@@ -135,6 +135,7 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
                 *data.tables,
                 effects=effects,
                 progress=advance,
+                on_step=advance.say,
                 threads=session.threads,
                 **_calibration(session),
             )

@@ -9,14 +9,41 @@ from typing import TypeAlias
 
 from geoerr.errors import GeoerrError
 
-# Called with what is done and the total.
-Advance: TypeAlias = Callable[[int, int], None]
-# The work: gives what is to be done with its result, which happens only if nobody stopped it.
-Work: TypeAlias = Callable[[Advance], Callable[[], None]]
-
 
 class _StoppedError(Exception):
     """The person stopped the work: it ends where it next tells its progress."""
+
+
+class Advance:
+    """What work tells of itself as it goes; where it was stopped, telling ends it.
+
+    Parameters
+    ----------
+    stopped
+        Set when the person stops the work.
+    """
+
+    def __init__(self, stopped: threading.Event) -> None:
+        self._stopped = stopped
+        self.progress, self.step = (0, 0), ""
+
+    def __call__(self, done: int, total: int) -> None:
+        """Tell the steps done and their number."""
+        self._end_where_stopped()
+        self.progress = (done, total)
+
+    def say(self, what: str) -> None:
+        """Tell what comes next."""
+        self._end_where_stopped()
+        self.step = what
+
+    def _end_where_stopped(self) -> None:
+        if self._stopped.is_set():
+            raise _StoppedError
+
+
+# The work: gives what is to be done with its result, which happens only if nobody stopped it.
+Work: TypeAlias = Callable[[Advance], Callable[[], None]]
 
 
 class Job:
@@ -39,7 +66,7 @@ class Job:
         self._work, self._on_end = work, on_end
         self._stopped = threading.Event()
         self._applying = threading.Lock()
-        self._progress = (0, 0)
+        self._advance = Advance(self._stopped)
         self._began = time.monotonic()
         self._thread = threading.Thread(target=self._run, name=f"workbench: {title}", daemon=True)
 
@@ -59,17 +86,17 @@ class Job:
     @property
     def progress(self) -> tuple[int, int]:
         """Steps done and their number; (0, 0) where that is not known."""
-        return self._progress
+        return self._advance.progress
+
+    @property
+    def step(self) -> str:
+        """What is being done, in words; empty where the work is one step."""
+        return self._advance.step
 
     @property
     def elapsed_s(self) -> float:
         """Since it began."""
         return time.monotonic() - self._began
-
-    def _advance(self, done: int, total: int) -> None:
-        if self._stopped.is_set():
-            raise _StoppedError
-        self._progress = (done, total)
 
     def _run(self) -> None:
         problem: str | None = None

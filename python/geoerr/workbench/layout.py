@@ -44,6 +44,7 @@ def page(session: Session) -> Any:
             dcc.Store(id="box"),
             dcc.Store(id="marks", data=0.0),
             dcc.Store(id="pinned", data=""),
+            dcc.Store(id="webgl"),
             dcc.Interval(id="beat", interval=_BEAT_MS, disabled=True),
         ],
         className="page",
@@ -57,8 +58,10 @@ def status(session: Session) -> list[Any]:
         return [html.Span("ready", className="why")]
     done, total = job.progress
     bar = html.Progress(value=str(done), max=str(total)) if total else html.Progress()
+    step = f": {job.step}" if job.step else ""
     return [
-        html.Span(f"{job.title} … {job.elapsed_s:.0f} s"),
+        html.Span(f"{job.title}{step}", className="step", title=job.step),
+        html.Span(f"{job.elapsed_s:.0f} s"),
         bar,
         html.Button("Stop", id={"do": "stop", "what": ""}, n_clicks=0, type="button"),
     ]

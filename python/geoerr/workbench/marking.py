@@ -77,6 +77,11 @@ def _rows_of_stroke(session: Session, seen: Seen, told: Sequence[Any]) -> Rows |
     return rows_of_region(seen, int(told[-1])) if session.view.look == REGION else rows_of_pass(seen, int(told[-1]))
 
 
+def _answer(words: list[Any] | None) -> tuple[Any, Any, None]:
+    """Give the words, when they were said, and no wrong limit; only the last where nothing was marked otherwise."""
+    return (no_update, no_update, None) if words is None else (words, time.monotonic(), None)
+
+
 def wire_marks(app: Dash, session: Session) -> None:
     """Put the callbacks of marking on the page."""
     # Of a box its ends are enough: Plotly tells every point in it, more than 100 kB.
@@ -87,11 +92,22 @@ def wire_marks(app: Dash, session: Session) -> None:
         prevent_initial_call=True,
     )
 
+    # By itself: of one callback that is asked again the page takes the last answer only, and a box that goes away as
+    # rows are marked elsewhere would take that mark's answer along.
+    @app.callback(
+        Output("marked", "children", allow_duplicate=True),
+        Output("marks", "data", allow_duplicate=True),
+        Output("wrong-limit", "children", allow_duplicate=True),
+        Input("box", "data"),
+        prevent_initial_call=True,
+    )
+    def _mark_box(box: Any) -> Any:
+        return _answer(mark(session, "residual", box))
+
     @app.callback(
         Output("marked", "children", allow_duplicate=True),
         Output("marks", "data"),
         Output("wrong-limit", "children"),
-        Input("box", "data"),
         Input("volume", "clickData"),
         Input({"do": "mark-region", "what": ALL}, "n_clicks"),
         Input({"do": "unmark", "what": ALL}, "n_clicks"),
@@ -102,12 +118,10 @@ def wire_marks(app: Dash, session: Session) -> None:
         State("mark-to", "value"),
         prevent_initial_call=True,
     )
-    def _mark(box: Any, clicked: Any, *rest: Any) -> Any:
+    def _mark(clicked: Any, *rest: Any) -> Any:
         source, limits = ctx.triggered_id, rest[-2:]
         try:
-            if source == "box":
-                words = mark(session, "residual", box)
-            elif source == "volume":
+            if source == "volume":
                 words = mark(session, "volume", clicked)
             elif isinstance(source, str):
                 words = mark(session, "limits", limits)
@@ -117,7 +131,7 @@ def wire_marks(app: Dash, session: Session) -> None:
                 words = None
         except InputFileError as error:
             return no_update, no_update, wrong_field(error)
-        return (no_update, no_update, None) if words is None else (words, time.monotonic(), None)
+        return _answer(words)
 
     # Pictures are slow to draw without a graphics card: what was asked for is answered first.
     @app.callback(

@@ -9,7 +9,7 @@ from dash import dcc, html
 from geoerr.summaries import counted
 from geoerr.workbench.actions import DATA
 from geoerr.workbench.inputs import Kind
-from geoerr.workbench.parts import button, difference_um, figure_row, problem, section, sentence, um
+from geoerr.workbench.parts import breakable, button, difference_um, figure_row, problem, section, sentence, um
 from geoerr.workbench.session import Session
 
 _FIGURES = (
@@ -132,7 +132,7 @@ def _history(session: Session) -> list[Any]:
                 [
                     html.Td(button("★" if is_reference else "☆", "refer", str(number),
                                    title="The reference" if is_reference else "Make this the reference")),
-                    html.Td(button(f"{number + 1}. {step.name}", "show", str(number), off=session.is_busy,
+                    html.Td(button(breakable(f"{number + 1}. {step.name}"), "show", str(number), off=session.is_busy,
                                    title="Look at this model"), className="name"),
                     html.Td("–" if held is None else f"{held:.1f}", className="number"),
                     html.Td("" if is_reference else difference_um(held, reference), className="number"),

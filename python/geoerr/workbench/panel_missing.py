@@ -27,6 +27,8 @@ _KEPT = (
     "Kept from the saved session, in words. The numbers behind them are too many for its file: the first “Show” "
     "searches for them again, and finds the same. So does “Look again”, for the report too."
 )
+_HELPS, _HELPS_NOT = "It helps.", "It does not help: data that the fit did not see say so."
+_SAME = "It makes no difference: what it says the model has already, or these data do not show it."
 # A person's own formula states no units.
 _UNITS = ", in the units of the formula: mm, s, radians"
 _AS_IT_IS = ("Value", "Certainty", "Looks like it", "These runs cannot tell it from")
@@ -69,8 +71,9 @@ def own_panel(session: Session) -> Any:
                                       placeholder="c*(q - 200)^2", debounce=True, className="code", **STAYS)]
             ),
             html.Label(
-                ["Searched", dcc.Input("" if typed is None else typed.searched, id="own-searched", type="text",
-                                               placeholder="P: 1..20", className="code", **STAYS)]
+                ["Numbers to search for, between limits",
+                 dcc.Input("" if typed is None else typed.searched, id="own-searched", type="text",
+                           placeholder="P: 1..20", className="code", **STAYS)]
             ),
             html.Details(
                 [
@@ -99,7 +102,10 @@ def own_result(session: Session) -> list[Any]:
     before, after = trial.change.before, trial.change.after
     held = [_headline(fitted.held_out.figures) for fitted in (before, after)]
     inside = [_headline(fitted.figures) for fitted in (before, after)]
-    helps = held[0] is not None and held[1] is not None and held[1] < held[0]
+    # A fall that does not show in the figures is none.
+    changes = um(held[0]) != um(held[1])
+    helps = changes and held[0] is not None and held[1] is not None and held[1] < held[0]
+    verdict = _HELPS if helps else _HELPS_NOT if changes else _SAME
     values = [
         tried_value(parameter)
         for term in after.terms
@@ -110,7 +116,7 @@ def own_result(session: Session) -> list[Any]:
         problem(session, OWN),
         html.Div(
             [
-                html.P(html.B("It helps." if helps else "It does not help: data that the fit did not see say so.")),
+                html.P(html.B(verdict)),
                 html.P(f"Held out {um(held[0])} → {um(held[1])}; residual {um(inside[0])} → {um(inside[1])}."),
                 html.P([html.B("Value: "), "; ".join(values), html.Span(_UNITS, className="why")]),
                 html.Div(

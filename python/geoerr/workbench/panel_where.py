@@ -26,8 +26,8 @@ _RESIDUAL_CONFIG = {
 }
 _MARKS = {-3: "⅛", -2: "¼", -1: "½", 0: "1", 1: "2", 2: "4", 3: "8"}
 _STEPS_DRAWN = 7
-# Axis and legend, and the two bars of a model; of fewer than two the bars would be thinner than their figures.
-_BARS_PX = (68, 30)
+# Axis and legend; the two bars of a model have as much as the style says, and fewer than two models as two.
+_AXIS_PX, _LEAST_MODELS = 68, 2
 
 
 def where_panel(session: Session) -> list[Any]:
@@ -227,17 +227,16 @@ def fall_graph(session: Session) -> Any:
     # Plotly would write figures as small as bars are thin.
     figure.update_traces(constraintext="none", textfont_size=10, selector={"type": "bar"})
     # A bar's length is for the eye; its row must not be thinner than its text.
-    height_px = _BARS_PX[0] + _BARS_PX[1] * max(len(figure.data[0].y), 2)
+    height = f"calc({_AXIS_PX}px + {max(len(figure.data[0].y), _LEAST_MODELS)} * var(--bars))"
     return html.Div(
         [
             html.Div(
                 [html.H2("How the error falls"), html.Span(noise[:1].upper() + noise[1:], className="why")],
                 className="headed",
             ),
-            dcc.Graph(figure=figure, config=WITHOUT_BUTTONS,
-                      style={"height": f"{height_px}px"}),
+            dcc.Graph(figure=figure, config=WITHOUT_BUTTONS, responsive=True, style={"height": height}),
         ]
-    )  # fmt: skip
+    )
 
 
 def _mean(mean: float | None, spread: float | None) -> str:

@@ -16,7 +16,15 @@ _IN_BACKTICKS: Final = re.compile(r"`([^`]*)`")
 STAYS: Final = {"persistence": True, "persistence_type": "session"}
 
 
-def button(text: str, do: str, what: str = "", *, is_main: bool = False, title: str = "", off: bool = False) -> Any:
+def breakable(name: str) -> list[Any]:
+    """Let a long name of an effect go on in another line before its `@`, not in the midst of a word."""
+    head, at, rest = name.partition("@")
+    return [head, html.Wbr(), at + rest] if at else [head]
+
+
+def button(
+    text: str | list[Any], do: str, what: str = "", *, is_main: bool = False, title: str = "", off: bool = False
+) -> Any:
     """Make a button that asks for an action: `do`, of `what`."""
     return html.Button(
         text,

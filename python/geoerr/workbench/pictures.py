@@ -39,18 +39,30 @@ _MARKED, _EXPLAINED = 2, 3
 _MEASURED = 1
 # Traces of each component in the picture of the residual: points, means, what would be explained.
 _PER_COMPONENT = 3
-# Far enough away that the axes' names are inside a narrow panel.
+# Far enough away that the axes' names are inside a narrow panel, as far as the volume is a cube.
 _EYES = {
     "above": {"x": 0.0, "y": 0.0, "z": 3.2},
     "front": {"x": 0.0, "y": -2.7, "z": 0.0},
     "side": {"x": 2.7, "y": 0.0, "z": 0.0},
-    CORNER: {"x": 1.75, "y": -2.05, "z": 1.2},
+    CORNER: {"x": 1.5, "y": -1.76, "z": 1.03},
 }
+# What is looked at: names of axes stand below the volume and at its left.
+_LOOKED_AT = {CORNER: {"x": -0.05, "y": -0.04, "z": -0.18}}
+_MIDDLE = {"x": 0.0, "y": 0.0, "z": 0.0}
+# From a corner a long machine is seen from farther away: by this power of its diagonal to that of a cube as large.
+_FARTHER = 1.2
+# Beside a narrow panel's volume.
+_COLORBAR = {"thickness": 10, "len": 0.8, "xpad": 4, "tickfont": {"size": 10}}
 # The axis that is looked along.
 _ALONG = {"above": "z", "front": "y", "side": "x"}
 _MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
 _FEED_MM_MIN = 1000.0
 
+_NO_WEBGL = (
+    "This browser draws no 3-D pictures: it has no WebGL.<br>Everything else works, with marks in the picture at<br>"
+    "the right and in the table of “regions”. Hardware<br>acceleration in the browser's settings, or another<br>"
+    "browser, brings them."
+)
 # Looks that draw every row.
 _DRAWN: dict[str, Look] = {look: look for look in get_args(Look)}
 
@@ -68,10 +80,13 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     view = session.view
     if view.look == CIRCLE:
         return _circle_picture(session, seen, explained_um)
+    if not session.has_webgl:
+        return Picture(_empty(_NO_WEBGL), "")
     volume = _volume(session, seen)
     drawn = {REGION: _means, DIFFERENCE: _difference}.get(view.look, _residuals)(session, seen, volume)
     figure, caption = drawn.figure, drawn.caption
-    if not figure.data:
+    if figure.layout.annotations:
+        # It says why nothing is drawn.
         return drawn
     figure.add_traces(
         [
@@ -82,7 +97,9 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     if view.shows_shape and view.look in _DRAWN:
         caption += _add_shape(figure, session)
     ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}
-    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", **_scene_of(view))
+    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", **_scene_of(view, seen))
+    for part in (one for trace in figure.data for one in (trace.line, trace.marker) if one.showscale):
+        part.colorbar.update(_COLORBAR)
     return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)
 
 
@@ -173,6 +190,7 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
         explained_um=explained_um,
         most_points=MOST_POINTS,
         is_live=True,
+        has_webgl=session.has_webgl,
     )
     for place, rows in enumerate(_selected_points(seen, session.selected, view.variable)):
         figure.data[_PER_COMPONENT * place].selectedpoints = rows
@@ -187,9 +205,8 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
         return Picture(
             panel, "Measured minus predicted radius. Drag a box over points to mark them in the circle too."
         )
-    return Picture(
-        panel, "Measured minus predicted, along x, y and z. Drag a box over points to mark them in the volume too."
-    )
+    where = " in the volume too" if session.has_webgl else ""
+    return Picture(panel, f"Measured minus predicted, along x, y and z. Drag a box over points to mark them{where}.")
 
 
 def marks_in_volume(session: Session, seen: Seen) -> Patch:
@@ -211,7 +228,7 @@ def turned_volume(session: Session) -> Patch | None:
     if session.seen is None or view.look == CIRCLE:
         return None
     changed = Patch()
-    for name, value in _scene_of(view).items():
+    for name, value in _scene_of(view, session.seen).items():
         place = changed["layout"]["scene"]
         *above, last = name.split("_")
         for part in above:
@@ -300,6 +317,7 @@ def in_panel(figure: go.Figure, revision: str, *, margin: dict[str, int]) -> go.
     )
     figure.update_layout(legend={"y": 1.0, "yanchor": "bottom", "x": 0.0, "font": {"size": 11}})
     figure.update_yaxes(title={"font": {"size": 11}})
+    figure.update_xaxes(title={"font": {"size": 12}})
     return figure
 
 
@@ -312,17 +330,31 @@ def _volume(session: Session, seen: Seen) -> Volume:
     return replace(volume, magnification=view.exaggeration * magnification_of_means(seen.comparison))
 
 
-def _scene_of(view: View) -> dict[str, Any]:
+def _scene_of(view: View, seen: Seen) -> dict[str, Any]:
     """Give what of the volume depends on where it is looked at from; an axis that is looked along is a point."""
     along = _ALONG.get(view.stand)
+    farther = 1.0 if along is not None else _length_to_a_cube(seen) ** _FARTHER
+    # Plotly never again names an axis that was invisible once.
+    hidden = {"title_text": "", "showticklabels": False, "showgrid": False, "showline": False, "zeroline": False}
+    shown = {"showticklabels": True, "showgrid": True, "showline": True, "zeroline": True}
+    axes = {axis: hidden if axis == along else {**shown, "title_text": f"{axis.upper()}, mm"} for axis in AXES}
     return {
-        "camera_eye": _EYES.get(view.stand, _EYES[CORNER]),
+        "camera_eye": {name: farther * value for name, value in _EYES.get(view.stand, _EYES[CORNER]).items()},
+        "camera_center": _LOOKED_AT.get(view.stand, _MIDDLE),
         "camera_up": {"x": 0.0, "y": 1.0, "z": 0.0} if along == "z" else {"x": 0.0, "y": 0.0, "z": 1.0},
         "camera_projection_type": "perspective" if along is None else "orthographic",
-        **{f"{axis}axis_visible": axis != along for axis in AXES},
+        **{f"{axis}axis_{name}": value for axis, how in axes.items() for name, value in how.items()},
         # New with every wish: until then the picture stays as a person turned it.
         "uirevision": f"turned {view.turns}",
     }
+
+
+def _length_to_a_cube(seen: Seen) -> float:
+    """Give the diagonal of the places to that of a cube of the same volume; 1 of what lies in a plane."""
+    span_mm = np.ptp(places_mm(seen.comparison), axis=0)
+    if not span_mm.all():
+        return 1.0
+    return float(np.linalg.norm(span_mm) / (np.sqrt(3.0) * np.cbrt(span_mm.prod())))
 
 
 def _chosen_run(session: Session, seen: Seen) -> CircleRun | None:
@@ -429,7 +461,8 @@ def _plain(values: object) -> list[float | None]:
 
 
 def _empty(text: str) -> go.Figure:
-    figure = go.Figure()
-    figure.add_annotation(text=text, showarrow=False, font={"size": 14, "color": style.INK})
+    """Say why nothing is drawn, with traces in the places where marks and causes would be."""
+    figure = go.Figure([go.Scatter(visible=False) for _ in range(_EXPLAINED + 1)])
+    figure.add_annotation(text=text, showarrow=False, font={"size": 13, "color": style.INK})
     figure.update_layout(template=style.template(), xaxis={"visible": False}, yaxis={"visible": False})
     return in_panel(figure, "empty", margin={"l": 10, "r": 10, "t": 10, "b": 10})

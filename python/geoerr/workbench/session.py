@@ -115,6 +115,8 @@ class Session:
         Panel to the message that it shows.
     notes
         Sentences about the data.
+    has_webgl
+        Whether the browser draws 3-D pictures, as it says when it loads the page.
     """
 
     folder: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="geoerr-workbench-")))
@@ -142,6 +144,7 @@ class Session:
     view: View = field(default_factory=View)
     problems: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    has_webgl: bool = True
     job: Job | None = None
     lock: threading.RLock = field(default_factory=threading.RLock)
     on_saved_change: Callable[[Session], None] = lambda _: None

@@ -6,7 +6,7 @@ import base64
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, State, ctx, dcc, no_update
+from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, no_update
 
 from geoerr.errors import GeoerrError
 from geoerr.workbench import actions, reports
@@ -251,6 +251,10 @@ def _wire_panels(app: Dash, session: Session) -> None:
 
 
 def _wire_pictures(app: Dash, session: Session) -> None:
+    app.clientside_callback(
+        ClientsideFunction("workbench", "hasWebgl"), Output("webgl", "data"), Input("webgl", "id")
+    )
+
     @app.callback(
         output={
             "volume": Output("volume", "figure"),
@@ -272,6 +276,7 @@ def _wire_pictures(app: Dash, session: Session) -> None:
         },
         inputs={
             "_": Input("sight", "data"),
+            "webgl": Input("webgl", "data"),
             "look": Input("look", "value"),
             "shape": Input("shape", "value"),
             "power": Input("power", "value"),
@@ -281,15 +286,15 @@ def _wire_pictures(app: Dash, session: Session) -> None:
             "shown": State("pinned", "data"),
         },
     )
-    def _draw(_: Any, look: str, shape: list[str], power: float, variable: str | None, color: str | None,
-              run: str | None, shown: str) -> dict[str, Any]:  # fmt: skip
-        view = session.view
+    def _draw(_: Any, webgl: bool, look: str, shape: list[str], power: float, variable: str | None,
+              color: str | None, run: str | None, shown: str) -> dict[str, Any]:  # fmt: skip
+        view, session.has_webgl = session.view, webgl
         view.shows_shape, view.power = bool(shape), float(power)
         choose(session, look, variable, color, run)
         is_circle = view.look == CIRCLE
         hidden = {
             "regions": view.look != REGION,
-            "volume_controls": is_circle,
+            "volume_controls": is_circle or not webgl,
             "circle_controls": not is_circle,
             # Means and differences have a grid of their own.
             "shape": view.look in (REGION, DIFFERENCE),

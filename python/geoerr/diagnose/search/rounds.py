@@ -41,6 +41,7 @@ from geoerr.diagnose.search.rivals import Found, Rival, rivals_of
 from geoerr.diagnose.search.settle import Settled, resettle, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.diagnose.space import Space
+from geoerr.diagnose.steps import RoundSteps, Steps
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.choose_again import is_worth_asking
 from geoerr.fit.fitted import Fitted
@@ -108,6 +109,7 @@ def search(
     present: Sequence[str] = (),
     explained: Numbers | None = None,
     ends_beside_large: Sequence[str] | None = None,
+    steps: RoundSteps | None = None,
     threads: int = 0,
 ) -> Searched:
     """Add what is missing, best first, until chance explains what is left.
@@ -124,7 +126,11 @@ def search(
     ends_beside_large
         Whether to end where something is found that lets the error fall far: all but the terms of these ids; None to
         go on in any case.
+    steps
+        Told what is looked at next.
     """
+    steps = steps or RoundSteps(Steps())
+    steps.begin_search()
     candidates, not_offered, functions = candidates_of(fitted, known, present)
     variables = variables_of(fitted)
     smooth, waves = probes_of(fitted, functions, variables), UnevenWaves(functions, variables)
@@ -145,13 +151,15 @@ def search(
     while not ends_early:
         added = [*finer, *aside, *(one.settled.raw for one in found)]
         probes = [*smooth, *waves.probes(found)]
+        steps.begin_round([str(reference_of(one.judged)) for one in found], len(candidates), len(probes))
         plain = seen or look(bench, bench.space(added), candidates, probes)
+        steps.next("what of it a slow drift would hide")
         looked = beside_drift(bench, plain, added)
         looked = replace(looked, probes=without_remainders(found, looked.probes))
         first, seen = first or looked, None
         level = 0.5 * ALPHA * (FURTHER if found or unknown is not None else 1.0)
         best, probe = _claims(looked, level, found, unknown)
-        formed = None if best is None else in_best_form(bench, looked, best, added)
+        formed = None if best is None else _formed(bench, looked, best, added, steps)
         more = _finer(bench, looked, best, formed, probe)
         if more is not None:
             finer.append(more)
@@ -191,6 +199,7 @@ def search(
             unknown = _nameless(looked, bent[0])
             aside = [unknown.settled.raw, bent[1]]
             continue
+        steps.next(f"what looks like {reference_of(best)}")
         found.append(_found(bench, looked, best, settled, added, None if ends_early else known))
         bench, found, finer, aside = _where_it_is_known(bench, found, finer, aside)
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
@@ -198,11 +207,19 @@ def search(
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
     assert first is not None
+    steps.next("each of what was found beside the others")
     beside = [*finer, *aside]
     together = tuple(_together(bench, found, beside, looked))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early, dropped)
+
+
+def _formed(
+    bench: Bench, looked: Round, best: Judged, added: Sequence[Numbers], steps: RoundSteps
+) -> tuple[Judged, Settled] | None:
+    steps.next(f"the form of {reference_of(best)}")
+    return in_best_form(bench, looked, best, added)
 
 
 def _found(

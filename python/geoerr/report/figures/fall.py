@@ -9,10 +9,19 @@ from dataclasses import dataclass
 import plotly.graph_objects as go
 
 from geoerr.diagnose import Diagnosis
+from geoerr.diagnose.error_scale import ErrorScale
 from geoerr.model import HistoryEntry
 from geoerr.report.figures import style
 
 _ROW_PX, _OTHER_PX = 46, 60
+# Figure of a stage, to what its bar is called, and its colour.
+_BARS = (
+    ("held_out_rmse_um", "held out: rows that the fit did not see", style.ORANGE),
+    ("rmse_um", "residual: rows that it saw", style.BLUE),
+)
+# Of a logarithmic axis: shares of its length, and how many decades have ticks at 2 and 5 too.
+_ROOM_BEFORE, _ROOM_BEHIND = 0.09, 0.12
+_MOST_DECADES_OF_125 = 3.0
 
 
 @dataclass(frozen=True)
@@ -65,35 +74,61 @@ def diagnosis_fall(diagnosis: Diagnosis) -> go.Figure:
 
 
 def error_fall(stages: Sequence[Stage]) -> go.Figure:
-    """Draw a pair of bars for each model, residual and held out, and the noise that no model gets below."""
+    """Draw a pair of bars for each model, residual and held out, and the noise that no model gets below.
+
+    Where errors differ too much for one linear axis (`ErrorScale`) it is logarithmic, and bars begin at the noise.
+    """
     names = [f"{number}. {stage.name}" for number, stage in enumerate(stages, start=1)]
+    noise_um = next((stage.noise_um for stage in reversed(stages) if stage.noise_um is not None), None)
+    errors_um = [value for stage in stages for key, *_ in _BARS if (value := stage.figure(key)) is not None]
+    scale = ErrorScale.of(errors_um, noise_um)
     figure = go.Figure()
-    for name, key, color in (
-        ("held out: rows that the fit did not see", "held_out_rmse_um", style.ORANGE),
-        ("residual: rows that it saw", "rmse_um", style.BLUE),
-    ):
+    for key, name, color in _BARS:
         values = [stage.figure(key) for stage in stages]
         figure.add_trace(
             go.Bar(
                 y=names,
-                x=values,
+                x=[None if value is None else value - scale.begin_um for value in values],
+                base=scale.begin_um,
                 orientation="h",
                 marker={"color": color},
-                text=["" if value is None else f"{value:.1f}" for value in values],
+                text=["" if value is None else style.text_um(value).removesuffix(" µm") for value in values],
                 textposition="outside",
                 cliponaxis=False,
                 name=name,
-                hovertemplate="%{y}: %{x:.2f} µm<extra></extra>",
+                customdata=values,
+                hovertemplate="%{y}: %{customdata:,.2f} µm<extra></extra>",
             )
         )
-    noises = [stage.noise_um for stage in stages if stage.noise_um is not None]
-    if noises:
-        figure.add_vline(x=noises[-1], line={"color": style.INK, "dash": "dash", "width": 1.6})
-    largest = max((value for stage in stages for key in ("rmse_um", "held_out_rmse_um")
-                   if (value := stage.figure(key)) is not None), default=1.0)  # fmt: skip
+    if noise_um is not None:
+        figure.add_vline(x=noise_um, line={"color": style.INK, "dash": "dash", "width": 1.6})
+    _set_axis(figure, scale)
     figure.update_yaxes(autorange="reversed", showgrid=False)
-    figure.update_xaxes(title_text="error, µm rms", range=[0.0, 1.15 * largest], rangemode="tozero")
     figure.update_layout(bargap=0.25, barmode="group", legend={"traceorder": "reversed"})
-    noise = "" if not noises else f"dashed: the noise, {style.text_um(noises[-1])}; no model gets below it"
     height_px = style.HEADING_PX + style.LEGEND_PX + _OTHER_PX + _ROW_PX * max(len(stages), 2)
-    return style.finish(figure, "How the error falls", noise, height_px, legend=True)
+    return style.finish(figure, "How the error falls", _explained(scale, noise_um), height_px, legend=True)
+
+
+def _set_axis(figure: go.Figure, scale: ErrorScale) -> None:
+    if not scale.is_logarithmic:
+        figure.update_xaxes(title_text="error, µm rms", range=[0.0, 1.15 * scale.largest_um], rangemode="tozero")
+        return
+    low, high = math.log10(scale.least_um), math.log10(scale.largest_um)
+    # Room for the figures: beyond the longest bar, and before what is below the noise.
+    ends = low - _ROOM_BEFORE * (high - low), high + _ROOM_BEHIND * (high - low)
+    steps = (1.0, 2.0, 5.0) if high - low < _MOST_DECADES_OF_125 else (1.0,)
+    ticks = [step * 10.0**power for power in range(math.floor(ends[0]), math.ceil(ends[1])) for step in steps]
+    figure.update_xaxes(
+        type="log",
+        range=ends,
+        tickvals=ticks,
+        ticktext=[f"{value:,.6g}" for value in ticks],
+        title_text="error, µm rms, logarithmic",
+    )
+
+
+def _explained(scale: ErrorScale, noise_um: float | None) -> str:
+    if noise_um is None:
+        return "logarithmic axis" if scale.is_logarithmic else ""
+    told = "where bars begin on this logarithmic axis" if scale.begin_um == noise_um else "which no model gets below"
+    return f"dashed: the noise, {style.text_um(noise_um)}, {told}"

@@ -33,6 +33,7 @@ def residual_against(
     explained_um: Numbers | None = None,
     most_points: int = MOST_POINTS,
     is_live: bool = False,
+    has_webgl: bool = True,
 ) -> go.Figure:
     """Draw the residual over one variable, a row for each component, with the mean of its bins.
 
@@ -51,6 +52,8 @@ def residual_against(
     is_live
         For a page that answers: points are drawn by the graphics card and know their rows, and every component has
         three traces, the last for `explained_um` even where that is None.
+    has_webgl
+        Whether the page's browser lets pages use the graphics card: without it points are shapes, slower and alike.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def residual_against(
     values = variables[variable]
     colors = None if color_by is None else variables[color_by]
     components = comparison.components
-    points = go.Scattergl if is_live else go.Scatter
+    points = go.Scattergl if is_live and has_webgl else go.Scatter
     place = value_label(variable, "%{x:.6g}")
     figure = make_subplots(rows=len(components), cols=1, shared_xaxes=True, vertical_spacing=0.05)
     for row, component in enumerate(components, start=1):
