@@ -29,14 +29,17 @@ _PARTS, _PARTS_OF_ONE = (2, 4), (2, 4, 8)
 _CUBIC = 3
 # Of what leaves a smaller share than this, the model does most already; what gains this share of it does as much.
 _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
+# Standard deviations of what many knots follow of the noise.
+_UNLIKELY = 3.0
 
 
 def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged) -> Numbers | None:
     """Give columns (n, 3, k) of errors of an axis with more knots, if they have more evidence than what is claimed.
 
     Of what the model does most already, it is enough that they do as much, and predict better. So it is of what gains
-    less than the price at which they were not chosen: so much of a smooth error evidence leaves. But many waves along
-    an axis, of which the model leaves more, are no smooth error, however many knots follow them.
+    less than the price at which they were not chosen: so much of a smooth error evidence leaves. Many waves along an
+    axis, of which the model leaves more, are no smooth error, however many knots follow them; unless the knots do
+    much more: of a step, a bump or a table of an error the best wave is a part.
 
     Parameters
     ----------
@@ -61,6 +64,8 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
         evidence = [evidence_of(looked.space, np.array(one.gain), np.array(one.rank), len(ways)) for one in ways]
         worth = [(float(of_one), one.columns) for of_one, one in zip(evidence, ways, strict=True)]
         least = max(claim.evidence, 0.0)
+        if not is_smooth and (much_more := _do_much_more(ways, claim)) is not None:
+            return much_more.columns
     most, columns = max(worth, key=lambda one: one[0], default=(-math.inf, None))
     return columns if most > least else None
 
@@ -72,6 +77,18 @@ class _Way:
     columns: Numbers
     rank: int
     gain: float
+
+
+def _do_much_more(ways: Sequence[_Way], claim: Judged) -> _Way | None:
+    """Give the knots that predict better than a wave by more than chance lets them; None where none do.
+
+    Twice Akaike's score. Where a wave is all there is, knots follow it at best, and pay for what they follow of the
+    noise.
+    """
+    predicted = [one.gain - 2.0 * one.rank - _UNLIKELY * math.sqrt(2.0 * one.rank) for one in ways]
+    best = int(np.argmax(predicted)) if ways else 0
+    by_wave = claim.gain - 2.0 * claim.rank - 2.0 * math.log(max(claim.what.n_trials, 1))
+    return ways[best] if ways and predicted[best] > by_wave else None
 
 
 def _asked(bench: Bench, looked: Round, way: Sequence[tuple[Term, BasisSpec]]) -> _Way:

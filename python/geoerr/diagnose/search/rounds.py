@@ -15,6 +15,7 @@ from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
 from geoerr.diagnose.search.best_form import at_its_values, in_best_form
+from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.finer import finer_functions
 from geoerr.diagnose.search.judged import (
     ALPHA,
@@ -183,11 +184,9 @@ def search(
         if formed is None or len(found) >= MOST_EFFECTS:
             break
         best, settled = formed
-        is_remainder = is_a_remainder(found, settled)
-        if is_remainder or not _helps(bench, settled, best, added):
-            dropped[reference_of(best)] = (
-                "may be what a larger one leaves of itself" if is_remainder else "no better held out"
-            )
+        why_not = _why_not(bench, found, settled, best, added)
+        if why_not is not None:
+            dropped[reference_of(best)] = why_not
             candidates = [one for one in candidates if one is not best.what]
             seen = replace(plain, candidates=tuple(one for one in plain.candidates if one.what is not best.what))
             continue
@@ -294,6 +293,17 @@ def _nameless_at_last(bench: Bench, unknown: Found | None, others: Sequence[Numb
         return None
     space = bench.space_to_estimate_in(last.space.noise, others)
     return replace(unknown, beside_others=settle(space, bench.scanner(space, n_draws=0), unknown.judged))
+
+
+def _why_not(
+    bench: Bench, found: Sequence[Found], settled: Settled, best: Judged, added: Sequence[Numbers]
+) -> str | None:
+    """Say why a name that passes is not found all the same; None where it is."""
+    if is_a_remainder(found, settled):
+        return "may be what a larger one leaves of itself"
+    if not is_one_wave(bench.functions, settled):
+        return "not the same wave all along the axis"
+    return None if _helps(bench, settled, best, added) else "no better held out"
 
 
 def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers]) -> bool:

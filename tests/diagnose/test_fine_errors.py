@@ -1,0 +1,73 @@
+"""Errors finer than a model's functions are no wave, though the best wave explains a part of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from hidden_machine import LENGTH_MM, Noise, Numbers, Plan, machine, measure, motion
+
+from geoerr.diagnose import Diagnosis
+from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.search.coherence import is_one_wave
+from geoerr.diagnose.search.settle import settle_as
+from geoerr.fit import FitOptions, fit_model
+
+Error = Callable[[Numbers], Numbers]
+Draw = Callable[[np.random.Generator], Error]
+PERIOD_MM = 20.0
+
+
+def step(rng: np.random.Generator) -> Error:
+    """30 µm up and down again within a few millimetres: where two lengths of a scale meet."""
+    middle_mm = rng.uniform(80.0, 320.0)
+    return lambda q: 30.0 * np.tanh((q - middle_mm) / 4.0)
+
+
+def bump(rng: np.random.Generator) -> Error:
+    middle_mm, width_mm = rng.uniform(80.0, 320.0), rng.uniform(10.0, 40.0)
+    return lambda q: 30.0 * np.exp(-0.5 * ((q - middle_mm) / width_mm) ** 2)
+
+
+def diagnosed(rng: np.random.Generator, errors: Sequence[Error], noise_um: float) -> Diagnosis:
+    """Let axes have errors along themselves, µm."""
+    moved = motion(rng, Plan())
+    hidden = np.zeros_like(moved.q)
+    for axis, error in enumerate(errors):
+        hidden[:, axis] = error(moved.q[:, axis])
+    observations = measure(rng, moved, Noise(white=(noise_um,) * 3), hidden)
+    return diagnose(fit_model(machine(), observations, options=FitOptions(threads=1)).fitted, threads=1)
+
+
+@pytest.mark.parametrize("seed", [102, 103])
+@pytest.mark.parametrize("draw", [step, bump])
+def test_a_step_and_a_bump_are_no_waves(draw: Draw, seed: int) -> None:
+    """How often one is called a wave all the same: `validation/fine_errors.md`."""
+    rng = np.random.default_rng(seed)
+    assert diagnosed(rng, [draw(rng) for _ in range(3)], 2.0).found == ()
+
+
+def wave(size_um: Error) -> Error:
+    return lambda q: size_um(q) * np.sin(2.0 * np.pi * q / PERIOD_MM)
+
+
+def test_a_wave_is_one_along_all_of_its_axis_also_where_it_wears() -> None:
+    for size_um in (lambda q: 4.0 + 0.0 * q, lambda q: 4.0 + 2.0 * q / LENGTH_MM):
+        found = diagnosed(np.random.default_rng(1), [wave(size_um)], 2.0)
+        assert [str(one.reference) for one in found.found] == ["periodic:x"]
+        assert is_one_wave(found.searched.bench.functions, found.searched.found[0].settled)
+
+
+def test_a_wave_that_ends_midway_is_not_one_wave() -> None:
+    """No screw turns in half of its length alone."""
+    whole, half = (
+        diagnosed(np.random.default_rng(1), [wave(size_um)], 2.0)
+        for size_um in (lambda q: 4.0 + 0.0 * q, lambda q: 4.0 * (q < 0.5 * LENGTH_MM))
+    )
+    (waves,) = (one for one in whole.searched.found)
+    assert is_one_wave(whole.searched.bench.functions, waves.settled)
+    # The same term, of what the machine with half a wave leaves.
+    ending = settle_as(half.searched.first.space, half.searched.first.scanner, waves.settled.term, [PERIOD_MM], {})
+    assert not is_one_wave(half.searched.bench.functions, ending)
+    assert "periodic:x" not in {str(one.reference) for one in half.found}
