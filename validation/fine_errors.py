@@ -4,10 +4,10 @@
     python validation/fine_errors.py --machines 1    # a look, one machine a row, to standard output
 
 A machine of 400 mm moves there and back along its axes and diagonals, 24 places a line drawn anew, four sessions of
-twenty lines, and is seen with white noise. Along each axis it is off by one curve, drawn for the axis; nothing else is
-wrong with it. A name is *false*; structure without a name is no mistake, since a fit's few functions do leave some. To
-see that names are not lost altogether, a wave of a screw is hidden on one axis of the last rows, alone and beside such
-errors.
+twenty lines, and is seen with white noise. Along each axis it is off by one curve, drawn for the axis; nothing else
+is wrong with it. A name is *false*; structure without a name is no mistake, since a fit's few functions do leave
+some. To see that names are not lost altogether, a wave of a screw is hidden on one axis of the last rows, alone and
+beside such errors.
 """
 
 from __future__ import annotations
