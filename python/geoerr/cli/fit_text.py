@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from geoerr.diagnose.moments import moments_of
-from geoerr.diagnose.words import alike_words
-from geoerr.effects import plausible_words
+from geoerr.diagnose.words import alike_words, bounded_value_words, plausibility_words
 from geoerr.error_functions import (
     LI_NAMES,
     ErrorFunction,
@@ -27,7 +27,7 @@ from geoerr.machine import AXES
 from geoerr.model import MeanScale
 from geoerr.model.fit_words import lack_of_fit_words
 from geoerr.summaries import by_reason
-from geoerr.terms import Parameter, Term
+from geoerr.terms import Term
 
 WIDTH = 96
 _MICRO = 1e6
@@ -43,7 +43,6 @@ _FIGURES = {
 }
 _ALWAYS_SHOWN = ("held_out_rmse_um", "noise_floor_um")
 # Units in which a linear coefficient is read.
-_READ_IN = {"mm": ("µm", _UM_PER_MM), "rad": ("µrad", _MICRO), "1": ("×10⁻⁶", _MICRO)}
 
 
 def wrapped(text: str, indent: str = "  ") -> list[str]:
@@ -190,21 +189,12 @@ def _parameter_rows(term: Term, fitted: Fitted) -> Iterator[str]:
     """Give a term's parameters: a moment on the clock of all sessions by its session, a period with those alike."""
     moments, alike = moments_of(term, fitted.sightings), other_periods(fitted, term)
     yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""))
-    for parameter in term.coefficients:
-        unit, factor = _READ_IN.get(parameter.unit, (parameter.unit, 1.0))
-        yield from wrapped(_parameter(parameter, unit, factor), "    ")
-    for parameter in term.inner:
+    for parameter in (*term.coefficients, *term.inner):
         moment = moments.get(parameter.name)
-        unit = parameter.unit if moment is None else moment.unit
-        when = "" if moment is None else f" ({moment.words()})"
-        others = f", or {alike_words(alike[parameter.name], unit)}" if parameter.name in alike else ""
-        yield from wrapped(_parameter(parameter, unit, 1.0) + when + others, "    ")
-
-
-def _parameter(parameter: Parameter, unit: str, factor: float) -> str:
-    text = f"{parameter.label} = {with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
-    words = plausible_words(parameter)
-    return text if words is None else f"{text} ({words})"
+        read = parameter if moment is None else replace(parameter, unit=moment.unit)
+        words = plausibility_words(parameter) if moment is None else moment.words()
+        others = f", or {alike_words(alike[parameter.name], read.unit)}" if parameter.name in alike else ""
+        yield from wrapped(bounded_value_words(read) + ("" if words is None else f" ({words})") + others, "    ")
 
 
 def with_std(value: float, std: float | None) -> str:

@@ -12,13 +12,12 @@ from geoerr.diagnose.shape import shape_words
 from geoerr.diagnose.where import Where
 from geoerr.diagnose.words import (
     alike_words,
-    is_at_an_end,
+    bounded_value_words,
     is_open,
     listed,
     plausibility_words,
     sure_words,
     um_words,
-    value_words,
 )
 from geoerr.effects import Effect
 from geoerr.effects.plausible import plausible_match
@@ -203,9 +202,7 @@ class Finding(Named):
         texts = []
         for parameter in self.parameters:
             moment = self.moments.get(parameter.name)
-            text = value_words(parameter if moment is None else replace(parameter, unit=moment.unit))
-            if is_at_an_end(parameter):
-                text += ", the end of its range"
+            text = bounded_value_words(parameter if moment is None else replace(parameter, unit=moment.unit))
             words = plausibility_words(parameter, signs.get(parameter.name, 0)) if moment is None else moment.words()
             texts.append(text if words is None else f"{text} ({words})")
             if parameter.name in self.alike:

@@ -39,8 +39,13 @@ def value_words(parameter: Parameter) -> str:
         return f"{parameter.label} is not determined by these data"
     unit, factor = _read_in(parameter)
     # At the end of a range the value is a bound, and its error is none.
-    std = 0.0 if is_at_an_end(parameter) else parameter.std * factor
-    return f"{parameter.label} = {_number(parameter.value * factor, std)} {unit}".rstrip()
+    value, std = (nearest_end(parameter), 0.0) if is_at_an_end(parameter) else (parameter.value, parameter.std)
+    return f"{parameter.label} = {_number(value * factor, std * factor)} {unit}".rstrip()
+
+
+def bounded_value_words(parameter: Parameter) -> str:
+    """Say besides where the value is a bound."""
+    return f"{value_words(parameter)}{', the end of its range' if is_at_an_end(parameter) else ''}"
 
 
 def is_open(parameter: Parameter) -> bool:
@@ -82,6 +87,13 @@ def is_at_an_end(parameter: Parameter) -> bool:
         else [abs(parameter.value - end) for end in (low, high)]
     )
     return min(ends) < 1e-6 * span
+
+
+def nearest_end(parameter: Parameter) -> float:
+    """Give the end of an inner parameter's range that its value is nearest to."""
+    assert parameter.low is not None
+    assert parameter.high is not None
+    return min((parameter.low, parameter.high), key=lambda end: abs(end - parameter.value))
 
 
 def sure_words(p_value: float) -> str:
