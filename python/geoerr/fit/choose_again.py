@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from geoerr.fit.classic import on_basis, positions_by_axis, rich_bases
+from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import Ladder, choose_bases
 from geoerr.fit.sightings import SAME_POSITION_MM
@@ -38,9 +39,10 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     if not rich:
         return None
     terms = _on(fitted.terms, rich)
-    # On the rows that were found not to be gross. To choose by, first order is enough: effects stand where they were
-    # fitted, and what is hardly determined cannot run away.
-    free = fitted.again(terms, used=fitted.solved.used, one_step=True)
+    # On the rows that were found not to be gross.
+    free = fitted.again(terms, used=fitted.solved.used)
+    if has_run_away(free):
+        free = fitted.again(terms, used=fitted.solved.used, one_step=True)
     undecided = [term for term in terms if term.id in rich]
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions, ladder=ladder)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}
