@@ -170,7 +170,7 @@ def row_text(sets: list[Set], found: list[Named]) -> str:
 def main() -> None:
     """Make the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--machines", type=int, default=16, help="machines of each row")
+    parser.add_argument("--machines", type=int, default=8, help="machines of each row")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     arguments = parser.parse_args()
     lines = [
