@@ -8,11 +8,10 @@ reports an error or asks another host. The circular test is dropped on the page,
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 
-from story import Story, walk
+from story import Story, arguments, walk
 
 
 def tell(story: Story, url: str, circle: Path) -> None:
@@ -41,12 +40,7 @@ def tell(story: Story, url: str, circle: Path) -> None:
 
 def main() -> int:
     """Walk at each size, with a server of its own."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("machine", type=Path)
-    parser.add_argument("circle", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
-    given = parser.parse_args()
+    given = arguments(__doc__, "machine", "circle")
     return walk([given.machine], given.out, given.browser, lambda story, url: tell(story, url, given.circle))
 
 

@@ -8,13 +8,11 @@ reached, where the focus shows by nothing, or lies out of sight. Needs Playwrigh
 
 from __future__ import annotations
 
-import argparse
 import sys
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
-from story import Story, walk
+from story import Story, arguments, walk
 
 _MOST_TABS, _MOMENT_MS = 300, 250
 # What can be clicked or typed into; of radio buttons Tab reaches one, arrows the others.
@@ -97,12 +95,7 @@ def _walked(page: Any) -> list[Any]:
 
 def main() -> int:
     """Run it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("machine", type=Path)
-    parser.add_argument("observations", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
-    given = parser.parse_args()
+    given = arguments(__doc__, "machine", "observations")
     return walk([given.machine, given.observations], given.out, given.browser, tell)
 
 

@@ -219,15 +219,18 @@ def walk(
     return 1 if problems else 0
 
 
+def arguments(description: str | None, *files: str) -> argparse.Namespace:
+    """Read a walk's command line: its files by name, the folder `out` for pictures, and the browser."""
+    parser = argparse.ArgumentParser(description=description)
+    for name in (*files, "out"):
+        parser.add_argument(name, type=Path)
+    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
+    return parser.parse_args()
+
+
 def main() -> int:
     """Run the story."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("machine", type=Path)
-    parser.add_argument("observations", type=Path)
-    parser.add_argument("program", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
-    given = parser.parse_args()
+    given = arguments(__doc__, "machine", "observations", "program")
     files = [given.machine, given.observations]
     return walk(files, given.out, given.browser, lambda story, url: tell(story, url, given.program))
 

@@ -8,11 +8,9 @@ and regions do not work. Needs Playwright and a Chromium.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 
-from story import PATIENCE_MS, Story, brush, walk
+from story import PATIENCE_MS, Story, arguments, brush, walk
 
 FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-3d-apis")
 
@@ -48,12 +46,7 @@ def tell(story: Story, url: str) -> None:
 
 def main() -> int:
     """Run it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("machine", type=Path)
-    parser.add_argument("observations", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--browser", help="Chromium to use; Playwright's own where none is named.")
-    given = parser.parse_args()
+    given = arguments(__doc__, "machine", "observations")
     return walk([given.machine, given.observations], given.out, given.browser, tell, FLAGS)
 
 

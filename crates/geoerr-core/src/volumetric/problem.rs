@@ -411,12 +411,7 @@ impl Block<'_> {
 
     /// Visits the entries of the design that are not 0: column, place among the rows, three whitened numbers. An entry
     /// may come in several parts.
-    fn each_entry(
-        &self,
-        rows: &[usize],
-        row_scale: &[f64],
-        mut visit: impl FnMut(usize, usize, &[f64; 3]),
-    ) {
+    fn each_entry(&self, rows: &[usize], row_scale: &[f64], mut visit: impl FnMut(usize, usize, &[f64; 3])) {
         self.each_run(rows, row_scale, |first, at, direction, values| {
             for (k, value) in values.iter().enumerate() {
                 visit(first + k, at, &direction.map(|along| along * value));
