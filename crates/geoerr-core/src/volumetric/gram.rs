@@ -11,8 +11,10 @@ use rayon::prelude::*;
 use super::problem::{Block, NUMBERS_OF_A_ROW};
 use crate::least_squares::{Forms, Matrix, lower_gram, product, transposed_product};
 
-/// Sightings of one sum. The sums are added up in their order, whatever thread made them.
+/// Sightings of one sum, at least, and sums at most: each is a matrix. They are added up in their order, whatever thread
+/// made them.
 const SIGHTINGS: usize = 1024;
+const SUMS: usize = 64;
 /// Sightings that are multiplied together at most: their matrix fits into the cache.
 const MOST_TOGETHER: usize = 64;
 /// With fewer, the next cell's go along: it has most columns in common.
@@ -111,7 +113,7 @@ impl Block<'_> {
     ) -> Vec<f64> {
         let sums: Vec<Vec<f64>> = self
             .by_cell(rows)
-            .par_chunks(SIGHTINGS)
+            .par_chunks(SIGHTINGS.max(rows.len().div_ceil(SUMS)))
             .map(|cells| {
                 let mut sum = vec![0.0; size];
                 self.each_together(cells, rows, row_scale, |together| add(&mut sum, together));
