@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -58,10 +59,11 @@ def run(folder: Path, *words: str):  # type: ignore[no-untyped-def]
     return CliRunner().invoke(app, ["compare", *(known.get(word, word) for word in words)])
 
 
-def document(folder: Path, *words: str) -> dict[str, object]:
+def document(folder: Path, *words: str) -> dict[str, Any]:
     result = run(folder, *words, "--json")
     assert result.exit_code == 0, result.exception
-    return json.loads(result.stdout)  # type: ignore[no-any-return]
+    found: dict[str, Any] = json.loads(result.stdout)
+    return found
 
 
 @pytest.mark.parametrize("model", ["machine.toml", "errors.json", "model.json"])
@@ -73,11 +75,11 @@ def test_any_model_with_any_measurements_gives_the_keys_of_the_contract(
     assert set(found) >= KEYS
     assert isinstance(found["rmse_um"], float)
     assert isinstance(found["n"], int)
-    assert set(found["by_axis"]) == {"x", "y", "z"}  # type: ignore[call-overload]
-    for row in found["worst"]:  # type: ignore[attr-defined]
+    assert set(found["by_axis"]) == {"x", "y", "z"}
+    for row in found["worst"]:
         assert {"line", "x", "y", "z", "residual_um"} <= set(row)
         assert len(row["residual_um"]) == 3
-    for part in found["by_line"].values():  # type: ignore[attr-defined]
+    for part in found["by_line"].values():
         assert {"rmse_um", "n"} <= set(part)
     own = model == "model.json" and data == ("points.csv",)
     assert (found["is_own_data"], found["model_takes_part"]) == (own, own)
@@ -88,7 +90,7 @@ def test_variables_of_the_machine_come_before_pixels_and_all_have_a_meaning(fold
     points = pl.read_csv(folder / "points.csv").with_columns(u_left=pl.col("x") + 100.0, load=pl.int_range(90) % 7)
     points.write_csv(folder / "points.csv")
     trends = document(folder, "machine.toml", "points.csv")["trends"]
-    named = [trend["variable"] for trend in trends]  # type: ignore[attr-defined]
+    named = [trend["variable"] for trend in trends]
     assert set(named[-3:]) == {"u_left"}
     assert "u_left" not in named[:-3]
     text = " ".join(run(folder, "machine.toml", "points.csv").stdout.split())
@@ -114,7 +116,7 @@ def test_a_name_has_a_meaning(name: str, meaning: str) -> None:
 
 def test_the_model_that_knows_the_scale_is_better_and_refit_is_said(folder: Path) -> None:
     nominal, own = document(folder, "machine.toml", "points.csv"), document(folder, "model.json", "points.csv")
-    assert own["rmse_um"] < 0.3 * nominal["rmse_um"]  # type: ignore[operator]
+    assert own["rmse_um"] < 0.3 * nominal["rmse_um"]
     again = document(folder, "model.json", "points.csv", "circle.csv", "--refit")
     assert again["model_takes_part"]
     assert not again["is_own_data"]
@@ -270,7 +272,7 @@ def test_a_printer_that_warms_up(real_data: Path) -> None:
     assert found["rmse_um"] == pytest.approx(80.0, abs=0.5)
     assert found["outliers"] == []
     assert found["held_out_rmse_um"] > found["rmse_um"]  # type: ignore[operator]
-    named = [(trend["variable"], trend["component"]) for trend in found["trends"]]  # type: ignore[attr-defined]
+    named = [(trend["variable"], trend["component"]) for trend in found["trends"]]
     assert named.index(("temp_frame", "z")) < named.index(("temp_nozzle", "z"))
 
 
@@ -278,7 +280,7 @@ def test_a_printer_that_warms_up(real_data: Path) -> None:
 def test_a_slide_under_a_laser(real_data: Path) -> None:
     found = real(real_data, "positioning")
     assert found["rmse_um"] == pytest.approx(39.9, abs=0.05)
-    worth = {trend["variable"]: trend["worth_um"] for trend in found["trends"]}  # type: ignore[attr-defined]
+    worth = {trend["variable"]: trend["worth_um"] for trend in found["trends"]}
     assert worth["repeat"] > worth["d_x"] > 0.0
 
 

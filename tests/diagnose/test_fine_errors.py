@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from hidden_machine import LENGTH_MM, Noise, Numbers, Plan, machine, measure, motion
+from hidden_machine import LENGTH_MM, Noise, Plan, machine, measure, motion
+from validation.fine_errors import Curve, bump, step
 
 from geoerr.diagnose import Diagnosis
 from geoerr.diagnose.diagnosis import diagnose
@@ -14,23 +15,11 @@ from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.settle import settle_as
 from geoerr.fit import FitOptions, fit_model
 
-Error = Callable[[Numbers], Numbers]
-Draw = Callable[[np.random.Generator], Error]
+Draw = Callable[[np.random.Generator], Curve]
 PERIOD_MM = 20.0
 
 
-def step(rng: np.random.Generator) -> Error:
-    """30 µm up and down again within a few millimetres: where two lengths of a scale meet."""
-    middle_mm = rng.uniform(80.0, 320.0)
-    return lambda q: 30.0 * np.tanh((q - middle_mm) / 4.0)
-
-
-def bump(rng: np.random.Generator) -> Error:
-    middle_mm, width_mm = rng.uniform(80.0, 320.0), rng.uniform(10.0, 40.0)
-    return lambda q: 30.0 * np.exp(-0.5 * ((q - middle_mm) / width_mm) ** 2)
-
-
-def diagnosed(rng: np.random.Generator, errors: Sequence[Error], noise_um: float) -> Diagnosis:
+def diagnosed(rng: np.random.Generator, errors: Sequence[Curve], noise_um: float) -> Diagnosis:
     """Let axes have errors along themselves, µm."""
     moved = motion(rng, Plan())
     hidden = np.zeros_like(moved.q)
@@ -48,7 +37,7 @@ def test_a_step_and_a_bump_are_no_waves(draw: Draw, seed: int) -> None:
     assert diagnosed(rng, [draw(rng) for _ in range(3)], 2.0).found == ()
 
 
-def wave(size_um: Error) -> Error:
+def wave(size_um: Curve) -> Curve:
     return lambda q: size_um(q) * np.sin(2.0 * np.pi * q / PERIOD_MM)
 
 
@@ -65,7 +54,7 @@ def test_a_wave_that_ends_midway_is_not_one_wave() -> None:
         diagnosed(np.random.default_rng(1), [wave(size_um)], 2.0)
         for size_um in (lambda q: 4.0 + 0.0 * q, lambda q: 4.0 * (q < 0.5 * LENGTH_MM))
     )
-    (waves,) = (one for one in whole.searched.found)
+    (waves,) = whole.searched.found
     assert is_one_wave(whole.searched.bench.functions, waves.settled)
     # The same term, of what the machine with half a wave leaves.
     ending = settle_as(half.searched.first.space, half.searched.first.scanner, waves.settled.term, [PERIOD_MM], {})

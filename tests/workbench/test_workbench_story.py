@@ -262,12 +262,17 @@ def test_bars_have_the_height_that_a_window_leaves_them(learned: Session) -> Non
         assert len(parts) == (3 if "@" in text else 1)
 
 
-def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
+def tried(tmp_path: Path, formula: OwnFormula) -> Session:
     session = loaded(tmp_path)
     wiring.do(session, "fit", "21")
     settle(session)
-    actions.try_formula(session, OwnFormula("Gap of x", "along", "x", "g*d/2"))
+    actions.try_formula(session, formula)
     settle(session)
+    return session
+
+
+def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
+    session = tried(tmp_path, OwnFormula("Gap of x", "along", "x", "g*d/2"))
     assert "It helps." in texts(wiring.panels(session)["own"])
     value = session.trial.change.result.model.parameter("gap-of-x:x.g").value
     assert 1e3 * value == pytest.approx(-PLAY_UM, abs=2.0)
@@ -280,11 +285,7 @@ def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
 
 
 def test_a_formula_that_the_model_has_already_makes_no_difference(tmp_path: Path) -> None:
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
-    actions.try_formula(session, OwnFormula("Bow", "along", "x", "c*(q - 150)^2"))
-    settle(session)
+    session = tried(tmp_path, OwnFormula("Bow", "along", "x", "c*(q - 150)^2"))
     told = texts(wiring.panels(session)["own"])
     assert "It makes no difference" in told
     assert "It helps." not in told

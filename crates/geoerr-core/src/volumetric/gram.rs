@@ -136,8 +136,8 @@ impl Block<'_> {
         mut visit: impl FnMut(&Together),
     ) {
         let mut slots = vec![usize::MAX; self.n_columns()];
-        for cells in cuts(cells).map(|range| &cells[range]) {
-            let places: Vec<usize> = cells.iter().map(|&(_, at)| at).collect();
+        for range in cuts(cells) {
+            let places: Vec<usize> = cells[range].iter().map(|&(_, at)| at).collect();
             visit(&self.together(places, rows, row_scale, &mut slots));
         }
     }
@@ -184,7 +184,7 @@ struct Together {
 }
 
 /// Where cells in their order are cut, so that many sightings of one cell, or all of few cells, are together.
-fn cuts(cells: &[(u64, usize)]) -> impl Iterator<Item = Range<usize>> {
+fn cuts(cells: &[(u64, usize)]) -> Vec<Range<usize>> {
     let mut ranges: Vec<Range<usize>> = Vec::new();
     for cell in cells.chunk_by(|one, next| one.0 == next.0) {
         for part in cell.chunks(MOST_TOGETHER) {
@@ -197,7 +197,7 @@ fn cuts(cells: &[(u64, usize)]) -> impl Iterator<Item = Range<usize>> {
             }
         }
     }
-    ranges.into_iter()
+    ranges
 }
 
 /// Adds to H (n, n), by columns, the lower triangle of the products over the columns that there are, and a half of their

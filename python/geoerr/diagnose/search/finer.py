@@ -85,10 +85,13 @@ def _do_much_more(ways: Sequence[_Way], claim: Judged) -> _Way | None:
     Twice Akaike's score. Where a wave is all there is, knots follow it at best, and pay for what they follow of the
     noise.
     """
-    predicted = [one.gain - 2.0 * one.rank - _UNLIKELY * math.sqrt(2.0 * one.rank) for one in ways]
-    best = int(np.argmax(predicted)) if ways else 0
     by_wave = claim.gain - 2.0 * claim.rank - 2.0 * math.log(max(claim.what.n_trials, 1))
-    return ways[best] if ways and predicted[best] > by_wave else None
+    best = max(ways, key=_predicted, default=None)
+    return best if best is not None and _predicted(best) > by_wave else None
+
+
+def _predicted(way: _Way) -> float:
+    return way.gain - 2.0 * way.rank - _UNLIKELY * math.sqrt(2.0 * way.rank)
 
 
 def _asked(bench: Bench, looked: Round, way: Sequence[tuple[Term, BasisSpec]]) -> _Way:
