@@ -198,8 +198,12 @@ class CandidateScene:
 
     Parameters
     ----------
-    whitened : (3, n, n_basis + 1 + n_draws)
-        By component: basis, residual and draws of noise; float32 or float64 is the precision of the products.
+    basis : (n, 3, n_basis)
+        What the model is free to do, whitened and orthonormal.
+    residual : (n, 3)
+        What it leaves, whitened.
+    draws : (n, 3, n_draws) or None
+        Draws of noise off the basis: products are in single precision, as they are. None: in double precision.
     directions : (n_channels, 3, n)
         Whitened displacement of each row by one unit on each channel.
     unit : (3, n)
@@ -212,8 +216,9 @@ class CandidateScene:
 
     def __new__(
         cls,
-        whitened: npt.NDArray[np.float32] | npt.NDArray[np.float64],
-        n_basis: int,
+        basis: npt.NDArray[np.float64],
+        residual: npt.NDArray[np.float64],
+        draws: npt.NDArray[np.float32] | None,
         directions: npt.NDArray[np.float64],
         sigma: list[float],
         block: npt.NDArray[np.int64],
@@ -221,6 +226,7 @@ class CandidateScene:
         unit: npt.NDArray[np.float64],
         session_starts: npt.NDArray[np.int64],
         less_one: list[list[npt.NDArray[np.float64]]],
+        threads: int,
     ) -> CandidateScene: ...
     def scan(
         self,

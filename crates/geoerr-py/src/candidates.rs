@@ -1,8 +1,9 @@
 //! Binds `geoerr_core::candidates`: what a fit leaves as an immutable handle, and the scan of candidates against it.
 
-use geoerr_core::candidates::{Column, Formula, Group, Noise, Scanned, Scene, Sources, scan};
+use geoerr_core::candidates::{
+    Column, Directions, Formula, Group, Noise, Scanned, Scene, Sources, Whitened, scan,
+};
 use geoerr_core::expression::Rows;
-use geoerr_core::least_squares::Real;
 use numpy::ndarray::Dimension;
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
@@ -64,29 +65,15 @@ fn named<'a, T: Element, D: Dimension>(
     contiguous(array, || CoreError::shape(format!("{name} must be a C-contiguous array")))
 }
 
-fn made<T: Real + numpy::Element>(
-    whitened: &PyReadonlyArray3<'_, T>,
-    n_basis: usize,
-    directions: &[[Vec<f64>; 3]],
-    noise: Noise,
-) -> Result<Scene<T>, CoreError> {
-    let all = named(whitened, "whitened columns")?;
-    let [three, n_rows, width] = [whitened.shape()[0], whitened.shape()[1], whitened.shape()[2]];
-    if three != 3 || width <= n_basis {
-        return Err(CoreError::shape("whitened columns must be (3, n, n_basis + 1 + n_draws)"));
-    }
-    let size = width * n_rows;
-    let whitened = [0, 1, 2].map(|c| all[c * size..(c + 1) * size].to_vec());
-    Scene::new(n_rows, n_basis, width - n_basis - 1, directions, whitened, noise).map_err(CoreError::from)
-}
-
 #[pymethods]
 impl PyCandidateScene {
     #[new]
     #[expect(clippy::too_many_arguments, reason = "one argument for each array of a scene")]
     fn new(
-        whitened: &Bound<'_, PyAny>,
-        n_basis: usize,
+        py: Python<'_>,
+        basis: PyReadonlyArray3<'_, f64>,
+        residual: PyReadonlyArray2<'_, f64>,
+        draws: Option<PyReadonlyArray3<'_, f32>>,
         directions: PyReadonlyArray3<'_, f64>,
         sigma: [f64; 3],
         block: PyReadonlyArray1<'_, i64>,
@@ -94,6 +81,7 @@ impl PyCandidateScene {
         unit: PyReadonlyArray2<'_, f64>,
         session_starts: PyReadonlyArray1<'_, i64>,
         less_one: Vec<Vec<PyReadonlyArray2<'_, f64>>>,
+        threads: usize,
     ) -> PyResult<Self> {
         let all = named(&directions, "directions")?;
         let [n_channels, components, n_rows] =
@@ -101,44 +89,38 @@ impl PyCandidateScene {
         if components != 3 {
             return Err(CoreError::shape("directions must be (n_channels, 3, n)").into());
         }
-        let directions: Vec<[Vec<f64>; 3]> = (0..n_channels)
-            .map(|channel| {
-                [0, 1, 2].map(|c| all[(3 * channel + c) * n_rows..(3 * channel + c + 1) * n_rows].to_vec())
-            })
-            .collect();
+        let column = |at: usize| &all[at * n_rows..(at + 1) * n_rows];
+        let directions: Vec<Directions<'_>> =
+            (0..n_channels).map(|channel| [0, 1, 2].map(|c| column(3 * channel + c))).collect();
         let starts = places(&session_starts)?;
         let ends = starts.iter().skip(1).copied().chain([n_blocks]);
         let sessions = starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect();
-        let mut of_components = less_one.iter().map(|of_component| {
-            of_component
-                .iter()
-                .map(|matrix| {
-                    // Column after column: the transpose, row after row.
-                    let [n, m] = [matrix.shape()[0], matrix.shape()[1]];
-                    let array = matrix.as_array();
-                    (0..m).flat_map(|j| (0..n).map(move |i| (i, j))).map(|at| array[at]).collect::<Vec<f64>>()
-                })
-                .collect::<Vec<_>>()
+        // Column after column: the transpose, row after row.
+        let mut of_components = (less_one.iter()).map(|of_component| {
+            of_component.iter().map(|matrix| matrix.as_array().t().iter().copied().collect()).collect()
         });
         let (Some(x), Some(y), Some(z)) = (of_components.next(), of_components.next(), of_components.next())
         else {
             return Err(CoreError::shape("transforms are wanted for three components").into());
         };
-        let less_one = [x, y, z];
         let noise = Noise {
             sigma,
             block: places(&block)?,
             n_blocks,
             unit: three(&unit, "unit")?,
             sessions,
-            less_one,
+            less_one: [x, y, z],
         };
-        let scene = if let Ok(single) = whitened.extract::<PyReadonlyArray3<'_, f32>>() {
-            Precision::Single(made(&single, n_basis, &directions, noise)?)
-        } else {
-            let double = whitened.extract::<PyReadonlyArray3<'_, f64>>()?;
-            Precision::Double(made(&double, n_basis, &directions, noise)?)
-        };
+        let (basis, residual) = (named(&basis, "basis")?, named(&residual, "residual")?);
+        let draws = draws.as_ref().map(|draws| named(draws, "draws")).transpose()?;
+        let scene = enter_core(py, threads, || match draws {
+            Some(draws) => Scene::new(n_rows, &directions, Whitened { basis, residual, draws }, noise)
+                .map(Precision::Single),
+            None => {
+                let whitened = Whitened { basis, residual, draws: &[] };
+                Scene::new(n_rows, &directions, whitened, noise).map(Precision::Double)
+            }
+        })?;
         Ok(Self { scene, n_rows })
     }
 

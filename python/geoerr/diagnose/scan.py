@@ -23,7 +23,7 @@ from geoerr import _core
 from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.null import N_DRAWS
-from geoerr.diagnose.space import Channels, Space, independent, lengths
+from geoerr.diagnose.space import Channels, NumbersOfDraws, Space, independent, lengths
 from geoerr.fit.sightings import Numbers
 
 # Directions of which the model leaves a smaller share are the model's own: nothing can be said of them. The core's.
@@ -78,33 +78,17 @@ class Scanner:
         self.n_draws = n_draws
 
     @cached_property
-    def single(self) -> _core.CandidateScene:
-        """With draws of noise, in single precision."""
-        return self._scene(self._beside_each_other(self.space.draws(self.n_draws, threads=self.threads)))
-
-    @cached_property
     def double(self) -> _core.CandidateScene:
         """Without draws, in double precision."""
-        return self._scene(self._beside_each_other(np.zeros((0, *self.space.rows.shape))))
+        return self._scene(None)
 
-    def _beside_each_other(self, draws: np.ndarray) -> np.ndarray:
-        """Give basis, residual and draws (n_draws, n, 3) by component, (3, n, r + 1 + n_draws), as precise as these.
-
-        Written once: in double precision each copy is a hundred megabytes.
-        """
-        n, _, n_basis = self.space.basis.shape
-        whitened = np.empty((3, n, n_basis + 1 + len(draws)), dtype=draws.dtype)
-        whitened[:, :, :n_basis] = self.space.basis.transpose(1, 0, 2)
-        whitened[:, :, n_basis] = self.space.residual.T
-        whitened[:, :, n_basis + 1 :] = draws.transpose(2, 1, 0)
-        return whitened
-
-    def _scene(self, whitened: np.ndarray) -> _core.CandidateScene:
-        noise = self.space.noise
+    def _scene(self, draws: NumbersOfDraws | None) -> _core.CandidateScene:
+        space, noise = self.space, self.space.noise
         starts = np.array([own.start for own in noise.blocks.slices], dtype=np.int64)
         return _core.CandidateScene(
-            whitened,
-            self.space.basis.shape[2],
+            np.ascontiguousarray(space.basis),
+            np.ascontiguousarray(space.residual),
+            draws,
             self.directions,
             noise.sigma.tolist(),
             noise.blocks.block.astype(np.int64),
@@ -112,11 +96,14 @@ class Scanner:
             np.stack([unit.data for unit in noise.unit]),
             starts,
             [list(of_component) for of_component in noise.transforms],
+            self.threads,
         )
 
     def scan(self, shapes: Sequence[Shapes]) -> list[Scanned]:
-        """Judge groups at all their trials, and draws of noise with them."""
-        return self._scanned(self.single, shapes)
+        """Judge groups at all their trials in single precision, and draws of noise with them."""
+        draws = self.space.draws(self.n_draws, threads=self.threads)
+        # Not kept: of many rows it is hundreds of megabytes, and everything is judged in one call.
+        return self._scanned(self._scene(np.ascontiguousarray(draws.transpose(1, 2, 0))), shapes)
 
     def exact(self, shapes: Shapes) -> Scanned:
         """Judge one group at all its trials in double precision, without draws."""

@@ -56,7 +56,10 @@ def searched_whole(
         return few
     again, explained, beside_large = fitted, None, list[str]()
     rounds = RoundSteps(steps)
+    searched: Searched | None = None
     for _ in range(_MOST_TIMES):
+        # What the one before was judged in is gigabytes of many rows.
+        searched = None
         searched = search(
             again,
             known,
@@ -72,7 +75,9 @@ def searched_whole(
             break
         again, explained = _as_beside(fitted, beside)
         beside_large = [term.id for term in beside.terms[len(fitted.terms) :]]
+    assert searched is not None
     if searched.ends_early:
+        searched = None
         searched = search(again, known, present=present, explained=explained, steps=rounds, threads=threads)
     return again, searched
 

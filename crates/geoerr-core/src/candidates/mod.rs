@@ -40,5 +40,5 @@ pub use error::CandidateError;
 pub use group::{Column, Group};
 pub use noise::Noise;
 pub use scan::{Scanned, scan};
-pub use scene::{Directions, Scene};
+pub use scene::{Directions, Scene, Whitened};
 pub use sources::{Formula, Sources};

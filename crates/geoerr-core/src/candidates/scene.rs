@@ -13,8 +13,22 @@ use crate::least_squares::{Real, set_product, set_product_within};
 /// Share of a sum that is rounding, in units of the precision.
 const ROUNDED: f64 = 64.0;
 
+/// Rows that are laid out and whitened together.
+const ROWS: usize = 1024;
+
 /// Whitened displacement of every row by one unit on a channel: a column of n numbers for each component.
-pub type Directions = [Vec<f64>; 3];
+pub type Directions<'a> = [&'a [f64]; 3];
+
+/// What candidates are judged against, whitened, the components of a row one after the other.
+#[derive(Clone, Copy, Debug)]
+pub struct Whitened<'a, T> {
+    /// The orthonormal basis of what the model is free to do, (n, 3, `n_basis`).
+    pub basis: &'a [f64],
+    /// What it leaves, (n, 3).
+    pub residual: &'a [f64],
+    /// Draws of noise off the basis, (n, 3, `n_draws`).
+    pub draws: &'a [T],
+}
 
 /// Everything that candidates are multiplied with, in the precision of the products.
 #[derive(Clone, Debug)]
@@ -44,44 +58,33 @@ pub(super) struct Run {
 impl<T: Real> Scene<T> {
     /// Puts a scene together.
     ///
-    /// `whitened` has, for each component, n rows of `n_basis + 1 + n_draws` numbers: the orthonormal basis of what the
-    /// model is free to do, what it leaves, and draws of noise off the basis.
-    ///
     /// # Errors
     /// [`CandidateError`] for lengths that do not fit.
     pub fn new(
         n_rows: usize,
-        n_basis: usize,
-        n_draws: usize,
-        directions: &[Directions],
-        whitened: [Vec<T>; 3],
+        directions: &[Directions<'_>],
+        whitened: Whitened<'_, T>,
         noise: Noise,
     ) -> Result<Self, CandidateError> {
         noise.check(n_rows)?;
-        let width = n_basis + 1 + n_draws;
         for column in directions.iter().flatten() {
             length("a channel's displacement", column.len(), n_rows)?;
         }
-        for rows in &whitened {
-            length("basis, residual and draws", rows.len(), n_rows * width)?;
-        }
-        let mut runs: Vec<Run> = Vec::new();
-        for (row, &block) in noise.block.iter().enumerate() {
-            match runs.last_mut() {
-                Some(run) if run.block == block => run.end = row + 1,
-                _ => runs.push(Run { start: row, end: row + 1, block }),
-            }
-        }
-        let directions = directions.iter().map(|own| acting(own, noise.sigma)).collect();
-        let mut back = whitened;
-        back.par_iter_mut()
-            .enumerate()
-            .for_each(|(c, rows)| whiten_transposed(&noise, c, &runs, width, rows));
-        let not_white = [0, 1, 2].map(|c| {
-            (noise.sessions.iter().zip(&noise.less_one[c]))
-                .map(|(session, less_one)| not_white(less_one, session.len()))
-                .collect()
-        });
+        let [n_basis, n_draws] =
+            [whitened.basis.len(), whitened.draws.len()].map(|all| all / (3 * n_rows).max(1));
+        length("basis", whitened.basis.len(), 3 * n_rows * n_basis)?;
+        length("residual", whitened.residual.len(), 3 * n_rows)?;
+        length("draws", whitened.draws.len(), 3 * n_rows * n_draws)?;
+        let runs = runs_of(&noise.block);
+        let (back, (not_white, directions)) = rayon::join(
+            || whitened.back(&noise, &runs, [n_basis, n_draws]),
+            || {
+                rayon::join(
+                    || not_white_of(&noise),
+                    || (directions.par_iter()).map(|own| acting(own, noise.sigma)).collect(),
+                )
+            },
+        );
         Ok(Self { n_rows, n_basis, n_draws, directions, back, noise, not_white, runs })
     }
 
@@ -189,10 +192,44 @@ impl<T: Real> Scene<T> {
     }
 }
 
+impl<T: Real> Whitened<'_, T> {
+    /// By component, row after row: `V^(-T/2)` times basis, residual and draws.
+    fn back(&self, noise: &Noise, runs: &[Run], [n_basis, n_draws]: [usize; 2]) -> [Vec<T>; 3] {
+        let width = n_basis + 1 + n_draws;
+        let mut back = [0, 1, 2].map(|_| vec![T::default(); noise.block.len() * width]);
+        back.par_iter_mut().enumerate().for_each(|(c, back)| {
+            back.par_chunks_mut(ROWS * width).enumerate().for_each(|(step, rows)| {
+                for (number, row) in rows.chunks_exact_mut(width).enumerate() {
+                    let at = 3 * (step * ROWS + number) + c;
+                    let (basis, rest) = row.split_at_mut(n_basis);
+                    for (value, &own) in basis.iter_mut().zip(&self.basis[at * n_basis..]) {
+                        *value = T::nearest(own);
+                    }
+                    rest[0] = T::nearest(self.residual[at]);
+                    rest[1..].copy_from_slice(&self.draws[at * n_draws..][..n_draws]);
+                }
+            });
+            whiten_transposed(noise, c, runs, width, back);
+        });
+        back
+    }
+}
+
+fn runs_of(block: &[usize]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (row, &block) in block.iter().enumerate() {
+        match runs.last_mut() {
+            Some(run) if run.block == block => run.end = row + 1,
+            _ => runs.push(Run { start: row, end: row + 1, block }),
+        }
+    }
+    runs
+}
+
 /// A channel's displacement on the components where it does something: more than rounding of sums makes of the largest.
 ///
 /// Frames that are known only so well turn every displacement a little.
-fn acting<T: Real>(direction: &Directions, sigma: [f64; 3]) -> [Vec<T>; 3] {
+fn acting<T: Real>(direction: &Directions<'_>, sigma: [f64; 3]) -> [Vec<T>; 3] {
     let sizes = [0, 1, 2]
         .map(|c| direction[c].iter().fold(0.0_f64, |largest, value| largest.max(value.abs())) / sigma[c]);
     let least = ROUNDED * T::EPSILON * sizes.into_iter().fold(0.0, f64::max);
@@ -200,6 +237,16 @@ fn acting<T: Real>(direction: &Directions, sigma: [f64; 3]) -> [Vec<T>; 3] {
         let acts = sizes[c] > least;
         if acts { direction[c].iter().map(|&value| T::nearest(value)).collect() } else { Vec::new() }
     })
+}
+
+/// `TᵀT − I` of every component and session: what these cost grows with the cube of a session's blocks.
+fn not_white_of<T: Real>(noise: &Noise) -> [Vec<Vec<T>>; 3] {
+    let mut all = [0, 1, 2].map(|_| Vec::new());
+    all.par_iter_mut().zip(&noise.less_one).for_each(|(own, less_one)| {
+        let sessions = noise.sessions.par_iter().zip(less_one);
+        *own = sessions.map(|(session, less_one)| not_white(less_one, session.len())).collect();
+    });
+    all
 }
 
 /// `TᵀT − I` of one session, from `T − I` (n × n): `L + Lᵀ + LᵀL`.
@@ -230,13 +277,14 @@ fn whiten_transposed<T: Real>(noise: &Noise, c: usize, runs: &[Run], width: usiz
         set_product(&mut more[own.clone()], &sums[own], &matrix, width);
     }
     let per_sigma = T::nearest(1.0 / noise.sigma[c]);
-    for run in runs {
-        let more = &more[run.block * width..(run.block + 1) * width];
-        for (row, &u) in rows[run.start * width..].chunks_exact_mut(width).zip(&unit[run.start..run.end]) {
-            lanes::add_scaled(row, T::nearest(u), more);
-            for value in row {
+    rows.par_chunks_mut(ROWS * width).enumerate().for_each(|(step, rows)| {
+        let first = step * ROWS;
+        for (row, values) in (first..).zip(rows.chunks_exact_mut(width)) {
+            let block = noise.block[row];
+            lanes::add_scaled(values, T::nearest(unit[row]), &more[block * width..(block + 1) * width]);
+            for value in values {
                 *value *= per_sigma;
             }
         }
-    }
+    });
 }

@@ -1,6 +1,6 @@
 //! A scene that is drawn: rows, channels, noise with blocks, and what a model is free to do.
 
-use geoerr_core::candidates::{Directions, Noise, Scene};
+use geoerr_core::candidates::{Directions, Noise, Scene, Whitened};
 use geoerr_core::least_squares::Real;
 use nalgebra::{DMatrix, DVector};
 
@@ -8,7 +8,7 @@ use crate::draws::Draws;
 
 pub struct Drawn {
     pub n_rows: usize,
-    pub directions: Vec<Directions>,
+    pub directions: Vec<[Vec<f64>; 3]>,
     /// Orthonormal, (3 n × r), the components of a row one after the other.
     pub basis: DMatrix<f64>,
     pub residual: DVector<f64>,
@@ -73,18 +73,14 @@ impl Drawn {
     }
 
     pub fn scene<T: Real>(&self) -> Scene<T> {
-        let whitened = [0, 1, 2].map(|c| {
-            let mut rows = Vec::new();
-            for i in 0..self.n_rows {
-                let at = 3 * i + c;
-                rows.extend(self.basis.row(at).iter().map(|&value| T::nearest(value)));
-                rows.push(T::nearest(self.residual[at]));
-                rows.extend(self.draws.row(at).iter().map(|&value| T::nearest(value)));
-            }
-            rows
-        });
-        let (n_basis, n_draws) = (self.basis.ncols(), self.draws.ncols());
-        Scene::new(self.n_rows, n_basis, n_draws, &self.directions, whitened, self.noise.clone()).unwrap()
+        // The transpose, column after column, has the numbers of a row one after the other.
+        let basis = self.basis.transpose();
+        let draws: Vec<T> = self.draws.transpose().iter().map(|&value| T::nearest(value)).collect();
+        let whitened =
+            Whitened { basis: basis.as_slice(), residual: self.residual.as_slice(), draws: &draws };
+        let directions: Vec<Directions<'_>> =
+            self.directions.iter().map(|own| own.each_ref().map(Vec::as_slice)).collect();
+        Scene::new(self.n_rows, &directions, whitened, self.noise.clone()).unwrap()
     }
 
     /// Fall of the sum of squares of the residual and of every draw, by least squares written out, and the rank.

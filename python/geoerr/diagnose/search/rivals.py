@@ -16,8 +16,8 @@ from geoerr.diagnose.space import Space
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.sightings import Numbers
 
-# Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
-# contains it.
+# Alike so far, an error of a formula of a seventh would decide between the two; one with more freedom, that depends on
+# all that the first depends on, is no rival, it contains it.
 _TOO_ALIKE = 0.99
 # Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
 _VUONG, _LEAST_CORRELATION = 1.64, 0.5
@@ -97,11 +97,23 @@ def _rival(looked: Round, first: Judged, best: Settled, judged: Judged, company:
     difference = behind + price_of(first) - price_of(judged)
     z = vuong(looked.space, best.displacement, settled.displacement)
     is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
-    contains = alike > _TOO_ALIKE and freedom_of(judged) > freedom_of(first) and difference > 0.0
-    tied = not contains and (alike > _TOO_ALIKE or (alike > _LEAST_CORRELATION and is_near))
+    is_wider = freedom_of(judged) > freedom_of(first) and difference > 0.0
+    contains = alike > _TOO_ALIKE and is_wider and _follows_as_much(judged, first)
+    is_too_alike = alike > _TOO_ALIKE and not is_wider
+    tied = not contains and (is_too_alike or (alike > _LEAST_CORRELATION and is_near))
     if company is not None and not tied and not contains:
         return Rival(judged, settled, company.correlation, True, False, behind, company.axes)
     return Rival(judged, settled, alike, tied, contains, behind)
+
+
+def _follows_as_much(judged: Judged, first: Judged) -> bool:
+    """Tell whether a candidate depends on all that another does: it can contain it.
+
+    Warming up with time, which happens to go as a temperature did, has a number more than drift with that temperature,
+    and is another cause all the same.
+    """
+    one, other = judged.shapes.term, first.shapes.term
+    return one is None or other is None or set(other.variables) <= set(one.variables)
 
 
 def _is_close(alike: float, difference: float) -> bool:
