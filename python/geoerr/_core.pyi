@@ -206,12 +206,8 @@ class CandidateScene:
         Draws of noise off the basis: products are in single precision, as they are. None: in double precision.
     directions : (n_channels, 3, n)
         Whitened displacement of each row by one unit on each channel.
-    unit : (3, n)
-        Entry of U of each row (`geoerr.diagnose.noise`).
-    session_starts
-        First block of each session.
-    less_one
-        For each component and session T − I.
+    noise
+        What whitens the noise.
     """
 
     def __new__(
@@ -220,12 +216,7 @@ class CandidateScene:
         residual: npt.NDArray[np.float64],
         draws: npt.NDArray[np.float32] | None,
         directions: npt.NDArray[np.float64],
-        sigma: list[float],
-        block: npt.NDArray[np.int64],
-        n_blocks: int,
-        unit: npt.NDArray[np.float64],
-        session_starts: npt.NDArray[np.int64],
-        less_one: list[list[npt.NDArray[np.float64]]],
+        noise: NoiseWhitening,
         threads: int,
     ) -> CandidateScene: ...
     def scan(
@@ -385,9 +376,7 @@ class NoiseBlocks:
         basis: npt.NDArray[np.float64],
         threads: int,
     ) -> NoiseLikelihood: ...
-    def less_one(
-        self, weights: npt.NDArray[np.float64], logs: npt.NDArray[np.float64], threads: int
-    ) -> list[list[npt.NDArray[np.float64]]]: ...
+    def whitening(self, weights: npt.NDArray[np.float64], logs: npt.NDArray[np.float64]) -> NoiseWhitening: ...
     def take_off(
         self,
         drawn: npt.NDArray[np.float32],
@@ -398,15 +387,14 @@ class NoiseBlocks:
         size: float,
         threads: int,
     ) -> None: ...
-    def whiten(
-        self,
-        values: npt.NDArray[np.float64],
-        sigma: list[float],
-        unit: npt.NDArray[np.float64],
-        less_one: list[list[npt.NDArray[np.float64]]],
-        transposed: bool,
-        threads: int,
-    ) -> npt.NDArray[np.float64]: ...
+
+@final
+class NoiseWhitening:
+    """What whitens noise: V^(-1/2), its transpose and its inverse, of values (n, 3, m)."""
+
+    def whiten(self, values: npt.NDArray[np.float64], threads: int) -> npt.NDArray[np.float64]: ...
+    def whiten_transposed(self, values: npt.NDArray[np.float64], threads: int) -> npt.NDArray[np.float64]: ...
+    def unwhiten(self, values: npt.NDArray[np.float64], threads: int) -> npt.NDArray[np.float64]: ...
 
 @final
 class NoiseLikelihood:

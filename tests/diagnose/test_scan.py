@@ -17,7 +17,7 @@ from geoerr.diagnose.null import Null, largest_surprise, surprise
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import OWNED, Scanner, all_channels, estimate, off_model
-from geoerr.diagnose.space import Channels, Space, offset_weights, space_of
+from geoerr.diagnose.space import Channels, Space, space_of
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import FitOptions, fit_terms
@@ -203,7 +203,7 @@ def test_a_draw_that_drifts_is_whitened_by_its_own_noise() -> None:
 
     was = along(drawn)
     whitened = drawn.astype(np.float32)
-    space.noise.take_off(whitened, space.basis, offset_weights(space.fitted) * space.rows)
+    space.noise.take_off(whitened, space.basis)
     # Single precision, over the root of the number of rows that each product sums.
     assert float(np.abs(flat.T @ whitened.reshape(-1, 2)).max()) < 1e-4
     change = along(whitened) - was

@@ -129,7 +129,7 @@ def test_the_fit_has_the_same_bytes_for_any_number_of_threads() -> None:
 def test_without_drift_offsets_and_scatter_stay() -> None:
     space = space_of(_fitted(11, Noise(offset=4.0, drift=6.0)))
     noise = space.noise
-    calm = without_drift(noise, offset_weights(space.fitted))
+    calm = without_drift(noise)
     assert calm.logs[:, :2].tobytes() == noise.logs[:, :2].tobytes()
     assert not calm.drift.any()
     values = np.random.default_rng(11).normal(size=space.rows.shape)

@@ -1,8 +1,6 @@
 //! Binds `geoerr_core::candidates`: what a fit leaves as an immutable handle, and the scan of candidates against it.
 
-use geoerr_core::candidates::{
-    Column, Directions, Formula, Group, Noise, Scanned, Scene, Sources, Whitened, scan,
-};
+use geoerr_core::candidates::{Column, Directions, Formula, Group, Scanned, Scene, Sources, Whitened, scan};
 use geoerr_core::expression::Rows;
 use numpy::ndarray::Dimension;
 use numpy::{
@@ -15,6 +13,7 @@ use crate::arrays::{contiguous, from_numbers, numbers};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::expression::{PyExpression, places};
+use crate::noise_likelihood::PyNoiseWhitening;
 
 enum Precision {
     Single(Scene<f32>),
@@ -46,18 +45,6 @@ type GroupResult<'py> = (
     Bound<'py, PyArray2<f64>>,
 );
 
-fn three<T>(array: &PyReadonlyArray2<'_, T>, name: &str) -> Result<[Vec<T>; 3], CoreError>
-where
-    T: Copy + numpy::Element,
-{
-    let all = named(array, name)?;
-    if array.shape()[0] != 3 {
-        return Err(CoreError::shape(format!("{name} must have three rows")));
-    }
-    let n = array.shape()[1];
-    Ok([0, 1, 2].map(|c| all[c * n..(c + 1) * n].to_vec()))
-}
-
 fn named<'a, T: Element, D: Dimension>(
     array: &'a PyReadonlyArray<'_, T, D>,
     name: &str,
@@ -68,19 +55,13 @@ fn named<'a, T: Element, D: Dimension>(
 #[pymethods]
 impl PyCandidateScene {
     #[new]
-    #[expect(clippy::too_many_arguments, reason = "one argument for each array of a scene")]
     fn new(
         py: Python<'_>,
         basis: PyReadonlyArray3<'_, f64>,
         residual: PyReadonlyArray2<'_, f64>,
         draws: Option<PyReadonlyArray3<'_, f32>>,
         directions: PyReadonlyArray3<'_, f64>,
-        sigma: [f64; 3],
-        block: PyReadonlyArray1<'_, i64>,
-        n_blocks: usize,
-        unit: PyReadonlyArray2<'_, f64>,
-        session_starts: PyReadonlyArray1<'_, i64>,
-        less_one: Vec<Vec<PyReadonlyArray2<'_, f64>>>,
+        noise: &PyNoiseWhitening,
         threads: usize,
     ) -> PyResult<Self> {
         let all = named(&directions, "directions")?;
@@ -92,33 +73,16 @@ impl PyCandidateScene {
         let column = |at: usize| &all[at * n_rows..(at + 1) * n_rows];
         let directions: Vec<Directions<'_>> =
             (0..n_channels).map(|channel| [0, 1, 2].map(|c| column(3 * channel + c))).collect();
-        let starts = places(&session_starts)?;
-        let ends = starts.iter().skip(1).copied().chain([n_blocks]);
-        let sessions = starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect();
-        // Column after column: the transpose, row after row.
-        let mut of_components = (less_one.iter()).map(|of_component| {
-            of_component.iter().map(|matrix| matrix.as_array().t().iter().copied().collect()).collect()
-        });
-        let (Some(x), Some(y), Some(z)) = (of_components.next(), of_components.next(), of_components.next())
-        else {
-            return Err(CoreError::shape("transforms are wanted for three components").into());
-        };
-        let noise = Noise {
-            sigma,
-            block: places(&block)?,
-            n_blocks,
-            unit: three(&unit, "unit")?,
-            sessions,
-            less_one: [x, y, z],
-        };
+        let noise = noise.core().clone();
         let (basis, residual) = (named(&basis, "basis")?, named(&residual, "residual")?);
         let draws = draws.as_ref().map(|draws| named(draws, "draws")).transpose()?;
         let scene = enter_core(py, threads, || match draws {
-            Some(draws) => Scene::new(n_rows, &directions, Whitened { basis, residual, draws }, noise)
-                .map(Precision::Single),
+            Some(draws) => {
+                Scene::new(&directions, Whitened { basis, residual, draws }, noise).map(Precision::Single)
+            }
             None => {
                 let whitened = Whitened { basis, residual, draws: &[] };
-                Scene::new(n_rows, &directions, whitened, noise).map(Precision::Double)
+                Scene::new(&directions, whitened, noise).map(Precision::Double)
             }
         })?;
         Ok(Self { scene, n_rows })

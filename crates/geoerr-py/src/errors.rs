@@ -102,9 +102,7 @@ impl From<CandidateError> for CoreError {
     fn from(error: CandidateError) -> Self {
         match error {
             CandidateError::Rows(error) => error.into(),
-            CandidateError::Length { .. }
-            | CandidateError::Missing { .. }
-            | CandidateError::BadBlock { .. } => Self::shape(error.to_string()),
+            CandidateError::Length { .. } | CandidateError::Missing { .. } => Self::shape(error.to_string()),
         }
     }
 }

@@ -1,6 +1,5 @@
 //! Binds `geoerr_core::noise_likelihood`: blocks of rows and a likelihood as immutable handles.
 
-use geoerr_core::least_squares::Matrix;
 use geoerr_core::noise_likelihood::{Blocks, Direction, Likelihood, Logs, Whitening};
 use numpy::{
     IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
@@ -19,6 +18,12 @@ pub struct PyNoiseBlocks {
     blocks: Blocks,
 }
 
+/// What whitens noise. Immutable.
+#[pyclass(frozen, name = "NoiseWhitening", module = "geoerr._core")]
+pub struct PyNoiseWhitening {
+    whitening: Whitening,
+}
+
 /// The likelihood of the noise of residuals. Immutable.
 #[pyclass(frozen, name = "NoiseLikelihood", module = "geoerr._core")]
 pub struct PyNoiseLikelihood {
@@ -26,6 +31,7 @@ pub struct PyNoiseLikelihood {
 }
 
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
+type Array3<'py> = Bound<'py, PyArray3<f64>>;
 
 /// The numbers of a (n, 3, m) array, and m.
 fn three_wide<'a>(array: &'a PyReadonlyArray3<'_, f64>, name: &str) -> Result<(&'a [f64], usize), CoreError> {
@@ -77,22 +83,16 @@ impl PyNoiseBlocks {
         Ok(PyNoiseLikelihood { likelihood })
     }
 
-    /// T − I of each component and session.
-    fn less_one<'py>(
+    /// What whitens noise of these logarithms.
+    fn whitening(
         &self,
-        py: Python<'py>,
-        weights: PyReadonlyArray2<'py, f64>,
-        logs: PyReadonlyArray2<'py, f64>,
-        threads: usize,
-    ) -> PyResult<Vec<Vec<Array2<'py>>>> {
+        py: Python<'_>,
+        weights: PyReadonlyArray2<'_, f64>,
+        logs: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<PyNoiseWhitening> {
         let (weights, logs) = (rows::<3>(&weights, "weights")?, logs_of(&logs)?);
-        let less_one = enter_core(py, threads, || self.blocks.less_one(weights, &logs))?;
-        let array = |matrix: Matrix| {
-            // Column after column of the transpose: row after row.
-            let n = matrix.n_rows();
-            matrix.into_values().into_pyarray(py).reshape([n, n])
-        };
-        less_one.into_iter().map(|of_component| of_component.into_iter().map(array).collect()).collect()
+        let whitening = enter_core(py, 1, || self.blocks.whitening(weights, &logs))?;
+        Ok(PyNoiseWhitening { whitening })
     }
 
     /// Takes off whitened draws (n, 3, n_draws), in place, a basis (n, 3, r) and what a fit of their noise would.
@@ -118,42 +118,56 @@ impl PyNoiseBlocks {
             self.blocks.take_off(drawn, n_draws, basis, weights, &logs, shortest_memory, size)
         })
     }
+}
 
-    #[expect(clippy::too_many_arguments, reason = "what whitens, and what is whitened")]
+#[pymethods]
+impl PyNoiseWhitening {
+    /// V^(-1/2) times values (n, 3, m).
     fn whiten<'py>(
         &self,
         py: Python<'py>,
         values: PyReadonlyArray3<'py, f64>,
-        sigma: [f64; 3],
-        unit: PyReadonlyArray2<'py, f64>,
-        less_one: Vec<Vec<PyReadonlyArray2<'py, f64>>>,
-        transposed: bool,
         threads: usize,
-    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (numbers, width) = three_wide(&values, "values")?;
-        let n = values.shape()[0];
-        let refused = || CoreError::shape("unit must be a C-contiguous (3, n) array of float64");
-        let all = contiguous(&unit, refused)?;
-        if unit.shape() != [3, n] {
-            return Err(refused().into());
-        }
-        let matrices = |of_component: &Vec<PyReadonlyArray2<'_, f64>>| {
-            let matrix = |array: &PyReadonlyArray2<'_, f64>| {
-                let refused = || CoreError::shape("T − I must be C-contiguous square matrices");
-                let n = array.shape()[0];
-                let values = contiguous(array, refused)?;
-                Matrix::from_columns(n, n, values.to_vec()).ok_or_else(refused)
-            };
-            of_component.iter().map(matrix).collect::<Result<Vec<_>, _>>()
-        };
-        let less_one = less_one.iter().map(matrices).collect::<Result<Vec<_>, _>>()?;
-        let less_one = <[Vec<Matrix>; 3]>::try_from(less_one)
-            .map_err(|_| CoreError::shape("transforms are wanted for three components"))?;
-        let unit = [0, 1, 2].map(|c| &all[c * n..(c + 1) * n]);
-        let whitening = Whitening { blocks: &self.blocks, sigma, unit, less_one };
-        let direction = if transposed { Direction::Transposed } else { Direction::Forward };
-        let result = enter_core(py, threads, || whitening.apply(numbers, width, direction))?;
-        result.into_pyarray(py).reshape([n, 3, width])
+    ) -> PyResult<Array3<'py>> {
+        self.apply(py, &values, Direction::Forward, threads)
+    }
+
+    /// V^(-T/2) times values (n, 3, m).
+    fn whiten_transposed<'py>(
+        &self,
+        py: Python<'py>,
+        values: PyReadonlyArray3<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Array3<'py>> {
+        self.apply(py, &values, Direction::Transposed, threads)
+    }
+
+    /// V^(1/2) times values (n, 3, m).
+    fn unwhiten<'py>(
+        &self,
+        py: Python<'py>,
+        values: PyReadonlyArray3<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Array3<'py>> {
+        self.apply(py, &values, Direction::Back, threads)
+    }
+}
+
+impl PyNoiseWhitening {
+    pub fn core(&self) -> &Whitening {
+        &self.whitening
+    }
+
+    fn apply<'py>(
+        &self,
+        py: Python<'py>,
+        values: &PyReadonlyArray3<'py, f64>,
+        direction: Direction,
+        threads: usize,
+    ) -> PyResult<Array3<'py>> {
+        let (numbers, width) = three_wide(values, "values")?;
+        let result = enter_core(py, threads, || self.whitening.apply(numbers, width, direction))?;
+        result.into_pyarray(py).reshape([values.shape()[0], 3, width])
     }
 }
 
@@ -231,5 +245,6 @@ impl PyNoiseLikelihood {
 /// Adds this file's classes to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyNoiseBlocks>()?;
+    module.add_class::<PyNoiseWhitening>()?;
     module.add_class::<PyNoiseLikelihood>()
 }

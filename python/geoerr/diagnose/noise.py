@@ -10,8 +10,8 @@ squares takes off what the marker shows.
 
 | symbol | code | what |
 |---|---|---|
-| U | `unit` | Z with columns of length 1; K = N^½ C N^½, so that V = σ²(I + U K Uᵀ) |
-| T | `transforms` | inverse Cholesky factor of I + K in the order of time: σ⁻¹(I + U (T − I) Uᵀ) whitens |
+| U | `weights` | Z with columns of length 1; K = N^½ C N^½, so that V = σ²(I + U K Uᵀ) |
+| T | `whitening` | inverse Cholesky factor of I + K in the order of time: σ⁻¹(I + U (T − I) Uᵀ) whitens |
 | A | `basis` | orthonormal columns of what the fit is free to do |
 
 The four numbers of each component maximise the restricted likelihood, which charges for A. The arithmetic is the
@@ -27,7 +27,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg, sparse
 
 from geoerr import _core
 from geoerr.fit.sightings import Numbers, Sightings
@@ -134,10 +133,8 @@ class NoiseModel:
         Standard deviations of a pass's offset and of the drift, in units of `sigma`.
     memory : (3,)
         τ, in units of a session's span.
-    unit
-        For each component U (n, n_blocks), sparse.
-    transforms
-        For each component and session T − I.
+    weights : (n, 3)
+        What an offset of one unit does to each number.
     log_likelihood
         Of the data, restricted or not as it was asked for.
     """
@@ -147,44 +144,27 @@ class NoiseModel:
     offset: Numbers
     drift: Numbers
     memory: Numbers
-    unit: tuple[sparse.csr_array, ...]
-    transforms: tuple[tuple[Numbers, ...], ...]
+    weights: Numbers
     log_likelihood: float
+
+    @cached_property
+    def whitening(self) -> _core.NoiseWhitening:
+        """What whitens it, as the core has it."""
+        return self.blocks.core.whitening(self.weights, self.logs)
 
     def whiten(self, values: Numbers) -> Numbers:
         """Apply V^(-1/2) to values (n, 3) or (n, 3, m)."""
-        return self._apply(values, transposed=False)
+        return self.whitening.whiten(_wide(values), 0).reshape(values.shape)
 
     def whiten_transposed(self, values: Numbers) -> Numbers:
         """Apply the transpose of V^(-1/2) to values (n, 3) or (n, 3, m)."""
-        return self._apply(values, transposed=True)
+        return self.whitening.whiten_transposed(_wide(values), 0).reshape(values.shape)
 
     def unwhiten(self, values: Numbers) -> Numbers:
-        """Undo `whiten` for values (n, 3)."""
-        result = np.empty_like(values)
-        for c in range(3):
-            sums = self.unit[c].T @ values[:, c]
-            more = np.empty_like(sums)
-            for own, less_one in zip(self.blocks.slices, self.transforms[c], strict=True):
-                whole = less_one + np.eye(len(less_one))
-                more[own] = linalg.solve_triangular(whole, sums[own], lower=True) - sums[own]
-            result[:, c] = self.sigma[c] * (values[:, c] + self.unit[c] @ more)
-        return result
+        """Undo `whiten` for values (n, 3) or (n, 3, m)."""
+        return self.whitening.unwhiten(_wide(values), 0).reshape(values.shape)
 
-    def _apply(self, values: Numbers, *, transposed: bool) -> Numbers:
-        whitened = self.blocks.core.whiten(
-            np.ascontiguousarray(values.reshape(len(values), 3, -1)),
-            self.sigma.tolist(),
-            np.stack([unit.data for unit in self.unit]),
-            [list(of_component) for of_component in self.transforms],
-            transposed,
-            0,
-        )
-        return whitened.reshape(values.shape)
-
-    def take_off(
-        self, drawn: np.ndarray, basis: Numbers, weights: Numbers, *, size: float = 1.0, threads: int = 0
-    ) -> None:
+    def take_off(self, drawn: np.ndarray, basis: Numbers, *, size: float = 1.0, threads: int = 0) -> None:
         """Take off whitened draws (n, 3, n_draws), in place, what a fit is free to do, and whiten each by its noise.
 
         That is the noise that would be fitted to it: what looks like a drift is taken for one.
@@ -195,20 +175,11 @@ class NoiseModel:
             In single precision, C-contiguous.
         basis
             Orthonormal columns (n, 3, r) of what a fit is free to do.
-        weights
-            As for `NoiseSums`.
         size
             Standard deviation of the draws, where tails were cut off.
         """
-        self.blocks.core.take_off(
-            drawn,
-            np.ascontiguousarray(basis),
-            np.ascontiguousarray(weights),
-            self.logs,
-            self.blocks.shortest,
-            size,
-            threads,
-        )
+        columns, shortest = np.ascontiguousarray(basis), self.blocks.shortest
+        self.blocks.core.take_off(drawn, columns, self.weights, self.logs, shortest, size, threads)
 
     @property
     def logs(self) -> Numbers:
@@ -260,10 +231,7 @@ class NoiseSums:
         used = np.array(self._core.is_used)
         sigma, offset, drift = np.where(used, np.exp(0.5 * logs[:, :3].T), np.array([[1.0], [0.0], [0.0]]))
         memory = np.where(used, np.exp(logs[:, 3]), 1.0)
-        model = NoiseModel(
-            self.blocks, sigma, offset, drift, memory, _units(self.blocks, self.weights), (), -0.5 * minus_twice
-        )
-        return replace(model, transforms=_transforms(model, self.weights))
+        return NoiseModel(self.blocks, sigma, offset, drift, memory, self.weights, -0.5 * minus_twice)
 
     def minus_twice_log_likelihood(self, logs: Numbers, *, restricted: bool = True) -> tuple[float, Numbers]:
         """Give −2 ln L, but for a constant, and its gradient.
@@ -304,29 +272,10 @@ def fit_noise(
     return NoiseSums(blocks, weights, residual, basis, threads=threads).fit(restricted=restricted, start=start)
 
 
-def without_drift(noise: NoiseModel, weights: Numbers, *, without_offsets: bool = False) -> NoiseModel:
-    """Give a noise model with no drift, or with neither drift nor offsets: to see what they would hide.
-
-    Parameters
-    ----------
-    weights : (n, 3)
-        As for `NoiseSums`.
-    """
-    calm = replace(noise, drift=np.zeros(3), offset=np.zeros(3) if without_offsets else noise.offset)
-    return replace(calm, transforms=_transforms(calm, np.ascontiguousarray(weights)))
+def without_drift(noise: NoiseModel, *, without_offsets: bool = False) -> NoiseModel:
+    """Give a noise model with no drift, or with neither drift nor offsets: to see what they would hide."""
+    return replace(noise, drift=np.zeros(3), offset=np.zeros(3) if without_offsets else noise.offset)
 
 
-def _transforms(noise: NoiseModel, weights: Numbers) -> tuple[tuple[Numbers, ...], ...]:
-    """Give T − I of each component and session."""
-    return tuple(tuple(of_component) for of_component in noise.blocks.core.less_one(weights, noise.logs, 0))
-
-
-def _units(blocks: Blocks, weights: Numbers) -> tuple[sparse.csr_array, ...]:
-    """Give U of each component."""
-    n = len(weights)
-    units = []
-    for own in weights.T:
-        reach = np.sqrt(np.bincount(blocks.block, weights=own**2, minlength=len(blocks)))
-        data = own / np.maximum(reach, 1e-300)[blocks.block]
-        units.append(sparse.csr_array((data, blocks.block, np.arange(n + 1)), shape=(n, len(blocks))))
-    return tuple(units)
+def _wide(values: Numbers) -> Numbers:
+    return np.ascontiguousarray(values.reshape(len(values), 3, -1))

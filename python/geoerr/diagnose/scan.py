@@ -83,21 +83,9 @@ class Scanner:
         return self._scene(None)
 
     def _scene(self, draws: NumbersOfDraws | None) -> _core.CandidateScene:
-        space, noise = self.space, self.space.noise
-        starts = np.array([own.start for own in noise.blocks.slices], dtype=np.int64)
-        return _core.CandidateScene(
-            np.ascontiguousarray(space.basis),
-            np.ascontiguousarray(space.residual),
-            draws,
-            self.directions,
-            noise.sigma.tolist(),
-            noise.blocks.block.astype(np.int64),
-            len(noise.blocks),
-            np.stack([unit.data for unit in noise.unit]),
-            starts,
-            [list(of_component) for of_component in noise.transforms],
-            self.threads,
-        )
+        space = self.space
+        basis, residual = np.ascontiguousarray(space.basis), np.ascontiguousarray(space.residual)
+        return _core.CandidateScene(basis, residual, draws, self.directions, space.noise.whitening, self.threads)
 
     def scan(self, shapes: Sequence[Shapes]) -> list[Scanned]:
         """Judge groups at all their trials in single precision, and draws of noise with them."""

@@ -90,8 +90,7 @@ class Space:
         drawn[counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
         drawn = drawn.reshape(*self.rows.shape, n_draws)
         size = float(np.sqrt((self.residual**2).sum() / max(self.n_numbers - self.basis.shape[2], 1)))
-        weights = _counting_weights(self.fitted, self.rows)
-        self.noise.take_off(drawn, self.basis, weights, size=size, threads=threads)
+        self.noise.take_off(drawn, self.basis, size=size, threads=threads)
         return drawn.transpose(2, 0, 1)
 
     @cached_property
@@ -166,7 +165,7 @@ def _held_beforehand(fitted: Fitted) -> np.ndarray:
 
 def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: int = 0) -> NoiseSums:
     """Sum up a fit's residual and basis (n, 3, r), both whitened by the stated uncertainties, for a noise model."""
-    residual, weights = fitted.solved.whitened * rows, _counting_weights(fitted, rows)
+    residual, weights = fitted.solved.whitened * rows, offset_weights(fitted) * (rows > 0.0)
     return NoiseSums(blocks_of(fitted.sightings), weights, residual, raw_basis, threads=threads)
 
 
@@ -214,10 +213,6 @@ def whitened_space(
     clipped = known + np.clip(left, -limit, limit)
     clipped = clipped - basis @ (basis.T @ clipped)
     return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), clipped.reshape(rows.shape))
-
-
-def _counting_weights(fitted: Fitted, rows: Numbers) -> Numbers:
-    return offset_weights(fitted) * (rows > 0.0)
 
 
 def offset_weights(fitted: Fitted) -> Numbers:

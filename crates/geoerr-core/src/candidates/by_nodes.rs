@@ -52,7 +52,7 @@ impl<'a, T: Real> NodeOperands<'a, T> {
     ) -> Result<(), CandidateError> {
         tile.lay_out_levels();
         let n = self.lattice.nodes.len();
-        let (width, n_blocks) = (tile.scene.width(), tile.scene.noise.n_blocks);
+        let (width, n_blocks) = (tile.scene.width(), tile.scene.noise.n_blocks());
         let mut columns: Vec<T> = Vec::with_capacity(tile.functions.len() * n);
         let formulas: Vec<(usize, usize)> = (tile.functions.iter())
             .filter_map(|&function| match numbering.source(function) {
@@ -102,7 +102,7 @@ impl<'a, T: Real> NodeOperands<'a, T> {
 }
 
 fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize, rows: &Moments) -> OfChannel<T> {
-    let (n, width, n_blocks) = (lattice.nodes.len(), scene.width(), scene.noise.n_blocks);
+    let (n, width, n_blocks) = (lattice.nodes.len(), scene.width(), scene.noise.n_blocks());
     let mut operand = vec![T::default(); n * width];
     let mut of_place = vec![T::default(); width];
     for (rows, first, weights) in lattice.places() {
@@ -120,7 +120,7 @@ fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize, rows
         let mut blocks: Vec<Vec<(usize, T)>> = vec![Vec::new(); n_blocks];
         // Rows come in the order of their nodes: of one block's entries, the same node is among the last few.
         for (row, first, weights) in lattice.taps() {
-            let block = &mut blocks[scene.noise.block[row]];
+            let block = &mut blocks[scene.noise.block(row)];
             for (node, &weight) in (first..).zip(weights) {
                 let value = T::nearest(weight) * unit[row];
                 let recent = block.len().saturating_sub(TAPS);

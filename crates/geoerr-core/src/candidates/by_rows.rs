@@ -25,7 +25,7 @@ pub(super) fn sum<T: Real>(
     moments: &Moments,
 ) -> Result<(), CandidateError> {
     let scene = tile.scene;
-    let (width, n_blocks) = (scene.width(), scene.noise.n_blocks);
+    let (width, n_blocks) = (scene.width(), scene.noise.n_blocks());
     tile.lay_out_levels();
     let channels = tile.channels();
     let asked = Asked::of(tile);

@@ -29,17 +29,12 @@ pub enum CandidateError {
         /// How many there are.
         count: usize,
     },
-    /// A row's block, or a session's blocks, are none.
-    #[error("row {row} is in block {block}, and there are {count}")]
-    BadBlock {
-        /// Number of the row.
-        row: usize,
-        /// Its block.
-        block: usize,
-        /// How many there are.
-        count: usize,
-    },
     /// A formula's rows do not fit.
     #[error(transparent)]
     Rows(#[from] RowsError),
+}
+
+/// Refuses a length that is not the needed one.
+pub(super) fn length(what: &'static str, found: usize, needed: usize) -> Result<(), CandidateError> {
+    if found == needed { Ok(()) } else { Err(CandidateError::Length { what, found, needed }) }
 }

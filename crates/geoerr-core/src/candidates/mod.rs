@@ -9,7 +9,7 @@
 //! |---|---|---|
 //! | s | `Bᵀ V^(-T/2) r` | one column of the products |
 //! | I | `BᵀV⁻¹B − (QᵀV^(-1/2)B)ᵀ(QᵀV^(-1/2)B)` | `judge` |
-//! | V^(-1/2) | `σ⁻¹ (I + U (T − I) Uᵀ)` by component | [`Noise`] |
+//! | V^(-1/2) | `σ⁻¹ (I + U (T − I) Uᵀ)` by component | [`crate::noise_likelihood::Whitening`] |
 //!
 //! exactly, for all candidates in one product of matrices and without a refit. What chance alone finds comes from the
 //! same product: noise drawn as the model has it stands beside `r`, and the largest gain of each draw is kept.
@@ -27,7 +27,6 @@ mod judge;
 mod lanes;
 mod moments;
 mod nodes;
-mod noise;
 mod scan;
 mod scene;
 mod sources;
@@ -38,7 +37,6 @@ mod waves;
 
 pub use error::CandidateError;
 pub use group::{Column, Group};
-pub use noise::Noise;
 pub use scan::{Scanned, scan};
 pub use scene::{Directions, Scene, Whitened};
 pub use sources::{Formula, Sources};

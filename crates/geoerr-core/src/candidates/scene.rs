@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::error::CandidateError;
+use super::error::{CandidateError, length};
 use super::lanes;
 use super::moments::Moments;
-use super::noise::{Noise, length};
-use crate::least_squares::{Real, set_product, set_product_within};
+use crate::least_squares::Real;
+use crate::noise_likelihood::Whitening;
 
 /// Share of a sum that is rounding, in units of the precision.
 const ROUNDED: f64 = 64.0;
@@ -40,9 +40,7 @@ pub struct Scene<T> {
     pub(super) directions: Vec<[Vec<T>; 3]>,
     /// By component, row after row: `V^(-T/2)` times Q, r and the draws.
     pub(super) back: [Vec<T>; 3],
-    pub(super) noise: Noise,
-    /// By component and session: what is not white in the inverse of the noise, `TᵀT − I`, of sums by block.
-    not_white: [Vec<Vec<T>>; 3],
+    pub(super) noise: Whitening,
     /// Runs of rows of one block.
     pub(super) runs: Vec<Run>,
 }
@@ -61,12 +59,11 @@ impl<T: Real> Scene<T> {
     /// # Errors
     /// [`CandidateError`] for lengths that do not fit.
     pub fn new(
-        n_rows: usize,
         directions: &[Directions<'_>],
         whitened: Whitened<'_, T>,
-        noise: Noise,
+        noise: Whitening,
     ) -> Result<Self, CandidateError> {
-        noise.check(n_rows)?;
+        let n_rows = noise.n_rows();
         for column in directions.iter().flatten() {
             length("a channel's displacement", column.len(), n_rows)?;
         }
@@ -75,17 +72,12 @@ impl<T: Real> Scene<T> {
         length("basis", whitened.basis.len(), 3 * n_rows * n_basis)?;
         length("residual", whitened.residual.len(), 3 * n_rows)?;
         length("draws", whitened.draws.len(), 3 * n_rows * n_draws)?;
-        let runs = runs_of(&noise.block);
-        let (back, (not_white, directions)) = rayon::join(
+        let runs = runs_of(&noise);
+        let (back, directions) = rayon::join(
             || whitened.back(&noise, &runs, [n_basis, n_draws]),
-            || {
-                rayon::join(
-                    || not_white_of(&noise),
-                    || (directions.par_iter()).map(|own| acting(own, noise.sigma)).collect(),
-                )
-            },
+            || (directions.par_iter()).map(|own| acting(own, noise.sigma())).collect(),
         );
-        Ok(Self { n_rows, n_basis, n_draws, directions, back, noise, not_white, runs })
+        Ok(Self { n_rows, n_basis, n_draws, directions, back, noise, runs })
     }
 
     /// Number of columns of what candidates are multiplied with.
@@ -98,24 +90,16 @@ impl<T: Real> Scene<T> {
         (0..3).filter(move |&c| !self.directions[channel][c].is_empty())
     }
 
-    /// What sums by block, `width` of each, give beyond white noise in one component: `(TᵀT − I)` times them.
-    pub(super) fn beyond_white(&self, c: usize, sums: &[T], width: usize) -> Vec<T> {
-        let mut beyond = vec![T::default(); sums.len()];
-        for (session, not_white) in self.noise.sessions.iter().zip(&self.not_white[c]) {
-            let own = session.start * width..session.end * width;
-            // Row after row of one is column after column of its transpose, and the matrix is symmetric.
-            set_product(&mut beyond[own.clone()], &sums[own], not_white, width);
-        }
-        beyond
-    }
-
-    /// The same of sums column after column, a number for each block in each.
+    /// What sums by block give beyond white noise in one component, `(TᵀT − I)` times them: column after column, a number
+    /// for each block in each.
     pub(super) fn beyond_white_of_columns(&self, c: usize, sums: &[T]) -> Vec<T> {
-        let mut beyond = vec![T::default(); sums.len()];
-        for (session, not_white) in self.noise.sessions.iter().zip(&self.not_white[c]) {
-            set_product_within(&mut beyond, not_white, sums, self.noise.n_blocks, session.start);
-        }
-        beyond
+        let n_blocks = self.noise.n_blocks().max(1);
+        let width = sums.len() / n_blocks;
+        let (mut rows, mut columns) = (Vec::new(), Vec::new());
+        lanes::transpose(&mut rows, sums, n_blocks);
+        let beyond = self.noise.inverse_less_one(c, &rows, width);
+        lanes::transpose(&mut columns, &beyond, width.max(1));
+        columns
     }
 
     /// Weights of moments in the information of two channels, `Σ_c d_c e_c / σ_c²` over their rows; nothing where they
@@ -133,7 +117,7 @@ impl<T: Real> Scene<T> {
             if e.is_empty() {
                 continue;
             }
-            let per_variance = T::nearest(1.0 / self.noise.sigma[c].powi(2));
+            let per_variance = T::nearest(1.0 / self.noise.sigma()[c].powi(2));
             let weights = weights.get_or_insert_with(|| vec![T::default(); here.len()]);
             for (weight, moment) in weights.iter_mut().zip(here.clone()) {
                 for row in moments.rows(moment) {
@@ -146,8 +130,8 @@ impl<T: Real> Scene<T> {
 
     /// What moments of a channel add to the sum of their block, `d u / σ` over their rows, on one component.
     pub(super) fn unit(&self, channel: usize, c: usize, moments: &Moments, here: Range<usize>) -> Vec<T> {
-        let per_sigma = 1.0 / self.noise.sigma[c];
-        let (along, unit) = (&self.directions[channel][c], &self.noise.unit[c]);
+        let per_sigma = 1.0 / self.noise.sigma()[c];
+        let (along, unit) = (&self.directions[channel][c], self.noise.unit(c));
         here.map(|moment| {
             let mut sum = T::default();
             for row in moments.rows(moment) {
@@ -194,9 +178,9 @@ impl<T: Real> Scene<T> {
 
 impl<T: Real> Whitened<'_, T> {
     /// By component, row after row: `V^(-T/2)` times basis, residual and draws.
-    fn back(&self, noise: &Noise, runs: &[Run], [n_basis, n_draws]: [usize; 2]) -> [Vec<T>; 3] {
+    fn back(&self, noise: &Whitening, runs: &[Run], [n_basis, n_draws]: [usize; 2]) -> [Vec<T>; 3] {
         let width = n_basis + 1 + n_draws;
-        let mut back = [0, 1, 2].map(|_| vec![T::default(); noise.block.len() * width]);
+        let mut back = [0, 1, 2].map(|_| vec![T::default(); noise.n_rows() * width]);
         back.par_iter_mut().enumerate().for_each(|(c, back)| {
             back.par_chunks_mut(ROWS * width).enumerate().for_each(|(step, rows)| {
                 for (number, row) in rows.chunks_exact_mut(width).enumerate() {
@@ -215,9 +199,10 @@ impl<T: Real> Whitened<'_, T> {
     }
 }
 
-fn runs_of(block: &[usize]) -> Vec<Run> {
+fn runs_of(noise: &Whitening) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
-    for (row, &block) in block.iter().enumerate() {
+    for row in 0..noise.n_rows() {
+        let block = noise.block(row);
         match runs.last_mut() {
             Some(run) if run.block == block => run.end = row + 1,
             _ => runs.push(Run { start: row, end: row + 1, block }),
@@ -239,49 +224,21 @@ fn acting<T: Real>(direction: &Directions<'_>, sigma: [f64; 3]) -> [Vec<T>; 3] {
     })
 }
 
-/// `TᵀT − I` of every component and session: what these cost grows with the cube of a session's blocks.
-fn not_white_of<T: Real>(noise: &Noise) -> [Vec<Vec<T>>; 3] {
-    let mut all = [0, 1, 2].map(|_| Vec::new());
-    all.par_iter_mut().zip(&noise.less_one).for_each(|(own, less_one)| {
-        let sessions = noise.sessions.par_iter().zip(less_one);
-        *own = sessions.map(|(session, less_one)| not_white(less_one, session.len())).collect();
-    });
-    all
-}
-
-/// `TᵀT − I` of one session, from `T − I` (n × n): `L + Lᵀ + LᵀL`.
-fn not_white<T: Real>(less_one: &[f64], n: usize) -> Vec<T> {
-    let mut transposed = Vec::new();
-    lanes::transpose(&mut transposed, less_one, n);
-    let mut square = vec![0.0; n * n];
-    set_product(&mut square, &transposed, less_one, n);
-    let sums = square.iter().zip(less_one).zip(&transposed);
-    sums.map(|((square, one), other)| T::nearest(square + one + other)).collect()
-}
-
 /// Applies `V^(-T/2)` to the columns of one component, in place.
-fn whiten_transposed<T: Real>(noise: &Noise, c: usize, runs: &[Run], width: usize, rows: &mut [T]) {
-    let unit = &noise.unit[c];
-    let mut sums = vec![T::default(); noise.n_blocks * width];
+fn whiten_transposed<T: Real>(noise: &Whitening, c: usize, runs: &[Run], width: usize, rows: &mut [T]) {
+    let unit = noise.unit(c);
+    let mut sums = vec![T::default(); noise.n_blocks() * width];
     for run in runs {
         let sum = &mut sums[run.block * width..(run.block + 1) * width];
         for (row, &u) in rows[run.start * width..].chunks_exact(width).zip(&unit[run.start..run.end]) {
             lanes::add_scaled(sum, T::nearest(u), row);
         }
     }
-    let mut more = vec![T::default(); noise.n_blocks * width];
-    for (session, less_one) in noise.sessions.iter().zip(&noise.less_one[c]) {
-        let matrix: Vec<T> = less_one.iter().map(|&value| T::nearest(value)).collect();
-        let own = session.start * width..session.end * width;
-        // Row after row of one is column after column of its transpose: (Tᵀ − I) S = (Sᵀ (T − I))ᵀ.
-        set_product(&mut more[own.clone()], &sums[own], &matrix, width);
-    }
-    let per_sigma = T::nearest(1.0 / noise.sigma[c]);
+    let more = noise.transposed_less_one(c, &sums, width);
+    let per_sigma = T::nearest(1.0 / noise.sigma()[c]);
     rows.par_chunks_mut(ROWS * width).enumerate().for_each(|(step, rows)| {
-        let first = step * ROWS;
-        for (row, values) in (first..).zip(rows.chunks_exact_mut(width)) {
-            let block = noise.block[row];
-            lanes::add_scaled(values, T::nearest(unit[row]), &more[block * width..(block + 1) * width]);
+        for (row, values) in (step * ROWS..).zip(rows.chunks_exact_mut(width)) {
+            lanes::add_scaled(values, T::nearest(unit[row]), &more[noise.block(row) * width..][..width]);
             for value in values {
                 *value *= per_sigma;
             }

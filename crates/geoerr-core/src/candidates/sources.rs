@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use super::error::CandidateError;
-use super::noise::length;
+use super::error::length;
 use crate::expression::{Expression, Rows};
 use crate::least_squares::Real;
 

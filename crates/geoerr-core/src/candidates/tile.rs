@@ -117,7 +117,7 @@ impl<'a, T: Real> Tile<'a, T> {
 
     /// Lays out sums by block, all 0.
     pub(super) fn lay_out_levels(&mut self) {
-        let size = self.pairs.len() * self.scene.noise.n_blocks;
+        let size = self.pairs.len() * self.scene.noise.n_blocks();
         for (channel, _, _) in self.channels() {
             for c in self.scene.components(channel) {
                 self.level[c].resize(size, T::default());
@@ -142,7 +142,7 @@ impl<'a, T: Real> Tile<'a, T> {
 
     /// Adds to the information what is not white.
     fn add_levels(&mut self) {
-        let n_blocks = self.scene.noise.n_blocks;
+        let n_blocks = self.scene.noise.n_blocks();
         for (c, level) in self.level.iter().enumerate().filter(|(_, level)| !level.is_empty()) {
             let beyond = self.scene.beyond_white_of_columns(c, level);
             for (&[a, b], sum) in self.wanted.iter().zip(&mut self.information) {

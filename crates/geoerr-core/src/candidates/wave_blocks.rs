@@ -66,7 +66,7 @@ fn sums_by_block<T: Real>(
     n: usize,
 ) -> Vec<Vec<T>> {
     let mut sums: Vec<Vec<T>> = (components.iter())
-        .map(|own| vec![T::default(); scene.noise.n_blocks * own.channels.len() * n])
+        .map(|own| vec![T::default(); scene.noise.n_blocks() * own.channels.len() * n])
         .collect();
     let (mut values, mut weights) = (Vec::new(), Vec::new());
     for run in &moments.runs {
@@ -108,7 +108,7 @@ impl<T: Real> OfComponent<T> {
         if size == 0 {
             return;
         }
-        let beyond = scene.beyond_white(self.c, sums, size);
+        let beyond = scene.noise.inverse_less_one(self.c, sums, size);
         for (&two_channels, products) in together.iter().zip(products) {
             let [Ok(one), Ok(two)] = two_channels.map(|channel| self.channels.binary_search(&channel)) else {
                 continue;

@@ -106,33 +106,6 @@ pub fn lower_gram(matrix: &Matrix) -> Matrix {
     result
 }
 
-/// `left · upper` for an upper triangle.
-pub fn product_with_upper(left: &Matrix, upper: &Matrix) -> Matrix {
-    product_with_triangle(left, view(upper), BlockStructure::TriangularUpper)
-}
-
-/// `left · upperᵀ` for an upper triangle.
-pub fn product_with_upper_transposed(left: &Matrix, upper: &Matrix) -> Matrix {
-    product_with_triangle(left, view(upper).transpose(), BlockStructure::TriangularLower)
-}
-
-fn product_with_triangle(left: &Matrix, triangle: MatRef<'_, f64>, structure: BlockStructure) -> Matrix {
-    let _wide = WideRegisters;
-    let mut result = Matrix::zeros(left.n_rows(), triangle.ncols());
-    triangular::matmul(
-        view_mut(&mut result),
-        BlockStructure::Rectangular,
-        Accum::Replace,
-        view(left),
-        BlockStructure::Rectangular,
-        triangle,
-        structure,
-        1.0,
-        Par::Seq,
-    );
-    result
-}
-
 /// `sum += AᵀA`, the lower triangle, for `n_rows` rows of A that begin `stride` numbers apart.
 pub fn add_lower_gram_of_rows(sum: &mut Matrix, rows: &[f64], stride: usize, n_rows: usize) {
     let _wide = WideRegisters;

@@ -25,20 +25,14 @@ mod triangle;
 
 pub use blocks::{Blocks, Design, FnDesign, Forms, StoredDesign, Sums, design_fn};
 pub use definite::Definite;
-pub use dense::{
-    add_lower_outer, add_lower_product, product_with_upper, product_with_upper_transposed,
-    set_rows_times_upper, symmetric_eigen,
-};
+pub use dense::{add_lower_outer, add_lower_product, set_rows_times_upper, symmetric_eigen};
 pub(crate) use dense::{lower_gram, product, transposed_product};
 pub use error::LeastSquaresError;
 pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
 pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};
 pub use matrix::Matrix;
 pub use orthonormal::{orthonormal, orthonormalizing};
-pub use products::{
-    Real, add_cross_product, add_product_by_rows, add_product_of_rows, set_gram, set_product,
-    set_product_within,
-};
+pub use products::{Real, add_cross_product, add_product_by_rows, add_product_of_rows, set_gram};
 pub use rank::RankDecision;
 pub use registers::clear_wide_registers;
 pub use restriction::Restriction;

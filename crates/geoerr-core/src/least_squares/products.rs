@@ -1,6 +1,6 @@
 //! Products of tall blocks in either precision, on the calling thread.
 
-use std::ops::{Add, AddAssign, Mul, MulAssign};
+use std::ops::{Add, AddAssign, Mul, MulAssign, Sub, SubAssign};
 
 use faer::linalg::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
@@ -13,8 +13,10 @@ pub trait Real:
     + Copy
     + Default
     + Add<Output = Self>
+    + Sub<Output = Self>
     + Mul<Output = Self>
     + AddAssign
+    + SubAssign
     + MulAssign
     + Send
     + Sync
@@ -77,36 +79,6 @@ pub fn add_product_of_rows<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_ro
     let right = MatRef::from_row_major_slice(&right[..n_rows * k], n_rows, k);
     let sum = MatMut::from_row_major_slice_mut(&mut sum[..m * k], m, k);
     matmul::matmul(sum, Accum::Add, left.transpose(), right, T::nearest(1.0), Par::Seq);
-}
-
-/// `result = left · right`, all column after column: `left` (n × m), `right` (m × k).
-pub fn set_product<T: Real>(result: &mut [T], left: &[T], right: &[T], n_rows: usize) {
-    let _wide = WideRegisters;
-    let m = left.len() / n_rows.max(1);
-    let k = right.len() / m.max(1);
-    if result.len() < n_rows * k || n_rows == 0 || m == 0 || k == 0 {
-        return;
-    }
-    let left = MatRef::from_column_major_slice(&left[..n_rows * m], n_rows, m);
-    let right = MatRef::from_column_major_slice(&right[..m * k], m, k);
-    let result = MatMut::from_column_major_slice_mut(&mut result[..n_rows * k], n_rows, k);
-    matmul::matmul(result, Accum::Replace, left, right, T::nearest(1.0), Par::Seq);
-}
-
-/// `result = left · right` for some rows of both: `left` (m × m) and all of `right` and `result`, of `n_rows` rows, column
-/// after column; `first` is the first of the m rows.
-pub fn set_product_within<T: Real>(result: &mut [T], left: &[T], right: &[T], n_rows: usize, first: usize) {
-    let _wide = WideRegisters;
-    let m = left.len().isqrt();
-    let k = right.len() / n_rows.max(1);
-    if result.len() < n_rows * k || first + m > n_rows || m == 0 || k == 0 {
-        return;
-    }
-    let (last, m_square) = (n_rows * k, m * m);
-    let left = MatRef::from_column_major_slice(&left[..m_square], m, m);
-    let right = MatRef::from_column_major_slice_with_stride(&right[first..last], m, k, n_rows);
-    let result = MatMut::from_column_major_slice_with_stride_mut(&mut result[first..last], m, k, n_rows);
-    matmul::matmul(result, Accum::Replace, left, right, T::nearest(1.0), Par::Seq);
 }
 
 /// `sum += leftᵀ · right`, all row after row: `left` (n × m), `right` (n × k).

@@ -20,8 +20,10 @@ use super::dual::Dual;
 use super::lanes::{add_scaled, dot};
 use super::sums::Logs;
 use crate::arithmetic::in_wide_registers;
+use crate::least_squares::Real;
 
 /// The factorized matrix.
+#[derive(Clone, Debug)]
 pub(super) struct Filter {
     steps: Vec<Step>,
     n_offsets: usize,
@@ -33,6 +35,7 @@ pub(super) struct Filter {
 }
 
 /// One block.
+#[derive(Clone, Debug)]
 struct Step {
     /// Place of its pass's offset.
     offset: usize,
@@ -163,27 +166,35 @@ impl Filter {
     }
 
     /// `(I + K)⁻¹ B` in place: `rows` has `width` numbers of B for each block.
-    pub fn solve(&self, rows: &mut [f64], width: usize) {
+    pub fn solve<T: Real>(&self, rows: &mut [T], width: usize) {
         in_wide_registers(
             #[inline(always)]
             || {
                 self.beyond(rows, width);
-                self.back(rows, width);
+                self.back(rows, width, |variance| 1.0 / variance);
             },
         );
     }
 
     /// `T B` in place, T the inverse Cholesky factor in the order of time: `T (I + K) Tᵀ = I`.
-    pub fn whiten(&self, rows: &mut [f64], width: usize) {
+    pub fn whiten<T: Real>(&self, rows: &mut [T], width: usize) {
         in_wide_registers(
             #[inline(always)]
             || {
                 self.beyond(rows, width);
                 for (own, step) in rows.chunks_exact_mut(width.max(1)).zip(&self.steps) {
-                    let per_root = 1.0 / step.variance.sqrt();
+                    let per_root = T::nearest(1.0 / step.variance.sqrt());
                     own.iter_mut().for_each(|value| *value *= per_root);
                 }
             },
+        );
+    }
+
+    /// `Tᵀ B` in place.
+    pub fn whiten_transposed<T: Real>(&self, rows: &mut [T], width: usize) {
+        in_wide_registers(
+            #[inline(always)]
+            || self.back(rows, width, |variance| 1.0 / variance.sqrt()),
         );
     }
 
@@ -220,7 +231,7 @@ impl Filter {
     }
 
     /// `T⁻¹ B` in place: what `whiten` has taken off comes back.
-    pub fn unwhiten(&self, rows: &mut [f64], width: usize) {
+    pub fn unwhiten<T: Real>(&self, rows: &mut [T], width: usize) {
         in_wide_registers(
             #[inline(always)]
             || self.foretold_again(rows, width),
@@ -228,68 +239,74 @@ impl Filter {
     }
 
     #[inline(always)]
-    fn foretold_again(&self, rows: &mut [f64], width: usize) {
-        let mut drift = vec![0.0; width];
-        let mut offsets = vec![vec![0.0; width]; self.n_offsets];
+    fn foretold_again<T: Real>(&self, rows: &mut [T], width: usize) {
+        let mut drift = vec![T::default(); width];
+        let mut offsets = vec![vec![T::default(); width]; self.n_offsets];
         for (own, step) in rows.chunks_exact_mut(width.max(1)).zip(&self.steps) {
-            let root = step.variance.sqrt();
+            let root = T::nearest(step.variance.sqrt());
             own.iter_mut().for_each(|value| *value *= root);
             for &(place, gain) in &step.others {
-                offsets[place].iter_mut().zip(&*own).for_each(|(offset, value)| *offset += gain * value);
+                let gain = T::nearest(gain);
+                offsets[place].iter_mut().zip(&*own).for_each(|(offset, &value)| *offset += gain * value);
             }
             let offset = &mut offsets[step.offset];
             if step.begins {
-                offset.fill(0.0);
+                offset.fill(T::default());
             }
+            let [reach, keep, drift_gain, offset_gain] = step.numbers::<T>();
             for ((value, drift), offset) in own.iter_mut().zip(&mut drift).zip(offset) {
                 let beyond = *value;
-                *value += step.reach * (*drift + *offset);
-                *drift = step.keep * (*drift + step.drift_gain * beyond);
-                *offset += step.offset_gain * beyond;
+                *value += reach * (*drift + *offset);
+                *drift = keep * (*drift + drift_gain * beyond);
+                *offset += offset_gain * beyond;
             }
         }
     }
 
     /// Takes off each block's numbers what those before it foretell.
     #[inline(always)]
-    fn beyond(&self, rows: &mut [f64], width: usize) {
-        let mut drift = vec![0.0; width];
-        let mut offsets = vec![vec![0.0; width]; self.n_offsets];
+    fn beyond<T: Real>(&self, rows: &mut [T], width: usize) {
+        let mut drift = vec![T::default(); width];
+        let mut offsets = vec![vec![T::default(); width]; self.n_offsets];
         for (own, step) in rows.chunks_exact_mut(width.max(1)).zip(&self.steps) {
             let offset = &mut offsets[step.offset];
             if step.begins {
-                offset.fill(0.0);
+                offset.fill(T::default());
             }
+            let [reach, keep, drift_gain, offset_gain] = step.numbers::<T>();
             for ((value, drift), offset) in own.iter_mut().zip(&mut drift).zip(offset) {
-                *value -= step.reach * (*drift + *offset);
-                *drift = step.keep * (*drift + step.drift_gain * *value);
-                *offset += step.offset_gain * *value;
+                *value -= reach * (*drift + *offset);
+                *drift = keep * (*drift + drift_gain * *value);
+                *offset += offset_gain * *value;
             }
             for &(place, gain) in &step.others {
-                offsets[place].iter_mut().zip(&*own).for_each(|(offset, value)| *offset += gain * value);
+                let gain = T::nearest(gain);
+                offsets[place].iter_mut().zip(&*own).for_each(|(offset, &value)| *offset += gain * value);
             }
         }
     }
 
-    /// The same back in time, by the transposes.
+    /// The same back in time, by the transposes, of numbers scaled by what a block's variance gives.
     #[inline(always)]
-    fn back(&self, rows: &mut [f64], width: usize) {
-        let mut drift = vec![0.0; width];
-        let mut offsets = vec![vec![0.0; width]; self.n_offsets];
+    fn back<T: Real>(&self, rows: &mut [T], width: usize, scale: impl Fn(f64) -> f64) {
+        let mut drift = vec![T::default(); width];
+        let mut offsets = vec![vec![T::default(); width]; self.n_offsets];
         for (own, step) in rows.chunks_exact_mut(width.max(1)).zip(&self.steps).rev() {
-            let per_variance = 1.0 / step.variance;
+            let scale = T::nearest(scale(step.variance));
             if step.ends {
-                offsets[step.offset].fill(0.0);
+                offsets[step.offset].fill(T::default());
             }
-            own.iter_mut().for_each(|value| *value *= per_variance);
+            own.iter_mut().for_each(|value| *value *= scale);
             for &(place, gain) in &step.others {
-                own.iter_mut().zip(&offsets[place]).for_each(|(value, offset)| *value -= gain * offset);
+                let gain = T::nearest(gain);
+                own.iter_mut().zip(&offsets[place]).for_each(|(value, &offset)| *value -= gain * offset);
             }
+            let [reach, keep, drift_gain, offset_gain] = step.numbers::<T>();
             for ((value, drift), offset) in own.iter_mut().zip(&mut drift).zip(&mut offsets[step.offset]) {
-                *drift *= step.keep;
-                *value -= step.drift_gain * *drift + step.offset_gain * *offset;
-                *drift += step.reach * *value;
-                *offset += step.reach * *value;
+                *drift *= keep;
+                *value -= drift_gain * *drift + offset_gain * *offset;
+                *drift += reach * *value;
+                *offset += reach * *value;
             }
         }
     }
@@ -349,6 +366,14 @@ impl Filter {
             }
         }
         result
+    }
+}
+
+impl Step {
+    /// `reach`, `keep`, `drift_gain` and `offset_gain`.
+    #[inline(always)]
+    fn numbers<T: Real>(&self) -> [T; 4] {
+        [self.reach, self.keep, self.drift_gain, self.offset_gain].map(T::nearest)
     }
 }
 

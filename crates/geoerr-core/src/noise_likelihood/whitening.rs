@@ -4,22 +4,23 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::error::{NoiseError, length};
+use super::filter::Filter;
 use super::lanes::add_scaled;
 use super::sums::{Likelihood, Logs, reach_of, unit_of};
-use crate::least_squares::{
-    Matrix, orthonormalizing, product_with_upper, product_with_upper_transposed, set_rows_times_upper,
-};
+use crate::least_squares::{Matrix, Real, orthonormalizing, set_rows_times_upper};
 
 /// Rows that are written as one piece of work.
 const ROWS_OF_A_PIECE: usize = 256;
 
-/// `V^(-1/2)` or its transpose.
+/// What is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// `V^(-1/2)`.
     Forward,
     /// `V^(-T/2)`.
     Transposed,
+    /// `V^(1/2)`: what `Forward` has whitened comes back.
+    Back,
 }
 
 /// Rows that are whitened and multiplied at once: what a core's own cache holds.
@@ -27,81 +28,74 @@ const ROWS_AT_ONCE: usize = 64;
 
 /// What whitens three components.
 #[derive(Clone, Debug)]
-pub struct Whitening<'a> {
-    /// Which rows belong together.
-    pub blocks: &'a Blocks,
+pub struct Whitening {
+    blocks: Blocks,
     /// Scatter from row to row.
-    pub sigma: [f64; 3],
+    sigma: [f64; 3],
     /// Entry of U of each row, by component.
-    pub unit: [&'a [f64]; 3],
-    /// `(T − I)ᵀ` of each component and session, upper triangles.
-    pub less_one: [Vec<Matrix>; 3],
+    unit: [Vec<f64>; 3],
+    /// `I + K` of each component and session.
+    filters: [Vec<Filter>; 3],
 }
 
 impl Blocks {
-    /// `(T − I)ᵀ` of each component and session, upper triangles.
+    /// What whitens noise of these logarithms.
     ///
     /// # Errors
     /// [`NoiseError`] for another number of weights, and for a covariance that is not positive definite.
-    pub fn less_one(&self, weights: &[[f64; 3]], logs: &[Logs; 3]) -> Result<[Vec<Matrix>; 3], NoiseError> {
+    pub fn whitening(&self, weights: &[[f64; 3]], logs: &[Logs; 3]) -> Result<Whitening, NoiseError> {
         length("weights", weights.len(), self.n_rows())?;
         let reach = [0, 1, 2].map(|c| reach_of(self, c, weights));
-        let n_sessions = self.sessions().len();
-        let mut found = (0..3 * n_sessions)
-            .into_par_iter()
-            .map(|task| {
-                let (component, session) = (task / n_sessions, task % n_sessions);
-                let filter = self.filter(session, &reach[component], logs[component]);
-                let filter = filter.ok_or(NoiseError::NotDefinite { component })?;
-                let mut less_one = Matrix::identity(self.sessions()[session].len());
-                let n = less_one.n_columns();
-                filter.whiten(less_one.as_mut_slice(), n);
-                for j in 0..n {
-                    less_one[(j, j)] -= 1.0;
-                }
-                Ok(less_one)
-            })
-            .collect::<Result<Vec<_>, NoiseError>>()?
-            .into_iter();
-        Ok([0, 1, 2].map(|_| found.by_ref().take(n_sessions).collect()))
+        let unit = [0, 1, 2].map(|c| {
+            let rows = weights.iter().zip(self.of_row());
+            rows.map(|(weight, &block)| unit_of(weight[c], reach[c][block])).collect()
+        });
+        let mut filters = [0, 1, 2].map(|_| Vec::new());
+        for (component, own) in filters.iter_mut().enumerate() {
+            let of_session = |session| self.filter(session, &reach[component], logs[component]);
+            let all: Option<Vec<Filter>> = (0..self.sessions().len()).map(of_session).collect();
+            *own = all.ok_or(NoiseError::NotDefinite { component })?;
+        }
+        let sigma = logs.map(|logs| (0.5 * logs[0]).exp());
+        Ok(Whitening { blocks: self.clone(), sigma, unit, filters })
     }
 }
 
-impl Whitening<'_> {
+impl Whitening {
     /// Applies it to `values`, (n, 3, `width`) row by row.
     ///
     /// # Errors
     /// [`NoiseError::Length`].
     pub fn apply(&self, values: &[f64], width: usize, direction: Direction) -> Result<Vec<f64>, NoiseError> {
-        let n = self.blocks.n_rows();
-        length("values", values.len(), 3 * n * width)?;
-        for (unit, less_one) in self.unit.iter().zip(&self.less_one) {
-            length("entries of U", unit.len(), n)?;
-            length("sessions of a transform", less_one.len(), self.blocks.sessions().len())?;
-            for (matrix, session) in less_one.iter().zip(self.blocks.sessions()) {
-                length("a transform", matrix.as_slice().len(), session.len().pow(2))?;
-            }
-        }
-        let n_sessions = self.blocks.sessions().len();
-        let more: Vec<Matrix> = (0..3 * n_sessions)
+        length("values", values.len(), 3 * self.n_rows() * width)?;
+        let more: Vec<Vec<f64>> = (0..3_usize)
             .into_par_iter()
-            .map(|task| self.more(task / n_sessions, task % n_sessions, values, width, direction))
+            .map(|c| {
+                let sums = self.sums(c, values, width);
+                let mut more = sums.clone();
+                self.filter_rows(c, &mut more, width, |filter, rows, width| match direction {
+                    Direction::Forward => filter.whiten(rows, width),
+                    Direction::Transposed => filter.whiten_transposed(rows, width),
+                    Direction::Back => filter.unwhiten(rows, width),
+                });
+                add_scaled(&mut more, -1.0, &sums);
+                more
+            })
             .collect();
-        let mut of_block: Vec<(usize, usize)> = Vec::with_capacity(self.blocks.len());
-        for (session, own) in self.blocks.sessions().iter().enumerate() {
-            of_block.extend((0..own.len()).map(|at| (session, at)));
-        }
+        let scale = match direction {
+            Direction::Forward | Direction::Transposed => self.sigma.map(|sigma| 1.0 / sigma),
+            Direction::Back => self.sigma,
+        };
         let mut result = vec![0.0; values.len()];
         result.par_chunks_mut((3 * width * ROWS_OF_A_PIECE).max(1)).enumerate().for_each(
             |(piece, target)| {
                 for (at, target) in target.chunks_exact_mut(width).enumerate() {
                     let (row, c) = (piece * ROWS_OF_A_PIECE + at / 3, at % 3);
-                    let (session, place) = of_block[self.blocks.of_row()[row]];
-                    let more = more[c * n_sessions + session].column(place);
+                    let more = &more[c][self.block(row) * width..][..width];
                     let own = &values[(3 * row + c) * width..][..width];
-                    let (unit, per_sigma) = (self.unit[c][row], 1.0 / self.sigma[c]);
+                    let unit = self.unit[c][row];
                     for (target, (value, more)) in target.iter_mut().zip(own.iter().zip(more)) {
-                        *target = (value + unit * more) * per_sigma;
+                        *target = (value + unit * more) * scale[c];
                     }
                 }
             },
@@ -109,23 +103,84 @@ impl Whitening<'_> {
         Ok(result)
     }
 
-    /// `((T − I) Uᵀ values)ᵀ` of one component and session, (`width`, its blocks).
-    fn more(&self, c: usize, session: usize, values: &[f64], width: usize, direction: Direction) -> Matrix {
-        let own = self.blocks.sessions()[session].clone();
-        let mut sums = Matrix::zeros(width, own.len());
-        for (at, block) in own.enumerate() {
-            let target = sums.column_mut(at);
-            for &row in self.blocks.rows(block) {
-                let unit = self.unit[c][row];
-                for (sum, value) in target.iter_mut().zip(&values[(3 * row + c) * width..][..width]) {
-                    *sum += unit * value;
-                }
+    /// Number of rows.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.blocks.n_rows()
+    }
+
+    /// Number of blocks.
+    #[must_use]
+    pub fn n_blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Block of a row.
+    #[must_use]
+    pub fn block(&self, row: usize) -> usize {
+        self.blocks.of_row()[row]
+    }
+
+    /// Scatter from row to row, of each component.
+    #[must_use]
+    pub fn sigma(&self) -> [f64; 3] {
+        self.sigma
+    }
+
+    /// Entry of U of each row, of a component.
+    #[must_use]
+    pub fn unit(&self, c: usize) -> &[f64] {
+        &self.unit[c]
+    }
+
+    /// `(Tᵀ − I) S` of one component, S sums by block, `width` of each, row after row.
+    #[must_use]
+    pub fn transposed_less_one<T: Real>(&self, c: usize, sums: &[T], width: usize) -> Vec<T> {
+        self.less_one(c, sums, width, Filter::whiten_transposed)
+    }
+
+    /// `(TᵀT − I) S`, what is not white in the inverse of the noise, likewise.
+    #[must_use]
+    pub fn inverse_less_one<T: Real>(&self, c: usize, sums: &[T], width: usize) -> Vec<T> {
+        self.less_one(c, sums, width, Filter::solve)
+    }
+
+    fn less_one<T: Real>(
+        &self,
+        c: usize,
+        sums: &[T],
+        width: usize,
+        apply: impl Fn(&Filter, &mut [T], usize),
+    ) -> Vec<T> {
+        let mut result = sums.to_vec();
+        self.filter_rows(c, &mut result, width, apply);
+        result.iter_mut().zip(sums).for_each(|(value, &sum)| *value -= sum);
+        result
+    }
+
+    /// Applies the filter of each session to `width` numbers of each of its blocks, in place.
+    fn filter_rows<T: Real>(
+        &self,
+        c: usize,
+        rows: &mut [T],
+        width: usize,
+        apply: impl Fn(&Filter, &mut [T], usize),
+    ) {
+        for (own, filter) in self.blocks.sessions().iter().zip(&self.filters[c]) {
+            apply(filter, &mut rows[own.start * width..own.end * width], width);
+        }
+    }
+
+    /// `Uᵀ values` of one component, (n_blocks, `width`).
+    fn sums(&self, c: usize, values: &[f64], width: usize) -> Vec<f64> {
+        let mut sums = vec![0.0; self.n_blocks() * width];
+        if width > 0 {
+            for (row, own) in values.chunks_exact(3 * width).enumerate() {
+                let target = &mut sums[self.block(row) * width..][..width];
+                add_scaled(target, self.unit[c][row], &own[c * width..][..width]);
             }
         }
-        match direction {
-            Direction::Forward => product_with_upper(&sums, &self.less_one[c][session]),
-            Direction::Transposed => product_with_upper_transposed(&sums, &self.less_one[c][session]),
-        }
+        sums
     }
 }
 

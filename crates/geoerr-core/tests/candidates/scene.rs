@@ -1,7 +1,8 @@
 //! A scene that is drawn: rows, channels, noise with blocks, and what a model is free to do.
 
-use geoerr_core::candidates::{Directions, Noise, Scene, Whitened};
+use geoerr_core::candidates::{Directions, Scene, Whitened};
 use geoerr_core::least_squares::Real;
+use geoerr_core::noise_likelihood::{Blocks, Whitening};
 use nalgebra::{DMatrix, DVector};
 
 use crate::draws::Draws;
@@ -13,38 +14,26 @@ pub struct Drawn {
     pub basis: DMatrix<f64>,
     pub residual: DVector<f64>,
     pub draws: DMatrix<f64>,
-    pub noise: Noise,
-    /// `V^(-1/2)`, (3 n × 3 n).
+    pub noise: Whitening,
+    /// `V^(-1/2)`, (3 n × 3 n), written out.
     pub whitening: DMatrix<f64>,
 }
 
 impl Drawn {
     pub fn new(seed: u64, n_rows: usize, n_basis: usize, n_draws: usize, n_channels: usize) -> Self {
         let mut draws = Draws::new(seed);
-        let n_blocks = 6;
+        // Two sessions, the second with a pass of two blocks and another around one of them.
+        let (n_blocks, n_first) = (6, 2);
         let block: Vec<usize> = (0..n_rows).map(|row| row * n_blocks / n_rows).collect();
-        let unit = [0, 1, 2].map(|_| {
-            let mut own = draws.column(n_rows);
-            for b in 0..n_blocks {
-                let length =
-                    (0..n_rows).filter(|&i| block[i] == b).map(|i| own[i].powi(2)).sum::<f64>().sqrt();
-                (0..n_rows).filter(|&i| block[i] == b).for_each(|i| own[i] /= length);
-            }
-            own
+        let passes = vec![0, 1, 2, 3, 3, 2];
+        let time = vec![0.0, 0.7, 0.0, 0.2, 0.5, 0.9];
+        let blocks = Blocks::new(block.clone(), &[0, n_first], passes.clone(), time.clone()).unwrap();
+        let weights: Vec<[f64; 3]> =
+            (0..n_rows).map(|_| [0, 1, 2].map(|_| 1.0 + 0.5 * draws.symmetric())).collect();
+        let logs = [0.8_f64, 1.0, 1.3].map(|sigma| {
+            [2.0 * sigma.ln(), -1.0 + draws.symmetric(), -1.0 + draws.symmetric(), -0.5 + draws.symmetric()]
         });
-        let sessions = vec![0..2, 2..6];
-        let less_one = [0, 1, 2].map(|_| {
-            (sessions.iter())
-                .map(|session: &std::ops::Range<usize>| {
-                    // Column after column of a lower triangle.
-                    let n = session.len();
-                    (0..n * n)
-                        .map(|at| if at % n >= at / n { 0.4 * draws.symmetric() } else { 0.0 })
-                        .collect()
-                })
-                .collect::<Vec<Vec<f64>>>()
-        });
-        let noise = Noise { sigma: [0.8, 1.0, 1.3], block, n_blocks, unit, sessions, less_one };
+        let noise = blocks.whitening(&weights, &logs).unwrap();
         let directions = (0..n_channels)
             .map(|channel| {
                 [0, 1, 2].map(|c| {
@@ -60,7 +49,30 @@ impl Drawn {
         let basis = matrix(n_basis).qr().q();
         let mut others = matrix(1 + n_draws);
         others -= &basis * (basis.transpose() * &others);
-        let whitening = whitening(&noise, n_rows);
+        // By component, in the order of rows and blocks: `σ⁻¹ (I + U (T − I) Uᵀ)`, T the inverse Cholesky factor of I + K.
+        let mut whitening = DMatrix::zeros(3 * n_rows, 3 * n_rows);
+        for c in 0..3 {
+            let [variance, offset2, drift2, memory] = logs[c].map(f64::exp);
+            let mut unit = DMatrix::zeros(n_rows, n_blocks);
+            block.iter().enumerate().for_each(|(row, &b)| unit[(row, b)] = weights[row][c]);
+            let reach: Vec<f64> = unit.column_iter().map(|column| column.norm()).collect();
+            unit.column_iter_mut().zip(&reach).for_each(|(mut column, reach)| column /= *reach);
+            let k = DMatrix::from_fn(n_blocks, n_blocks, |a, b| {
+                let offset = if passes[a] == passes[b] { offset2 } else { 0.0 };
+                let together = (a < n_first) == (b < n_first);
+                let drift = if together { drift2 * (-(time[a] - time[b]).abs() / memory).exp() } else { 0.0 };
+                reach[a] * reach[b] * (offset + drift)
+            });
+            let ones = DMatrix::identity(n_blocks, n_blocks);
+            let t = (&ones + k).cholesky().unwrap().l().try_inverse().unwrap();
+            let own =
+                (DMatrix::identity(n_rows, n_rows) + &unit * (t - ones) * unit.transpose()) / variance.sqrt();
+            for i in 0..n_rows {
+                for j in 0..n_rows {
+                    whitening[(3 * i + c, 3 * j + c)] = own[(i, j)];
+                }
+            }
+        }
         Self {
             n_rows,
             directions,
@@ -80,7 +92,7 @@ impl Drawn {
             Whitened { basis: basis.as_slice(), residual: self.residual.as_slice(), draws: &draws };
         let directions: Vec<Directions<'_>> =
             self.directions.iter().map(|own| own.each_ref().map(Vec::as_slice)).collect();
-        Scene::new(self.n_rows, &directions, whitened, self.noise.clone()).unwrap()
+        Scene::new(&directions, whitened, self.noise.clone()).unwrap()
     }
 
     /// Fall of the sum of squares of the residual and of every draw, by least squares written out, and the rank.
@@ -110,27 +122,4 @@ impl Drawn {
         }
         columns
     }
-}
-
-fn whitening(noise: &Noise, n_rows: usize) -> DMatrix<f64> {
-    let mut whole = DMatrix::zeros(3 * n_rows, 3 * n_rows);
-    for c in 0..3 {
-        let mut unit = DMatrix::zeros(n_rows, noise.n_blocks);
-        for (i, &b) in noise.block.iter().enumerate() {
-            unit[(i, b)] = noise.unit[c][i];
-        }
-        let mut less_one = DMatrix::zeros(noise.n_blocks, noise.n_blocks);
-        for (session, values) in noise.sessions.iter().zip(&noise.less_one[c]) {
-            let n = session.len();
-            let own = DMatrix::from_column_slice(n, n, values);
-            less_one.view_mut((session.start, session.start), (n, n)).copy_from(&own);
-        }
-        let own = (DMatrix::identity(n_rows, n_rows) + &unit * less_one * unit.transpose()) / noise.sigma[c];
-        for i in 0..n_rows {
-            for j in 0..n_rows {
-                whole[(3 * i + c, 3 * j + c)] = own[(i, j)];
-            }
-        }
-    }
-    whole
 }

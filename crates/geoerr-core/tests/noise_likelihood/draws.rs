@@ -1,7 +1,7 @@
 //! Draws whitened by the noise that their own fits find: against such fits, one by one.
 
-use geoerr_core::least_squares::Matrix;
 use geoerr_core::noise_likelihood::{Blocks, Likelihood, Logs};
+use nalgebra::DMatrix;
 
 use crate::draws::Draws;
 
@@ -55,29 +55,39 @@ fn noise(scene: &Scene, draws: &mut Draws, offset: f64, drift: f64, memory: f64)
     y
 }
 
+/// T of either session of a component, written out: every block's weights are the same, and so are both sessions.
+fn inverse_root(logs: Logs) -> DMatrix<f64> {
+    let [_, offset2, drift2, memory] = logs.map(f64::exp);
+    let covariance = DMatrix::from_fn(40, 40, |i, j| {
+        let offset = if i / 4 == j / 4 { offset2 } else { 0.0 };
+        let drift = drift2 * (-(i as f64 - j as f64).abs() / (40.0 * memory)).exp();
+        12.0 * (offset + drift) + if i == j { 1.0 } else { 0.0 }
+    });
+    covariance.cholesky().unwrap().l().try_inverse().unwrap()
+}
+
 /// Falls of the sums of squares of every draw and component, by fits of the whole likelihood and by trial values.
 fn falls(offset: f64, drift: f64, memory: f64) -> Vec<[f64; 2]> {
     let scene = Scene::new();
     let logs: [Logs; 3] = [[0.0, 2.0 * offset.max(1e-7).ln(), 2.0 * drift.max(1e-7).ln(), memory.ln()]; 3];
     let mut draws = Draws::new(11);
-    let less_one = scene.blocks.less_one(&scene.weights, &logs).unwrap();
-    let times = |own: &[f64], matrix: &Matrix| -> Vec<f64> {
-        (0..40).map(|i| own[i] + (0..=i).map(|j| matrix[(j, i)] * own[j]).sum::<f64>()).collect()
+    let root = logs.map(inverse_root);
+    let times = |own: &[f64], matrix: &DMatrix<f64>| -> Vec<f64> {
+        (0..40).map(|i| (0..=i).map(|j| matrix[(i, j)] * own[j]).sum::<f64>()).collect()
     };
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     // Off what T Uᵀ makes of the means of sessions.
-    let off_means = |values: &[f64], of: &[Matrix]| -> Vec<f64> {
+    let off_means = |values: &[f64], root: &DMatrix<f64>| -> Vec<f64> {
         let mut result = Vec::new();
-        for (own, matrix) in values.chunks_exact(40).zip(of) {
-            let mean = times(&[1.0; 40], matrix);
+        for own in values.chunks_exact(40) {
+            let mean = times(&[1.0; 40], root);
             let share = product(own, &mean) / product(&mean, &mean);
             result.extend(own.iter().zip(&mean).map(|(own, mean)| own - share * mean));
         }
         result
     };
-    let whitened = |sums: &[f64], of: &[Matrix]| -> Vec<f64> {
-        let sums = sums.chunks_exact(40).zip(of);
-        off_means(&sums.flat_map(|(own, matrix)| times(own, matrix)).collect::<Vec<_>>(), of)
+    let whitened = |sums: &[f64], root: &DMatrix<f64>| -> Vec<f64> {
+        off_means(&sums.chunks_exact(40).flat_map(|own| times(own, root)).collect::<Vec<_>>(), root)
     };
     // (n_blocks, n_draws) of each component, off the means of sessions in the metric of the noise.
     let mut all = [vec![0.0; 80 * N_DRAWS], vec![0.0; 80 * N_DRAWS], vec![0.0; 80 * N_DRAWS]];
@@ -94,10 +104,10 @@ fn falls(offset: f64, drift: f64, memory: f64) -> Vec<[f64; 2]> {
         } else {
             fitted
         };
-        let of_fit = scene.blocks.less_one(&scene.weights, &better.logs).unwrap();
+        let of_fit = better.logs.map(inverse_root);
         for c in 0..3 {
             let sums = scene.sums(&y, c);
-            let own = whitened(&sums, &less_one[c]);
+            let own = whitened(&sums, &root[c]);
             let anew = whitened(&sums, &of_fit[c]);
             own_fits.push(product(&anew, &anew) - product(&own, &own));
             for (block, value) in own.iter().enumerate() {
@@ -112,7 +122,7 @@ fn falls(offset: f64, drift: f64, memory: f64) -> Vec<[f64; 2]> {
         for c in 0..3 {
             let was: Vec<f64> = (0..80).map(|block| all[c][block * N_DRAWS + draw]).collect();
             let moved = was.iter().enumerate().map(|(block, was)| was + changes[c][block * N_DRAWS + draw]);
-            let moved = off_means(&moved.collect::<Vec<_>>(), &less_one[c]);
+            let moved = off_means(&moved.collect::<Vec<_>>(), &root[c]);
             let fall = product(&moved, &moved) - product(&was, &was);
             result.push([own_fits[3 * draw + c], fall]);
         }

@@ -1,22 +1,10 @@
 //! What whitens.
 
-use geoerr_core::noise_likelihood::{Direction, Whitening};
+use geoerr_core::noise_likelihood::Direction;
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
-use super::scene::{Scene, parameters, scenes};
-
-/// Entries of U, by component.
-fn units(scene: &Scene) -> [Vec<f64>; 3] {
-    [0, 1, 2].map(|c| {
-        let mut squares = vec![0.0_f64; scene.time.len()];
-        for (row, &block) in scene.of_row.iter().enumerate() {
-            squares[block] += scene.weights[row][c].powi(2);
-        }
-        let unit = |(row, &block): (usize, &usize)| scene.weights[row][c] / squares[block].sqrt().max(1e-300);
-        scene.of_row.iter().enumerate().map(unit).collect()
-    })
-}
+use super::scene::{parameters, scenes};
 
 fn largest(matrix: &DMatrix<f64>) -> f64 {
     matrix.iter().fold(0.0, |most, value| value.abs().max(most))
@@ -27,14 +15,7 @@ proptest! {
 
     #[test]
     fn whitening_is_the_inverse_root_of_the_covariance(scene in scenes(), logs in parameters()) {
-        let (blocks, unit, n) = (scene.blocks(), units(&scene), scene.of_row.len());
-        let less_one = blocks.less_one(&scene.weights, &logs).unwrap();
-        let whitening = Whitening {
-            blocks: &blocks,
-            sigma: logs.map(|logs| (0.5 * logs[0]).exp()),
-            unit: unit.each_ref().map(Vec::as_slice),
-            less_one,
-        };
+        let (whitening, n) = (scene.blocks().whitening(&scene.weights, &logs).unwrap(), scene.of_row.len());
         // The identity, in all three components.
         let mut ones = vec![0.0; 3 * n * n];
         for row in 0..n {
@@ -42,7 +23,7 @@ proptest! {
                 ones[(3 * row + c) * n + row] = 1.0;
             }
         }
-        let roots = [Direction::Forward, Direction::Transposed].map(|direction| {
+        let roots = [Direction::Forward, Direction::Transposed, Direction::Back].map(|direction| {
             let found = whitening.apply(&ones, n, direction).unwrap();
             [0, 1, 2].map(|c| DMatrix::from_fn(n, n, |row, column| found[(3 * row + c) * n + column]))
         });
@@ -50,16 +31,13 @@ proptest! {
             let identity = &roots[0][c] * scene.covariance(c, logs[c]) * roots[0][c].transpose();
             prop_assert!(largest(&(identity - DMatrix::identity(n, n))) < 1e-9);
             prop_assert!(largest(&(&roots[1][c] - roots[0][c].transpose())) < 1e-11);
+            prop_assert!(largest(&(&roots[2][c] * &roots[0][c] - DMatrix::identity(n, n))) < 1e-9);
         }
     }
 
     #[test]
     fn the_whitened_basis_is_orthonormal_and_spans_the_whitened_columns(scene in scenes(), logs in parameters()) {
-        let blocks = scene.blocks();
-        let (unit, less_one) = (units(&scene), blocks.less_one(&scene.weights, &logs).unwrap());
-        let sigma = logs.map(|logs| (0.5 * logs[0]).exp());
-        let unit = unit.each_ref().map(Vec::as_slice);
-        let whitening = Whitening { blocks: &blocks, sigma, unit, less_one };
+        let whitening = scene.blocks().whitening(&scene.weights, &logs).unwrap();
         let (rows, r) = (3 * scene.of_row.len(), scene.n_basis);
         let whitened = whitening.apply(&scene.basis, r, Direction::Forward).unwrap();
         let whitened = DMatrix::from_row_slice(rows, r, &whitened);
