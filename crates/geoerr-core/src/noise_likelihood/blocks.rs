@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::dual::Number;
 use super::error::{NoiseError, length};
 use super::filter::Filter;
 use super::sums::Logs;
@@ -104,7 +105,7 @@ impl Blocks {
     }
 
     /// `I + K` of one session, factorized. `reach` is the root of the sum of squared weights of each block.
-    pub(super) fn filter(&self, session: usize, reach: &[f64], logs: Logs) -> Option<Filter> {
+    pub(super) fn filter<N: Number>(&self, session: usize, reach: &[f64], logs: Logs) -> Option<Filter<N>> {
         let own = self.sessions[session].clone();
         Filter::new(&self.pass_number[own.clone()], &self.time[own.clone()], &reach[own], logs)
     }

@@ -125,7 +125,7 @@ impl<'a> Component<'a> {
     fn whitened_squares(&self, logs: Logs, rows: &[f64], width: usize) -> Option<Vec<f64>> {
         let mut squares = vec![0.0; width];
         for (session, own) in self.blocks.sessions().iter().enumerate() {
-            let filter = self.blocks.filter(session, &self.reach, logs)?;
+            let filter: Filter = self.blocks.filter(session, &self.reach, logs)?;
             filter.add_squares(&rows[own.start * width..own.end * width], &mut squares);
         }
         Some(squares)
@@ -252,7 +252,7 @@ fn filtered(
     apply: impl Fn(&Filter, &mut [f64], usize),
 ) -> Option<()> {
     for (session, own) in blocks.sessions().iter().enumerate() {
-        let filter = blocks.filter(session, reach, logs)?;
+        let filter: Filter = blocks.filter(session, reach, logs)?;
         apply(&filter, &mut rows[own.start * width..own.end * width], width);
     }
     Some(())
@@ -344,7 +344,7 @@ mod tests {
         let one = Component::new(&blocks, reach.clone(), own, &sums, TRACE_DRAWS).unwrap();
         let offsets = one.offsets();
         let ln_determinant = |logs: Logs| -> f64 {
-            (0..2).map(|session| blocks.filter(session, &reach, logs).unwrap().ln_determinant.value).sum()
+            (0..2).map(|session| blocks.filter::<f64>(session, &reach, logs).unwrap().ln_determinant).sum()
         };
         for (offset, charge) in offsets.iter().zip(one.charges_of_offsets(&offsets).unwrap()) {
             let exact = ln_determinant([0.0, offset.value.ln(), f64::NEG_INFINITY, 0.0]);

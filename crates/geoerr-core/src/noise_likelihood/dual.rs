@@ -1,4 +1,4 @@
-//! Numbers with their derivatives by ln a², ln b² and ln τ.
+//! Numbers with their derivatives by ln a², ln b² and ln τ, and without.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -9,17 +9,62 @@ pub(super) struct Dual {
     pub slopes: [f64; 3],
 }
 
-impl Dual {
+/// What a filter is worked out with: with derivatives where they are asked for.
+pub(super) trait Number:
+    Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
     /// A number that depends on nothing.
-    pub fn constant(value: f64) -> Self {
+    fn constant(value: f64) -> Self;
+
+    /// A number with its derivative by one of the three.
+    fn depending(value: f64, by: usize, slope: f64) -> Self;
+
+    /// The number itself.
+    fn value(self) -> f64;
+
+    /// The logarithm.
+    fn ln(self) -> Self;
+}
+
+impl Number for f64 {
+    fn constant(value: f64) -> Self {
+        value
+    }
+
+    fn depending(value: f64, _: usize, _: f64) -> Self {
+        value
+    }
+
+    fn value(self) -> f64 {
+        self
+    }
+
+    fn ln(self) -> Self {
+        Self::ln(self)
+    }
+}
+
+impl Number for Dual {
+    fn constant(value: f64) -> Self {
         Self { value, slopes: [0.0; 3] }
     }
 
-    /// The logarithm.
-    pub fn ln(self) -> Self {
-        Self { value: self.value.ln(), slopes: self.slopes.map(|slope| slope / self.value) }
+    fn depending(value: f64, by: usize, slope: f64) -> Self {
+        let mut slopes = [0.0; 3];
+        slopes[by] = slope;
+        Self { value, slopes }
     }
 
+    fn value(self) -> f64 {
+        self.value
+    }
+
+    fn ln(self) -> Self {
+        Self { value: self.value.ln(), slopes: self.slopes.map(|slope| slope / self.value) }
+    }
+}
+
+impl Dual {
     fn with(self, other: Self, value: f64, slope: impl Fn(f64, f64) -> f64) -> Self {
         Self { value, slopes: [0, 1, 2].map(|i| slope(self.slopes[i], other.slopes[i])) }
     }

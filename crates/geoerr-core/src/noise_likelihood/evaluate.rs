@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::dual::Dual;
 use super::error::NoiseError;
 use super::filter::Filter;
 use super::lanes::{add_scaled, dot};
@@ -31,7 +32,7 @@ pub(super) struct Part {
     /// Its number.
     pub component: usize,
     /// `I + K` by session.
-    pub filters: Vec<Filter>,
+    pub filters: Vec<Filter<Dual>>,
     /// `Aᵀ U (I + K)⁻¹`, (r, n_blocks).
     pub w: Matrix,
     /// `(I + K)⁻¹ Uᵀ y`.

@@ -16,22 +16,22 @@
 //! Anderson & Moore, *Optimal Filtering* (1979), ch. 3 and 7; de Jong, *A cross-validation filter for time series models*,
 //! Biometrika 75 (1988), for the inverse.
 
-use super::dual::Dual;
+use super::dual::Number;
 use super::lanes::{add_scaled, dot};
 use super::sums::Logs;
 use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
 
-/// The factorized matrix.
+/// The factorized matrix; of its determinant the derivatives where `N` has them.
 #[derive(Clone, Debug)]
-pub(super) struct Filter {
+pub(super) struct Filter<N = f64> {
     steps: Vec<Step>,
     n_offsets: usize,
     /// Variance of an offset and of the drift, scatter 1.
     offset2: f64,
     drift2: f64,
     /// `ln det (I + K)`.
-    pub ln_determinant: Dual,
+    pub ln_determinant: N,
 }
 
 /// One block.
@@ -73,26 +73,26 @@ fn places(passes: &[i64]) -> (Vec<(usize, bool, bool)>, usize) {
 }
 
 /// The covariance of what is not known of a state: offsets, then the drift.
-struct Unknown {
-    values: Vec<Dual>,
+struct Unknown<N> {
+    values: Vec<N>,
     width: usize,
 }
 
-impl Unknown {
-    fn get(&self, i: usize, j: usize) -> Dual {
+impl<N: Number> Unknown<N> {
+    fn get(&self, i: usize, j: usize) -> N {
         self.values[i * self.width + j]
     }
 
     /// A number of the state that has nothing to do with the others.
-    fn reset(&mut self, place: usize, variance: Dual) {
+    fn reset(&mut self, place: usize, variance: N) {
         for other in 0..self.width {
-            self.values[place * self.width + other] = Dual::default();
-            self.values[other * self.width + place] = Dual::default();
+            self.values[place * self.width + other] = N::default();
+            self.values[other * self.width + place] = N::default();
         }
         self.values[place * self.width + place] = variance;
     }
 
-    fn learn(&mut self, shared: &[Dual], variance: Dual) {
+    fn learn(&mut self, shared: &[N], variance: N) {
         for (i, &first) in shared.iter().enumerate() {
             let per_variance = first / variance;
             for (j, &second) in shared.iter().enumerate() {
@@ -102,7 +102,7 @@ impl Unknown {
         }
     }
 
-    fn scale(&mut self, place: usize, keep: Dual) {
+    fn scale(&mut self, place: usize, keep: N) {
         for other in 0..self.width {
             for at in [place * self.width + other, other * self.width + place] {
                 self.values[at] = self.values[at] * keep;
@@ -111,28 +111,30 @@ impl Unknown {
     }
 }
 
-impl Filter {
+impl<N: Number> Filter<N> {
     /// Of blocks in the order of time, `reach` the root of the sum of squared weights of each; `None` where a variance
     /// is not finite.
     pub fn new(passes: &[i64], time: &[f64], reach: &[f64], logs: Logs) -> Option<Self> {
         let [offset2, drift2, memory] = [logs[1], logs[2], logs[3]].map(f64::exp);
-        let of_offset = Dual { value: offset2, slopes: [offset2, 0.0, 0.0] };
-        let of_drift = Dual { value: drift2, slopes: [0.0, drift2, 0.0] };
+        let of_offset = N::depending(offset2, 0, offset2);
+        let of_drift = N::depending(drift2, 1, drift2);
         let (places, n_offsets) = places(passes);
         let (drift, width) = (n_offsets, n_offsets + 1);
-        let mut unknown = Unknown { values: vec![Dual::default(); width * width], width };
+        let mut unknown = Unknown { values: vec![N::default(); width * width], width };
         unknown.reset(drift, of_drift);
-        let mut ln_determinant = Dual::default();
+        let mut ln_determinant = N::default();
         let mut steps = Vec::with_capacity(time.len());
+        let mut shared = vec![N::default(); width];
         for (block, &(offset, begins, ends)) in places.iter().enumerate() {
             if begins {
                 unknown.reset(offset, of_offset);
             }
-            let does = Dual::constant(reach[block]);
-            let shared: Vec<Dual> =
-                (0..width).map(|i| does * (unknown.get(i, drift) + unknown.get(i, offset))).collect();
-            let variance = Dual::constant(1.0) + does * (shared[drift] + shared[offset]);
-            if !variance.value.is_finite() {
+            let does = N::constant(reach[block]);
+            for (i, shared) in shared.iter_mut().enumerate() {
+                *shared = does * (unknown.get(i, drift) + unknown.get(i, offset));
+            }
+            let variance = N::constant(1.0) + does * (shared[drift] + shared[offset]);
+            if !variance.value().is_finite() {
                 return None;
             }
             ln_determinant = ln_determinant + variance.ln();
@@ -140,21 +142,21 @@ impl Filter {
             let gap = time.get(block + 1).map_or(f64::INFINITY, |next| (next - time[block]) / memory);
             let keep = (-gap).exp();
             let gap = if keep > 0.0 { gap } else { 0.0 };
-            let kept = Dual { value: keep, slopes: [0.0, 0.0, keep * gap] };
+            let kept = N::depending(keep, 2, keep * gap);
             unknown.scale(drift, kept);
             let place = drift * width + drift;
-            unknown.values[place] = unknown.values[place] + of_drift * (Dual::constant(1.0) - kept * kept);
+            unknown.values[place] = unknown.values[place] + of_drift * (N::constant(1.0) - kept * kept);
             if ends {
-                unknown.reset(offset, Dual::default());
+                unknown.reset(offset, N::default());
             }
-            let gain = |place: usize| shared[place].value / variance.value;
-            let others = (0..n_offsets).filter(|&place| place != offset && shared[place].value != 0.0);
+            let gain = |place: usize| shared[place].value() / variance.value();
+            let others = (0..n_offsets).filter(|&place| place != offset && shared[place].value() != 0.0);
             steps.push(Step {
                 offset,
                 begins,
                 ends,
                 reach: reach[block],
-                variance: variance.value,
+                variance: variance.value(),
                 drift_gain: gain(drift),
                 offset_gain: gain(offset),
                 others: others.map(|place| (place, gain(place))).collect(),
