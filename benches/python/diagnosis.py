@@ -7,12 +7,14 @@ temperatures. Nothing is hidden in them, but where something is added. `ranking`
 candidates of the catalogue on all axes, covariates and inner parameters, all probes, and the largest of every draw
 of noise. `search` is a whole search; on such data it is one look. `add` puts what a search found into the model, on
 the bases that the search had, as the workbench does: the refit, and the held-out error before and after. The median
-of the repeats counts, wall and processor seconds: the latter where others use the machine too.
+of the repeats counts, wall and processor seconds: the latter where others use the machine too. At the end, how much
+memory it took.
 """
 
 from __future__ import annotations
 
 import argparse
+import resource
 from functools import partial
 
 import numpy as np
@@ -121,6 +123,9 @@ def main() -> None:
     for n_points in arguments.points:
         for threads in arguments.threads:
             print_costs(n_points, threads, arguments.repeats)
+    # In kilobytes.
+    most_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"\nMemory of all of it, at most: {most_gb:.1f} GB, {max(arguments.points):,} points and the repeats.")
 
 
 if __name__ == "__main__":

@@ -15,14 +15,16 @@ from geoerr.diagnose.search.together import Together, together
 from geoerr.diagnose.space import Space
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.sightings import Numbers
+from geoerr.terms import CLOCK_NAME, Term
 
-# Alike so far, an error of a formula of a seventh would decide between the two; one with more freedom, that depends on
-# all that the first depends on, is no rival, it contains it.
+# Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
+# contains it, unless it follows another course.
 _TOO_ALIKE = 0.99
 # Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
 _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 # Falls of the sum of squares that differ by less than 6 are e^3 in likelihood, which is little; by 20, decided.
 _LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
+_TIMES = ("t", CLOCK_NAME)
 # Candidates that are looked at closely.
 _CLOSELY = 12
 
@@ -98,7 +100,7 @@ def _rival(looked: Round, first: Judged, best: Settled, judged: Judged, company:
     z = vuong(looked.space, best.displacement, settled.displacement)
     is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
     is_wider = freedom_of(judged) > freedom_of(first) and difference > 0.0
-    contains = alike > _TOO_ALIKE and is_wider and _follows_as_much(judged, first)
+    contains = alike > _TOO_ALIKE and is_wider and not _is_another_course(judged, first)
     is_too_alike = alike > _TOO_ALIKE and not is_wider
     tied = not contains and (is_too_alike or (alike > _LEAST_CORRELATION and is_near))
     if company is not None and not tied and not contains:
@@ -106,14 +108,22 @@ def _rival(looked: Round, first: Judged, best: Settled, judged: Judged, company:
     return Rival(judged, settled, alike, tied, contains, behind)
 
 
-def _follows_as_much(judged: Judged, first: Judged) -> bool:
-    """Tell whether a candidate depends on all that another does: it can contain it.
+def _is_another_course(judged: Judged, first: Judged) -> bool:
+    """Tell whether a candidate follows time or a column, and not all that the first one follows.
 
-    Warming up with time, which happens to go as a temperature did, has a number more than drift with that temperature,
-    and is another cause all the same.
+    Temperatures rise together, and with time: that warming up goes as a temperature did is no coincidence, and though
+    it has a number more than the drift with that temperature it is another cause. That a jump in time falls between
+    two passes, and does what a play would, is a coincidence.
     """
     one, other = judged.shapes.term, first.shapes.term
-    return one is None or other is None or set(other.variables) <= set(one.variables)
+    if one is None or other is None:
+        return False
+    follows, first_follows = _courses(one), _courses(other)
+    return bool(follows) and not first_follows <= follows
+
+
+def _courses(term: Term) -> set[str]:
+    return {name for name in term.variables if name in term.needs or name in _TIMES}
 
 
 def _is_close(alike: float, difference: float) -> bool:
