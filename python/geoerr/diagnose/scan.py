@@ -82,6 +82,10 @@ class Scanner:
         """Without draws, in double precision."""
         return self._scene(None)
 
+    def let_go(self) -> None:
+        """Let go of what is kept to judge in double precision: it is made anew if need be."""
+        self.__dict__.pop("double", None)
+
     def _scene(self, draws: NumbersOfDraws | None) -> _core.CandidateScene:
         space = self.space
         basis, residual = np.ascontiguousarray(space.basis), np.ascontiguousarray(space.residual)

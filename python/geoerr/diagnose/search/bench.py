@@ -49,6 +49,7 @@ class Bench:
         self.channels.need(self.names)
         self.noise: NoiseModel | None = None
         self._last_sums: tuple[tuple[Numbers, ...], NoiseSums] | None = None
+        self._of_last_look: Scanner | None = None
         self.waves = WavesInTime(fitted.sightings, [f"{body}-{axis}" for body in bodies(fitted) for axis in AXES])
 
     def without(self, left_out: np.ndarray) -> Bench:
@@ -72,6 +73,13 @@ class Bench:
     def scanner(self, space: Space, *, n_draws: int = N_DRAWS) -> Scanner:
         """Give a space in the form in which the core multiplies it."""
         return Scanner(space, self.channels, self.functions, names=self.names, n_draws=n_draws, threads=self.threads)
+
+    def scanner_of_look(self, space: Space) -> Scanner:
+        """Give the same for a look; the scene that the look before it kept is let go."""
+        if self._of_last_look is not None:
+            self._of_last_look.let_go()
+        self._of_last_look = self.scanner(space)
+        return self._of_last_look
 
     @cached_property
     def held_out(self) -> HeldOutAfter:

@@ -79,7 +79,7 @@ class Round:
 def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Sequence[Probe]) -> Round:
     """Judge every candidate and probe."""
     everything: list[Candidate | Probe] = [*candidates, *probes]
-    scanner = bench.scanner(space)
+    scanner = bench.scanner_of_look(space)
     scanned = iter(scanner.scan([shapes for what in everything for shapes in what.shapes]))
     judged: list[list[Judged]] = []
     nulls: list[Null] = []
