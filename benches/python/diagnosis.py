@@ -38,6 +38,8 @@ SECONDS = 4.0
 FEEDS_MM_MIN = (300.0, 1000.0, 3000.0, 6000.0)
 # What is added: what hides it.
 HIDDEN = {"backlash:x": {"play_mm": 0.01}, "thermal-expansion:y@temp_bed": {"growth_per_k": 11.5e-6}}
+MACHINE = Machine("bench", "wbXYZt", {axis: Axis((0.0, LENGTH_MM)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0))
+KNOWN = catalogue()
 
 
 def measured(
@@ -72,44 +74,47 @@ def measured(
     return observations_from_columns(columns)
 
 
-def print_costs(n_points: int, threads: int, repeats: int) -> None:
-    """Print the rows of one number of points."""
-    machine = Machine(
-        "bench", "wbXYZt", {axis: Axis((0.0, LENGTH_MM)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0)
-    )
-    known = catalogue()
-    fitted = fit_terms(machine, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
+def row(n_points: int, threads: int, step: str, seconds: tuple[float, float]) -> None:
+    """Print a row."""
+    print(f"| {n_points} | {threads} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
 
-    def row(step: str, seconds: tuple[float, float]) -> None:
-        print(f"| {n_points} | {threads} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
 
-    (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, known), repeats)
+def print_ranking(n_points: int, threads: int, repeats: int) -> None:
+    """Print what a ranking and its parts cost."""
+    fitted = fit_terms(MACHINE, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
+    told = partial(row, n_points, threads)
+    (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, KNOWN), repeats)
     probes = probes_of(fitted, functions, variables_of(fitted))
     shapes = [one for what in [*candidates, *probes] for one in what.shapes]
-    row(f"candidates laid out: {len(candidates)}, {sum(len(one.trials) for one in shapes)} ways", seconds)
+    told(f"candidates laid out: {len(candidates)}, {sum(len(one.trials) for one in shapes)} ways", seconds)
     bench = Bench(fitted, functions, names=all_channels(shapes), threads=threads)
     space, seconds = timed(lambda: bench.space([]), repeats)
-    row("noise fitted, space whitened", seconds)
-    _, seconds = timed(lambda: look(bench, space, candidates, []), repeats)
-    row("ranking of names, with what chance finds", seconds)
+    told("noise fitted, space whitened", seconds)
+    told("ranking of names, with what chance finds", timed(lambda: look(bench, space, candidates, []), repeats)[1])
     _, seconds = timed(lambda: look(bench, space, candidates, probes), repeats)
-    row("ranking of names and of what has no name, with what chance finds", seconds)
-    _, seconds = timed(lambda: search(fitted, known, threads=threads), 1)
-    row("search", seconds)
-    for name, hidden in HIDDEN.items():
-        table = measured(n_points, np.random.default_rng(1), **hidden)
-        fitted = fit_terms(machine, [table], options=FitOptions(threads=threads))
-        beside, searched = searched_whole(fitted, known, threads=threads)
-        found = searched.found[0].settled.term
-        assert found is not None
-        if found.id != name:
-            raise SystemExit(f"{found.id} was found, {name} is hidden")
-        model = result_of(fitted).model
-        add = partial(
-            add_terms, model, [table], [found], name, found.title, known=fitted, searched=beside, threads=threads
-        )
-        _, seconds = timed(add, repeats)
-        row(f"add {name}", seconds)
+    told("ranking of names and of what has no name, with what chance finds", seconds)
+
+
+def print_search(n_points: int, threads: int) -> None:
+    """Print what a whole search costs."""
+    fitted = fit_terms(MACHINE, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
+    row(n_points, threads, "search", timed(lambda: search(fitted, KNOWN, threads=threads), 1)[1])
+
+
+def print_add(n_points: int, threads: int, repeats: int, name: str) -> None:
+    """Print what it costs to add what is hidden, once it is found."""
+    table = measured(n_points, np.random.default_rng(1), **HIDDEN[name])
+    fitted = fit_terms(MACHINE, [table], options=FitOptions(threads=threads))
+    beside, searched = searched_whole(fitted, KNOWN, threads=threads)
+    found = searched.found[0].settled.term
+    assert found is not None
+    if found.id != name:
+        raise SystemExit(f"{found.id} was found, {name} is hidden")
+    model = result_of(fitted).model
+    add = partial(
+        add_terms, model, [table], [found], name, found.title, known=fitted, searched=beside, threads=threads
+    )
+    row(n_points, threads, f"add {name}", timed(add, repeats)[1])
 
 
 def main() -> None:
@@ -122,10 +127,13 @@ def main() -> None:
     print("| points | threads | step | wall s | CPU s |\n| --- | --- | --- | --- | --- |")
     for n_points in arguments.points:
         for threads in arguments.threads:
-            print_costs(n_points, threads, arguments.repeats)
+            print_ranking(n_points, threads, arguments.repeats)
+            print_search(n_points, threads)
+            for name in HIDDEN:
+                print_add(n_points, threads, arguments.repeats, name)
     # In kilobytes.
     most_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"\nMemory of all of it, at most: {most_gb:.1f} GB, {max(arguments.points):,} points and the repeats.")
+    print(f"\nMemory, at most: {most_gb:.1f} GB, of {max(arguments.points):,} points.")
 
 
 if __name__ == "__main__":

@@ -29,7 +29,10 @@ from geoerr.machine import write_machine
 from geoerr.model import write_model
 from geoerr.observations import Observations
 from geoerr.report import figures
+from geoerr.report.diagnosis_page import diagnosis_sections
+from geoerr.report.page import Table
 from geoerr.terms import EffectReference
+from geoerr.workbench.told import told_of
 
 PLAN = Plan(n_sessions=2, n_lines=20, n_points=14)
 NOISE = Noise(white=(5.0, 5.0, 7.0), offset=1.5)
@@ -175,6 +178,13 @@ def test_what_was_looked_at_and_left_has_a_reason(named: Diagnosis, ambiguous: D
     assert f"left: {others[0].left_because}" in " ".join(text_of(named, verbose=True).split())
     assert ": no more than chance" in text_of(clean)
     assert "beside what was found" not in text_of(clean)
+    (section,) = (one for one in diagnosis_sections(named) if one.title == "What was looked at and left")
+    (table,) = section.blocks
+    assert isinstance(table, Table)
+    reasons = {name: why for why, names in table.rows for name in names.split(", ")}
+    assert reasons[str(others[0].reference)] == others[0].left_because
+    cards = {card.reference: card for card in told_of(named, ()).others}
+    assert cards[str(others[0].reference)].rank == f"looked at, and not needed: {others[0].left_because}"
 
 
 def test_the_reason_is_what_the_last_look_says(named: Diagnosis) -> None:

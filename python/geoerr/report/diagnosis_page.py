@@ -105,20 +105,23 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
     rivals = diagnosis.tied[1:]
     if rivals:
         sections.append(Section("What these data cannot tell from it", _rivals(rivals)))
+    left = [(str(one.reference), one.left_because) for one in diagnosis.candidates if one.left_because]
+    if left:
+        sections.append(Section("What was looked at and left", (_by_reason(left),)))
     if diagnosis.unknown is not None:
         sections.append(Section("What has no name", _unknown(diagnosis, diagnosis.unknown)))
     if diagnosis.between_passes.stands_out:
         text = as_sentence(diagnosis.between_passes.words())
         sections.append(Section("What does not come back from pass to pass", (text,)))
     if diagnosis.not_offered:
-        sections.append(_not_offered(diagnosis.not_offered))
+        sections.append(Section("What was not looked for", (_by_reason(diagnosis.not_offered),)))
     return sections
 
 
-def _not_offered(reasons: Sequence[tuple[str, str]]) -> Section:
-    """Name what was not looked for, by the reason."""
+def _by_reason(reasons: Sequence[tuple[str, str]]) -> Table:
+    """Name effects by the reason why they are not among what was found."""
     rows = tuple((why, ", ".join(effects)) for why, effects in by_reason(reasons).items())
-    return Section("What was not looked for", (Table("By the reason", ("why", "effects"), rows),))
+    return Table("By the reason", ("why", "effects"), rows)
 
 
 def _ranking(diagnosis: Diagnosis) -> Table:

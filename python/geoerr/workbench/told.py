@@ -113,7 +113,8 @@ def _of_points(diagnosis: Diagnosis, titles: Mapping[str, str]) -> Told:
         cards.append(_unknown(diagnosis.unknown))
     known = found | {str(one.reference) for one in tied}
     why = "looked at, and not needed" if found else "not beyond chance"
-    others = [_finding(one, why, titles) for one in diagnosis.candidates if str(one.reference) not in known]
+    left = (one for one in diagnosis.candidates if str(one.reference) not in known)
+    others = [_finding(one, ": ".join(filter(None, (why, one.left_because))), titles) for one in left]
     return Told(
         verdict=diagnosis.sentence,
         sentences=tuple(f"{capitalised(note)}." for note in diagnosis.notes),
