@@ -20,6 +20,8 @@ from geoerr.files import refusing_unreadable, whole_or_absent
 
 # Line 1 of a CSV file is its header.
 FIRST_DATA_ROW = 2
+# What commands take beside measurements: machines, models, rigs.
+_NO_TABLES = (".json", ".toml")
 
 
 def is_temperature(column: str) -> bool:
@@ -95,6 +97,13 @@ def read_raw(path: str | Path) -> pl.DataFrame:
             if Path(path).suffix.lower() == ".parquet":
                 return pl.read_parquet(path)
             content = Path(path).read_bytes()
+        if Path(path).suffix.lower() in _NO_TABLES:
+            raise InputFileError(
+                path,
+                "is no table of measurements",
+                remedy="measurements are .csv or .parquet; a rig belongs to --rig, a machine or a model goes where the "
+                "command asks for one",
+            )
         return _read_csv(content, path)
     except pl.exceptions.PolarsError as error:
         raise InputFileError(path, f"not a readable table: {error}") from error

@@ -162,6 +162,15 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read_observations(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["rig.json", "machine.TOML"])
+def test_a_rig_or_a_machine_is_no_table(tmp_path: Path, name: str) -> None:
+    path = write(tmp_path, '{"K_left": []}', name)
+    with pytest.raises(InputFileError, match=f"{name}: is no table of measurements") as refused:
+        read_observations(path)
+    assert refused.value.remedy is not None
+    assert "--rig" in refused.value.remedy
+
+
 def test_the_other_kinds(tmp_path: Path) -> None:
     circle = read_circular_test(write(tmp_path, "line,x,y,z,r,dir\nA,1,2,3,100.01,-1\nA,1,2,3,,1\n"))
     assert circle.frame["r"].to_list() == [100.01]
