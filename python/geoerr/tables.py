@@ -101,8 +101,8 @@ def read_raw(path: str | Path) -> pl.DataFrame:
             raise InputFileError(
                 path,
                 "is no table of measurements",
-                remedy="measurements are .csv or .parquet; a rig belongs to --rig, a machine or a model goes where the "
-                "command asks for one",
+                remedy="measurements are .csv or .parquet; a rig belongs to --rig, a machine or a model goes where "
+                "the command asks for one",
             )
         return _read_csv(content, path)
     except pl.exceptions.PolarsError as error:
