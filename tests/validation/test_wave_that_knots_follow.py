@@ -6,6 +6,7 @@ from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
+from geoerr.effects.collection import Catalogue
 from geoerr.fit import fit_terms
 
 STRENGTH_UM, NUMBER = 8.0, 5
@@ -23,3 +24,17 @@ def test_the_period_is_as_sure_as_a_smooth_error_lets_it_be() -> None:
     (period,) = found.settled.term.inner
     assert abs(period.value - case.truth[0].parameters["P"]) < 4.0 * period.std
     assert period.std < 2.5 * inner_bounds(case)["P"]
+
+
+def test_of_a_wave_with_harmonics_the_first_counts() -> None:
+    """As it was settled it is no wave of one frequency: beside few knots it was found, and not counted as one."""
+    one = single_set("periodic-harmonics", 15, 2.0)
+    case = one.case(10_000, is_study=False)
+    fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
+    _, searched = searched_whole(fitted, Catalogue({"periodic": catalogue()["periodic"]}), threads=1)
+    (found,) = searched.found
+    assert found.settled.term is not None
+    (period,) = found.settled.term.inner
+    # Beside many knots half of it is left: the second harmonic.
+    assert abs(period.value - case.truth[0].parameters["P"]) < 4.0 * period.std
+    assert period.value > 40.0

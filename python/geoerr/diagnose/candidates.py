@@ -469,6 +469,15 @@ def is_wave_in_some_form(functions: Functions, candidate: Candidate) -> bool:
     )
 
 
+def n_waves_in_some_form(functions: Functions, candidate: Candidate, term: Term) -> float:
+    """Give the number of waves of a candidate as it was settled: of a sum of harmonics those of the first."""
+    place = place_of_period(term)
+    if place is None or not is_wave_in_some_form(functions, candidate):
+        return 0.0
+    along = functions.variables[functions.names.index(term.variables[0])]
+    return float(np.ptp(along)) / term.inner[place].value
+
+
 def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:
     """Give moments of a jump, midway between rows: evenly apart in number, and closer towards the ends of a session.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from geoerr.diagnose.candidates import n_waves
+from geoerr.diagnose.candidates import Candidate, n_waves_in_some_form
 from geoerr.diagnose.search import Searched, search, waves_seen
 from geoerr.diagnose.steps import RoundSteps, Steps
 from geoerr.effects.collection import Catalogue
@@ -40,5 +40,9 @@ def _is_followed(changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -
 
 def _waves_found(searched: Searched) -> list[tuple[Term, float]]:
     functions = searched.bench.functions
-    terms = [one.settled.term for one in searched.found if one.settled.term is not None]
-    return [(term, n_waves(functions, term, [one.value for one in term.inner])) for term in terms]
+    found = [(one.judged.what, one.settled.term) for one in searched.found]
+    return [
+        (term, n_waves_in_some_form(functions, what, term))
+        for what, term in found
+        if term is not None and isinstance(what, Candidate)
+    ]
