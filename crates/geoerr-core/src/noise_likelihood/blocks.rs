@@ -6,6 +6,7 @@ use super::dual::Number;
 use super::error::{NoiseError, length};
 use super::filter::Filter;
 use super::sums::Logs;
+use crate::arithmetic::in_wide_registers;
 
 /// Which block each row belongs to.
 #[derive(Clone, Debug)]
@@ -102,6 +103,32 @@ impl Blocks {
     /// Rows of a block.
     pub(super) fn rows(&self, block: usize) -> &[usize] {
         &self.rows[self.first[block]..self.first[block + 1]]
+    }
+
+    /// `Uᵀ` of `width` numbers of each row on one component, (n_blocks, `width`): `unit` has the entries of U, and `values`
+    /// all three components of each row.
+    pub(super) fn sums<T: Copy + Into<f64>>(
+        &self,
+        c: usize,
+        unit: &[f64],
+        values: &[T],
+        width: usize,
+    ) -> Vec<f64> {
+        let mut sums = vec![0.0; self.len() * width];
+        for ((&block, &weight), row) in
+            self.of_row.iter().zip(unit).zip(values.chunks_exact((3 * width).max(1)))
+        {
+            let own = &mut sums[block * width..(block + 1) * width];
+            in_wide_registers(
+                #[inline(always)]
+                || {
+                    for (sum, &value) in own.iter_mut().zip(&row[c * width..]) {
+                        *sum += weight * value.into();
+                    }
+                },
+            );
+        }
+        sums
     }
 
     /// `I + K` of one session, factorized. `reach` is the root of the sum of squared weights of each block.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::error::{NoiseError, length};
-use super::sums::{Logs, reach_of, unit_of};
+use super::sums::{Logs, reach_of, units_of};
 use crate::least_squares::{add_cross_product, add_product_by_rows};
 
 /// Rows of one step: a thread's own, joined in their order.
@@ -46,11 +46,7 @@ impl Blocks {
             return Ok(());
         }
         let mut inside = products(drawn, n_draws, basis, r);
-        let unit = [0, 1, 2].map(|c| {
-            let reach = reach_of(self, c, weights);
-            let of_row = self.of_row().iter().zip(weights);
-            of_row.map(|(&block, weight)| unit_of(weight[c], reach[block])).collect::<Vec<f64>>()
-        });
+        let unit = [0, 1, 2].map(|c| units_of(self, c, weights, &reach_of(self, c, weights)));
         let of_blocks: Vec<OfBlocks> = (unit.par_iter().enumerate())
             .map(|(c, unit)| {
                 let mut own = OfBlocks {
@@ -85,20 +81,6 @@ impl Blocks {
             add_product_by_rows(drawn, &basis, &inside, n_rows, -1.0);
         });
         Ok(())
-    }
-
-    /// `Uᵀ` of `width` numbers of each row and component, (n_blocks, width).
-    fn sums<T: Copy + Into<f64>>(&self, c: usize, unit: &[f64], values: &[T], width: usize) -> Vec<f64> {
-        let mut sums = vec![0.0; self.len() * width];
-        for ((&block, &weight), row) in
-            self.of_row().iter().zip(unit).zip(values.chunks_exact((3 * width).max(1)))
-        {
-            let own = &mut sums[block * width..(block + 1) * width];
-            for (sum, &value) in own.iter_mut().zip(&row[c * width..]) {
-                *sum += weight * value.into();
-            }
-        }
-        sums
     }
 }
 

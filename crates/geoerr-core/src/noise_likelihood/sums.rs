@@ -177,6 +177,12 @@ pub(super) fn reach_of(blocks: &Blocks, c: usize, weights: &[[f64; 3]]) -> Vec<f
         .collect()
 }
 
+/// Entries of U of a component, row by row.
+pub(super) fn units_of(blocks: &Blocks, c: usize, weights: &[[f64; 3]], reach: &[f64]) -> Vec<f64> {
+    let rows = blocks.of_row().iter().zip(weights);
+    rows.map(|(&block, weight)| unit_of(weight[c], reach[block])).collect()
+}
+
 /// Entry of U.
 pub(super) fn unit_of(weight: f64, reach: f64) -> f64 {
     if reach > 0.0 { weight / reach } else { 0.0 }

@@ -6,7 +6,7 @@ use super::blocks::Blocks;
 use super::error::{NoiseError, length};
 use super::filter::Filter;
 use super::lanes::add_scaled;
-use super::sums::{Likelihood, Logs, reach_of, unit_of};
+use super::sums::{Likelihood, Logs, reach_of, unit_of, units_of};
 use crate::least_squares::{Matrix, Real, orthonormalizing, set_rows_times_upper};
 
 /// Rows that are written as one piece of work.
@@ -46,10 +46,7 @@ impl Blocks {
     pub fn whitening(&self, weights: &[[f64; 3]], logs: &[Logs; 3]) -> Result<Whitening, NoiseError> {
         length("weights", weights.len(), self.n_rows())?;
         let reach = [0, 1, 2].map(|c| reach_of(self, c, weights));
-        let unit = [0, 1, 2].map(|c| {
-            let rows = weights.iter().zip(self.of_row());
-            rows.map(|(weight, &block)| unit_of(weight[c], reach[c][block])).collect()
-        });
+        let unit = [0, 1, 2].map(|c| units_of(self, c, weights, &reach[c]));
         let mut filters = [0, 1, 2].map(|_| Vec::new());
         for (component, own) in filters.iter_mut().enumerate() {
             let of_session = |session| self.filter(session, &reach[component], logs[component]);
@@ -71,7 +68,7 @@ impl Whitening {
         let more: Vec<Vec<f64>> = (0..3_usize)
             .into_par_iter()
             .map(|c| {
-                let sums = self.sums(c, values, width);
+                let sums = self.blocks.sums(c, &self.unit[c], values, width);
                 let mut more = sums.clone();
                 self.filter_rows(c, &mut more, width, |filter, rows, width| match direction {
                     Direction::Forward => filter.whiten(rows, width),
@@ -169,18 +166,6 @@ impl Whitening {
         for (own, filter) in self.blocks.sessions().iter().zip(&self.filters[c]) {
             apply(filter, &mut rows[own.start * width..own.end * width], width);
         }
-    }
-
-    /// `Uᵀ values` of one component, (n_blocks, `width`).
-    fn sums(&self, c: usize, values: &[f64], width: usize) -> Vec<f64> {
-        let mut sums = vec![0.0; self.n_blocks() * width];
-        if width > 0 {
-            for (row, own) in values.chunks_exact(3 * width).enumerate() {
-                let target = &mut sums[self.block(row) * width..][..width];
-                add_scaled(target, self.unit[c][row], &own[c * width..][..width]);
-            }
-        }
-        sums
     }
 }
 

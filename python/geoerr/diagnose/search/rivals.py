@@ -24,7 +24,7 @@ _TOO_ALIKE = 0.99
 _VUONG, _LEAST_CORRELATION = 1.64, 0.5
 # Falls of the sum of squares that differ by less than 6 are e^3 in likelihood, which is little; by 20, decided.
 _LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
-_TIMES = ("t", CLOCK_NAME)
+_TIMES = {"t", CLOCK_NAME}
 # Candidates that are looked at closely.
 _CLOSELY = 12
 
@@ -123,7 +123,7 @@ def _is_another_course(judged: Judged, first: Judged) -> bool:
 
 
 def _courses(term: Term) -> set[str]:
-    return {name for name in term.variables if name in term.needs or name in _TIMES}
+    return {*term.needs, *(_TIMES & {*term.variables})}
 
 
 def _is_close(alike: float, difference: float) -> bool:
