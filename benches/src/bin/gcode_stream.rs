@@ -47,7 +47,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         rewriter.push(&chunk[..n_bytes], n_left == 0);
         loop {
-            let went_on = rewriter.pull(&mut out);
+            // From inside the pool, as the package calls it.
+            let went_on = rayon::scope(|_| rewriter.pull(&mut out));
             target.write_all(&out)?;
             out.clear();
             if !went_on? {

@@ -14,8 +14,9 @@ use super::reader::{Move, Reader, Step};
 use super::report::excerpt;
 use crate::volumetric::MotionNeeds;
 
-/// Lines of a block at most: few enough that its moves stay in the cache from reading to writing.
-const BLOCK_LINES: usize = 1_024;
+/// Lines of a block at most: few enough that its moves stay in the cache from reading to writing, and so many that
+/// threads seldom wait for each other.
+const BLOCK_LINES: usize = 2_048;
 
 /// Moves and knot crossings of a block at most: what bounds the number of pieces, and so the memory, of a block.
 const BLOCK_WORK: usize = 8_192;

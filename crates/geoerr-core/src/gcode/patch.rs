@@ -16,6 +16,9 @@ const PROBES: [f64; 4] = [0.0, 0.25, 0.75, 1.0];
 /// Errors that change faster than this (mm/mm) are left to Newton's method.
 const STEEPEST: f64 = 0.1;
 
+/// A place at a knot is at most so far from it.
+const ROUNDED_MM: f64 = 1e-9;
+
 /// Steps to a command, each of which leaves at most that share of the miss.
 const STEPS: usize = 16;
 
@@ -104,6 +107,21 @@ impl Patch {
         self.error.added_to(command_mm)
     }
 
+    /// The same for two commands.
+    #[inline]
+    pub fn actual_of_two(&self, commands_mm: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
+        self.error.added_to_two(commands_mm)
+    }
+
+    /// Whether a command lies in the patch's box, or by a rounding outside.
+    #[inline]
+    pub fn nearly_holds(&self, command_mm: &[f64; 3]) -> bool {
+        (0..3).all(|axis| {
+            self.low_mm[axis] - ROUNDED_MM <= command_mm[axis]
+                && command_mm[axis] <= self.high_mm[axis] + ROUNDED_MM
+        })
+    }
+
     /// Whether a command lies in the patch's box.
     #[inline]
     pub fn holds(&self, command_mm: &[f64; 3]) -> bool {
@@ -150,6 +168,16 @@ impl Quadratic {
             || self.sum(at_mm),
         );
         [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z]
+    }
+
+    /// The same for two places: neither waits for what the other's sums wait for.
+    #[inline]
+    fn added_to_two(&self, at_mm: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
+        let sums = in_wide_registers(
+            #[inline(always)]
+            || [self.sum(&at_mm[0]), self.sum(&at_mm[1])],
+        );
+        [0, 1].map(|which| std::array::from_fn(|axis| at_mm[which][axis] + sums[which][axis]))
     }
 
     /// In loops, for what a library's function is called with is compiled for narrow registers.

@@ -22,6 +22,12 @@ pub trait PathMap: Sync {
     /// Where `command_mm` puts the tool.
     fn actual(&self, command_mm: &[f64; 3], approach: &Approach) -> [f64; 3];
 
+    /// [`actual`](Self::actual) of two commands with no knot between them: one question for both, where that is quicker.
+    #[inline]
+    fn actual_of_two(&self, commands_mm: &[[f64; 3]; 2], approaches: &[Approach; 2]) -> [[f64; 3]; 2] {
+        [0, 1].map(|which| self.actual(&commands_mm[which], &approaches[which]))
+    }
+
     /// Coordinates of `axis` (0 to 2) between which [`actual`](Self::actual) is smooth, increasing.
     fn knots(&self, axis: usize) -> &[f64];
 
@@ -224,17 +230,20 @@ impl<M: PathMap> Moved<'_, M> {
         let mut at_left = at_start;
         for &right in crossings.iter() {
             let middle = 0.5 * (left + right);
-            let at_middle = self.deviation(from, to, middle);
-            let at_right = if right < 1.0 { self.deviation(from, to, right) } else { [0.0; 3] };
+            let [at_middle, at_right] = if right < 1.0 {
+                self.deviation_of_two(from, to, [middle, right])
+            } else {
+                [self.deviation(from, to, middle), [0.0; 3]]
+            };
             let bend: [f64; 3] = std::array::from_fn(|c| at_middle[c] - 0.5 * (at_left[c] + at_right[c]));
-            let sizes = [norm(&at_left), norm(&at_middle), norm(&at_right)];
-            let bound_mm = sizes[0].max(sizes[1]).max(sizes[2]) + 0.25 * norm(&bend);
+            let squares = [square(&at_left), square(&at_middle), square(&at_right)];
+            let bound_mm = squares[0].max(squares[1]).max(squares[2]).sqrt() + 0.25 * square(&bend).sqrt();
             if bound_mm > largest_mm || bound_mm.is_nan() {
                 largest_mm = bound_mm;
                 if halves {
                     return Some(Worst { deviation_mm: bound_mm, at: crossings[crossings.len() / 2] });
                 }
-                let at = if right < 1.0 && sizes[2] > sizes[1] { right } else { middle };
+                let at = if right < 1.0 && squares[2] > squares[1] { right } else { middle };
                 over = Some(Worst { deviation_mm: bound_mm, at });
             }
             (left, at_left) = (right, at_right);
@@ -245,14 +254,26 @@ impl<M: PathMap> Moved<'_, M> {
     /// Actual minus ideal tool position at a share of a piece.
     #[inline]
     fn deviation(&self, from: &Node, to: &Node, share: f64) -> [f64; 3] {
-        let approach = if self.is_still {
-            Approach::default()
-        } else {
-            self.course.at(from.share + share * (to.share - from.share))
-        };
+        let approach = self.approach(from, to, share);
         let actual = self.map.actual(&between(&from.command_mm, &to.command_mm, share), &approach);
-        let ideal = between(&from.ideal_mm, &to.ideal_mm, share);
-        std::array::from_fn(|axis| actual[axis] - ideal[axis])
+        off(&actual, from, to, share)
+    }
+
+    /// The same at two shares that no knot is between.
+    #[inline]
+    fn deviation_of_two(&self, from: &Node, to: &Node, shares: [f64; 2]) -> [[f64; 3]; 2] {
+        let commands_mm = shares.map(|share| between(&from.command_mm, &to.command_mm, share));
+        let approaches = shares.map(|share| self.approach(from, to, share));
+        let [one, other] = self.map.actual_of_two(&commands_mm, &approaches);
+        [off(&one, from, to, shares[0]), off(&other, from, to, shares[1])]
+    }
+
+    #[inline]
+    fn approach(&self, from: &Node, to: &Node, share: f64) -> Approach {
+        if self.is_still {
+            return Approach::default();
+        }
+        self.course.at(from.share + share * (to.share - from.share))
     }
 
     /// A node of the move that is commanded for its own approach.
@@ -286,6 +307,13 @@ fn between(a: &[f64; 3], b: &[f64; 3], share: f64) -> [f64; 3] {
     std::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]))
 }
 
+/// An actual tool position less the ideal one at a share of a piece.
+#[inline]
+fn off(actual: &[f64; 3], from: &Node, to: &Node, share: f64) -> [f64; 3] {
+    let ideal = between(&from.ideal_mm, &to.ideal_mm, share);
+    std::array::from_fn(|axis| actual[axis] - ideal[axis])
+}
+
 /// Distance of two points, mm.
 pub fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     norm(&[a[0] - b[0], a[1] - b[1], a[2] - b[2]])
@@ -293,7 +321,12 @@ pub fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 
 #[inline]
 fn norm(v: &[f64; 3]) -> f64 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+    square(v).sqrt()
+}
+
+#[inline]
+fn square(v: &[f64; 3]) -> f64 {
+    v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 }
 
 #[cfg(test)]
