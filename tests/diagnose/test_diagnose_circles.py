@@ -165,6 +165,25 @@ def test_document_and_words() -> None:
     assert suspect.to_document()["peak_to_peak_um"] is None
 
 
+def test_every_step_has_words_and_the_search_ends_at_the_one_that_is_told_to() -> None:
+    counts: list[tuple[int, int]] = []
+    said: list[str] = []
+    test = circular(squareness, feeds=(1000.0,))
+    diagnose_circles(MODEL, test, progress=lambda done, total: counts.append((done, total)), on_step=said.append)
+    assert [done for done, _ in counts] == list(range(len(counts)))
+    assert counts[-1] == (len(said), len(said))
+    assert said[0] == "the model and the circles are compared"
+    assert any(text.endswith(" causes") for text in said)
+    assert "values" in said[-1]
+
+    def tell(what: str) -> None:
+        if "structure" in what:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        diagnose_circles(MODEL, test, on_step=tell)
+
+
 def test_figures_of_runs_are_those_of_the_standard() -> None:
     """G of each run: peak to peak about the least-squares circle, here of a sine and noise."""
     diagnosis = diagnose_circles(MODEL, circular(squareness, feeds=(1000.0,)))

@@ -145,17 +145,28 @@ def test_figures_of_the_standards_are_those_that_were_put_in(full: parts.ModelRe
 
 def test_gathering_and_writing_both_tell_how_far_they_are(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: dict[str, list[tuple[int, int]]] = {}
+    said: list[str] = []
 
     @contextmanager
-    def watched(title: str, quiet: bool = False) -> Iterator[Advance]:
-        yield lambda done, total: told.setdefault(title, []).append((done, total))
+    def watched(title: str, quiet: bool = False, *, says_steps: bool = False) -> Iterator[Advance]:
+        def update(**shown: int | str) -> None:
+            if "description" in shown:
+                assert says_steps
+                said.append(str(shown["description"]))
+            else:
+                told.setdefault(title, []).append((int(shown["completed"]), int(shown["total"])))
+
+        yield Advance(update)
 
     monkeypatch.setattr("geoerr.cli.report.progress_bar", watched)
-    assert run(folder, "model.json", "-o", str(folder / "page.html")).exit_code == 0
+    assert run(folder, "model.json", "points.csv", "-o", str(folder / "page.html")).exit_code == 0
     assert list(told) == ["report", "write"]
     for steps in told.values():
         assert [done for done, _ in steps] == sorted(done for done, _ in steps)
         assert len(steps) > 2
+    assert said[0] == "the model and the measurements are compared"
+    assert any(what.startswith("search 1, round 1: ") for what in said)
+    assert said[-1] == "the uncertainty budget"
 
 
 def test_a_condition_is_the_users(folder: Path) -> None:

@@ -90,9 +90,9 @@ def diagnose_verb(
     diagnosis: Diagnosis | CircleDiagnosis
     with progress_bar("diagnose", quiet, says_steps=True) as advance:
         if measured.points is None and not refit:
-            advance(0, 1)
-            diagnosis = diagnose_circles(known, *measured.circles, effects=own, threads=threads)
-            advance(1, 1)
+            diagnosis = diagnose_circles(
+                known, *measured.circles, effects=own, progress=advance, on_step=advance.say, threads=threads
+            )
         else:
             diagnosis = diagnose(
                 known,

@@ -79,7 +79,7 @@ def report_verb(
     set_aside = () if measured is None else measured.set_aside
     sensitivity, covariance = calibration(rig, None if measured is None else measured.points)
     given = followed_conditions(at, followed_on_circle(known), quiet)
-    with progress_bar("report", quiet) as advance:
+    with progress_bar("report", quiet, says_steps=True) as advance:
         gathered = model_report(
             known,
             *tables,
@@ -89,6 +89,7 @@ def report_verb(
             rig_sensitivity=sensitivity,
             rig_covariance=covariance,
             progress=advance,
+            on_step=advance.say,
             threads=threads,
         )
     provenance = provenance_of_command(inputs)

@@ -15,6 +15,7 @@ import numpy as np
 from geoerr.budget import Budget, UncertaintyMap, uncertainty_budget, uncertainty_map
 from geoerr.diagnose import Comparison, Diagnosis, compare, diagnose
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
+from geoerr.diagnose.steps import OnStep
 from geoerr.diagnose.straight_lines import StraightLine, straight_lines
 from geoerr.effects import Effect
 from geoerr.error_functions import ErrorFunctions
@@ -202,6 +203,7 @@ def model_report(
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
     progress: Progress | None = None,
+    on_step: OnStep | None = None,
     threads: int = 0,
 ) -> ModelReport:
     """Gather what the report of a model shows.
@@ -224,6 +226,8 @@ def model_report(
         The calibration's uncertainty, as for `geoerr.compare`.
     progress
         Called with the steps done and their number.
+    on_step
+        Called with what comes next, in words.
 
     Raises
     ------
@@ -234,7 +238,8 @@ def model_report(
     given = dict(at or {})
     assumed = tuple(name for name in needed_conditions(model) if is_temperature(name) and name not in given)
     stated = {**given, **dict.fromkeys(assumed, REFERENCE)}
-    steps = _Steps(progress)
+    steps = _Steps(progress, on_step)
+    steps.say("the model and the measurements are compared")
     parts = _Parts()
     points = [table for table in tables if isinstance(table, Observations)]
     circles = [table for table in tables if isinstance(table, CircularTest)]
@@ -247,7 +252,9 @@ def model_report(
 
     def look() -> Diagnosis | CircleDiagnosis:
         if not points:
-            return diagnose_circles(model, *circles, effects=effects, threads=threads)
+            return diagnose_circles(
+                model, *circles, effects=effects, progress=steps.search, on_step=on_step, threads=threads
+            )
         return diagnose(
             model,
             *points,
@@ -256,22 +263,26 @@ def model_report(
             rig_sensitivity=rig_sensitivity,
             rig_covariance=rig_covariance,
             progress=steps.search,
+            on_step=on_step,
             threads=threads,
         )
 
     if diagnosis is None:
         why = _no_search(points, circles, tables, search)
         diagnosis = parts.tried(DIAGNOSIS, look, unless=why)
+    steps.say("measured lines")
     lines = tuple(
         MeasuredLine(line, test)
         for line in straight_lines(model.machine, *points, threads=threads)
         if (test := positioning_test(line.position_mm, line.deviation_um, line.direction)) is not None
     )
     steps.done()
+    steps.say("the 21 errors, circles, lines and diagonals as the model predicts them")
     errors, has_field, circular, predicted, diagonals = _predictions(parts, model, circles, stated)
     if not predicted and lines:
         parts.drop(POSITIONING)
     steps.done()
+    steps.say("the uncertainty budget")
     budget, volume = _budget(parts, model, comparison, stated)
     stages = () if model.record is None else stages_of(model.record.history)
     if not stages:
@@ -315,8 +326,9 @@ class _Steps:
 
     _OWN = 4
 
-    def __init__(self, progress: Progress | None) -> None:
+    def __init__(self, progress: Progress | None, on_step: OnStep | None) -> None:
         self._tell = progress or (lambda done, total: None)
+        self.say = on_step or (lambda what: None)
         self._done = 0
         self._searched = 0
 

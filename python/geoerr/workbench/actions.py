@@ -128,7 +128,14 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
     def work(advance: Advance) -> Callable[[], None]:
         found: Diagnosis | CircleDiagnosis
         if data.points is None:
-            found = diagnose_circles(model, *data.circles, effects=effects, threads=session.threads)
+            found = diagnose_circles(
+                model,
+                *data.circles,
+                effects=effects,
+                progress=advance,
+                on_step=advance.say,
+                threads=session.threads,
+            )
         else:
             found = diagnose(
                 model,

@@ -99,6 +99,7 @@ def _of_model(session: Session) -> Writer:
             search=False,
             diagnosis=diagnosis,
             progress=lambda done, total: advance(done, 2 * total),
+            on_step=advance.say,
             threads=threads,
             **calibration,
         )

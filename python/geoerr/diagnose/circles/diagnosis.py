@@ -19,6 +19,7 @@ from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
+from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import circle_diagnosis_html
 from geoerr.diagnose.words import chance_words, listed, um_words
 from geoerr.drawing import drawn
@@ -258,7 +259,12 @@ class CircleDiagnosis(Answer):
 
 
 def diagnose_circles(
-    model: Model, *tests: CircularTest, effects: Sequence[Effect] = (), threads: int = 0
+    model: Model,
+    *tests: CircularTest,
+    effects: Sequence[Effect] = (),
+    progress: Progress | None = None,
+    on_step: OnStep | None = None,
+    threads: int = 0,
 ) -> CircleDiagnosis:
     """Find what ails a machine from circular tests alone.
 
@@ -273,6 +279,10 @@ def diagnose_circles(
         Circular tests.
     effects
         A user's own, beside the causes of a ball bar.
+    progress
+        Called with the steps done and the least number that there will be.
+    on_step
+        Called with what comes next, in words. What it or `progress` raises ends the work between two steps.
 
     Raises
     ------
@@ -289,11 +299,15 @@ def diagnose_circles(
     if not tests:
         raise GeoerrError("a diagnosis needs measurements\nhint: give the circular tests after the model")
     usable, problems, notes = checked(tests)
+    steps = Steps(progress, on_step)
+    steps.next("the model and the circles are compared")
     fitted = compare(model, *usable, threads=threads).points
     runs = runs_of(fitted, problems, notes)
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     suspects, not_offered = suspects_of(runs, known, effects, [term.id for term in model.terms])
-    return _diagnosis(search(runs, suspects), known, not_offered)
+    found = _diagnosis(search(runs, suspects, steps), known, not_offered)
+    steps.end()
+    return found
 
 
 def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str, str]]) -> CircleDiagnosis:

@@ -15,32 +15,38 @@ from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.circles.structure import Structure
 from geoerr.diagnose.circles.values import CAUTION_OF_VALUES, joint, rivals_of, traces_of
+from geoerr.diagnose.steps import Steps
+from geoerr.summaries import counted
 
 # Times that the search is repeated without rows that turn out to be gross.
 _ROUNDS = 2
 
 
-def search(runs: Runs, suspects: Sequence[Suspect]) -> Searched:
+def search(runs: Runs, suspects: Sequence[Suspect], steps: Steps) -> Searched:
     """Search, and again without the rows that turn out to be gross."""
     n = len(runs)
     runs = runs.without(stand_alone(runs, runs.signal_um, np.zeros(n)))
     n_gross = n - len(runs)
-    searched = _searched(runs.averaged(), suspects)
+    searched = _searched(runs.averaged(), suspects, steps)
     for _ in range(_ROUNDS):
         level = searched.noise.sigma_um * searched.noise.level + misfit_um(searched)
         gross = stand_alone(searched.runs, searched.rest_um, level)
         if not gross.any():
             break
         n_gross += int(gross.sum())
-        searched = _searched(searched.runs.without(gross), suspects)
+        searched = _searched(
+            searched.runs.without(gross), suspects, steps, f", without {counted(n_gross, 'gross row')}"
+        )
     return replace(searched, n_gross=n_gross)
 
 
-def _searched(runs: Runs, suspects: Sequence[Suspect]) -> Searched:
+def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str = "") -> Searched:
+    steps.next(f"what chance finds{beside}")
     state = State(runs, suspects)
     basis, left = state.context([])
     chance = state.bench.chance(basis, state.n)
     probe_chance = state.probe_bench.chance(basis, state.n)
+    steps.next(f"{counted(len(suspects), 'cause')}{beside}")
     judged = sorted(state.bench.judge(basis, left, state.n), key=lambda one: -one.evidence)
     first = tuple((one, min(2.0 * chance.p_value(one.surprise), 1.0)) for one in judged)
     probed = state.probe_bench.judge(basis, left, state.n)
@@ -48,8 +54,11 @@ def _searched(runs: Runs, suspects: Sequence[Suspect]) -> Searched:
     seen = {one.what for one in judged}
     names = Names(state, chance)
     structure = Structure(state, probe_chance)
-    found, withdrawn, unknown = structure.probed(names.search())
+    named = names.search()
+    steps.next(f"structure without a name{beside}")
+    found, withdrawn, unknown = structure.probed(named)
     found = names.refined(found)
+    steps.next(f"what else would say the same, and values{beside}")
     rivals = tuple(rivals_of(state, found, place) for place in range(len(found)))
     scatter = state.noise_beside(found, structure.columns, CAUTION_OF_VALUES)
     estimate, covariance = joint(state, found)
