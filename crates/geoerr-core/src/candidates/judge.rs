@@ -20,10 +20,6 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    fn zeros(n_rows: usize, width: usize) -> Self {
-        Self { values: vec![0.0; n_rows * width], width }
-    }
-
     fn reset(&mut self, n_rows: usize, width: usize) {
         self.width = width;
         self.values.clear();
@@ -83,108 +79,179 @@ pub(super) struct Judged {
     pub of_draws: Vec<f64>,
 }
 
-/// Judges one trial.
-pub(super) fn judge(sums: &Sums) -> Judged {
-    let k = sums.score.len();
-    let n_draws = sums.draws.width;
-    let size: Vec<f64> = (0..k)
-        .map(|i| {
-            let square = sums.information.row(i)[i];
-            if square > 0.0 { square.sqrt() } else { 1.0 }
-        })
-        .collect();
-    let mut cosines: Vec<f64> =
-        (0..k * k).map(|at| sums.information.values[at] / (size[at / k] * size[at % k])).collect();
-    let (values, vectors) = symmetric_eigen(&mut cosines, k);
-    // Columns that make the candidate's own information the unit.
-    let unit: Vec<Vec<f64>> = (values.iter().zip(&vectors))
-        .filter(|&(&value, _)| value > DEPENDENT.max(sums.least) * k as f64)
-        .map(|(&value, vector)| (0..k).map(|i| vector[i] / (size[i] * value.sqrt())).collect())
-        .collect();
-    let m = unit.len();
-    let mut inside = Rows::zeros(m, sums.inside.width);
-    for (i, direction) in unit.iter().enumerate() {
-        sums.inside.set_combined(inside.row_mut(i), direction);
-    }
-    let mut beyond = vec![0.0; m * m];
-    for i in 0..m {
-        for j in 0..=i {
-            let owned = lanes::dot(inside.row(i), inside.row(j));
-            let value = if i == j { 1.0 - owned } else { -owned };
-            beyond[i * m + j] = value;
-            beyond[j * m + i] = value;
-        }
-    }
-    let (shares, turns) = symmetric_eigen(&mut beyond, m);
-    let mut judged = Judged { gain: 0.0, rank: 0, share: 0.0, of_draws: vec![0.0; n_draws] };
-    let mut scores = vec![0.0; n_draws];
-    for (&share, turn) in shares.iter().zip(&turns) {
-        if share <= OWNED.max(sums.least) {
-            continue;
-        }
-        let direction: Vec<f64> = (0..k)
-            .map(|i| unit.iter().zip(turn).map(|(column, &t)| column[i] * t).sum::<f64>() / share.sqrt())
-            .collect();
-        let score: f64 = direction.iter().zip(&sums.score).map(|(a, b)| a * b).sum();
-        judged.gain += score * score;
-        judged.rank += 1;
-        judged.share = judged.share.max(share);
-        sums.draws.set_combined(&mut scores, &direction);
-        lanes::add_products(&mut judged.of_draws, &scores, &scores);
-    }
-    judged
+/// Judges one trial after the other; keeps the memory of its small matrices.
+#[derive(Default)]
+pub(super) struct Judge {
+    size: Vec<f64>,
+    matrix: Vec<f64>,
+    eigen: Eigen,
+    /// Rows of k: combinations of columns that make the candidate's own information the unit.
+    unit: Rows,
+    /// `(QᵀV^(-1/2)B)ᵀ(QᵀV^(-1/2)B)`, k × k, and that times a row of `unit`.
+    owned: Rows,
+    owned_of_unit: Rows,
+    direction: Vec<f64>,
+    scores: Vec<f64>,
 }
 
-/// Eigenvalues and unit eigenvectors of a symmetric matrix (k × k), which is used up.
-///
-/// Few columns by Jacobi's rotations, which keep small eigenvalues to their own precision; of more they would be most of
-/// a ranking's time.
-fn symmetric_eigen(matrix: &mut [f64], k: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
-    if k > MOST_ROTATED {
-        let whole = Matrix::from_fn(k, k, |row, column| matrix[row * k + column]);
-        if let Ok((values, vectors)) = least_squares::symmetric_eigen(&whole) {
-            return (values, (0..k).map(|i| vectors.column(i).to_vec()).collect());
-        }
-    }
-    by_rotations(matrix, k)
-}
-
-/// Jacobi's method: the matrix is overwritten.
-fn by_rotations(matrix: &mut [f64], k: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
-    let mut vectors: Vec<Vec<f64>> =
-        (0..k).map(|i| (0..k).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
-    for _ in 0..MOST_SWEEPS {
-        let mut is_done = true;
-        for p in 0..k {
-            for q in p + 1..k {
-                let (app, aqq, apq) = (matrix[p * k + p], matrix[q * k + q], matrix[p * k + q]);
-                if apq.abs() <= f64::EPSILON * (app.abs() * aqq.abs()).sqrt().max(f64::MIN_POSITIVE) {
-                    continue;
-                }
-                is_done = false;
-                let theta = (aqq - app) / (2.0 * apq);
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let c = 1.0 / t.hypot(1.0);
-                let s = t * c;
-                for i in 0..k {
-                    let (a, b) = (matrix[i * k + p], matrix[i * k + q]);
-                    matrix[i * k + p] = c * a - s * b;
-                    matrix[i * k + q] = s * a + c * b;
-                }
-                for i in 0..k {
-                    let (a, b) = (matrix[p * k + i], matrix[q * k + i]);
-                    matrix[p * k + i] = c * a - s * b;
-                    matrix[q * k + i] = s * a + c * b;
-                }
-                let (before, from) = vectors.split_at_mut(q);
-                for (a, b) in before[p].iter_mut().zip(&mut from[0]) {
-                    (*a, *b) = (c * *a - s * *b, s * *a + c * *b);
+impl Judge {
+    /// Judges one trial.
+    pub(super) fn judge(&mut self, sums: &Sums) -> Judged {
+        let m = self.set_unit(sums);
+        self.set_beyond(sums, m);
+        self.eigen.set(&mut self.matrix, m);
+        let n_draws = sums.draws.width;
+        let mut judged = Judged { gain: 0.0, rank: 0, share: 0.0, of_draws: vec![0.0; n_draws] };
+        self.scores.resize(n_draws, 0.0);
+        for (i, &share) in self.eigen.values.iter().enumerate() {
+            if share <= OWNED.max(sums.least) {
+                continue;
+            }
+            self.direction.clear();
+            self.direction.resize(sums.score.len(), 0.0);
+            for (column, &turn) in self.eigen.vector(i).iter().enumerate() {
+                for (sum, &part) in self.direction.iter_mut().zip(self.unit.row(column)) {
+                    *sum += turn / share.sqrt() * part;
                 }
             }
+            let score: f64 = self.direction.iter().zip(&sums.score).map(|(a, b)| a * b).sum();
+            judged.gain += score * score;
+            judged.rank += 1;
+            judged.share = judged.share.max(share);
+            sums.draws.set_combined(&mut self.scores, &self.direction);
+            lanes::add_products(&mut judged.of_draws, &self.scores, &self.scores);
         }
-        if is_done {
-            break;
+        judged
+    }
+
+    /// Sets the combinations of columns that make the candidate's own information the unit; gives their number.
+    fn set_unit(&mut self, sums: &Sums) -> usize {
+        let k = sums.score.len();
+        let of_column = |i: usize| {
+            let square = sums.information.row(i)[i];
+            if square > 0.0 { square.sqrt() } else { 1.0 }
+        };
+        self.size.clear();
+        self.size.extend((0..k).map(of_column));
+        self.matrix.clear();
+        for i in 0..k {
+            let row = sums.information.row(i).iter().zip(&self.size);
+            self.matrix.extend(row.map(|(value, size)| value / (self.size[i] * size)));
+        }
+        self.eigen.set(&mut self.matrix, k);
+        let least = DEPENDENT.max(sums.least) * k as f64;
+        self.unit.reset(k, k);
+        let mut m = 0;
+        for (i, &value) in self.eigen.values.iter().enumerate().filter(|(_, value)| **value > least) {
+            let parts = self.unit.row_mut(m).iter_mut().zip(self.eigen.vector(i)).zip(&self.size);
+            for ((unit, part), size) in parts {
+                *unit = part / (size * value.sqrt());
+            }
+            m += 1;
+        }
+        m
+    }
+
+    /// Sets the matrix to what the model leaves of them, m × m.
+    fn set_beyond(&mut self, sums: &Sums, m: usize) {
+        let k = sums.score.len();
+        self.owned.reset(k, k);
+        for i in 0..k {
+            for j in 0..=i {
+                let value = lanes::dot(sums.inside.row(i), sums.inside.row(j));
+                self.owned.row_mut(i)[j] = value;
+                self.owned.row_mut(j)[i] = value;
+            }
+        }
+        self.owned_of_unit.reset(m, k);
+        for i in 0..m {
+            let sums = self.owned_of_unit.row_mut(i);
+            for (row, &part) in self.unit.row(i).iter().enumerate() {
+                sums.iter_mut().zip(self.owned.row(row)).for_each(|(sum, value)| *sum += part * value);
+            }
+        }
+        self.matrix.clear();
+        self.matrix.resize(m * m, 0.0);
+        for i in 0..m {
+            for j in 0..=i {
+                let products = self.owned_of_unit.row(i).iter().zip(self.unit.row(j));
+                let owned: f64 = products.map(|(a, b)| a * b).sum();
+                let value = if i == j { 1.0 - owned } else { -owned };
+                self.matrix[i * m + j] = value;
+                self.matrix[j * m + i] = value;
+            }
         }
     }
-    ((0..k).map(|i| matrix[i * k + i]).collect(), vectors)
+}
+
+/// Eigenvalues of a symmetric matrix, and its unit eigenvectors one after the other.
+#[derive(Default)]
+struct Eigen {
+    values: Vec<f64>,
+    vectors: Vec<f64>,
+}
+
+impl Eigen {
+    fn vector(&self, number: usize) -> &[f64] {
+        let k = self.values.len();
+        &self.vectors[number * k..(number + 1) * k]
+    }
+
+    /// Of a matrix (k × k), which is used up.
+    ///
+    /// Few columns by Jacobi's rotations, which keep small eigenvalues to their own precision; of more they would be most
+    /// of a ranking's time.
+    fn set(&mut self, matrix: &mut [f64], k: usize) {
+        if k > MOST_ROTATED {
+            let whole = Matrix::from_fn(k, k, |row, column| matrix[row * k + column]);
+            if let Ok((values, vectors)) = least_squares::symmetric_eigen(&whole) {
+                self.values = values;
+                self.vectors.clear();
+                (0..k).for_each(|i| self.vectors.extend_from_slice(vectors.column(i)));
+                return;
+            }
+        }
+        self.set_by_rotations(matrix, k);
+    }
+
+    /// Jacobi's method: the matrix is overwritten.
+    fn set_by_rotations(&mut self, matrix: &mut [f64], k: usize) {
+        self.vectors.clear();
+        self.vectors.resize(k * k, 0.0);
+        (0..k).for_each(|i| self.vectors[i * k + i] = 1.0);
+        for _ in 0..MOST_SWEEPS {
+            let mut is_done = true;
+            for p in 0..k {
+                for q in p + 1..k {
+                    let (app, aqq, apq) = (matrix[p * k + p], matrix[q * k + q], matrix[p * k + q]);
+                    if apq.abs() <= f64::EPSILON * (app.abs() * aqq.abs()).sqrt().max(f64::MIN_POSITIVE) {
+                        continue;
+                    }
+                    is_done = false;
+                    let theta = (aqq - app) / (2.0 * apq);
+                    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                    let c = 1.0 / (t * t + 1.0).sqrt();
+                    let s = t * c;
+                    for i in 0..k {
+                        let (a, b) = (matrix[i * k + p], matrix[i * k + q]);
+                        matrix[i * k + p] = c * a - s * b;
+                        matrix[i * k + q] = s * a + c * b;
+                    }
+                    for i in 0..k {
+                        let (a, b) = (matrix[p * k + i], matrix[q * k + i]);
+                        matrix[p * k + i] = c * a - s * b;
+                        matrix[q * k + i] = s * a + c * b;
+                        let (a, b) = (self.vectors[p * k + i], self.vectors[q * k + i]);
+                        self.vectors[p * k + i] = c * a - s * b;
+                        self.vectors[q * k + i] = s * a + c * b;
+                    }
+                }
+            }
+            if is_done {
+                break;
+            }
+        }
+        self.values.clear();
+        self.values.extend((0..k).map(|i| matrix[i * k + i]));
+    }
 }

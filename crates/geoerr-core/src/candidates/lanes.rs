@@ -137,11 +137,20 @@ pub(super) fn transpose<T: Real>(target: &mut Vec<T>, from: &[T], n: usize) {
     let m = from.len() / n;
     target.clear();
     target.resize(from.len(), T::default());
+    // A square at a time, each of its rows written at once: rows a power of two apart would push each other out of the
+    // cache.
+    let mut square = [[T::default(); SIDE]; SIDE];
     for column in (0..m).step_by(SIDE) {
+        let width = SIDE.min(m - column);
         for row in (0..n).step_by(SIDE) {
-            for j in column..(column + SIDE).min(m) {
-                for i in row..(row + SIDE).min(n) {
-                    target[i * m + j] = from[j * n + i];
+            let height = SIDE.min(n - row);
+            for (j, own) in square[..width].iter_mut().enumerate() {
+                own[..height].copy_from_slice(&from[(column + j) * n + row..][..height]);
+            }
+            for i in 0..height {
+                let target = &mut target[(row + i) * m + column..][..width];
+                for (value, own) in target.iter_mut().zip(&square) {
+                    *value = own[i];
                 }
             }
         }

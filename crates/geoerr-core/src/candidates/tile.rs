@@ -1,7 +1,7 @@
 //! The sums over rows of some groups: what is multiplied with what, and what becomes of it.
 
 use super::group::Group;
-use super::judge::{Judged, Sums, judge};
+use super::judge::{Judge, Judged, Sums};
 use super::lanes;
 use super::scene::Scene;
 use crate::least_squares::Real;
@@ -55,6 +55,8 @@ pub(super) struct Tile<'a, T> {
     pub products: Vec<T>,
     /// By component and pair: sums by block of the noise. Nothing until it is laid out, and where no channel acts.
     pub level: [Vec<T>; 3],
+    /// Trial after trial of the pieces, by column: its pair.
+    places: Vec<usize>,
 }
 
 impl<'a, T: Real> Tile<'a, T> {
@@ -88,13 +90,16 @@ impl<'a, T: Real> Tile<'a, T> {
             information: Vec::new(),
             products: vec![T::default(); n * scene.width()],
             level: Default::default(),
+            places: Vec::new(),
         };
         for piece in pieces {
             let group = &groups[piece.group];
             for &trial in &piece.trials {
-                let places = tile.places(group, trial);
-                for (a, &one) in places.iter().enumerate() {
-                    tile.wanted.extend(places[a..].iter().map(|&two| [one.min(two), one.max(two)]));
+                let first = tile.places.len();
+                tile.add_places(group, trial);
+                let own = &tile.places[first..];
+                for (a, &one) in own.iter().enumerate() {
+                    tile.wanted.extend(own[a..].iter().map(|&two| [one.min(two), one.max(two)]));
                 }
             }
         }
@@ -128,13 +133,16 @@ impl<'a, T: Real> Tile<'a, T> {
     /// Judges every trial of the pieces, in their order, once all is summed.
     pub(super) fn judged(mut self, groups: &[Group], pieces: &[Piece]) -> Vec<Judged> {
         self.add_levels();
-        let mut sums = Sums::default();
+        let (mut sums, mut judge) = (Sums::default(), Judge::default());
         let mut found = Vec::new();
+        let mut places = &self.places[..];
         for piece in pieces {
             let group = &groups[piece.group];
-            for &trial in &piece.trials {
-                self.set_sums(&mut sums, group, trial);
-                found.push(judge(&sums));
+            for _ in &piece.trials {
+                let (own, behind) = places.split_at(group.columns.len());
+                places = behind;
+                self.set_sums(&mut sums, group, own);
+                found.push(judge.judge(&sums));
             }
         }
         found
@@ -152,21 +160,19 @@ impl<'a, T: Real> Tile<'a, T> {
         }
     }
 
-    /// Places of the pairs of a trial's columns.
-    fn places(&self, group: &Group, trial: usize) -> Vec<usize> {
-        (group.columns.iter().zip(group.trial(trial)))
-            .map(|(column, &function)| {
-                let function = self.functions.partition_point(|&one| one < function);
-                self.pairs.partition_point(|&pair| pair < Pair { channel: column.channel, function })
-            })
-            .collect()
+    /// Adds the places of the pairs of a trial's columns.
+    fn add_places(&mut self, group: &Group, trial: usize) {
+        let Self { functions, pairs, places, .. } = self;
+        places.extend((group.columns.iter().zip(group.trial(trial))).map(|(column, &function)| {
+            let function = functions.partition_point(|&one| one < function);
+            pairs.partition_point(|&pair| pair < Pair { channel: column.channel, function })
+        }));
     }
 
-    /// The sums of one trial, from those of its columns.
-    fn set_sums(&self, sums: &mut Sums, group: &Group, trial: usize) {
+    /// The sums of one trial, from those of its columns at these places.
+    fn set_sums(&self, sums: &mut Sums, group: &Group, places: &[usize]) {
         let width = self.scene.width();
         let (n_basis, n_draws) = (self.scene.n_basis, self.scene.n_draws);
-        let places = self.places(group, trial);
         // Sums of n products, each rounded, whose errors go to and fro.
         sums.reset(
             group.n_coefficients,
@@ -174,13 +180,13 @@ impl<'a, T: Real> Tile<'a, T> {
             n_draws,
             8.0 * T::EPSILON * (self.scene.n_rows as f64).sqrt(),
         );
-        for (a, (column, &place)) in group.columns.iter().zip(&places).enumerate() {
+        for (a, (column, &place)) in group.columns.iter().zip(places).enumerate() {
             let (i, factor) = (column.coefficient, column.factor);
             let products = &self.products[place * width..(place + 1) * width];
             lanes::add_as_double(sums.inside.row_mut(i), factor, &products[..n_basis]);
             sums.score[i] += factor * products[n_basis].double();
             lanes::add_as_double(sums.draws.row_mut(i), factor, &products[n_basis + 1..]);
-            for (b, (other, &there)) in group.columns.iter().zip(&places).enumerate().skip(a) {
+            for (b, (other, &there)) in group.columns.iter().zip(places).enumerate().skip(a) {
                 let wanted = [place.min(there), place.max(there)];
                 let at = self.wanted.partition_point(|&one| one < wanted);
                 let value = factor * other.factor * self.information[at];
