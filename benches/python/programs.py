@@ -30,10 +30,11 @@ SLICED = {
 }
 MAIN = "walls and infill"
 IN_THE_WAY = (
-    "Reading, solving and writing take about a third each of a program of short moves, and run at the same time. "
-    "What stands between them and a loop that reads numbers, inverts a matrix and prints is spread evenly: the "
-    "words of a line and their places, the frame twice, the exact sum of extrusion, the choice of words to write. "
-    "Long moves cost what their crossings of knots cost."
+    "A third goes to the tenth of the moves that are long: how far they are off, at each crossing of a knot and between "
+    "two, looked at again for each piece; programs of slicers, whose moves are short, have none of that. The rest is "
+    "reading and writing, which run at the same time as solving. What stands between them and a loop that reads numbers, "
+    "inverts a matrix and prints is spread evenly: the words of a line and their places, the frame twice, the exact sum "
+    "of extrusion, the choice of words to write."
 )
 
 

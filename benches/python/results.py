@@ -75,7 +75,7 @@ AIMS = (
 IN_A_RANKING = (
     "Of one thread's time three tenths are products of columns that follow a temperature, at hundreds of values of "
     "their inner parameters, with basis, residual and draws: 11 GFLOP in single precision at 10,000 points, of which "
-    "multiplying alone takes 75 ms. A quarter are waves at 1,600 frequencies of each axis, spread on a grid and "
+    "multiplying alone takes 53 ms. A quarter are waves at 1,600 frequencies of each axis, spread on a grid and "
     "transformed, with their sums by block; a sixth is chance, drawn and whitened by its own noise; a tenth judges."
 )
 
