@@ -5,42 +5,15 @@
 use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use geoerr_bench::kinematics::{machine, rows};
 use geoerr_core::kinematics::{
-    Axis, Carrier, Chain, Channel, Component, Displacements, ErrorTables, MachineModel, Points, Squareness,
-    Table, View, jacobians, positions,
+    Axis, Carrier, Channel, Component, Displacements, MachineModel, Points, View, jacobians, positions,
 };
 use geoerr_core::newton::{command_for, commands_for};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 const N_ROWS: usize = 100_000;
 const ORIGIN: [f64; 3] = [0.0; 3];
-
-/// Li's printer: 400 mm, a table entry each 20 mm, his squareness; 0.2 mm and 1 mrad otherwise.
-fn machine() -> MachineModel {
-    let mut errors = ErrorTables::default();
-    for axis in Axis::ALL {
-        for component in Component::ALL {
-            let size = if component.index() < 3 { 0.2 } else { 1e-3 };
-            let knots: Vec<f64> = (0..=20).map(|k| 20.0 * f64::from(k)).collect();
-            let phase = (axis.index() * 6 + component.index()) as f64;
-            let values = knots.iter().map(|q| size * (q / 70.0 + phase).sin()).collect();
-            if let Ok(table) = Table::new(knots, values) {
-                errors.set(axis, component, table);
-            }
-        }
-    }
-    let li = Squareness { s_xy_rad: -5.05e-3, s_xz_rad: 1.24e-3, s_yz_rad: 3.84e-3 };
-    assert!(errors.set_squareness(li).is_ok());
-    let chain = Chain::parse("wZbXYt");
-    chain
-        .map(|chain| MachineModel::new(chain, errors, ORIGIN))
-        .unwrap_or_else(|error| unreachable!("{error}"))
-}
-
-fn rows() -> Vec<[f64; 3]> {
-    let golden = [0.618_033_988_749_895, 0.754_877_666_246_693, 0.819_172_513_396_164];
-    (0..N_ROWS).map(|k| golden.map(|step| 400.0 * (k as f64 * step).fract())).collect()
-}
 
 /// The theory's product, written down as it stands: one search a table, one isometry an axis.
 fn with_isometries(machine: &MachineModel, directions: &[Vector3<f64>; 3], q: &[f64; 3]) -> Point3<f64> {
@@ -68,7 +41,7 @@ fn channels() -> Vec<[f64; Channel::MACHINE_COUNT]> {
 }
 
 fn one_thread(criterion: &mut Criterion) {
-    let (machine, rows) = (machine(), rows());
+    let (machine, rows) = (machine(), rows(N_ROWS));
     let directions = [Vector3::x(), Vector3::new(5.05e-3, 1.0, 0.0), Vector3::new(-1.24e-3, -3.84e-3, 1.0)];
     let mut group = criterion.benchmark_group("kinematics, 100000 rows, one thread");
     group.throughput(Throughput::Elements(N_ROWS as u64));
@@ -107,7 +80,7 @@ fn one_thread(criterion: &mut Criterion) {
 }
 
 fn batches(criterion: &mut Criterion) {
-    let (machine, rows) = (machine(), rows());
+    let (machine, rows) = (machine(), rows(N_ROWS));
     let mut group = criterion.benchmark_group("kinematics, 100000 rows, all threads");
     group.throughput(Throughput::Elements(N_ROWS as u64));
     group.sample_size(20);

@@ -5,22 +5,10 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use geoerr_bench::lines::{POINTS_OF_A_LINE, points};
 use geoerr_core::line::{PointNoise, fit_lines};
 use nalgebra::MatrixXx3;
 use rayon::ThreadPoolBuilder;
-
-const POINTS_OF_A_LINE: usize = 50;
-
-fn points(n_lines: usize) -> Vec<[f64; 3]> {
-    let fraction = |i: usize, step: f64| (i as f64 * step).fract() - 0.5;
-    (0..n_lines * POINTS_OF_A_LINE)
-        .map(|i| {
-            let along = 8.0 * (i % POINTS_OF_A_LINE) as f64;
-            let noise = [0.31, 0.77, 0.55].map(|step| 0.02 * fraction(i, step));
-            [0.6 * along + noise[0], 0.8 * along + noise[1], 600.0 + noise[2]]
-        })
-        .collect()
-}
 
 fn bench(criterion: &mut Criterion) {
     for threads in [1, 2] {

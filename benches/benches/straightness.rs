@@ -5,19 +5,16 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use geoerr_bench::straightness::{positions_mm, slopes_rad};
 use geoerr_core::straightness::{Rule, integrate_straightness, remove_line};
 use rayon::ThreadPoolBuilder;
 
-const N_POSITIONS: usize = 50;
-
 fn bench(criterion: &mut Criterion) {
-    let positions: Vec<f64> =
-        (0..N_POSITIONS).map(|i| 8.0 * i as f64 + 3.0 * (i as f64 * 0.618).fract()).collect();
+    let positions = positions_mm();
     for threads in [1, 2] {
         let Ok(pool) = ThreadPoolBuilder::new().num_threads(threads).build() else { return };
         for n_functions in [1, 1_000, 10_000] {
-            let values: Vec<f64> =
-                (0..n_functions * N_POSITIONS).map(|i| 1e-5 * ((i as f64 * 0.7548).fract() - 0.5)).collect();
+            let values = slopes_rad(n_functions);
             let mut group = criterion.benchmark_group(format!("functions of 50 positions/{threads} threads"));
             group.throughput(Throughput::Elements(values.len() as u64)).sample_size(20);
             for (name, rule) in [("trapezoid", Rule::Trapezoid), ("simpson", Rule::Simpson)] {

@@ -1,5 +1,8 @@
 //! Machines and programs that G-code is measured with.
 
+use std::fmt::Write as _;
+
+use geoerr_core::gcode::{Options, Rewriter};
 use geoerr_core::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Squareness, Table};
 
 /// Range of every axis.
@@ -25,6 +28,34 @@ pub fn bent(kind: &str) -> MachineModel {
     Chain::parse("wZbXYt")
         .map(|chain| MachineModel::new(chain, errors, [0.0; 3]))
         .unwrap_or_else(|error| unreachable!("{error}"))
+}
+
+/// Walls of a sliced part: moves of `step_mm`, extrusion, now and then a comment.
+pub fn walls(n_moves: u32, step_mm: f64) -> String {
+    let mut text = String::from("G21\nG90\nM83\nG28\nG1 X200 Y200 Z.2 F7800\n");
+    let radius_mm = 100.0;
+    for i in 0..n_moves {
+        let turn = f64::from(i) * step_mm / radius_mm;
+        let (x, y) = (200.0 + radius_mm * turn.cos(), 200.0 + radius_mm * turn.sin());
+        if i % 500 == 0 {
+            let _ = write!(text, ";LAYER:{}\nG1 Z{:.2}\n", i / 500, 0.2 + 0.01 * f64::from(i / 500));
+        }
+        let _ = writeln!(text, "G1 X{x:.3} Y{y:.3} E.06669");
+    }
+    text
+}
+
+/// The program corrected.
+pub fn rewrite(machine: &MachineModel, program: &str) -> Vec<u8> {
+    let mut out = Vec::new();
+    let Ok(mut rewriter) = Rewriter::new(machine.clone(), Options::for_range([RANGE_MM; 3])) else {
+        return out;
+    };
+    for chunk in program.as_bytes().chunks(1 << 20).chain([b"".as_slice()]) {
+        rewriter.push(chunk, chunk.is_empty());
+        while rewriter.pull(&mut out).unwrap_or_else(|error| unreachable!("{error}")) {}
+    }
+    out
 }
 
 /// How far a machine that runs a rewritten program is from what the program before meant, µm.
