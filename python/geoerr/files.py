@@ -23,12 +23,7 @@ def whole_or_absent(path: str | Path) -> Iterator[Path]:
     An interrupted or failed block leaves an earlier file at `path` as it was.
     """
     target = Path(path)
-    if not target.parent.is_dir():
-        raise InputFileError(
-            target,
-            f"the folder {target.parent} does not exist",
-            remedy="create it first or name another output",
-        )
+    refuse_no_file(target)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     os.close(handle)
     temporary = Path(name)
@@ -40,6 +35,24 @@ def whole_or_absent(path: str | Path) -> Iterator[Path]:
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def refuse_no_file(output: Path) -> None:
+    """Refuse an output that cannot be a file: its folder does not exist, or it is one itself.
+
+    Raises
+    ------
+    InputFileError
+        naming it.
+    """
+    if not output.parent.is_dir():
+        raise InputFileError(
+            output,
+            f"the folder {output.parent} does not exist",
+            remedy="create it first or name another output",
+        )
+    if output.is_dir():
+        raise InputFileError(output, "is a folder, a file is needed", remedy="name a file in it")
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -124,7 +137,8 @@ def _read_utf8(path: str | Path) -> str:
     with refusing_unreadable(path):
         content = Path(path).read_bytes()
     try:
-        return content.decode("utf-8")
+        # Some editors begin a file with a mark of its encoding.
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputFileError(
             path, f"not a text file: byte {error.start} is not UTF-8", remedy="save it as UTF-8 text"

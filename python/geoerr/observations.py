@@ -7,7 +7,8 @@ lengths (`x1 ... measured`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -223,7 +224,7 @@ def read_observations(*paths: str | Path) -> Observations:
         raise InputFileError("-", "no observations were given", remedy="name at least one table")
     frames: list[pl.DataFrame] = []
     problems: list[RowProblem] = []
-    for number, path in enumerate(paths):
+    for path in paths:
         raw = read_raw(path)
         _expect(raw, "points", path)
         if not any(name in raw.columns for name in MEASURED):
@@ -235,9 +236,11 @@ def read_observations(*paths: str | Path) -> Observations:
                 remedy="measured positions in mm; leave cells empty where a component was not measured",
             )
         frame, found = check(raw, POINT_COLUMNS, path)
-        frames.append(_with_defaults(frame, session=str(number)))
+        frames.append(frame)
         problems.extend(found)
-    merged = pl.concat(frames, how="diagonal_relaxed")
+    names = _session_names(frames)
+    whole = [_with_defaults(frame, session=name) for frame, name in zip(frames, names, strict=True)]
+    merged = pl.concat(whole, how="diagonal_relaxed")
     return Observations(_ordered_by_time(merged), tuple(str(path) for path in paths), tuple(problems))
 
 
@@ -331,6 +334,13 @@ def _with_defaults(frame: pl.DataFrame, session: str) -> pl.DataFrame:
     ]
     measured = [pl.lit(None, dtype=pl.Float64).alias(name) for name in MEASURED if name not in frame.columns]
     return frame.with_columns(*columns, *measured)
+
+
+def _session_names(frames: Sequence[pl.DataFrame]) -> list[str]:
+    """Give each file the name of its session where it states none: its number, or the next that no file states."""
+    stated = {name for frame in frames if "session" in frame.columns for name in frame["session"].to_list()}
+    free = (name for name in map(str, itertools.count(len(frames))) if name not in stated)
+    return [next(free) if str(number) in stated else str(number) for number in range(len(frames))]
 
 
 def _ordered_by_time(frame: pl.DataFrame) -> pl.DataFrame:

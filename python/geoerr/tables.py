@@ -147,6 +147,12 @@ def check(raw: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataF
     for name in frame.columns:
         if name == "file_row":
             continue
+        if _is_nested(frame[name]):
+            if name in schema.columns:
+                what = f"{frame[name].dtype} is neither numbers nor text"
+                raise InputFileError(path, what, column=name, remedy="write the column as numbers or text")
+            frame = frame.drop(name)
+            continue
         typed, found = _typed(frame[name], name, schema, frame["file_row"], path)
         frame = frame.with_columns(typed)
         problems.extend(found)
@@ -183,11 +189,13 @@ def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
     _refuse_repeated(names, path)
     _refuse_long_rows(content, len(names), path)
     frame = pl.read_csv(io.BytesIO(content), infer_schema=False)
-    return frame.rename(dict(zip(frame.columns, names, strict=True)))
+    # A column without a name, as spreadsheets leave them behind the last one, says nothing.
+    named = [column for column, name in zip(frame.columns, names, strict=True) if name]
+    return frame.select(named).rename(dict(zip(named, filter(None, names), strict=True)))
 
 
 def _refuse_repeated(names: Sequence[str], path: str | Path) -> None:
-    repeated = [name for name, count in Counter(names).items() if count > 1]
+    repeated = [name for name, count in Counter(filter(None, names)).items() if count > 1]
     if repeated:
         raise InputFileError(
             path, "two columns have this name", row=1, column=repeated[0], remedy="rename or remove one"
@@ -208,6 +216,11 @@ def _refuse_long_rows(content: bytes, n_columns: int, path: str | Path) -> None:
             )
 
 
+def _is_nested(column: pl.Series) -> bool:
+    """Tell whether a column, of a Parquet file, holds what no cell of a table can be."""
+    return column.dtype.is_nested() or column.dtype in (pl.Binary, pl.Duration, pl.Object)
+
+
 def _typed(
     column: pl.Series, name: str, schema: Schema, rows: pl.Series, path: str | Path
 ) -> tuple[pl.Series, list[RowProblem]]:
@@ -217,7 +230,7 @@ def _typed(
         for row, value in zip(rows.filter(where), column.filter(where), strict=True):
             problems.append(RowProblem(str(path), row, name, problem.format(value=value)))
 
-    text = column.cast(pl.String).str.strip_chars()
+    text = (column.cast(pl.Int8) if column.dtype == pl.Boolean else column).cast(pl.String).str.strip_chars()
     text = text.set(text == "", None)
     if name in schema.filled:
         refuse(text.is_null(), "the cell is empty")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import sys
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -56,8 +58,30 @@ def test_two_files_are_two_sessions_unless_they_name_them(tmp_path: Path) -> Non
     first = write(tmp_path, GOOD, "a.csv")
     second = write(tmp_path, GOOD, "b.csv")
     assert read_observations(first, second).texts("session") == ["0", "1"]
-    named = write(tmp_path, "session,x,y,z,mx\n0,1,2,3,4\n", "c.csv")
-    assert read_observations(first, named).texts("session") == ["0", "0"]
+    named = write(tmp_path, "session,x,y,z,mx\n0,1,2,3,4\n2,1,2,3,4\n,1,2,3,4\n", "c.csv")
+    # A name that one file states is not given to another that states none, in whatever order they come.
+    assert read_observations(first, named).texts("session") == ["3", "0", "2", "1"]
+    assert read_observations(named, first).texts("session") == ["0", "2", "3", "1"]
+    assert read_observations(named, named).texts("session") == ["0", "2", "3", "0", "2", "1"]
+
+
+def test_columns_that_say_nothing_are_left_out(tmp_path: Path) -> None:
+    spreadsheet = read_observations(write(tmp_path, "x,y,z,mx,,\n1,2,3,4,,\n2,2,3,4,note,\n"))
+    assert len(spreadsheet) == 2
+    assert "" not in spreadsheet.frame.columns
+    frame = spreadsheet.frame.select("x", "y", "z", "mx").with_columns(
+        pl.Series("list", [[1], [2]]),
+        pl.Series("bytes", [b"\xff", b"\xfe"]),
+        pl.Series("wait", [timedelta(1), timedelta(2)]),
+        pl.Series("moving", [True, False]),
+    )
+    frame.write_parquet(tmp_path / "odd.parquet")
+    odd = read_observations(tmp_path / "odd.parquet")
+    assert not {"list", "bytes", "wait"} & set(odd.frame.columns)
+    assert odd.frame["moving"].to_list() == [1, 0]
+    frame.with_columns(pl.Series("mx", [[1.0], [2.0]])).write_parquet(tmp_path / "lists.parquet")
+    with pytest.raises(InputFileError, match=r"lists\.parquet: mx: List\(Float64\) is neither numbers nor text"):
+        read_observations(tmp_path / "lists.parquet")
 
 
 def test_time_orders_the_rows_of_a_session(tmp_path: Path) -> None:

@@ -178,6 +178,16 @@ def test_a_folder_of_something_else_is_never_replaced(session, tmp_path):
         simulate_session(plan(), tmp_path / "none" / "session")
 
 
+def test_a_simulated_session_with_something_else_in_it_is_left(tmp_path):
+    folder = tmp_path / "session"
+    small = plan(passes=[{"axis": "x", "positions": [0.0]}], board={"views": 1})
+    simulate_session(small, folder, threads=1)
+    (folder / "rig.json").write_text("{}")
+    with pytest.raises(InputFileError, match=r"holds rig\.json beside a simulated session"):
+        simulate_session(small, folder, threads=1)
+    assert (folder / "rig.json").read_text() == "{}"
+
+
 def test_an_earlier_simulation_is_replaced_and_a_failed_one_leaves_it(session, tmp_path):
     folder = tmp_path / "session"
     small = plan(passes=[{"axis": "x", "positions": [0.0]}], board={"views": 1})

@@ -63,11 +63,17 @@ class _Verbs(typer.core.TyperGroup):
         """
         try:
             result = super().invoke(ctx)
-            sys.stdout.flush()
+            if sys.stdout is not None:
+                sys.stdout.flush()
         except BrokenPipeError:
-            # What is left in the buffer has no reader: without this the interpreter tries once more as it ends.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            _stop_writing()
             raise typer.Exit from None
+        except OSError as error:
+            # A full disk, a device that fails: the system's words say enough.
+            if error.strerror is None:
+                raise
+            _stop_writing()
+            raise GeoerrError(f"{error.filename or 'standard output'}: {error.strerror}") from error
         return result
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -99,6 +105,15 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Why a three-axis machine is not where it should be: measure, identify, compensate, prove.",
 )
+
+
+def _stop_writing() -> None:
+    """Give up what is left in the buffer, for which there is no room or no reader.
+
+    Without this the interpreter tries once more as it ends.
+    """
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _print_version(requested: bool) -> None:

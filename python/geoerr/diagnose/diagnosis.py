@@ -346,10 +346,12 @@ class _Summary:
 
     def _rivals(self, first: Found) -> list[Finding]:
         name, rivals = reference_of(first.judged), _listed(first)
+        # One that was found itself is worth what it is beside the first, not beside itself.
+        named = {reference_of(one.judged): one.at_last for one in self.searched.found}
         return [
             self._finding(
                 rival.judged,
-                settled,
+                named.get(reference_of(rival.judged), settled),
                 tied=self._is_tied(name, rival),
                 aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
                 against=name,

@@ -18,6 +18,8 @@ from geoerr.observations import CARRIERS
 from geoerr.terms import CLOCK_NAME, HISTORY_NAMES, PLACE_NAMES, SESSION_NAME, Part, Term
 
 _HISTORY = {f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES}
+# What nobody knows who does not know the direction of the last motion.
+_OF_DIRECTION = ("d", "s", "t_rev")
 _TRAVELS = {f"s_{axis}" for axis in AXES}
 
 Rows: TypeAlias = npt.NDArray[np.bool_]
@@ -165,6 +167,12 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         is_circle.astype(np.float64),
     )
     history = {name: np.asarray(values) for name, values in derived.items()}
+    for axis in AXES:
+        # Stated as unknown: whoever wrote that knew better than the order of rows.
+        is_unknown = sightings.numbers(f"dir_{axis}") == 0.0
+        history |= {
+            name: np.where(is_unknown, np.nan, history[name]) for name in (f"{own}_{axis}" for own in _OF_DIRECTION)
+        }
     if is_circle.any():
         # What the first rows of a run cannot show of the circle that led to them, the circle itself says.
         known = circle_motion(sightings, times, feed)

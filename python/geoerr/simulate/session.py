@@ -25,7 +25,9 @@ from geoerr.vision.images import write_png
 # Called with the number of stereo pairs done and their total.
 Progress = Callable[[int, int], None]
 
+# A folder that has these is a simulated session; one with more than all that is written holds something else too.
 _OWN_FILES = ("session.toml", "truth.json")
+_WRITTEN = {*_OWN_FILES, "machine.toml", "frames.csv", "calibration", "frames"}
 
 
 def simulate_session(plan: Plan, directory: str | Path, threads: int = 0, progress: Progress | None = None) -> Truth:
@@ -36,8 +38,8 @@ def simulate_session(plan: Plan, directory: str | Path, threads: int = 0, progre
     plan
         What to simulate.
     directory
-        Folder to make. It appears whole or not at all; an earlier simulated session is replaced, anything else is
-        left alone and refused.
+        Folder to make. It appears whole or not at all; an earlier simulated session is replaced, anything else, and
+        one with anything else in it (a rig that was calibrated with it), is left alone and refused.
     threads
         Threads to use, 0 = all cores; the pictures do not depend on it.
     progress
@@ -124,6 +126,13 @@ def _refuse_foreign_folder(directory: Path) -> None:
                 directory,
                 "the folder holds something that is not a simulated session",
                 remedy="name a new folder, or empty this one",
+            )
+        others = sorted({path.name for path in directory.iterdir()} - _WRITTEN)
+        if others:
+            raise InputFileError(
+                directory,
+                f"the folder holds {', '.join(others)} beside a simulated session, and would be replaced",
+                remedy="name a new folder, or move away what is to stay",
             )
     elif directory.exists() and not directory.is_dir():
         raise InputFileError(directory, "is a file, a folder is needed", remedy="name a new folder")
