@@ -108,3 +108,30 @@ def test_a_direction_that_is_stated_as_unknown_is_not_guessed() -> None:
     assert np.isnan(left[0]).tolist() == [True, True, False, True]
     assert np.isnan(left[1:, [1, 3]]).all()
     assert left[0, 2] == 1.0
+
+
+def rows(**columns: object) -> pl.DataFrame:
+    place = {"session": "0", "carrier": "tool", "line": "X", "repeat": 0, "moving": 0}
+    zero = dict.fromkeys(("tx", "ty", "tz", "y", "z", "mx", "my", "mz"), 0.0)
+    return pl.DataFrame({**place, **zero, **columns})
+
+
+@pytest.mark.parametrize("times", [{}, {"t": [0.0, 1.0, 2.0, 9.0, 10.0, 11.0]}])
+def test_the_second_look_at_the_end_of_a_run_has_no_direction(times: dict[str, list[float]]) -> None:
+    """As ISO 230-2 has it: the axis went beyond the last point in between, or it did not, and only `dir_x` tells."""
+    run = rows(x=[0.0, 10.0, 20.0, 20.0, 10.0, 0.0], **times)
+    (derived,) = variable_columns(sightings_of(Observations(run)), ["d_x"])
+    assert np.nan_to_num(derived).tolist() == [0.0, 1.0, 1.0, 0.0, -1.0, -1.0]
+    stated = run.with_columns(pl.Series("dir_x", [1, 1, 1, -1, -1, -1]))
+    (known,) = variable_columns(sightings_of(Observations(stated)), ["d_x"])
+    assert known.tolist() == [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]
+
+
+def test_targets_of_one_moment_and_looks_before_going_on_keep_their_direction() -> None:
+    """Three targets seen at the end of a run are one look; a place that is looked at twice on the way is passed."""
+    plate = rows(x=[0.0, 10.0, 10.0, 10.0, 0.0], target=["a", "a", "b", "c", "a"])
+    (together,) = variable_columns(sightings_of(Observations(plate)), ["d_x"])
+    assert np.nan_to_num(together).tolist() == [0.0, 1.0, 1.0, 1.0, -1.0]
+    passed = rows(x=[0.0, 10.0, 10.0, 20.0], t=[0.0, 1.0, 2.0, 3.0])
+    (onwards,) = variable_columns(sightings_of(Observations(passed)), ["d_x"])
+    assert np.nan_to_num(onwards).tolist() == [0.0, 1.0, 1.0, 1.0]

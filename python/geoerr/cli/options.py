@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from geoerr.errors import InputFileError
-from geoerr.files import refuse_no_file
 
 if TYPE_CHECKING:
     from geoerr.effects import Effect
@@ -122,6 +121,8 @@ def check_output(output: Path | None, inputs: Sequence[Path]) -> None:
     """Refuse an output that would replace an input, under whatever name, or that cannot be a file."""
     if output is None:
         return
+    from geoerr.files import refuse_no_file
+
     refuse_no_file(output)
     if any(_is_same(output, path) for path in inputs):
         raise InputFileError(output, "is an input of this command", remedy="name another output")

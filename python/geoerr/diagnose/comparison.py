@@ -34,6 +34,7 @@ from geoerr.fit import (
 )
 from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.variables import with_rows
 from geoerr.model import Model
 from geoerr.model.tables import terms_of_errors
 from geoerr.observations import CircularTest, Lengths, Observations
@@ -309,7 +310,7 @@ def _selected(sightings: Sightings, rows: np.ndarray) -> Sightings:
     mask = np.asarray(rows)
     if mask.dtype != np.bool_ or mask.shape != (len(sightings),):
         raise ShapeError(f"rows must be ({len(sightings)},) of true and false, not {mask.shape} of {mask.dtype}")
-    return sightings.select(mask, _OTHER_ROWS)
+    return with_rows(sightings, mask, _OTHER_ROWS)
 
 
 def _refusing_unknown(model: Model) -> Model:

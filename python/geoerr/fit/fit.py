@@ -40,7 +40,7 @@ from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
-from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
+from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -573,7 +573,7 @@ def _complete_rows(
     if known.all():
         return sightings, variables, shared, given
     return (
-        sightings.select(known, LACKING),
+        with_rows(sightings, known, LACKING),
         variables[:, known],
         None if shared is None else shared[known],
         None if given is None else given.select(known),

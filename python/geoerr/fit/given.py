@@ -19,7 +19,7 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.gross_rows import stand_alone
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.start import Frames
-from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
+from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -54,7 +54,7 @@ def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term])
         raise GeometryError(
             f"no row has all that the model needs: {names}\nhint: a row needs a number in each of these columns"
         )
-    return sightings if known.all() else sightings.select(known, LACKING)
+    return sightings if known.all() else with_rows(sightings, known, LACKING)
 
 
 def frames_only(machine: Machine, sightings: Sightings, terms: Sequence[Term], *, threads: int = 0) -> Fitted:

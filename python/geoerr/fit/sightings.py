@@ -7,8 +7,8 @@ measured has a row of zeros, and so takes no part.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -92,6 +92,8 @@ class Sightings:
         Reason to number of rows that took no part.
     notes
         What had to be filled in.
+    derived
+        What followed from the order of rows, by name, where some of them were left out since.
     """
 
     table: pl.DataFrame
@@ -110,6 +112,7 @@ class Sightings:
     source_row: Integers
     left_out: dict[str, int]
     notes: tuple[str, ...]
+    derived: Mapping[str, Numbers] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.commanded_mm)
@@ -132,6 +135,7 @@ class Sightings:
             self,
             table=self.table.filter(pl.Series(kept)),
             **{name: getattr(self, name)[kept] for name in _BY_ROW},
+            derived={name: values[kept] for name, values in self.derived.items()},
             left_out={**self.left_out, why: self.left_out.get(why, 0) + out} if out else self.left_out,
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy.typing as npt
 from geoerr import _core
 from geoerr.errors import GeoerrError
 from geoerr.fit.circle_motion import circle_motion
+from geoerr.fit.reversals import may_have_turned
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
@@ -34,7 +36,7 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
         for a covariate that is no column of the data.
     """
     columns = np.full((len(names), len(sightings)), np.nan)
-    history = _history(sightings) if any(name in _HISTORY for name in names) else {}
+    history = (sightings.derived or _history(sightings)) if any(name in _HISTORY for name in names) else {}
     for row, name in enumerate(names):
         if name in AXES:
             columns[row] = sightings.commanded_mm[:, AXES.index(name)]
@@ -58,6 +60,15 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
                 f"hint: columns that an effect may follow are {', '.join(sightings.free_columns) or 'none'}"
             )
     return columns
+
+
+def with_rows(sightings: Sightings, mask: Rows, why: str) -> Sightings:
+    """Give the rows where `mask` (n,) is true; what followed from the order of all rows stays what it was.
+
+    The first row of what is left has one before it, which only takes no part.
+    """
+    history = sightings.derived or _history(sightings)
+    return replace(sightings, derived=history).select(mask, why)
 
 
 def complete_rows_of(sightings: Sightings, names: Sequence[str], variables: Numbers, terms: Sequence[Term]) -> Rows:
@@ -167,9 +178,11 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         is_circle.astype(np.float64),
     )
     history = {name: np.asarray(values) for name, values in derived.items()}
-    for axis in AXES:
-        # Stated as unknown: whoever wrote that knew better than the order of rows.
-        is_unknown = sightings.numbers(f"dir_{axis}") == 0.0
+    turned = may_have_turned(sightings, times)
+    for number, axis in enumerate(AXES):
+        # Stated as unknown: whoever wrote that knew better than the order of rows, which tells the rest.
+        stated = sightings.numbers(f"dir_{axis}")
+        is_unknown = (stated == 0.0) | (np.isnan(stated) & turned[:, number])
         history |= {
             name: np.where(is_unknown, np.nan, history[name]) for name in (f"{own}_{axis}" for own in _OF_DIRECTION)
         }

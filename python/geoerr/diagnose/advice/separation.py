@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from geoerr.diagnose.advice.information import Information, Measured, expected, 
 from geoerr.diagnose.advice.measurement import Measurement, listed
 from geoerr.diagnose.advice.menu import menu
 from geoerr.diagnose.advice.planned import noise_of, planned
-from geoerr.diagnose.advice.question import question_of
+from geoerr.diagnose.advice.question import Question, question_of
 from geoerr.diagnose.advice.score import Candidates, Truths, is_believable
 from geoerr.diagnose.advice.situation import Situation, situation_of
 from geoerr.diagnose.findings import Separation
@@ -182,7 +182,7 @@ class Adviser:
         self._data: Measured = measured(space, self._model, self._columns, poses, prior, threads=threads)
         self._truths: Truths = self._candidates.truths(self._data)
         self._known: dict[int, tuple[Measurement, Information]] = {}
-        self.plans: tuple[Measurement, ...] = tuple(menu(self.situation, question_of(terms)))
+        self.plans: tuple[Measurement, ...] = tuple(_plans(self.situation, question_of(terms)))
 
     @property
     def gains(self) -> Numbers:
@@ -385,3 +385,9 @@ def _prior(prior: Numbers | None, model: Terms, n_fitted: int) -> Numbers | None
         return None
     n_new = model.compiled.n_coefficients - n_fitted
     return np.hstack([prior[:, :n_fitted], np.zeros((len(prior), n_new)), prior[:, n_fitted:]])
+
+
+def _plans(situation: Situation, question: Question) -> Iterator[Measurement]:
+    """Give the plans along axes that can be moved; along all of those where none of them is in question."""
+    axes = situation.moving(question.axes) or situation.moving()
+    return menu(situation, replace(question, axes=axes)) if axes else iter(())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,6 +128,10 @@ class Situation:
     def has_marker(self) -> bool:
         """Whether pictures show a static target already."""
         return any(target.carrier == CARRIERS.index("base") for target in self.targets)
+
+    def moving(self, axes: Sequence[str] = AXES) -> tuple[str, ...]:
+        """Give those of some axes that moved at all: of others nobody knows how far they may."""
+        return tuple(axis for axis in axes if np.ptp(self.span_mm[AXES.index(axis)]) > 0.0)
 
     @property
     def is_relative(self) -> bool:

@@ -100,7 +100,7 @@ def _rival(looked: Round, first: Judged, best: Settled, judged: Judged, company:
     z = vuong(looked.space, best.displacement, settled.displacement)
     is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
     is_wider = freedom_of(judged) > freedom_of(first) and difference > 0.0
-    contains = alike > _TOO_ALIKE and is_wider and not _is_another_course(judged, first)
+    contains = alike > _TOO_ALIKE and is_wider and not _is_another_cause(judged, first)
     is_too_alike = alike > _TOO_ALIKE and not is_wider
     tied = not contains and (is_too_alike or (alike > _LEAST_CORRELATION and is_near))
     if company is not None and not tied and not contains:
@@ -108,16 +108,26 @@ def _rival(looked: Round, first: Judged, best: Settled, judged: Judged, company:
     return Rival(judged, settled, alike, tied, contains, behind)
 
 
-def _is_another_course(judged: Judged, first: Judged) -> bool:
-    """Tell whether a candidate follows time or a column, and not all that the first one follows.
+def _is_another_cause(judged: Judged, first: Judged) -> bool:
+    """Tell whether a candidate that says the same with more freedom is another cause all the same.
+
+    The machine's where the first is the cameras', or the cameras': one is to be compensated, the other never. With a
+    number more; what has ten is like anything.
+    """
+    one, other = judged.shapes.term, first.shapes.term
+    if one is None or other is None:
+        return False
+    is_next = freedom_of(judged) <= freedom_of(first) + 1
+    return _is_another_course(one, other) or (is_next and one.is_rig != other.is_rig)
+
+
+def _is_another_course(one: Term, other: Term) -> bool:
+    """Tell whether an effect follows time or a column, and not all that the other one follows.
 
     Temperatures rise together, and with time: that warming up goes as a temperature did is no coincidence, and though
     it has a number more than the drift with that temperature it is another cause. That a jump in time falls between
     two passes, and does what a play would, is a coincidence.
     """
-    one, other = judged.shapes.term, first.shapes.term
-    if one is None or other is None:
-        return False
     follows, first_follows = _courses(one), _courses(other)
     return bool(follows) and not first_follows <= follows
 

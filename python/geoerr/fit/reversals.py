@@ -1,0 +1,53 @@
+"""Rows at which nobody knows whether the axis has turned already.
+
+The usual run of ISO 230-2 goes beyond its last point and comes back to it: two rows of one place, the first reached
+the one way, the second the other way. A machine that waits there, is looked at twice and then turns makes the same
+rows. So where a place is looked at again before an axis goes back, the direction of that look is unknown, unless it
+is stated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoerr.fit.sightings import Numbers, Sightings
+
+
+def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:
+    """Tell at which rows an axis may have turned since the last look from the same place, (n, 3).
+
+    Parameters
+    ----------
+    times
+        Of every row, (n,): rows of one time and place are one look.
+    """
+    n = len(sightings)
+    result = np.zeros((n, 3), dtype=bool)
+    ends = [*sightings.starts[1:].tolist(), n]
+    has_times = np.isfinite(sightings.numbers("t"))
+    targets = np.asarray(sightings.texts("target")) if "target" in sightings.table.columns else np.zeros(n)
+    for start, end, kind in zip(sightings.starts.tolist(), ends, sightings.frames, strict=True):
+        if kind == "circle" or end - start < 3:
+            continue
+        rows = slice(start, end)
+        step = np.diff(sightings.commanded_mm[rows], axis=0, prepend=np.nan)
+        is_new_place = (step != 0.0).any(axis=1)
+        # Without times, several targets at one place were seen together, and one target twice is two looks.
+        is_later = np.diff(times[rows], prepend=-np.inf) > 0.0
+        is_same_target = np.concatenate([[False], targets[rows][1:] == targets[rows][:-1]])
+        is_later = np.where(has_times[rows].all(), is_later, is_same_target)
+        looks = np.cumsum(~is_new_place & is_later)
+        first = np.maximum.accumulate(np.where(is_new_place, np.arange(end - start), 0))
+        is_again = looks > looks[first]
+        for axis in range(3):
+            before = sightings.directions[rows, axis]
+            turns = (before != 0) & (_next_direction(step[:, axis]) == -before)
+            result[rows, axis] = is_again & turns
+    return result
+
+
+def _next_direction(step: Numbers) -> np.ndarray:
+    """Give the direction of the next step that is one, behind each row; 0 where there is none."""
+    moves = np.flatnonzero(np.isfinite(step) & (step != 0.0))
+    following = np.searchsorted(moves, np.arange(len(step)), side="right")
+    return np.append(np.sign(step[moves]), 0.0)[following]
