@@ -135,3 +135,17 @@ def test_targets_of_one_moment_and_looks_before_going_on_keep_their_direction() 
     passed = rows(x=[0.0, 10.0, 10.0, 20.0], t=[0.0, 1.0, 2.0, 3.0])
     (onwards,) = variable_columns(sightings_of(Observations(passed)), ["d_x"])
     assert np.nan_to_num(onwards).tolist() == [0.0, 1.0, 1.0, 1.0]
+
+
+def test_the_first_look_of_the_way_back_moves_back() -> None:
+    """The last move that rows show went the other way; its direction says so, or nobody knows its speed."""
+    run = rows(x=[0.0, 10.0, 20.0, 20.0, 10.0, 0.0], t=[0.0, 1.0, 2.0, 9.0, 10.0, 11.0], feed=600.0)
+    run = run.with_columns(moving=pl.lit(1))
+    stated = run.with_columns(pl.Series("dir_x", [1, 1, 1, -1, -1, -1]))
+    v, a = variable_columns(sightings_of(Observations(stated)), ["v_x", "a_x"])
+    assert v[1:].tolist() == [10.0, 10.0, -10.0, -10.0, -10.0]
+    assert np.isnan(a[[3, 4]]).all()
+    assert (a[2], a[5]) == (0.0, 0.0)
+    (unknown,) = variable_columns(sightings_of(Observations(run)), ["v_x"])
+    assert np.isnan(unknown[[0, 3]]).all()
+    assert unknown[[1, 2, 4, 5]].tolist() == [10.0, 10.0, -10.0, -10.0]

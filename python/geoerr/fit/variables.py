@@ -182,12 +182,32 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
     for number, axis in enumerate(AXES):
         # Stated as unknown: whoever wrote that knew better than the order of rows, which tells the rest.
         stated = sightings.numbers(f"dir_{axis}")
-        is_unknown = (stated == 0.0) | (np.isnan(stated) & turned[:, number])
+        has_turned = np.isnan(stated) & turned[:, number]
+        is_unknown = (stated == 0.0) | has_turned
         history |= {
             name: np.where(is_unknown, np.nan, history[name]) for name in (f"{own}_{axis}" for own in _OF_DIRECTION)
         }
+        history |= _speeds(history, axis, stated, has_turned & ~is_circle)
     if is_circle.any():
         # What the first rows of a run cannot show of the circle that led to them, the circle itself says.
         known = circle_motion(sightings, times, feed)
         history |= {name: np.where(np.isnan(own), history[name], own) for name, own in known.items()}
     return history
+
+
+def _speeds(history: dict[str, Numbers], axis: str, stated: Numbers, has_turned: np.ndarray) -> dict[str, Numbers]:
+    """Give speed and acceleration of an axis that may have come back to a place from beyond it.
+
+    The core takes the feed along the last move that rows show; where a direction is stated that is not its own, the
+    axis has turned unseen and moves the other way.
+    """
+    v, a = history[f"v_{axis}"], history[f"a_{axis}"]
+    comes_back = np.nan_to_num(stated * v) < 0.0
+    is_unknown = has_turned & (v != 0.0)
+    # What changed since the row before is not known, there and at the row behind.
+    was_seen = ~(comes_back | is_unknown)
+    was_seen[1:] &= was_seen[:-1]
+    return {
+        f"v_{axis}": np.where(is_unknown, np.nan, np.where(comes_back, -v, v)),
+        f"a_{axis}": np.where(was_seen | (v == 0.0), a, np.nan),
+    }
