@@ -55,6 +55,28 @@ def test_a_reference_marker_is_looked_at_between_passes() -> None:
     assert interrupted_lines(of_lines(names, replace(rows, frame=frame))) == []
 
 
+def test_a_whole_look_at_a_reference_marker_interrupts_no_line() -> None:
+    rows = observed()
+    names = ["A"] * 10 + ["marker"] * 2 + ["A"] * 10
+    carriers = ["base" if name == "marker" else "tool" for name in names]
+    frame = rows.frame.head(22).with_columns(pl.Series("carrier", carriers))
+    assert interrupted_lines(of_lines(names, replace(rows, frame=frame))) == []
+
+
+def test_times_that_are_no_seconds_are_doubted() -> None:
+    rows = observed()
+    names = ["A"] * 24
+    assert not notes_of(of_lines(names, rows), None, has_found=False)
+    seconds = rows.frame["t"]
+    hours = replace(rows, frame=rows.frame.with_columns(t=seconds / 3600.0))
+    (said,) = notes_of(of_lines(names, hours), None, has_found=False)
+    assert "by its times" in said
+    assert said.endswith("t is in seconds")
+    milliseconds = replace(rows, frame=rows.frame.with_columns(t=seconds * 1e6))
+    (said,) = notes_of(of_lines(names, milliseconds), None, has_found=False)
+    assert "days by its times" in said
+
+
 def test_time_decides_the_order_and_not_the_file() -> None:
     rows = observed()
     names = ["A"] * 10 + ["B"] * 4 + ["A"] * 10

@@ -14,6 +14,7 @@ from geoerr.model.fit_words import fit_sentences, lack_of_fit_words
     [
         (math.nan, math.nan, False, "cannot be told: nothing was measured twice"),
         (0.4, 1.0, True, "what is left is noise, as far as can be told (p = 0.4)"),
+        (0.021, 5.0, True, "what is left may be more than noise: chance leaves as much in one case of 48"),
         (1e-5, 3.21, True, "lacks something: the residual is more than repeats scatter, by 3.2 µm rms (p = 1e-05)"),
         (1e-5, 3.21, False, "more than the stated uncertainties allow, by 3.2 µm rms"),
         (1e-5, 0.0, False, "more than the stated uncertainties allow (p = 1e-05)"),

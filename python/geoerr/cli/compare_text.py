@@ -14,6 +14,7 @@ from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
 from geoerr.diagnose.labels import variable_meaning
 from geoerr.diagnose.regions import region_name
 from geoerr.measurements import Measurements
+from geoerr.model.fit_words import noise_words
 from geoerr.observations import PIXELS
 from geoerr.summaries import counted
 
@@ -102,7 +103,7 @@ def _quality(comparison: Comparison) -> list[str]:
         sentences[0] = (
             f"the model lacks something: the residual is more than noise and its own uncertainty (p = {p_value:.2g})"
             if p_value < _SIGNIFICANCE
-            else f"what is left is noise and the model's own uncertainty, as far as can be told (p = {p_value:.2g})"
+            else noise_words(p_value, "noise and the model's own uncertainty")
         )
     return sentences
 

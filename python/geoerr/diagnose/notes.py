@@ -13,6 +13,9 @@ from geoerr.fit.variables import times_s
 from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import counted
 
+# A session that lasts longer, and a machine that moves faster from row to row, have times in another unit.
+_DAY_S = 86_400.0
+_LONGEST_S, _FASTEST_MM_S = 14.0 * _DAY_S, 2000.0
 # Lines that a sentence names.
 _SPOKEN = 3
 
@@ -55,6 +58,7 @@ def notes_of(
             "an effect of the cameras may be no more than what their calibration does not know, which took no part: "
             f"--rig rig.json{' --refit' if is_held else ''} lets it"
         )
+    said += _odd_times(fitted.sightings)
     broken = interrupted_lines(fitted)
     if broken:
         names = [*broken[:_SPOKEN], *([f"{len(broken) - _SPOKEN} more"] if len(broken) > _SPOKEN else [])]
@@ -68,6 +72,25 @@ def notes_of(
 def is_without_errors(fitted: Fitted, comparison: Comparison | None) -> bool:
     """Tell whether points are held against a machine without errors, of which the 21 could be fitted."""
     return comparison is not None and comparison.model.is_nominal and not bool(is_circle(fitted).all())
+
+
+def _odd_times(sightings: Sightings) -> list[str]:
+    """Say where the times can hardly be seconds: what grows and fades in time is then looked for where it is not."""
+    if not np.isfinite(sightings.numbers("t")).all():
+        return []
+    said, times = [], times_s(sightings)
+    for number, name in enumerate(sightings.sessions):
+        rows = np.flatnonzero(sightings.session == number)
+        span_s = float(np.ptp(times[rows])) if len(rows) else 0.0
+        path_mm = float(np.linalg.norm(np.diff(sightings.commanded_mm[rows], axis=0), axis=1).sum())
+        if span_s > _LONGEST_S:
+            said.append(f"session {name!r} lasts {span_s / _DAY_S:.0f} days by its times: t is in seconds")
+        elif span_s > 0.0 and path_mm / span_s > _FASTEST_MM_S:
+            said.append(
+                f"in session {name!r} the machine goes {path_mm / 1e3:.3g} m in {span_s:.3g} s by its times, dwells "
+                "included: t is in seconds"
+            )
+    return said
 
 
 def interrupted_lines(fitted: Fitted) -> list[str]:
@@ -84,6 +107,10 @@ def interrupted_lines(fitted: Fitted) -> list[str]:
     passes, places = sightings.pass_number[order], place[order]
     starts = np.flatnonzero(np.diff(passes, prepend=-1))
     first, last = places[starts], np.maximum.reduceat(places, starts)
+    is_marker = sightings.carrier[order[starts]] == CARRIERS.index("base")
+    first, last = first[~is_marker], last[~is_marker]
+    if not first.size:
+        return []
     # The last place of the passes that begin after a row: the least of them ends first.
     by_start = np.argsort(first)
     soonest_end = np.minimum.accumulate(last[by_start][::-1])[::-1]

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 
 # Less probable than this, what the residual has beyond the noise is not chance.
 _SIGNIFICANCE = 0.01
+# Less probable than this it is seldom chance, and is not to be passed over.
+_SELDOM = 0.05
 # Figures that a report shows as numbers, in its order: name in the record, name on paper.
 FIGURES = {
     "rmse_um": "residual, rms",
@@ -51,12 +53,19 @@ def fit_sentences(figures: Mapping[str, float], noise: Mapping[str, float]) -> I
         yield f"{lost:.0f} rows cannot be predicted with their pass held out: the other passes do not determine them"
 
 
+def noise_words(p_value: float, what: str) -> str:
+    """Say that a residual is no more than what explains it, or that chance seldom leaves as much."""
+    if p_value >= _SELDOM:
+        return f"what is left is {what}, as far as can be told (p = {p_value:.2g})"
+    return f"what is left may be more than {what}: chance leaves as much in one case of {1.0 / p_value:.0f}"
+
+
 def lack_of_fit_words(p_value: float, beyond_um: float, is_from_repeats: bool) -> str:
     """Say whether the residual is noise; NaN where it cannot be told."""
     if math.isnan(p_value):
         return "whether the model lacks anything cannot be told: nothing was measured twice, no uncertainty is stated"
     if p_value >= _SIGNIFICANCE:
-        return f"what is left is noise, as far as can be told (p = {p_value:.2g})"
+        return noise_words(p_value, "noise")
     against = "repeats scatter" if is_from_repeats else "the stated uncertainties allow"
     size = f", by {beyond_um:.2g} µm rms" if beyond_um > 0.0 else ""
     return f"the model lacks something: the residual is more than {against}{size} (p = {p_value:.2g})"
