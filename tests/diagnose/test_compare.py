@@ -177,6 +177,15 @@ def test_a_glint_stands_alone_and_a_machine_that_warmed_up_does_not() -> None:
     ]
 
 
+def test_two_mistakes_beside_each_other_do_not_hide_each_other() -> None:
+    rng = np.random.default_rng(12)
+    x = np.linspace(0.0, 400.0, 80)
+    error = rng.normal(0.0, 1.0, 80)
+    error[[17, 18]] += 200.0, -150.0
+    comparison = compare(NOMINAL, beam(x, error))
+    assert np.flatnonzero(~comparison.points.solved.used).tolist() == [17, 18]
+
+
 def test_noise_alone_has_no_gross_rows() -> None:
     rng = np.random.default_rng(11)
     sightings = sightings_of(measured(q := places(rng, 2000), q, rng))

@@ -11,6 +11,8 @@ from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 _GROSS = 1e-7
 # More rows in a row than this, each once in ten million by chance, are no mistakes.
 _LONGEST_MISTAKE = 2
+# A row that is like none of so many stands alone, whatever run it is in.
+_ENOUGH_NEIGHBOURS = 4
 # So many pairs of far neighbours are no coincidence of mistakes.
 _MANY_PAIRS = 20
 # Rows on either side that a row is held against.
@@ -64,7 +66,8 @@ def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
         ]
     )
     _, group = np.unique(keys, axis=0, return_inverse=True)
-    difference, spread = np.zeros_like(whitened), np.zeros(len(sightings))
+    difference, (spread, but_one) = np.zeros_like(whitened), np.zeros((2, len(sightings)))
+    near = np.zeros((len(sightings), 2 * _NEIGHBOURS), dtype=np.int64)
     is_told = np.zeros(len(sightings), dtype=bool)
     reach = np.array([*range(-_NEIGHBOURS, 0), *range(1, _NEIGHBOURS + 1)])
     for number in range(int(group.max(initial=-1)) + 1):
@@ -78,7 +81,9 @@ def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
         others = np.sort(np.where(window == own, np.iinfo(np.int64).max, window), axis=1)[:, : len(reach)]
         beside = whitened[rows[others]]
         difference[rows] = whitened[rows] - np.median(beside, axis=1)
-        spread[rows] = np.linalg.norm(np.ptp(beside, axis=1), axis=1)
+        spread[rows] = _spread(beside)
+        but_one[rows] = np.min([_spread(np.delete(beside, k, axis=1)) for k in range(len(reach))], axis=0)
+        near[rows] = rows[others]
         is_told[rows] = True
     n_numbers = sightings.is_measured.sum(axis=1)
     square = (difference**2).sum(axis=1)
@@ -95,8 +100,15 @@ def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
         scale2 = max(scale2, 1.0)
     if scale2 == 0.0:
         return np.zeros(len(sightings), dtype=bool)
-    is_far = square > np.maximum(stats.chi2.isf(_GROSS, n_numbers) * scale2, (_TIMES_THE_SPREAD * spread) ** 2)
-    return np.asarray(is_told & is_far)
+    is_far = is_told & (square > stats.chi2.isf(_GROSS, n_numbers) * scale2)
+    # Two mistakes beside each other would hide each other.
+    spread = np.where(is_far[near].any(axis=1), but_one, spread)
+    return np.asarray(is_far & (square > (_TIMES_THE_SPREAD * spread) ** 2))
+
+
+def _spread(beside: Numbers) -> Numbers:
+    """Give how far neighbours (n, k, 3) are from each other, (n,)."""
+    return np.asarray(np.linalg.norm(np.ptp(beside, axis=1), axis=1))
 
 
 class Neighbours:
@@ -128,7 +140,9 @@ class Neighbours:
         counts = [one.alike(whitened, n_numbers, is_far, self._is_stated) for one in both]
         alike, neighbours = (first + second for first, second in zip(*counts, strict=True))
         is_short = self._in_time.run_length(is_far) <= _LONGEST_MISTAKE
-        return np.asarray(is_far & is_short & (alike < np.clip(neighbours, 1, 2)))
+        # Among far rows, too, one that is like nothing around it is a mistake.
+        is_like_none = (alike == 0) & (neighbours >= _ENOUGH_NEIGHBOURS)
+        return np.asarray(is_far & ((is_short & (alike < np.clip(neighbours, 1, 2))) | is_like_none))
 
 
 class _Rows:
