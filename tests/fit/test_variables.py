@@ -111,7 +111,7 @@ def test_a_direction_that_is_stated_as_unknown_is_not_guessed() -> None:
 
 
 def rows(**columns: object) -> pl.DataFrame:
-    place = {"session": "0", "carrier": "tool", "line": "X", "repeat": 0, "moving": 0}
+    place = {"session": "0", "carrier": "tool", "line": "X", "target": "", "repeat": 0, "moving": 0}
     zero = dict.fromkeys(("tx", "ty", "tz", "y", "z", "mx", "my", "mz"), 0.0)
     return pl.DataFrame({**place, **zero, **columns})
 
@@ -132,6 +132,9 @@ def test_targets_of_one_moment_and_looks_before_going_on_keep_their_direction() 
     plate = rows(x=[0.0, 10.0, 10.0, 10.0, 0.0], target=["a", "a", "b", "c", "a"])
     (together,) = variable_columns(sightings_of(Observations(plate)), ["d_x"])
     assert np.nan_to_num(together).tolist() == [0.0, 1.0, 1.0, 1.0, -1.0]
+    nameless = plate.with_columns(target=pl.lit(""), ty=pl.Series([0.0, 0.0, 20.0, 40.0, 0.0]))
+    (apart,) = variable_columns(sightings_of(Observations(nameless)), ["d_x"])
+    assert np.nan_to_num(apart).tolist() == [0.0, 1.0, 1.0, 1.0, -1.0]
     passed = rows(x=[0.0, 10.0, 10.0, 20.0], t=[0.0, 1.0, 2.0, 3.0])
     (onwards,) = variable_columns(sightings_of(Observations(passed)), ["d_x"])
     assert np.nan_to_num(onwards).tolist() == [0.0, 1.0, 1.0, 1.0]

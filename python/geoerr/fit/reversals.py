@@ -25,7 +25,8 @@ def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:
     result = np.zeros((n, 3), dtype=bool)
     ends = [*sightings.starts[1:].tolist(), n]
     has_times = np.isfinite(sightings.numbers("t"))
-    targets = np.asarray(sightings.texts("target")) if "target" in sightings.table.columns else np.zeros(n)
+    names = sightings.texts("target") if "target" in sightings.table.columns else [""] * n
+    target = np.column_stack([np.unique(names, return_inverse=True)[1], sightings.carrier, sightings.offset_mm])
     for start, end, kind in zip(sightings.starts.tolist(), ends, sightings.frames, strict=True):
         if kind == "circle" or end - start < 3:
             continue
@@ -34,7 +35,7 @@ def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:
         is_new_place = (step != 0.0).any(axis=1)
         # Without times, several targets at one place were seen together, and one target twice is two looks.
         is_later = np.diff(times[rows], prepend=-np.inf) > 0.0
-        is_same_target = np.concatenate([[False], targets[rows][1:] == targets[rows][:-1]])
+        is_same_target = np.append(False, (target[rows][1:] == target[rows][:-1]).all(axis=1))
         is_later = np.where(has_times[rows].all(), is_later, is_same_target)
         looks = np.cumsum(~is_new_place & is_later)
         first = np.maximum.accumulate(np.where(is_new_place, np.arange(end - start), 0))
