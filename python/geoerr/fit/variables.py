@@ -179,6 +179,8 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
     )
     history = {name: np.asarray(values) for name, values in derived.items()}
     turned = may_have_turned(sightings, times)
+    is_again = np.append(False, (np.diff(sightings.commanded_mm, axis=0) == 0.0).all(axis=1))
+    is_again[sightings.starts] = False
     for number, axis in enumerate(AXES):
         # Stated as unknown: whoever wrote that knew better than the order of rows, which tells the rest.
         stated = sightings.numbers(f"dir_{axis}")
@@ -187,7 +189,8 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         history |= {
             name: np.where(is_unknown, np.nan, history[name]) for name in (f"{own}_{axis}" for own in _OF_DIRECTION)
         }
-        history |= _speeds(history, axis, stated, has_turned & ~is_circle)
+        comes_back = is_again & ~is_circle & (np.nan_to_num(stated * history[f"v_{axis}"]) < 0.0)
+        history |= _speeds(history, axis, comes_back, has_turned)
     if is_circle.any():
         # What the first rows of a run cannot show of the circle that led to them, the circle itself says.
         known = circle_motion(sightings, times, feed)
@@ -195,14 +198,13 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
     return history
 
 
-def _speeds(history: dict[str, Numbers], axis: str, stated: Numbers, has_turned: np.ndarray) -> dict[str, Numbers]:
-    """Give speed and acceleration of an axis that may have come back to a place from beyond it.
+def _speeds(history: dict[str, Numbers], axis: str, comes_back: Rows, has_turned: Rows) -> dict[str, Numbers]:
+    """Give speed and acceleration of an axis that comes back to a place from beyond it, or may do so.
 
-    The core takes the feed along the last move that rows show; where a direction is stated that is not its own, the
-    axis has turned unseen and moves the other way.
+    The core takes the feed along the last move that rows show; where the direction that is stated at a second look is
+    not that move's, the axis has turned unseen and moves the other way.
     """
     v, a = history[f"v_{axis}"], history[f"a_{axis}"]
-    comes_back = np.nan_to_num(stated * v) < 0.0
     is_unknown = has_turned & (v != 0.0)
     # What changed since the row before is not known, there and at the row behind.
     was_seen = ~(comes_back | is_unknown)

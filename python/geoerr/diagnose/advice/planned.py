@@ -61,11 +61,13 @@ def planned(situation: Situation, plan: Measurement) -> Planned:
     whitening = np.array([one.whitening for one in targets])[target]
     n_sessions = plan.n_sessions
     poses = _poses(situation, plan, n_sessions)
+    directions = pictures.direction[moment].astype(np.int8)
     table = {
         "t": pictures.t_s[moment],
         "feed": pictures.feed_mm_min[moment],
         "moving": pictures.is_moving[moment].astype(np.float64),
     }
+    table |= {f"dir_{axis}": directions[:, number].astype(np.float64) for number, axis in enumerate(AXES)}
     table |= {name: values[moment] for name, values in plan.conditions.items()}
     for name, (cold, _) in situation.temperatures.items():
         table.setdefault(name, np.full(n, cold))
@@ -84,7 +86,7 @@ def planned(situation: Situation, plan: Measurement) -> Planned:
         sessions=tuple(str(number) for number in range(n_sessions)),
         frames=(_KIND_NAMES[int(poses.kinds[0])],) * n_sessions,
         pass_number=pictures.pass_number[moment].astype(np.int64),
-        directions=pictures.direction[moment].astype(np.int8),
+        directions=directions,
         source_row=moment.astype(np.int64),
         left_out={},
         notes=(),
