@@ -85,11 +85,11 @@ def test_noise_larger_than_stated_is_no_gross_error() -> None:
 
 
 def test_a_mistake_among_rows_that_the_model_misses_is_one_all_the_same() -> None:
-    """Twelve rows that go on a way of their own are far, and no mistakes; the one of them that is like none is."""
+    """Twelve rows that go on a way of their own are far, and no mistakes; the one of them that is clearly like none is."""
     observations, _ = scene(6)
     x = observations.frame["mx"].to_numpy().copy()
     stretch = np.arange(200, 212)
     x[stretch] += 0.2 + 0.01 * np.sin(np.arange(12))
-    x[206] += 1.0
+    x[206] += 3.0
     seen = fitted(MACHINE, replaced(observations, mx=x))
     assert np.flatnonzero(~seen.solved.used).tolist() == [206]

@@ -11,8 +11,8 @@ from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 _GROSS = 1e-7
 # More rows in a row than this, each once in ten million by chance, are no mistakes.
 _LONGEST_MISTAKE = 2
-# A row that is like none of so many stands alone, whatever run it is in.
-_ENOUGH_NEIGHBOURS = 4
+# A row that is so many times as far from each of so many as neighbours are stands alone, whatever run it is in.
+_ENOUGH_NEIGHBOURS, _CLEARLY = 4, 2.0
 # So many pairs of far neighbours are no coincidence of mistakes.
 _MANY_PAIRS = 20
 # Rows on either side that a row is held against.
@@ -138,10 +138,10 @@ class Neighbours:
             return is_far
         both = (self._in_time, self._in_place)
         counts = [one.alike(whitened, n_numbers, is_far, self._is_stated) for one in both]
-        alike, neighbours = (first + second for first, second in zip(*counts, strict=True))
+        alike, nearly, neighbours = (first + second for first, second in zip(*counts, strict=True))
         is_short = self._in_time.run_length(is_far) <= _LONGEST_MISTAKE
-        # Among far rows, too, one that is like nothing around it is a mistake.
-        is_like_none = (alike == 0) & (neighbours >= _ENOUGH_NEIGHBOURS)
+        # Among far rows, too, one that is not even nearly like anything around it is a mistake.
+        is_like_none = (nearly == 0) & (neighbours >= _ENOUGH_NEIGHBOURS)
         return np.asarray(is_far & ((is_short & (alike < np.clip(neighbours, 1, 2))) | is_like_none))
 
 
@@ -166,14 +166,14 @@ class _Rows:
 
     def alike(
         self, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray, is_stated: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Count the neighbours of each row that differ from it as neighbours do, and all of them, (n,) each.
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Count the neighbours of each row that differ from it as neighbours do, or nearly so, and all, (n,) each.
 
         Far rows that stand beside each other are no mistakes: where many do, it is they who tell how much neighbours
         differ.
         """
         left, counted, far = whitened[self.order], n_numbers[self.order], is_far[self.order]
-        alike, neighbours = np.zeros((2, len(left)), dtype=np.int64)
+        alike, nearly, neighbours = np.zeros((3, len(left)), dtype=np.int64)
         sigma = 0.0
         for step in range(1, _LONGEST_MISTAKE + 1):
             is_pair = self.group[step:] == self.group[:-step]
@@ -185,8 +185,10 @@ class _Rows:
                 both = is_pair & far[1:] & far[:-1]
                 if both.sum() >= max(_MANY_PAIRS, far.sum() // 4):
                     sigma = max(sigma, robust_scale(distance[both], counts[both]))
-            is_near = is_pair & (distance <= gross_limit(counts) * sigma)
+            limit = gross_limit(counts) * sigma
+            is_near, is_nearly = is_pair & (distance <= limit), is_pair & (distance <= _CLEARLY * limit)
             for own in (slice(step, None), slice(None, -step)):
                 alike[self.order[own]] += is_near
+                nearly[self.order[own]] += is_nearly
                 neighbours[self.order[own]] += is_pair
-        return alike, neighbours
+        return alike, nearly, neighbours
