@@ -85,7 +85,7 @@ def test_noise_larger_than_stated_is_no_gross_error() -> None:
 
 
 def test_a_mistake_among_rows_that_the_model_misses_is_one_all_the_same() -> None:
-    """Twelve rows that go on a way of their own are far, and no mistakes; the one of them that is clearly like none is."""
+    """Twelve rows that go on a way of their own are far, and no mistakes; the one that is clearly like none is."""
     observations, _ = scene(6)
     x = observations.frame["mx"].to_numpy().copy()
     stretch = np.arange(200, 212)
