@@ -37,7 +37,7 @@ const PATHS: [(&str, Path); 9] = [
 ];
 
 fn triangulation_points(times: usize) -> Outcome {
-    const N_POINTS: usize = 10_000;
+    const N_POINTS: usize = 100_000;
     let [left, right] = projections();
     let rig = Rig::new(&left, &right)?;
     let [left, right] = [left, right].map(|projection| pixels(&projection, N_POINTS));
@@ -51,7 +51,7 @@ fn triangulation_points(times: usize) -> Outcome {
 fn triangulation_covariances(times: usize) -> Outcome {
     let [left, right] = projections();
     let rig = Rig::new(&left, &right)?;
-    let [left, right] = [left, right].map(|projection| pixels(&projection, 10_000));
+    let [left, right] = [left, right].map(|projection| pixels(&projection, 50_000));
     let [left, right] = [&left, &right].map(|uv_px| Pixels { uv_px, noise: PixelNoise::Sigma(0.1) });
     for _ in 0..times {
         black_box(triangulate(&rig, black_box(&left), black_box(&right), 0)?);
@@ -60,8 +60,8 @@ fn triangulation_covariances(times: usize) -> Outcome {
 }
 
 fn lines(times: usize) -> Outcome {
-    let points = points(500);
-    let starts: Vec<usize> = (0..500).map(|line| line * POINTS_OF_A_LINE).collect();
+    let points = points(5_000);
+    let starts: Vec<usize> = (0..5_000).map(|line| line * POINTS_OF_A_LINE).collect();
     for _ in 0..times {
         black_box(fit_lines(black_box(&points), &starts, PointNoise::FromResiduals)?);
     }
@@ -69,7 +69,7 @@ fn lines(times: usize) -> Outcome {
 }
 
 fn straightness(rule: Rule, times: usize) -> Outcome {
-    let (positions, slopes) = (positions_mm(), slopes_rad(1_000));
+    let (positions, slopes) = (positions_mm(), slopes_rad(10_000));
     for _ in 0..times {
         black_box(integrate_straightness(black_box(&positions), black_box(&slopes), rule)?);
     }
