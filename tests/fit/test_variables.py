@@ -79,27 +79,15 @@ def test_the_clock_lays_sessions_end_to_end() -> None:
     assert clock_span_s(sightings_of(Observations(table[:1]))) is None
 
 
+def rows(**columns: object) -> pl.DataFrame:
+    place = {"session": "0", "carrier": "tool", "line": "X", "target": "", "repeat": 0, "moving": 0}
+    zero = dict.fromkeys(("tx", "ty", "tz", "y", "z", "mx", "my", "mz"), 0.0)
+    return pl.DataFrame({**place, **zero, **columns})
+
+
 def test_a_direction_that_is_stated_as_unknown_is_not_guessed() -> None:
     """0 in the file is unknown, and so are travel and time since the reversal; a column that is absent is derived."""
-    table = pl.DataFrame(
-        {
-            "session": "0",
-            "carrier": "tool",
-            "line": "X",
-            "repeat": 0,
-            "tx": 0.0,
-            "ty": 0.0,
-            "tz": 0.0,
-            "x": [0.0, 10.0, 20.0, 10.0],
-            "y": 0.0,
-            "z": 0.0,
-            "mx": 0.0,
-            "my": 0.0,
-            "mz": 0.0,
-            "moving": 0,
-            "t": [0.0, 1.0, 2.0, 3.0],
-        }
-    )
+    table = rows(x=[0.0, 10.0, 20.0, 10.0], t=[0.0, 1.0, 2.0, 3.0])
     names = ["d_x", "s_x", "t_rev_x"]
     derived = variable_columns(sightings_of(Observations(table)), names)
     assert np.isnan(derived[0]).tolist() == [True, False, False, False]
@@ -108,12 +96,6 @@ def test_a_direction_that_is_stated_as_unknown_is_not_guessed() -> None:
     assert np.isnan(left[0]).tolist() == [True, True, False, True]
     assert np.isnan(left[1:, [1, 3]]).all()
     assert left[0, 2] == 1.0
-
-
-def rows(**columns: object) -> pl.DataFrame:
-    place = {"session": "0", "carrier": "tool", "line": "X", "target": "", "repeat": 0, "moving": 0}
-    zero = dict.fromkeys(("tx", "ty", "tz", "y", "z", "mx", "my", "mz"), 0.0)
-    return pl.DataFrame({**place, **zero, **columns})
 
 
 @pytest.mark.parametrize("times", [{}, {"t": [0.0, 1.0, 2.0, 9.0, 10.0, 11.0]}])
