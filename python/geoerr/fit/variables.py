@@ -178,24 +178,32 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         is_circle.astype(np.float64),
     )
     history = {name: np.asarray(values) for name, values in derived.items()}
-    turned = may_have_turned(sightings, times)
-    is_again = np.append(False, (np.diff(sightings.commanded_mm, axis=0) == 0.0).all(axis=1))
-    is_again[sightings.starts] = False
-    for number, axis in enumerate(AXES):
-        # Stated as unknown: whoever wrote that knew better than the order of rows, which tells the rest.
-        stated = sightings.numbers(f"dir_{axis}")
-        has_turned = np.isnan(stated) & turned[:, number]
-        is_unknown = (stated == 0.0) | has_turned
-        history |= {
-            name: np.where(is_unknown, np.nan, history[name]) for name in (f"{own}_{axis}" for own in _OF_DIRECTION)
-        }
-        comes_back = is_again & ~is_circle & (np.nan_to_num(stated * history[f"v_{axis}"]) < 0.0)
-        history |= _speeds(history, axis, comes_back, has_turned)
+    history |= _as_stated(sightings, history, times, is_circle)
     if is_circle.any():
         # What the first rows of a run cannot show of the circle that led to them, the circle itself says.
         known = circle_motion(sightings, times, feed)
         history |= {name: np.where(np.isnan(own), history[name], own) for name, own in known.items()}
     return history
+
+
+def _as_stated(
+    sightings: Sightings, history: dict[str, Numbers], times: Numbers, is_circle: Rows
+) -> dict[str, Numbers]:
+    """Give what depends on directions as the file states them: the core goes by the order of rows."""
+    result: dict[str, Numbers] = {}
+    turned = may_have_turned(sightings, times)
+    is_same_place = np.append(False, (np.diff(sightings.commanded_mm, axis=0) == 0.0).all(axis=1))
+    is_same_place[sightings.starts] = False
+    for number, axis in enumerate(AXES):
+        # Stated as unknown: whoever wrote that knew better than the order of rows, which tells the rest.
+        stated = sightings.numbers(f"dir_{axis}")
+        has_turned = np.isnan(stated) & turned[:, number]
+        is_unknown = (stated == 0.0) | has_turned
+        names = [f"{own}_{axis}" for own in _OF_DIRECTION]
+        result |= {name: np.where(is_unknown, np.nan, history[name]) for name in names}
+        comes_back = is_same_place & ~is_circle & (np.nan_to_num(stated * history[f"v_{axis}"]) < 0.0)
+        result |= _speeds(history, axis, comes_back, has_turned)
+    return result
 
 
 def _speeds(history: dict[str, Numbers], axis: str, comes_back: Rows, has_turned: Rows) -> dict[str, Numbers]:

@@ -127,25 +127,12 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
 
     def work(advance: Advance) -> Callable[[], None]:
         found: Diagnosis | CircleDiagnosis
+        asked: dict[str, Any] = {"effects": effects, "progress": advance, "on_step": advance.say}
+        asked |= {"threads": session.threads}
         if data.points is None:
-            found = diagnose_circles(
-                model,
-                *data.circles,
-                effects=effects,
-                progress=advance,
-                on_step=advance.say,
-                threads=session.threads,
-            )
+            found = diagnose_circles(model, *data.circles, **asked)
         else:
-            found = diagnose(
-                model,
-                *data.tables,
-                effects=effects,
-                progress=advance,
-                on_step=advance.say,
-                threads=session.threads,
-                **_calibration(session),
-            )
+            found = diagnose(model, *data.tables, **asked, **_calibration(session))
         told = told_of(found, effects)
 
         def apply() -> None:
