@@ -122,6 +122,15 @@ def test_corners_counted_for_squares_are_recognised() -> None:
     )
 
 
+@pytest.mark.parametrize("seen_px", [140, 150, 160, 170, 180, 190, 200, 220])
+def test_a_corner_of_a_board_that_is_cut_off_is_counted_or_refused(seen_px: int) -> None:
+    """One, two, three corners tell no homography, which OpenCV says in its own way."""
+    board = BoardSpec("charuco", (6, 8), 20.0, 15.0, "DICT_5X5_100")
+    cut = np.ascontiguousarray(drawn(board)[:seen_px, :seen_px])
+    with pytest.raises(DetectionError, match=r"only \d of the board's 35 corners were found|the board was not found"):
+        find_board(cut, board)
+
+
 def test_an_empty_picture() -> None:
     grey = np.full((480, 640), 128, dtype=np.uint8)
     for board in (CHARUCO, CHESSBOARD):

@@ -71,14 +71,18 @@ def find_board(picture: GreyImage, board: BoardSpec) -> BoardSighting:
     Verified against the simulator's true corners (tests/vision/test_boards.py).
     """
     sighting = _find_charuco(picture, board) if board.type == "charuco" else _find_chessboard(picture, board)
+    _refuse_too_few(sighting.ids, board)
+    return sighting
+
+
+def _refuse_too_few(ids: npt.NDArray[np.int64], board: BoardSpec) -> None:
     columns, rows = board.squares[0] - 1, board.squares[1] - 1
-    across, down = sighting.ids % columns, sighting.ids // columns
-    if len(sighting.ids) < LEAST_CORNERS or len(np.unique(across)) < 2 or len(np.unique(down)) < 2:
+    across, down = ids % columns, ids // columns
+    if len(ids) < LEAST_CORNERS or len(np.unique(across)) < 2 or len(np.unique(down)) < 2:
         raise DetectionError(
-            f"only {len(sighting.ids)} of the board's {columns * rows} corners were found, "
+            f"only {len(ids)} of the board's {columns * rows} corners were found, "
             f"{LEAST_CORNERS} in more than one row are needed"
         )
-    return sighting
 
 
 def hint_for_unseen_board(picture: GreyImage, board: BoardSpec) -> str | None:
@@ -146,6 +150,8 @@ def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
         )
     order = np.argsort(np.ravel(ids))
     numbers = np.ravel(ids)[order].astype(np.int64)
+    # Fewer tell no homography, and OpenCV raises its own.
+    _refuse_too_few(numbers, board)
     starts = np.asarray(corners, dtype=np.float64).reshape(-1, 2)[order]
     gap_of_side = 0.5 * (1.0 - board.marker_mm / board.square_mm)
     fits = _fit(picture, board, numbers, starts, gap_of_side)
