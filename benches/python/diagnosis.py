@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import argparse
 import resource
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from joint_fit import LENGTH_MM, OFFSETS_MM, STD_MM, timed
 
-from geoerr.diagnose.candidates import candidates_of
+from geoerr.diagnose.candidates import Candidate, candidates_of
 from geoerr.diagnose.change import add_terms
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
@@ -29,7 +30,7 @@ from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search import Bench, look, search
 from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
-from geoerr.fit import FitOptions, fit_terms, result_of
+from geoerr.fit import FitOptions, Fitted, fit_terms, result_of
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.observations import Observations, observations_from_columns
 
@@ -79,9 +80,23 @@ def row(n_points: int, threads: int, step: str, seconds: tuple[float, float]) ->
     print(f"| {n_points} | {threads} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
 
 
+def fitted_to(n_points: int, threads: int) -> Fitted:
+    """Fit a model to points in which nothing is hidden."""
+    table = measured(n_points, np.random.default_rng(1))
+    return fit_terms(MACHINE, [table], options=FitOptions(threads=threads))
+
+
+def laid_out(n_points: int, threads: int) -> tuple[Bench, Sequence[Candidate]]:
+    """Lay out what a ranking of names is done with, and all that it ranks."""
+    fitted = fitted_to(n_points, threads)
+    candidates, _, functions = candidates_of(fitted, KNOWN)
+    shapes = [shape for candidate in candidates for shape in candidate.shapes]
+    return Bench(fitted, functions, names=all_channels(shapes), threads=threads), candidates
+
+
 def print_ranking(n_points: int, threads: int, repeats: int) -> None:
     """Print what a ranking and its parts cost."""
-    fitted = fit_terms(MACHINE, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
+    fitted = fitted_to(n_points, threads)
     told = partial(row, n_points, threads)
     (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, KNOWN), repeats)
     probes = probes_of(fitted, functions, variables_of(fitted))
@@ -97,7 +112,7 @@ def print_ranking(n_points: int, threads: int, repeats: int) -> None:
 
 def print_search(n_points: int, threads: int) -> None:
     """Print what a whole search costs."""
-    fitted = fit_terms(MACHINE, [measured(n_points, np.random.default_rng(1))], options=FitOptions(threads=threads))
+    fitted = fitted_to(n_points, threads)
     row(n_points, threads, "search", timed(lambda: search(fitted, KNOWN, threads=threads), 1)[1])
 
 

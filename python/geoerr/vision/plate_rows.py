@@ -79,9 +79,9 @@ class Collector:
         plates = locate_plates(self.rig, corners, self.threads)
         for index in range(len(seen)):
             if (self._n_plates + index) % self.every == 0:
-                self.pooled.append(
-                    (self._n_plates + index, plates.whitened_residual[index], plates.whitened_by_rig[index])
-                )
+                # Copied: a view would keep the whole block's.
+                residual, by_rig = plates.whitened_residual[index].copy(), plates.whitened_by_rig[index].copy()
+                self.pooled.append((self._n_plates + index, residual, by_rig))
         self._n_plates += len(seen)
         self.blocks.append(
             PlateRows(

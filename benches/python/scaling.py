@@ -1,0 +1,288 @@
+"""Cost and memory against size, up to sizes that hardly anybody has: writes `benches/SCALING.md` and `scaling.svg`.
+
+    python benches/python/scaling.py [--quick] [--to FOLDER] [--path NAME ...]
+
+Every size of every path runs in a process of its own, on one thread; the process says what its work took and the
+largest memory that it held beyond its input, its result included. G-code needs the bench's program, as `results.py`
+does, and its largest sizes are one program over and over in one stream; frames are twelve pairs of small pictures
+over and over. An exponent compares the last two sizes: 1 is proportional, above it cost grows faster than size. A
+size that would not fit into the memory that is free is left out and named. Half an hour; `--quick` takes a minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import platform
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import diagnosis
+import joint_fit
+import lines
+import numpy as np
+import programs
+import straightness
+import triangulation
+from plot import plot
+from race import Costs, table
+from results import FOLDER, SETTINGS, versions
+from small_session import repeated_session
+
+from geoerr.diagnose.search import look
+from geoerr.error_functions import LINEAR_AND_ANGULAR
+from geoerr.fit import FitOptions, fit_terms, result_of
+from geoerr.geometry import fit_lines, integrate_straightness, triangulate
+from geoerr.machine import AXES, Axis, Machine
+from geoerr.observations import read_observations, write_observations
+from geoerr.terms import BasisSpec
+from geoerr.vision.measure import measure
+from geoerr.vision.measured import write_measured
+from geoerr.vision.rig import read_rig
+from geoerr.vision.session import read_session
+
+Work = Callable[[], object]
+# Short work is done again for so long, and its median counts.
+_REPEATED_FOR_S = 0.5
+_MOST_REPEATS = 25
+_PROGRAM_MB = 100
+# Of the free memory: what one size may be expected to take.
+_MOST_OF_FREE = 0.8
+MACHINE = Machine("bench", "wZbXYt", {axis: Axis((0.0, joint_fit.LENGTH_MM)) for axis in AXES})
+
+
+def fit_options() -> FitOptions:
+    """Give 21 cubic splines of five pieces each."""
+    knots = tuple(np.linspace(0.0, joint_fit.LENGTH_MM, 6).tolist())
+    bases = {name: BasisSpec("bspline", name[2].lower(), knots_mm=knots, degree=3) for name in LINEAR_AND_ANGULAR}
+    return FitOptions(bases=bases, threads=1)
+
+
+def triangulated(n: int, _folder: Path) -> Work:
+    """Lay out pixels of both views to points with covariances."""
+    left, right = triangulation.RIGS["200 mm"]
+    return partial(triangulate, left, right, *triangulation.pixels((left, right), n, 0.1), threads=1)
+
+
+def lines_fitted(n: int, _folder: Path) -> Work:
+    """Lay out points to lines."""
+    starts = np.arange(n) * lines.POINTS_OF_A_LINE
+    return partial(fit_lines, lines.points(n).reshape(-1, 3), starts)
+
+
+def integrated(n: int, _folder: Path) -> Work:
+    """Lay out angles to straightness, functions of 50 positions."""
+    at = straightness.positions()
+    values, _ = straightness.angles(n // len(at), at)
+    return partial(integrate_straightness, at, values, "trapezoid")
+
+
+def fitted(n: int, _folder: Path) -> Work:
+    """Lay out a table of points to the 21 functions, with covariance and rank."""
+    measured = joint_fit.measured(MACHINE, n, np.random.default_rng(n))
+    return partial(fit_terms, MACHINE, [measured], options=fit_options())
+
+
+def predicted(n: int, _folder: Path) -> Work:
+    """Lay out commands to the full model's errors there."""
+    rng = np.random.default_rng(1)
+    model = result_of(fit_terms(MACHINE, [joint_fit.measured(MACHINE, 2000, rng)], options=fit_options())).model
+    return partial(model.error_mm, rng.uniform(0.0, joint_fit.LENGTH_MM, (n, 3)), threads=1)
+
+
+def table_read(n: int, folder: Path) -> Work:
+    """Lay out a table of points, as text, to checked observations."""
+    path = folder / "observations.csv"
+    write_observations(path, joint_fit.measured(MACHINE, n, np.random.default_rng(n)))
+    return partial(read_observations, path)
+
+
+def ranked(n: int, _folder: Path) -> Work:
+    """Lay out what a model leaves to the ranking of all candidates, with what chance finds."""
+    bench, candidates = diagnosis.laid_out(n, 1)
+    return lambda: look(bench, bench.space([]), candidates, [])
+
+
+def frames_measured(n: int, folder: Path) -> Work:
+    """Lay out pairs of pictures to a table of observations."""
+    session = read_session(repeated_session(folder, n))
+    rig = read_rig(session.directory / "rig.json")
+
+    def work() -> None:
+        write_measured(folder / "measured.csv", measure(session, rig, 1))
+
+    return work
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """One path: how its work is laid out for a size, what a size counts, and which sizes."""
+
+    make: Callable[[int, Path], Work] | None
+    item: str
+    sizes: tuple[int, ...]
+
+
+def powers(first: int, last: int) -> tuple[int, ...]:
+    """Give powers of ten from one to the other."""
+    return tuple(10**power for power in range(first, last + 1))
+
+
+GCODE = "G-code, file to file"
+PLOT = "![Cost of one against how many](scaling.svg)"
+CONDITIONS = """\
+Written by `python benches/python/scaling.py`: each size in a process of its own, seconds of one thread;
+{machine}, {cores} cores that others used too, {versions}.
+Memory is the largest that the work held beyond its input, its result included; of G-code all of its process.
+"""
+PATHS = {
+    "triangulation, with covariance": Scaled(triangulated, "point", powers(3, 7)),
+    "lines of 50 points": Scaled(lines_fitted, "line", powers(1, 5)),
+    "straightness, trapezoid": Scaled(integrated, "sample", powers(3, 7)),
+    "table of points read, .csv": Scaled(table_read, "point", powers(3, 7)),
+    "joint fit of 21 functions": Scaled(fitted, "point", powers(3, 7)),
+    "prediction of the full model": Scaled(predicted, "point", powers(3, 7)),
+    "ranking of candidates": Scaled(ranked, "point", powers(3, 5)),
+    "frames, pictures to table": Scaled(frames_measured, "frame", powers(2, 5)),
+    GCODE: Scaled(None, "MB", (1, 10, 100, 1000, 2000)),
+}
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What one size took: seconds of one processor, and memory beyond the input."""
+
+    size: int
+    cpu_s: float
+    memory_mb: float
+
+
+def status_mb(name: str) -> float:
+    """Give a line of what the system says of this process, in MB."""
+    found = re.search(rf"{name}:\s*(\d+) kB", Path("/proc/self/status").read_text())
+    assert found is not None
+    return int(found[1]) / 1024.0
+
+
+def free_mb() -> float:
+    """Give the memory that a process could have."""
+    found = re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text())
+    assert found is not None
+    return int(found[1]) / 1024.0
+
+
+def take(name: str, size: int) -> None:
+    """Do the work of one size in this process, and print what it took."""
+    make = PATHS[name].make
+    assert make is not None
+    with tempfile.TemporaryDirectory() as folder:
+        work = make(size, Path(folder))
+        # The largest memory counts from here on.
+        Path("/proc/self/clear_refs").write_text("5")
+        before_mb = status_mb("VmRSS")
+        seconds: list[float] = []
+        while sum(seconds) < _REPEATED_FOR_S and len(seconds) < _MOST_REPEATS:
+            begin = time.process_time()
+            work()
+            seconds.append(time.process_time() - begin)
+            if len(seconds) == 1:
+                memory_mb = status_mb("VmHWM") - before_mb
+    print(json.dumps({"cpu_s": statistics.median(seconds), "memory_mb": memory_mb}))
+
+
+def taken(name: str, size: int) -> Taken:
+    """Let a process of its own do the work of one size."""
+    command = [sys.executable, __file__, "--take", name, str(size)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"{name}, {size}: ended with {done.returncode}\n{done.stderr}")
+    return Taken(size, **json.loads(done.stdout.splitlines()[-1]))
+
+
+def program_taken(size_mb: int) -> Taken:
+    """Let the bench's program rewrite so many megabytes, the larger as one program over and over."""
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "in.gcode"
+        source.write_text(programs.program(min(size_mb, _PROGRAM_MB) * 1_000_000))
+        n_times = max(1, size_mb // _PROGRAM_MB)
+        cpu_s, _, memory_mb = programs.run(source, Path(folder) / "out.gcode", threads=1, n_times=n_times)
+    return Taken(size_mb, cpu_s, memory_mb)
+
+
+def all_taken(name: str, sizes: Sequence[int]) -> tuple[list[Taken], str]:
+    """Give what all sizes took, and in words which were left out."""
+    found: list[Taken] = []
+    for size in sizes:
+        if len(found) > 1 and found[-1].memory_mb > 100.0:
+            # Input and result grow alike: the input counts as once more.
+            expected_mb = 2.0 * found[-1].memory_mb * size / found[-1].size
+            if expected_mb > _MOST_OF_FREE * free_mb():
+                return (
+                    found,
+                    f"{size:,} left out, which would need some {expected_mb / 1024.0:.0f} GB with its input.",
+                )
+        found.append(program_taken(size) if name == GCODE else taken(name, size))
+        print(name, found[-1], file=sys.stderr, flush=True)
+    return found, ""
+
+
+def exponent(values: Sequence[float], sizes: Sequence[int]) -> float:
+    """Give how the last value grew against size: 1 is proportional."""
+    return math.log(max(values[-1], 1e-9) / max(values[-2], 1e-9)) / math.log(sizes[-1] / sizes[-2])
+
+
+def rows(name: str, found: Sequence[Taken]) -> list[list[str]]:
+    """Lay out one path, the exponents beside its last size."""
+    item = PATHS[name].item
+    result = []
+    for number, one in enumerate(found):
+        is_last = number == len(found) - 1 and number > 0
+        sizes = [each.size for each in found]
+        cost = f"{exponent([each.cpu_s for each in found], sizes):.2f}" if is_last else ""
+        memory = f"{exponent([each.memory_mb for each in found], sizes):.2f}" if is_last else ""
+        each = f"{1e6 * one.cpu_s / one.size:.4g} µs/{item}"
+        result.append([name, f"{one.size:,}", f"{one.cpu_s:.3g}", each, f"{one.memory_mb:.0f}", cost, memory])
+    return result
+
+
+def main() -> None:
+    """Measure and write."""
+    threads = {name: value for name, value in SETTINGS.items() if name.endswith("THREADS")}
+    if not threads.items() <= os.environ.items():
+        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **threads})
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="two small sizes of each path")
+    parser.add_argument("--to", type=Path, default=FOLDER, help="folder of SCALING.md and scaling.svg")
+    parser.add_argument("--path", nargs="+", choices=sorted(PATHS), default=list(PATHS), help="these paths alone")
+    parser.add_argument("--take", nargs=2, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.take:
+        take(arguments.take[0], int(arguments.take[1]))
+        return
+    heads = ["path", "size", "CPU s", "each", "memory, MB", "cost ~ size^", "memory ~ size^"]
+    body, left_out, costs = [], [], []
+    for name in arguments.path:
+        scaled = PATHS[name]
+        found, why = all_taken(name, scaled.sizes[:2] if arguments.quick else scaled.sizes)
+        body += rows(name, found)
+        left_out += [f"- {name}: {why}\n"] if why else []
+        costs.append(Costs(name, scaled.item, {"geoerr": {one.size: 1e9 * one.cpu_s / one.size for one in found}}))
+    plot(costs, arguments.to / "scaling.svg")
+    conditions = CONDITIONS.format(cores=os.cpu_count(), machine=os.uname().machine, versions=versions())
+    conditions = CONDITIONS.format(machine=platform.machine(), cores=os.cpu_count(), versions=versions())
+    text = f"# Cost and memory against size\n\n{conditions}\n{table(heads, body)}\n{''.join(left_out)}\n{PLOT}\n"
+    (arguments.to / "SCALING.md").write_text(text)
+
+
+if __name__ == "__main__":
+    main()
