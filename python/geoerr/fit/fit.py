@@ -37,6 +37,7 @@ from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
+from geoerr.fit.standing import known_variables, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
@@ -303,9 +304,11 @@ class Posed:
         """
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
-        variables = variable_columns(sightings, compiled.variables)
+        variables = known_variables(sightings, compiled.variables, terms)
         known = complete_rows_of(sightings, compiled.variables, variables, terms)
-        sightings, variables, shared, given = _complete_rows(sightings, known, variables, self.shared, self.given)
+        amounts = self.amounts(terms)[known]
+        sightings, variables, own_shared, given = _complete_rows(sightings, known, variables, self.shared, self.given)
+        shared = beside(own_shared, amounts)
         used = given.is_used if given is not None else None if used is None else used[known]
         if not len(sightings):
             raise GeometryError("no row has all the covariates that the model needs")
@@ -341,10 +344,36 @@ class Posed:
         )
         if around is not None:
             solved = replace(solved, state=problem.start)
-        again = self._on(sightings, shared, given).fit
+        again = self._on(sightings, own_shared, given).fit
         return self._summary(
             terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing, limits
         )
+
+    def amounts(self, terms: Sequence[Term]) -> Numbers:
+        """Give the derivative (n, 3, p) of measured points by what effects do unseen where an axis never moved."""
+        sightings = self.sightings
+        names = compile_terms(self.machine, terms).variables
+        variables = variable_columns(sightings, names)
+        found = [np.zeros((len(sightings), 3, 0))]
+        for one in standing(sightings, names, variables, terms):
+            there, back = (
+                self._moved_by(one.terms, names, one.came(direction, names, variables))[one.rows]
+                for direction in (1.0, -1.0)
+            )
+            across = 0.5 * (there - back)
+            shows = (across != 0.0).any(axis=(0, 1))
+            found.append(np.zeros((len(sightings), 3, int(shows.sum()))))
+            found[-1][one.rows] = across[:, :, shows]
+        return np.concatenate(found, axis=2)
+
+    def _moved_by(self, terms: Sequence[Term], names: Sequence[str], variables: Numbers) -> Numbers:
+        """Give how one unit of each coefficient of some terms moves measured points, (n, 3, m)."""
+        own = compile_terms(self.machine, terms)
+        columns = np.ascontiguousarray(variables[[names.index(name) for name in own.variables]])
+        problem = self._problem(own, terms, self.sightings, columns, None, None, [])
+        units = np.eye(own.n_coefficients, problem.n_columns)
+        moved = [problem.first_order_mm(problem.start, unit, self.options.threads) for unit in units]
+        return np.stack(moved, axis=2)
 
     def _mm_per_unit(
         self,
@@ -414,7 +443,7 @@ class Posed:
         `free` are the places of the inner parameters that have columns.
         """
         compiled = compile_terms(self.machine, terms)
-        variables = variable_columns(self.sightings, compiled.variables)
+        variables = known_variables(self.sightings, compiled.variables, terms)
         values, _ = start_values(terms)
         return self._problem(compiled, terms, self.sightings, variables, self.shared, self.given, free, values)
 
@@ -560,6 +589,13 @@ def _not_finite(
         f"{term.id} gives no finite number at ({at}) mm, {place}\n"
         f"hint: its formula must hold wherever the machine was measured: {formula}"
     )
+
+
+def beside(shared: Numbers | None, amounts: Numbers) -> Numbers | None:
+    """Give the derivative by all unknowns that rows share; what the calibration holds comes first."""
+    if amounts.shape[2] == 0:
+        return shared
+    return np.ascontiguousarray(amounts if shared is None else np.concatenate([shared, amounts], axis=2))
 
 
 def _complete_rows(

@@ -14,12 +14,13 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.errors import GeometryError
-from geoerr.fit.fit import LACKING, FitOptions, Given, Posed, shared_unknowns
+from geoerr.fit.fit import LACKING, FitOptions, Given, Posed, beside, shared_unknowns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.gross_rows import stand_alone
 from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.standing import known_variables
 from geoerr.fit.start import Frames
-from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
+from geoerr.fit.variables import complete_rows_of, times_s, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -35,7 +36,7 @@ def has_covariates(machine: Machine, sightings: Sightings, terms: Sequence[Term]
         for a covariate that is no column of the data.
     """
     names = compile_terms(machine, terms).variables
-    return complete_rows_of(sightings, names, variable_columns(sightings, names), terms)
+    return complete_rows_of(sightings, names, known_variables(sightings, names, terms), terms)
 
 
 def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term]) -> Sightings:
@@ -83,6 +84,7 @@ def frames_only(machine: Machine, sightings: Sightings, terms: Sequence[Term], *
     machine_terms = tuple(term for term in terms if not term.is_rig)
     moved = _displacement_mm(machine, posed.sightings, machine_terms, threads)
     posed.given = Given(moved, np.zeros_like(moved), np.ones(len(rows), dtype=bool))
+    posed.shared = beside(posed.shared, posed.amounts(terms))
     fitted = posed.fit(())
     rig_terms = tuple(term for term in terms if term.is_rig)
     if rig_terms:
@@ -124,7 +126,7 @@ def _displacement_mm(machine: Machine, sightings: Sightings, terms: Sequence[Ter
             sightings.carrier,
             np.ascontiguousarray(sightings.commanded_mm),
             np.ascontiguousarray(sightings.offset_mm),
-            np.ascontiguousarray(variable_columns(sightings, compiled.variables)),
+            np.ascontiguousarray(known_variables(sightings, compiled.variables, terms)),
             sightings.starts,
             times_s(sightings) if compiled.needs_order else None,
             *start_values(terms),

@@ -27,6 +27,9 @@
 //! direction, and stays so until d turns. Of an unknown travel that is the least wrong: w is within ±1/2, and off −d/2
 //! by more than 5 % of its span only within 3λ behind a reversal. Where the travel gets lost later on (an approach
 //! from beyond, which no row shows), there was a reversal, how far away is unknown, and w is NaN.
+//!
+//! Where the direction is 0, from where the axis came is unknown: w is 0, between its two ends, and the row leaves no
+//! trace.
 
 use super::functions::decay;
 
@@ -196,6 +199,9 @@ pub(super) struct WindupRow {
 
 /// The next value of wind-up.
 pub(super) fn windup(memory: &mut Memory, row: WindupRow) -> f64 {
+    if is_between(row) {
+        return 0.0;
+    }
     wound(memory, row, (0.0, 0.0), false).map_or(f64::NAN, |stroke| stroke.w)
 }
 
@@ -206,12 +212,19 @@ pub(super) fn windup_tangent(
     tangents: (f64, f64),
     is_own_row: bool,
 ) -> f64 {
+    if is_between(row) {
+        return 0.0;
+    }
     wound(memory, row, tangents, is_own_row).map_or(f64::NAN, |stroke| stroke.dw)
+}
+
+fn is_between(row: WindupRow) -> bool {
+    row.d == 0.0 && row.lambda >= 0.0
 }
 
 fn wound(memory: &mut Memory, row: WindupRow, (ds, dlambda): (f64, f64), is_own_row: bool) -> Option<Stroke> {
     let WindupRow { d, s, lambda } = row;
-    if d.is_nan() || d == 0.0 || lambda.is_nan() || lambda < 0.0 {
+    if d.is_nan() || lambda.is_nan() || lambda < 0.0 {
         return None;
     }
     let settled = Stroke { d, s: f64::NAN, w_rev: -0.5 * d, w: -0.5 * d, dw_rev: 0.0, dw: 0.0 };

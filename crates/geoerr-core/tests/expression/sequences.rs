@@ -150,6 +150,20 @@ fn wind_up_after_long_strokes_has_its_closed_form() {
 }
 
 #[test]
+fn wind_up_is_midway_where_nobody_knows_from_where_the_axis_came() {
+    // Rows before the first direction leave no trace: the others are as without them.
+    let (d, s) = ([0.0, 0.0, 1.0, 1.0, -1.0], [1e9, 1e9, 0.5, 1.0, 0.4]);
+    let found = wound(&d, &s, &[], 1.5);
+    assert_eq!(found[..2], [0.0, 0.0]);
+    assert_eq!(found[2..], wound(&d[2..], &s[2..], &[], 1.5));
+    // Between known rows too.
+    let found = wound(&[1.0, 0.0, 1.0, -1.0], &[1.0, 1.0, 2.0, 0.4], &[], 1.5);
+    let without = wound(&[1.0, 1.0, -1.0], &[1.0, 2.0, 0.4], &[], 1.5);
+    assert_eq!(found, [without[0], 0.0, without[1], without[2]]);
+    assert!(wound(&[0.0], &[1.0], &[], -1.0)[0].is_nan());
+}
+
+#[test]
 fn wind_up_after_a_short_stroke_starts_where_it_was() {
     let (b, lambda) = (2.0, 1.5_f64);
     let d = [1.0, 1.0, -1.0, -1.0, 1.0];
@@ -189,11 +203,11 @@ fn wind_up_limits() {
     assert_eq!(wound(&[1.0, -1.0], &[1.0, 3.0], &[], 0.0), [-1.0, 1.0]);
     assert_eq!(wound(&[1.0, -1.0], &[0.0, 0.0], &[], 2.0), [1.0, 1.0]);
     assert!(wound(&[1.0], &[1.0], &[], -1.0)[0].is_nan());
-    // Unknown directions and travels leave no trace.
+    // Unknown directions and travels leave no trace, nor does a direction of 0: midway.
     let nan = f64::NAN;
     let found = wound(&[1.0, nan, 0.0, -1.0, -1.0], &[1.0, 5.0, 5.0, nan, 0.5], &[], 2.0);
     let without = wound(&[1.0, -1.0], &[1.0, 0.5], &[], 2.0);
-    assert!(found[1].is_nan() && found[2].is_nan() && found[3].is_nan());
+    assert!(found[1].is_nan() && found[2] == 0.0 && found[3].is_nan());
     assert_eq!([found[0], found[4]], [without[0], without[1]]);
     // Away and back between two rows: after a long stroke again.
     let found = wound(&[1.0, 1.0, 1.0], &[5.0, 6.0, 0.5], &[], 2.0);
