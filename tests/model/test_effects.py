@@ -54,6 +54,23 @@ def test_as_a_term_of_a_model(effect_id: str) -> None:
         assert model.without(term.id).is_nominal
 
 
+def test_many_rows_are_predicted_block_by_block() -> None:
+    """What a row gives does not depend on the block that it is in, nor do its own conditions get lost."""
+    n = (1 << 16) + 3
+    rng = np.random.default_rng(2)
+    q, temp = rng.uniform(0.0, 400.0, (n, 3)), rng.uniform(20.0, 80.0, n)
+    (term,) = catalogue()["thermal-expansion"].terms("x", "temp_bed", machine())
+    model = Model(machine()) + term.with_values([11.5e-6], [0.0])
+    whole = model.error_mm(q, at={"temp_bed": temp})
+    contributions = model.contributions(q, at={"temp_bed": temp})
+    for rows in (slice(0, 5), slice(n - 7, n)):
+        assert np.array_equal(whole[rows], model.error_mm(q[rows], at={"temp_bed": temp[rows]}))
+        assert np.array_equal(
+            contributions[term.id][rows], model.contributions(q[rows], at={"temp_bed": temp[rows]})[term.id]
+        )
+    assert model.error_mm(np.zeros((0, 3)), at={"temp_bed": 30.0}).shape == (0, 3)
+
+
 def check_columns(model: Model, q: np.ndarray, at: dict[str, float]) -> None:
     (term,) = model.machine_terms
     (columns,) = model._columns(q, OFFSET, "relative", at, 1)

@@ -49,7 +49,7 @@ class TestPredictionCovariance:
         draws = generator.multivariate_normal(values_of(model.terms), model.record.covariance, N_DRAWS, method="eigh")
         # The machine's share of each draw, in the core's order: the first coefficient is the rig's.
         n = sum(len(term.coefficients) for term in model.terms)
-        rows = model._rows(q, (0.0, 0.0, 20.0), carrier, AT)
+        rows = next(model._rows(q, (0.0, 0.0, 20.0), carrier, AT, len(q)))
         seen = np.array([model._seen.core.displacements(*rows, d[1:n].copy(), d[n:].copy(), 1) for d in draws])
         for row in range(len(q)):
             # One body of the machine may not move at all along some direction: compared without units.

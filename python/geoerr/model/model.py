@@ -53,6 +53,10 @@ AnyMachine: TypeAlias = _core.MachineModel | _core.TermMachine
 _NO_EFFECT = 1e-6
 # Rows whose derivatives by some hundred parameters are held at a time: a few megabytes.
 _BLOCK_ROWS = 1024
+# Rows that are predicted at a time: enough for many threads, some ten megabytes of numbers on channels.
+_PREDICTED_ROWS = 1 << 16
+
+_CoreRows = tuple[npt.NDArray[np.uint8], Numbers, Numbers, Numbers, npt.NDArray[np.int64], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,8 +309,9 @@ class Model:
             What the target is fixed to: `tool`, `work` or `base`, seen from the floor, or `relative`, the tool seen
             from the work.
         """
-        rows = self._rows(q_mm, offset_mm, carrier, at)
-        return self._seen.core.displacements(*rows, *self._values, threads)
+        values = self._values
+        blocks = self._rows(q_mm, offset_mm, carrier, at, _PREDICTED_ROWS)
+        return np.concatenate([self._seen.core.displacements(*rows, *values, threads) for rows in blocks])
 
     def compiled_at(self, conditions: Mapping[str, float]) -> AnyMachine:
         """Give the compiled machine with conditions put in, as the inverse and the G-code binding take it.
@@ -519,17 +524,24 @@ class Model:
         400 mm is 2 µm).
         """
         self._refuse_unknown()
-        carriers, rows, offset, variables, starts, t_s = self._rows(q_mm, offset_mm, carrier, at)
-        columns = _core.channel_columns(
-            self.machine.chain, carriers, rows, offset, self.machine.tool_offset_mm, threads
-        )[:, :_N_MACHINE_CHANNELS]
+        blocks = [
+            self._contributions_of(rows, threads)
+            for rows in self._rows(q_mm, offset_mm, carrier, at, _PREDICTED_ROWS)
+        ]
+        return {term.id: np.concatenate([block[term.id] for block in blocks]) for term in self.all_machine_terms}
+
+    def _contributions_of(self, rows: _CoreRows, threads: int) -> dict[str, Numbers]:
+        carriers, q_mm, offset_mm, variables, starts, t_s = rows
+        tool_mm = self.machine.tool_offset_mm
+        columns = _core.channel_columns(self.machine.chain, carriers, q_mm, offset_mm, tool_mm, threads)
+        columns = columns[:, :_N_MACHINE_CHANNELS]
         contributions = {}
         for term in self.all_machine_terms:
             compiled = compile_terms(self.machine, (term,))
             places = [self._seen.variables.index(name) for name in compiled.variables]
             own = np.ascontiguousarray(variables[places])
             values = compiled.core.channel_values(
-                carriers, rows, offset, own, starts, t_s, *start_values((term,)), threads
+                carriers, q_mm, offset_mm, own, starts, t_s, *start_values((term,)), threads
             )
             contributions[term.id] = np.einsum("nc,ncb->nb", values[:, :_N_MACHINE_CHANNELS], columns)
         return contributions
@@ -756,16 +768,25 @@ class Model:
         return model_html(self)
 
     def _rows(
-        self, q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None, carrier: Carrier, at: Conditions | None
-    ) -> tuple[npt.NDArray[np.uint8], Numbers, Numbers, Numbers, npt.NDArray[np.int64], None]:
-        """Give rows as the core takes them; each is a sequence of its own."""
+        self,
+        q_mm: npt.ArrayLike,
+        offset_mm: npt.ArrayLike | None,
+        carrier: Carrier,
+        at: Conditions | None,
+        n_at_once: int,
+    ) -> Iterator[_CoreRows]:
+        """Give rows as the core takes them, block by block (one of none for none); each is a sequence of its own."""
         rows = points(q_mm, "q_mm")
         if carrier not in _core.CARRIERS:
             raise GeoerrError(f"{carrier!r} carries no target\nhint: carriers are {', '.join(_core.CARRIERS)}")
         offset = contiguous(np.broadcast_to(offsets(offset_mm, len(rows)), rows.shape))
         variables = variables_of(self._seen.variables, self.machine, rows, offset, at, carrier=carrier)
-        carriers = np.full(len(rows), _core.CARRIERS.index(carrier), dtype=np.uint8)
-        return carriers, rows, offset, variables, np.arange(len(rows), dtype=np.int64), None
+        for first in range(0, max(len(rows), 1), n_at_once):
+            block = slice(first, first + n_at_once)
+            n_rows = len(rows[block])
+            carriers = np.full(n_rows, _core.CARRIERS.index(carrier), dtype=np.uint8)
+            own = np.ascontiguousarray(variables[:, block])
+            yield carriers, rows[block], offset[block], own, np.arange(n_rows, dtype=np.int64), None
 
     def _columns(
         self,
@@ -776,15 +797,9 @@ class Model:
         threads: int,
     ) -> Iterator[Numbers]:
         """Give d displacement / d parameters of the machine's terms, (n, 3, m), in blocks of rows."""
-        carriers, rows, offset, variables, _, _ = self._rows(q_mm, offset_mm, carrier, at)
         values = self._values
-        for first in range(0, len(rows), _BLOCK_ROWS):
-            block = slice(first, first + _BLOCK_ROWS)
-            own = np.ascontiguousarray(variables[:, block])
-            starts = np.arange(len(rows[block]), dtype=np.int64)
-            yield self._seen.core.columns(
-                carriers[block], rows[block], offset[block], own, starts, None, *values, threads
-            )
+        for rows in self._rows(q_mm, offset_mm, carrier, at, _BLOCK_ROWS):
+            yield self._seen.core.columns(*rows, *values, threads)
 
     @property
     def _values(self) -> tuple[Numbers, Numbers]:
