@@ -14,9 +14,10 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.diagnose.columns import Columns
+from geoerr.diagnose.gaps import read_columns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
-from geoerr.fit.variables import times_s, variable_columns
+from geoerr.fit.variables import times_s
 from geoerr.model.compile import core_part
 from geoerr.terms import Parameter, Part, Term, names_in
 
@@ -80,7 +81,7 @@ class Functions:
         self.n_rows = len(sightings)
         # The last row is the column that some formulas follow, whichever it is at the time.
         self._columns = np.zeros((len(names) + 1, self.n_rows))
-        self._columns[:-1] = np.asarray(variable_columns(sightings, self.names)).reshape(-1, self.n_rows)
+        self._columns[:-1] = np.asarray(read_columns(sightings, self.names)).reshape(-1, self.n_rows)
         self._columns_at: dict[bytes, Numbers] = {}
         self._at_rows: dict[tuple[bytes, int, tuple[float, ...], int | None], Numbers] = {}
         self.times = times_s(sightings)

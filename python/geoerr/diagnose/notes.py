@@ -6,6 +6,7 @@ import numpy as np
 
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.components import is_circle
+from geoerr.diagnose.gaps import gaps_of
 from geoerr.diagnose.words import listed
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
@@ -58,7 +59,7 @@ def notes_of(
             "an effect of the cameras may be no more than what their calibration does not know, which took no part: "
             f"--rig rig.json{' --refit' if is_held else ''} lets it"
         )
-    said += _odd_times(fitted.sightings)
+    said += _odd_times(fitted.sightings) + _gaps(fitted.sightings)
     broken = interrupted_lines(fitted)
     if broken:
         names = [*broken[:_SPOKEN], *([f"{len(broken) - _SPOKEN} more"] if len(broken) > _SPOKEN else [])]
@@ -90,6 +91,19 @@ def _odd_times(sightings: Sightings) -> list[str]:
                 f"in session {name!r} the machine goes {path_mm / 1e3:.3g} m in {span_s:.3g} s by its times, dwells "
                 "included: t is in seconds"
             )
+    return said
+
+
+def _gaps(sightings: Sightings) -> list[str]:
+    """Say which temperatures were not read in every row, and what was made of that."""
+    said = []
+    for one in gaps_of(sightings):
+        n_left = one.n_empty - one.n_between
+        rows = f"{one.name} is empty in {counted(one.n_empty, 'row')}"
+        between = f"{rows}: between readings it is taken to run straight" if one.n_between else rows
+        left = f"{between}; in {n_left} of them it" if one.n_between else f"{between} and there"
+        unknown = f"{left} stays unknown: what follows it is judged without them, by so much too low"
+        said.append(unknown if n_left else between)
     return said
 
 

@@ -20,6 +20,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
+from geoerr.diagnose.gaps import read_columns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.noise import NOT_CONDITIONS
 from geoerr.fit.sightings import Numbers, Sightings
@@ -101,7 +102,8 @@ def _named(sightings: Sightings) -> list[tuple[str, Kind, Numbers]]:
     if "moving" in columns and columns & {"feed", "t"}:
         names += [f"{name}_{axis}" for name in ("v", "a") for axis in AXES]
     values = dict(zip(names, variable_columns(sightings, names), strict=True))
-    values |= {name: sightings.numbers(name) for name in sightings.covariate_columns if name not in NOT_CONDITIONS}
+    conditions = [name for name in sightings.covariate_columns if name not in NOT_CONDITIONS]
+    values |= dict(zip(conditions, read_columns(sightings, conditions), strict=True))
     values["t"] = times_s(sightings)
     return [(name, _kind(name), own) for name, own in values.items()]
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr import _core
+from geoerr.diagnose.gaps import read_columns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.start import KINDS
-from geoerr.fit.variables import times_s, variable_columns
+from geoerr.fit.variables import times_s
 from geoerr.machine import Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.terms import CLOCK_NAME, Term
@@ -80,7 +81,7 @@ class Terms:
         clock_from_s
             When these rows begin on the clock of all sessions.
         """
-        variables = variable_columns(sightings, self.compiled.variables)
+        variables = read_columns(sightings, self.compiled.variables)
         if CLOCK_NAME in self.compiled.variables:
             variables[self.compiled.variables.index(CLOCK_NAME)] += clock_from_s
         known = np.isfinite(variables)
