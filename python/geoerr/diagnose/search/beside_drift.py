@@ -33,6 +33,8 @@ _FEW_LIKE_DRIFT = 10.0
 # A drift that moves the mean of a block, or offsets that move that of a pass, by less than this share of its scatter
 # (variances) hide nothing.
 _STRONG = 1.0
+# How an axis moves, which a pass at one feed shares from its first row to its last: direction and speed.
+_OF_MOTION = ("d_", "v_", "mean_v_")
 # What a plan that goes both ways is made to show (ISO 230-2), and so is asked for by itself.
 _ASKED_FOR = "backlash"
 # An exponent beyond which a ratio of likelihoods says no more by being larger.
@@ -43,7 +45,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     """Judge functions of time by the likelihood with the noise estimated anew under each of them.
 
     A drift that was estimated without a jump has learnt the jump, and leaves nothing of it. So has one that is strong
-    what follows a temperature, and so have offsets of few passes what changes with the direction alone.
+    what follows a temperature, and so have offsets of few passes what changes with direction or speed alone.
     There what the plan was made to show is no find of a search: it is asked for by itself, at half the level, and the
     search has the other half.
     """
@@ -52,7 +54,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     like = [
         one
         for one in looked.candidates
-        if _is_of_time(one.what) or (drifts and _is_slow(one.what)) or (is_offset and _is_of_direction(one.what))
+        if _is_of_time(one.what) or (drifts and _is_slow(one.what)) or (is_offset and _is_of_motion(one.what))
     ]
     if not like:
         return looked
@@ -69,7 +71,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     judged = {id(one.what): one for one in looked.candidates}
 
     def enough(one: Judged) -> float:
-        of_passes = is_offset and _is_of_direction(one.what)
+        of_passes = is_offset and _is_of_motion(one.what)
         return max(judged[id(one.what)].evidence, 0.0 if of_passes else least)
 
     # Without a drift more is seen of each than beside one: what is not enough there, or less than the best, is not
@@ -85,7 +87,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         noise = bench.sums([*added, columns]).fit(restricted=False, start=bench.noise)
         gain = max(2.0 * (noise.log_likelihood - without), 0.0)
         found = float(surprise(np.array([gain]), one.rank, one.what.n_trials)[0])
-        if is_offset and _is_of_direction(one.what):
+        if is_offset and _is_of_motion(one.what):
             found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
         p_value = looked.p_value_of(found)
         if n_asked and _is_asked_for(one.what):
@@ -141,9 +143,9 @@ def _is_slow(what: Candidate | Probe) -> bool:
     return isinstance(what, Candidate) and what.reference.covariate is not None
 
 
-def _is_of_direction(what: Candidate | Probe) -> bool:
+def _is_of_motion(what: Candidate | Probe) -> bool:
     terms = [shapes.term for shapes in what.shapes if shapes.term is not None]
-    return any(name.startswith("d_") for term in terms for name in term.variables)
+    return any(name.startswith(_OF_MOTION) for term in terms for name in term.variables)
 
 
 def _is_asked_for(what: Candidate | Probe) -> bool:
