@@ -148,6 +148,9 @@ CONDITIONS = """\
 Written by `python benches/python/scaling.py`: each size in a process of its own, seconds of one thread;
 {machine}, {cores} cores that others used too, {versions}.
 Memory is the largest that the work held beyond its input, its result included; of G-code all of its process.
+What takes more than {long:g} s is timed at once, in memory that the system clears first: tables and fits of ten
+million points have that in their cost. Programs stream. So do pictures: what is kept of a frame is the row that it
+gives, and what the checks over all rows need of it.
 """
 PATHS = {
     "triangulation, with covariance": Scaled(triangulated, "point", powers(3, 7)),
@@ -289,7 +292,9 @@ def main() -> None:
         costs.append(Costs(name, scaled.item, {"geoerr": {one.size: 1e9 * one.cpu_s / one.size for one in found}}))
     plot(costs, arguments.to / "scaling.svg")
     conditions = CONDITIONS.format(cores=os.cpu_count(), machine=os.uname().machine, versions=versions())
-    conditions = CONDITIONS.format(machine=platform.machine(), cores=os.cpu_count(), versions=versions())
+    conditions = CONDITIONS.format(
+        machine=platform.machine(), cores=os.cpu_count(), versions=versions(), long=_LONG_S
+    )
     text = f"# Cost and memory against size\n\n{conditions}\n{table(heads, body)}\n{''.join(left_out)}\n{PLOT}\n"
     (arguments.to / "SCALING.md").write_text(text)
 

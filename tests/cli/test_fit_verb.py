@@ -466,6 +466,16 @@ def test_an_input_is_never_replaced(folder: Path, name: str) -> None:
     assert (folder / name).read_bytes() == before
 
 
+def test_standard_output_is_no_place_for_a_model(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of the name - was written."""
+    monkeypatch.chdir(folder)
+    result = run(folder, *SMALL, "-o", "-")
+    assert isinstance(result.exception, InputFileError)
+    assert "standard output has what is said of the result" in str(result.exception)
+    assert "hint: name a file for it" in str(result.exception)
+    assert not (folder / "-").exists()
+
+
 def test_status_and_streams_of_the_program(folder: Path) -> None:
     table, machine = folder / "grid.csv", folder / "machine.toml"
     base = [sys.executable, "-m", "geoerr", "fit", str(table), "--machine", str(machine)]

@@ -123,6 +123,8 @@ def check_output(output: Path | None, inputs: Sequence[Path]) -> None:
         return
     from geoerr.files import refuse_no_file
 
+    if str(output) == "-":
+        raise InputFileError(output, "standard output has what is said of the result", remedy="name a file for it")
     refuse_no_file(output)
     if any(_is_same(output, path) for path in inputs):
         raise InputFileError(output, "is an input of this command", remedy="name another output")

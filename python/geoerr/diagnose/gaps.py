@@ -16,7 +16,7 @@ import numpy as np
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s, variable_columns
 
-# Of a session's time: a longer gap may hide a rise and fall; beyond the first and last reading there is one side only.
+# Of a session's time: a longer gap may hide a rise and fall; beyond first and last reading there is one side only.
 _LONGEST_GAP, _LONGEST_HOLD = 0.1, 0.02
 # Of the whole range of a sensor, and kelvins that no effect of a machine shows.
 _LARGEST_CHANGE, _NO_CHANGE_K = 0.1, 0.5
