@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 
-from geoerr.diagnose.gaps import Gaps, between_readings, gaps_of, read_columns
+from geoerr.diagnose.gaps import Gaps, between_readings, gaps_of, read_columns, unread_rows
 from geoerr.fit.sightings import Sightings, sightings_of
 from geoerr.observations import Observations
 
@@ -52,6 +52,14 @@ def test_sessions_are_apart_and_one_without_readings_stays_empty() -> None:
     assert between(both)[1] == 20.25
     assert np.isnan(between(both)[4:]).all()
     assert gaps_of(both) == (Gaps("temp_bed", 5, 1),)
+
+
+def test_rows_without_a_temperature_that_others_have_are_told() -> None:
+    t = [0.0, 1.0, 2.0, 100.0]
+    read, unread = session(t, [20.0, NAN, 20.5, 60.0]), session(t, [NAN] * 4, "b")
+    assert unread_rows(joined(read, unread)).tolist() == [False] * 4 + [True] * 4
+    # Where more rows have none than have one, none is left out for it.
+    assert not unread_rows(joined(read, unread, session(t, [NAN] * 4, "c"))).any()
 
 
 def test_only_temperatures_run_straight() -> None:

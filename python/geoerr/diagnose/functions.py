@@ -85,7 +85,7 @@ class Functions:
         self._columns_at: dict[bytes, Numbers] = {}
         self._at_rows: dict[tuple[bytes, int, tuple[float, ...], int | None], Numbers] = {}
         self.times = times_s(sightings)
-        self.starts = sightings.starts
+        self.starts = sightings.sequences
         self._compiled: dict[tuple[object, ...], int] = {}
         self._expressions: list[_core.Expression] = []
         self._lags: dict[str, _core.Expression] = {}

@@ -3,7 +3,8 @@
 A sensor that is read every few seconds leaves rows empty, and a candidate that is 0 at them is judged too low: the
 neighbouring sensor, or something without a name, comes first. Bodies of metal do not jump: over a gap that is short
 beside the session, and over which the sensor hardly changed, the temperature runs straight. Elsewhere it stays
-unknown. A fit never does so: there a row without a reading is left out, and counted.
+unknown, and a search goes on without these rows: what a temperature did there nobody can say. A fit never takes a
+temperature for known: there a row without a reading is left out, and counted.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s, variable_columns
@@ -20,6 +22,8 @@ from geoerr.fit.variables import times_s, variable_columns
 _LONGEST_GAP, _LONGEST_HOLD = 0.1, 0.02
 # Of the whole range of a sensor, and kelvins that no effect of a machine shows.
 _LARGEST_CHANGE, _NO_CHANGE_K = 0.1, 0.5
+# A sensor that is known in fewer rows than this share of them costs no rows, nor do more rows go than are left.
+_LEAST_READ = 0.5
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,16 @@ def gaps_of(sightings: Sightings) -> tuple[Gaps, ...]:
             n_left = int(np.isnan(between_readings(sightings, values)).sum())
             found.append(Gaps(name, n_empty, n_empty - n_left))
     return tuple(found)
+
+
+def unread_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
+    """Tell in which rows some temperature stays unknown that others know, (n,): a search goes on without them."""
+    unread = np.zeros(len(sightings), dtype=bool)
+    for name in filter(_is_temperature, sightings.covariate_columns):
+        own = np.isnan(between_readings(sightings, sightings.numbers(name)))
+        if own.mean() <= 1.0 - _LEAST_READ:
+            unread |= own
+    return unread if unread.mean() <= 1.0 - _LEAST_READ else np.zeros(len(sightings), dtype=bool)
 
 
 def between_readings(sightings: Sightings, values: Numbers) -> Numbers:

@@ -6,7 +6,7 @@ import numpy as np
 
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.components import is_circle
-from geoerr.diagnose.gaps import gaps_of
+from geoerr.diagnose.gaps import gaps_of, unread_rows
 from geoerr.diagnose.words import listed
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
@@ -96,14 +96,22 @@ def _odd_times(sightings: Sightings) -> list[str]:
 
 def _gaps(sightings: Sightings) -> list[str]:
     """Say which temperatures were not read in every row, and what was made of that."""
-    said = []
+    alike: dict[tuple[int, int], list[str]] = {}
     for one in gaps_of(sightings):
-        n_left = one.n_empty - one.n_between
-        rows = f"{one.name} is empty in {counted(one.n_empty, 'row')}"
-        between = f"{rows}: between readings it is taken to run straight" if one.n_between else rows
-        left = f"{between}; in {n_left} of them it" if one.n_between else f"{between} and there"
-        unknown = f"{left} stays unknown: what follows it is judged without them, by so much too low"
-        said.append(unknown if n_left else between)
+        alike.setdefault((one.n_empty, one.n_between), []).append(one.name)
+    said = []
+    for (n_empty, n_between), names in alike.items():
+        is_one = len(names) == 1
+        empty = f"{listed(names)} {'is' if is_one else 'are'} empty in {counted(n_empty, 'row')}"
+        straight = f"between readings {'it is' if is_one else 'they are'} taken to run straight"
+        unknown = (
+            f"in {counted(n_empty - n_between, 'row')} nobody can say what depends on {'it' if is_one else 'them'}"
+        )
+        parts = [*([straight] if n_between else []), *([unknown] if n_between < n_empty else [])]
+        said.append(f"{empty}: {', and '.join(parts)}")
+    n_unread = int(unread_rows(sightings).sum())
+    if n_unread:
+        said.append(f"the search goes on without {counted(n_unread, 'row')} of unknown temperature")
     return said
 
 

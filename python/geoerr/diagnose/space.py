@@ -323,7 +323,7 @@ class Channels:
             np.ascontiguousarray(sightings.commanded_mm),
             np.ascontiguousarray(sightings.offset_mm),
             np.zeros((0, len(sightings))),
-            sightings.starts,
+            sightings.sequences,
             None,
             np.ascontiguousarray(sightings.measured_mm),
             np.ascontiguousarray(sightings.whitening),

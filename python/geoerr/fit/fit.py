@@ -482,7 +482,7 @@ class Posed:
             np.ascontiguousarray(sightings.commanded_mm),
             np.ascontiguousarray(offset_mm),
             np.ascontiguousarray(variables),
-            sightings.starts,
+            sightings.sequences,
             times_s(sightings) if compiled.needs_order else None,
             np.ascontiguousarray(measured_mm),
             np.ascontiguousarray(sightings.whitening),

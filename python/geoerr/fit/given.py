@@ -127,7 +127,7 @@ def _displacement_mm(machine: Machine, sightings: Sightings, terms: Sequence[Ter
             np.ascontiguousarray(sightings.commanded_mm),
             np.ascontiguousarray(sightings.offset_mm),
             np.ascontiguousarray(known_variables(sightings, compiled.variables, terms)),
-            sightings.starts,
+            sightings.sequences,
             times_s(sightings) if compiled.needs_order else None,
             *start_values(terms),
             threads,

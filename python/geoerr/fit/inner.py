@@ -164,7 +164,7 @@ class _Candidate:
         self.needs_order = compiled.needs_order
         # What runs along the rows passes over those that lack something.
         self.variables = np.ascontiguousarray(variables if self.needs_order else np.nan_to_num(variables))
-        self.starts = sightings.starts
+        self.starts = sightings.sequences
         self.times = times_s(sightings) if compiled.needs_order else None
         self.shapes: list[tuple[_core.Expression, list[int]]] = []
         # Part and coefficient of each column of the formulas.
@@ -275,7 +275,7 @@ def _problem(fitted: Fitted, compiled: Compiled) -> _core.FitProblem:
         np.ascontiguousarray(sightings.commanded_mm),
         np.ascontiguousarray(sightings.offset_mm),
         np.zeros((0, len(sightings))),
-        sightings.starts,
+        sightings.sequences,
         None,
         np.ascontiguousarray(sightings.measured_mm),
         np.ascontiguousarray(sightings.whitening),

@@ -145,6 +145,11 @@ class Sightings:
         return np.searchsorted(self.session, np.arange(len(self.sessions))).astype(np.int64)
 
     @property
+    def sequences(self) -> Integers:
+        """First row of each session that has rows left, (k,): what runs along rows begins anew there."""
+        return np.flatnonzero(np.diff(self.session, prepend=-1)).astype(np.int64)
+
+    @property
     def n_passes(self) -> int:
         """Number of passes."""
         return int(self.pass_number.max()) + 1 if len(self) else 0

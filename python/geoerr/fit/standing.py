@@ -59,14 +59,14 @@ def standing(
     names, variables
         Of all terms, and (k, n) as `variable_columns` gives them.
     """
-    ends = [*sightings.starts[1:].tolist(), len(sightings)]
+    starts = sightings.sequences.tolist()
     for number, axis in enumerate(AXES):
         own = {f"{name}_{axis}" for name in ("d", *_SETTLED)}
         asking = tuple(term for term in terms if own & set(term.variables))
         if f"d_{axis}" not in names:
             continue
         direction, place = variables[names.index(f"d_{axis}")], sightings.commanded_mm[:, number]
-        for start, end in zip(sightings.starts.tolist(), ends, strict=True):
+        for start, end in zip(starts, [*starts[1:], len(sightings)], strict=True):
             stands = np.isnan(direction[start:end]) & (place[start:end] == place[start])
             n_rows = int(np.logical_and.accumulate(stands).sum())
             if 0 < n_rows < end - start:

@@ -173,7 +173,7 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         np.where(is_circle, 1.0, moving),
         feed,
         np.ascontiguousarray(directions),
-        sightings.starts,
+        sightings.sequences,
         # Rows of a circular test are one smooth path: speed along its tangent, acceleration towards its centre.
         is_circle.astype(np.float64),
     )
@@ -193,7 +193,7 @@ def _as_stated(
     result: dict[str, Numbers] = {}
     turned = may_have_turned(sightings, times)
     is_same_place = np.append(False, (np.diff(sightings.commanded_mm, axis=0) == 0.0).all(axis=1))
-    is_same_place[sightings.starts] = False
+    is_same_place[sightings.sequences] = False
     for number, axis in enumerate(AXES):
         # Stated as unknown: whoever wrote that knew better than the order of rows, which tells the rest.
         stated = sightings.numbers(f"dir_{axis}")

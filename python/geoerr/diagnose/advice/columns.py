@@ -92,7 +92,7 @@ class Terms:
             np.ascontiguousarray(sightings.commanded_mm),
             np.ascontiguousarray(sightings.offset_mm),
             np.ascontiguousarray(np.nan_to_num(variables)),
-            sightings.starts,
+            sightings.sequences,
             times_s(sightings) if self.compiled.needs_order else None,
             np.ascontiguousarray(sightings.measured_mm),
             np.ascontiguousarray(sightings.whitening),

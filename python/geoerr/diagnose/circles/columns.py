@@ -75,7 +75,7 @@ class _Formulas:
         compiled = compile_terms(fitted.machine, (term,))
         variables = variable_columns(fitted.sightings, compiled.variables)
         self.rows = runs.rows
-        self.starts = fitted.sightings.starts
+        self.starts = fitted.sightings.sequences
         self.times = None
         if compiled.needs_order:
             self.variables, self.times = np.ascontiguousarray(variables), times_s(fitted.sightings)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate, candidates_of
+from geoerr.diagnose.gaps import unread_rows
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
@@ -137,7 +138,8 @@ def search(
     smooth, waves = probes_of(fitted, functions, variables), UnevenWaves(functions, variables)
     everything: list[Candidate | Probe] = [*candidates, *smooth]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
-    bench = Bench(fitted, functions, names=names, explained=explained, threads=threads)
+    unread = unread_rows(fitted.sightings)
+    bench = Bench(fitted, functions, names=names, explained=explained, left_out=unread, threads=threads)
     found: list[Found] = []
     unknown: Found | None = None
     # Columns of what has no name: of its probe, and where it is left of a name what is uneven or bent in that.
