@@ -28,7 +28,7 @@ def test_every_machine_has_a_line_and_every_failure_a_reason(farm: Path, right_b
     assert lines[1] == "mill-1  missing: backlash:x; 0 of 1 programs corrected"
     assert lines[3].endswith("; 2 of 2 programs corrected")
     assert lines[5] == "failed:"
-    assert lines[6].startswith(f"  {farm}/mill-1/programs/corner.gcode:4: ")
+    assert lines[6].startswith(f"  mill-1: {farm}/mill-1/programs/corner.gcode:4: ")
     assert lines[7].startswith("  hint: ")
     assert lines[-1] == "4 machines, 1 of them with a failure"
     missing = {"mill-1/programs/corner.gcode"}

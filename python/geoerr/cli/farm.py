@@ -43,6 +43,8 @@ class StepChoice(StrEnum):
 
 _CONNECTION_S = 30
 
+# Of those that failed for one reason.
+_MACHINES_SHOWN = 3
 _EXAMPLES = (
     "geoerr farm FARM -o RESULTS",
     "geoerr farm FARM -o RESULTS --do fit --do compensate --components 12 --add backlash:x",
@@ -143,6 +145,11 @@ def _connected(scheduler: str) -> Iterator[FarmExecutor]:
         yield client.get_executor()
 
 
+def _some_of(names: list[str]) -> str:
+    shown = ", ".join(names[:_MACHINES_SHOWN])
+    return shown if len(names) <= _MACHINES_SHOWN else f"{shown} and {len(names) - _MACHINES_SHOWN} more"
+
+
 def _lines(done: Farm) -> list[str]:
     """Say of each machine what it lacks and how many programs were corrected; then what failed, and why."""
     by_machine = done.by_machine
@@ -151,8 +158,12 @@ def _lines(done: Farm) -> list[str]:
     if done.failures:
         lines += ["", "failed:"]
         # A table that cannot be read is what two steps say.
-        reasons = dict.fromkeys(str(one.error) for one in done.failures)
-        lines += [f"  {line}" for reason in reasons for line in reason.splitlines()]
+        whose: dict[str, dict[str, None]] = {}
+        for one in done.failures:
+            whose.setdefault(str(one.error), {})[one.machine] = None
+        for reason, names in whose.items():
+            first, *more = reason.splitlines()
+            lines += [f"  {_some_of(list(names))}: {first}", *(f"  {line}" for line in more)]
     n_failed = len({one.machine for one in done.failures})
     return [*lines, "", f"{len(by_machine)} machines, {n_failed} of them with a failure"]
 

@@ -30,6 +30,13 @@ class UnsupportedChoice(StrEnum):
     PASS = "pass"
 
 
+def positive(value: float | None) -> float | None:
+    """Refuse a length that is none, as wrong usage; an option that is not given stays None."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter(f"{value:g} is no length above 0")
+    return value
+
+
 At = Annotated[
     list[str] | None,
     typer.Option("--at", metavar="NAME=VALUE", help="Condition that MODEL depends on; `reference` is a value."),
@@ -39,7 +46,8 @@ WorkOffset = Annotated[
     typer.Option("--work-offset", metavar="X,Y,Z", help="From the machine's zero to the program's zero (G54), mm."),
 ]
 Tolerance = Annotated[
-    float, typer.Option("--tolerance", help="Largest distance of the tool from the programmed path, mm.")
+    float,
+    typer.Option("--tolerance", callback=positive, help="Largest distance of the tool from the programmed path, mm."),
 ]
 OnUnsupported = Annotated[
     UnsupportedChoice,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, files_given, note, print_json
-from geoerr.cli.program_options import At, followed_conditions
+from geoerr.cli.program_options import At, followed_conditions, positive
 from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -36,7 +36,9 @@ def ballbar(
         str | None,
         typer.Option("--center", help="Centre in the plane, mm, as A,B or A,B,LEVEL. Li's in XY: 212,270."),
     ] = None,
-    radius: Annotated[float | None, typer.Option("--radius", help="Radius in mm. Li's: 100.")] = None,
+    radius: Annotated[
+        float | None, typer.Option("--radius", callback=positive, help="Radius in mm. Li's: 100.")
+    ] = None,
     plane: Annotated[
         str | None, typer.Option("--plane", help="XY, YZ or ZX; XY, or the trace's, where not given.")
     ] = None,

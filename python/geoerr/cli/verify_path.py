@@ -17,6 +17,7 @@ from geoerr.cli.program_options import (
     WorkOffset,
     followed_conditions,
     names,
+    positive,
     triple,
 )
 from geoerr.cli.progress import progress_bar
@@ -49,7 +50,9 @@ def path(
     keep_uncertain: KeepUncertain = False,
     tolerance: Annotated[
         float | None,
-        typer.Option("--tolerance", help="Fail (exit status 1) where the path of OUT is further off, mm."),
+        typer.Option(
+            "--tolerance", callback=positive, help="Fail (exit status 1) where the path of OUT is further off, mm."
+        ),
     ] = None,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,

@@ -155,6 +155,7 @@ class ProgramReader:
         self._systems: dict[int, Place] = {1: work_offset_mm}
         self._zero: Place = work_offset_mm
         self._n_tape_marks = 0
+        self._is_numbered = False
         self._is_lost = False
 
     @property
@@ -192,7 +193,9 @@ class ProgramReader:
                 pass
             case Kind.TAPE:
                 self._n_tape_marks += 1
-            case Kind.BRANCH:
+            case Kind.NUMBER if not self._is_numbered and self.n_moves == 0:
+                self._is_numbered = True
+            case Kind.BRANCH | Kind.NUMBER:
                 self._lose()
             case Kind.ANYWHERE:
                 self._forget()

@@ -28,8 +28,11 @@ _TEXT_CODES = frozenset(
 # M codes that may share their line with a move (machining programs).
 _MACHINING_CODES = frozenset(range(2, 10))
 # M codes and names that decide which line comes next.
-_BRANCHING_CODES = frozenset((98, 99, 808))
-_BRANCHING_NAMES = frozenset((b"if", b"elif", b"else", b"while", b"break", b"continue", b"abort"))
+_BRANCHING_CODES = frozenset((97, 98, 99, 808))
+_BRANCHING_NAMES = re.compile(rb"if|elif|else|while|break|continue|abort|goto\d*|then|do\d+|end\d+", re.IGNORECASE)
+# `O1234 (PART)`: the number of a program, or where a subprogram begins.
+_PROGRAM_NUMBER = re.compile(rb"[oO]\s*\d+\s*(?:[(;].*)?$")
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # Named commands that, by Klipper's and RepRapFirmware's manuals, leave the machine where it is.
 _STILL_NAMES = re.compile(
     rb"var|global|set|echo|SET_(?!KINEMATIC_POSITION$|DUAL_CARRIAGE$)\w*|QUERY_\w*|EXCLUDE_OBJECT\w*|RESPOND|STATUS"
@@ -48,6 +51,7 @@ class Kind(Enum):
     ANYWHERE = "may move the machine anywhere"
     BRANCH = "decides which line comes next"
     TAPE = "begin or end of the tape"
+    NUMBER = "the number of a program or subprogram"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +92,12 @@ _STILL = Statement(Kind.STILL)
 _ANYWHERE = Statement(Kind.ANYWHERE)
 _BRANCH = Statement(Kind.BRANCH)
 _TAPE = Statement(Kind.TAPE)
+_NUMBER = Statement(Kind.NUMBER)
 
 
 def read_statement(body: bytes) -> Statement:
     """Take a line (without its end) apart."""
+    body = body.removeprefix(_BYTE_ORDER_MARK)
     begin = _BEGIN.match(body)
     is_skipped = begin is not None and begin.group(1) == b"/"
     rest = body if begin is None else body[begin.end() :]
@@ -103,12 +109,12 @@ def read_statement(body: bytes) -> Statement:
     if name is not None:
         return _named(name.group())
     if rest[:1] in b"oO":
-        return _BRANCH
+        return _NUMBER if _PROGRAM_NUMBER.match(rest) else _BRANCH
     return _worded(rest, is_skipped)
 
 
 def _named(name: bytes) -> Statement:
-    if name in _BRANCHING_NAMES:
+    if _BRANCHING_NAMES.fullmatch(name):
         return _BRANCH
     return _STILL if _STILL_NAMES.fullmatch(name) else _ANYWHERE
 

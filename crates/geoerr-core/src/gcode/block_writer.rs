@@ -115,9 +115,8 @@ impl BlockWriter {
         for node in nodes {
             check_command(node, options, slack_mm, line, body)?;
         }
-        if let (Share::Unclear, [_, .., end]) = (a_move.share, nodes) {
+        if let (Some(what), [_, .., end]) = (cannot_be_split(a_move), nodes) {
             if options.on_unsupported == OnUnsupported::Refuse {
-                let what = Unsupported::ExtruderMode;
                 return Err(GcodeError::Unsupported { line, text: excerpt(body), what });
             }
             self.warnings.add(WarningKind::NotSplit, line, body);
@@ -178,6 +177,16 @@ fn check_command(
         }
     }
     Ok(())
+}
+
+/// Why a move can only be written in one piece.
+fn cannot_be_split(a_move: &Move) -> Option<Unsupported> {
+    match a_move.share {
+        Share::Unclear => Some(Unsupported::ExtruderMode),
+        Share::Lost => Some(Unsupported::ExtruderLost),
+        _ if a_move.text.stops => Some(Unsupported::StopOnMove),
+        _ => None,
+    }
 }
 
 fn mark_line(in_parentheses: bool, source: SourceLine<'_>, options: &Options) -> Vec<u8> {

@@ -39,7 +39,7 @@ pub enum Code {
     MachineCoordinates,
     /// `G54` to `G59`: 0 to 5.
     System(usize),
-    /// `G59.1` to `G59.3`.
+    /// `G59.1` to `G59.3`, `G54.1 P..` (Fanuc), `G154 P..` (Haas).
     FurtherSystem,
     /// `G40`.
     CompensationOff,
@@ -92,7 +92,7 @@ impl Code {
             900 | 910 => Self::Distance { is_relative: code10 == 910 },
             530 => Self::MachineCoordinates,
             540 | 550 | 560 | 570 | 580 | 590 => Self::System((code10 as usize - 540) / 10),
-            591..=593 => Self::FurtherSystem,
+            541..=549 | 591..=593 | 1540 => Self::FurtherSystem,
             400 => Self::CompensationOff,
             410..=429 => Self::CompensationOn,
             430 => Self::ToolLength,
@@ -124,14 +124,32 @@ pub enum Macro {
     MovesZero,
     /// `if`, `while` ...: which line comes next.
     FlowControl,
+    /// `SAVE_GCODE_STATE`: keeps modes and zeros under a name.
+    SavesState,
+    /// `RESTORE_GCODE_STATE`: takes them up again.
+    RestoresState,
+    /// `ACTIVATE_EXTRUDER`: another extruder, whose position counts anew.
+    OtherExtruder,
     /// Anything: the machine may be elsewhere afterwards.
     Unknown,
+}
+
+/// Words of RepRapFirmware (`if`, `while`) and of Fanuc's macros (`IF[..]GOTO`, `DO1`, `END1`) that say which line
+/// comes next.
+fn is_branch(name: &[u8]) -> bool {
+    let name = name.to_ascii_lowercase();
+    let words: [&[u8]; 9] =
+        [b"if", b"elif", b"else", b"while", b"break", b"continue", b"abort", b"goto", b"then"];
+    let is_numbered = |begin: &[u8]| {
+        name.strip_prefix(begin).is_some_and(|rest| !rest.is_empty() && rest.iter().all(u8::is_ascii_digit))
+    };
+    words.contains(&name.as_slice()) || [b"goto".as_slice(), b"do", b"end"].into_iter().any(is_numbered)
 }
 
 impl Macro {
     /// By its name.
     pub fn of(name: &[u8]) -> Self {
-        if [b"if".as_slice(), b"elif", b"else", b"while", b"break", b"continue", b"abort"].contains(&name) {
+        if is_branch(name) {
             return Self::FlowControl;
         }
         if [b"var".as_slice(), b"global", b"set", b"echo"].contains(&name) {
@@ -145,6 +163,9 @@ impl Macro {
             b"BED_MESH_OUTPUT" | b"BED_MESH_MAP" => Self::Harmless,
             _ if name.starts_with(b"BED_MESH_") => Self::MeasuresBed,
             b"SET_GCODE_OFFSET" => Self::MovesZero,
+            b"SAVE_GCODE_STATE" => Self::SavesState,
+            b"RESTORE_GCODE_STATE" => Self::RestoresState,
+            b"ACTIVATE_EXTRUDER" => Self::OtherExtruder,
             b"SET_KINEMATIC_POSITION" | b"SET_DUAL_CARRIAGE" => Self::Unknown,
             b"RESPOND"
             | b"STATUS"
@@ -152,7 +173,6 @@ impl Macro {
             | b"TURN_OFF_HEATERS"
             | b"TEMPERATURE_WAIT"
             | b"UPDATE_DELAYED_GCODE"
-            | b"SAVE_GCODE_STATE"
             | b"SAVE_VARIABLE"
             | b"SYNC_EXTRUDER_MOTION" => Self::Harmless,
             _ if [b"SET_".as_slice(), b"QUERY_", b"EXCLUDE_OBJECT"].iter().any(|p| name.starts_with(p)) => {
@@ -173,6 +193,8 @@ mod tests {
         assert_eq!(Code::of(520), Code::OtherShift, "G52");
         assert_eq!(Code::of(590), Code::System(5));
         assert_eq!(Code::of(591), Code::FurtherSystem);
+        assert_eq!(Code::of(541), Code::FurtherSystem, "G54.1");
+        assert_eq!(Code::of(1540), Code::FurtherSystem, "G154");
         assert_eq!(Code::of(611), Code::Harmless);
         assert_eq!(Code::of(9999), Code::Unknown);
     }
@@ -184,5 +206,10 @@ mod tests {
         assert_eq!(Macro::of(b"BED_MESH_CALIBRATE"), Macro::MeasuresBed);
         assert_eq!(Macro::of(b"START_PRINT"), Macro::Unknown);
         assert_eq!(Macro::of(b"while"), Macro::FlowControl);
+        assert_eq!(Macro::of(b"IF"), Macro::FlowControl);
+        assert_eq!(Macro::of(b"GOTO50"), Macro::FlowControl);
+        assert_eq!(Macro::of(b"END1"), Macro::FlowControl);
+        assert_eq!(Macro::of(b"END_PRINT"), Macro::Unknown);
+        assert_eq!(Macro::of(b"restore_gcode_state"), Macro::RestoresState);
     }
 }

@@ -41,6 +41,8 @@ pub enum Share {
     },
     /// The firmwares that may run the program disagree, or the number has more digits than can be shared.
     Unclear,
+    /// The word is a position, and where the move begins is not known.
+    Lost,
 }
 
 /// Extruder position as one firmware reads the program.
@@ -60,6 +62,16 @@ pub struct Extrusion {
     /// `M83` holds.
     extruder_relative: bool,
     /// What the last of `G90 G91 M82 M83` said.
+    last_relative: bool,
+    /// Another tool was chosen: what its position is called nobody has said.
+    is_lost: bool,
+}
+
+/// What decides how `E` is read; two programs in one state read it alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExtruderModes {
+    axes_relative: bool,
+    extruder_relative: bool,
     last_relative: bool,
 }
 
@@ -81,8 +93,29 @@ impl Extrusion {
         self.last_relative = is_relative;
     }
 
+    /// What decides how `E` is read.
+    pub fn modes(&self) -> ExtruderModes {
+        ExtruderModes {
+            axes_relative: self.axes_relative,
+            extruder_relative: self.extruder_relative,
+            last_relative: self.last_relative,
+        }
+    }
+
+    /// Another tool: a controller may call its position anything.
+    pub fn lose_position(&mut self) {
+        self.is_lost = true;
+    }
+
+    /// The position is what it was when another state was kept.
+    pub fn take_position_of(&mut self, kept: &Self) {
+        self.readings = kept.readings;
+        self.is_lost = kept.is_lost;
+    }
+
     /// `G92 E..`.
     pub fn set_position(&mut self, word: Decimal) {
+        self.is_lost = false;
         for reading in &mut self.readings {
             reading.position = word.exact();
         }
@@ -96,6 +129,10 @@ impl Extrusion {
         let [one, other, third] = self.readings.map(|reading| reading.position);
         if word.is_cut || relative.contains(&!relative[0]) || one != other || one != third {
             return self.advance_each(word);
+        }
+        if self.is_lost && !relative[0] {
+            self.set_position(word);
+            return (Share::Lost, 0);
         }
         let exact = word.exact();
         if relative[0] {
@@ -130,6 +167,12 @@ impl Extrusion {
             if self.firmware.is_none_or(|named| named == firmware) {
                 share = Some(if share.is_none_or(|other| other == this) { this } else { Share::Unclear });
             }
+        }
+        // Of a position that nobody has said the word is the first to tell.
+        let shown_is_relative = self.is_relative(shown);
+        if self.is_lost && !shown_is_relative {
+            self.is_lost = false;
+            return (if share == Some(Share::Unclear) { Share::Unclear } else { Share::Lost }, 0);
         }
         (share.unwrap_or(Share::Unclear), shown_increment)
     }
@@ -186,6 +229,24 @@ mod tests {
             e.set_axes_relative(true);
             assert_eq!(matches!(e.advance(number("-2")).0, Share::Increment(_)), relative);
         }
+    }
+
+    #[test]
+    fn after_another_tool_the_first_position_tells_where_the_next_move_begins() {
+        for firmware in [None, Some(Firmware::Klipper)] {
+            let mut e = Extrusion::new(firmware);
+            e.advance(number("5"));
+            e.lose_position();
+            assert_eq!(e.advance(number("1")), (Share::Lost, 0));
+            assert_eq!(e.advance(number("3")).0, Share::Position { from: 1.0, to: number("3") });
+            e.lose_position();
+            e.set_position(number("0"));
+            assert_eq!(e.advance(number("2")).0, Share::Position { from: 0.0, to: number("2") });
+        }
+        let mut e = Extrusion::new(None);
+        e.set_extruder_relative(true);
+        e.lose_position();
+        assert_eq!(e.advance(number("2")).0, Share::Increment(number("2")));
     }
 
     #[test]

@@ -83,6 +83,8 @@ pub enum Head {
     Words,
 }
 
+const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
+
 /// One line, taken apart. Kept and filled again, so that a line costs no allocation.
 #[derive(Debug, Default)]
 pub struct Line {
@@ -110,7 +112,9 @@ impl Line {
         self.words.clear();
         let words = std::mem::take(&mut self.words);
         *self = Self { words, ..Self::default() };
-        let mut at = blanks(body, 0);
+        // The mark that an editor puts before the first line is no part of it.
+        let begin = if body.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+        let mut at = blanks(body, begin);
         if body.get(at) == Some(&b'/') {
             self.is_block_skip = true;
             at = blanks(body, at + 1);
@@ -349,6 +353,7 @@ mod tests {
         assert!(!lexed("# X5 to the left").has_parameter && lexed("G1 X5 # left").has_parameter);
         assert!(lexed("/G1 X5").is_block_skip);
         assert!(lexed("N3 G1 X5*71").has_checksum);
+        assert_eq!(lexed("\u{feff}G91").words.len(), 1);
     }
 
     #[test]

@@ -45,6 +45,7 @@ impl PlainMove {
                 behind_axes: 0,
                 is_spaced: false,
                 is_lower: false,
+                stops: false,
             },
             length: 0,
             length_with_end: 0,

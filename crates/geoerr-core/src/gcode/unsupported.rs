@@ -77,7 +77,7 @@ pub enum Unsupported {
     /// `G92` without a word.
     #[error("G92 without words means different things to different controllers")]
     BareShift,
-    /// `G55` to `G59.3` without a known offset.
+    /// `G55` to `G59.3`, `G54.1`, `G154` without a known offset.
     #[error("the program has not said where coordinate system {} is", code(.code10))]
     UnknownSystem {
         /// Code.
@@ -137,6 +137,19 @@ pub enum Unsupported {
     /// A move that must be split and whose `E` is read differently.
     #[error("the move must be split, and firmwares differ on whether its E is a position or an increment")]
     ExtruderMode,
+    /// A move that must be split, with an absolute `E` behind a change of the tool.
+    #[error("the move must be split, and where its E begins nobody has said since the tool was changed")]
+    ExtruderLost,
+    /// A move that must be split, with a stop on its line.
+    #[error(
+        "the move must be split, and what its line says besides (M0, M1, M2, M30, M60, G9) is meant for its end"
+    )]
+    StopOnMove,
+    /// `M72`, `M121`, `RESTORE_GCODE_STATE` where other modes hold than were saved.
+    #[error(
+        "it takes up saved modes again (G90, M82, G20, G54, G92 ...), which are not those that hold here"
+    )]
+    RestoredState,
     /// A G code with axis words that geoerr does not know.
     #[error("geoerr does not know {}", code(.code10))]
     UnknownCode {
@@ -202,6 +215,11 @@ impl Unsupported {
                 "strip line numbers and checksums; the host adds them when it sends the program"
             }
             Self::ExtruderMode => "name the firmware: --firmware marlin, klipper or reprapfirmware",
+            Self::ExtruderLost => "write G92 E0 behind the change of the tool, or use M83",
+            Self::StopOnMove => "write it on a line of its own behind the move",
+            Self::RestoredState => {
+                "write the modes that are to hold on lines of their own, before it is taken up and behind it"
+            }
         }
     }
 
@@ -215,6 +233,8 @@ impl Unsupported {
             | Self::ExtraAxis { .. }
             | Self::UnknownSystem { .. }
             | Self::ExtruderMode
+            | Self::ExtruderLost
+            | Self::StopOnMove
             | Self::Checksum => After::AtItsEnd,
             Self::CannedCycle { .. }
             | Self::Probing { .. }
@@ -236,7 +256,7 @@ impl Unsupported {
             | Self::BareShift
             | Self::TwoOwners
             | Self::HomingAfterShift => After::ZeroLost,
-            Self::FlowControl => After::EverythingLost,
+            Self::FlowControl | Self::RestoredState => After::EverythingLost,
         }
     }
 }

@@ -131,6 +131,8 @@ pub struct MoveText {
     pub is_spaced: bool,
     /// Whether letters are lower case.
     pub is_lower: bool,
+    /// Whether the line says something that is meant for the end of the move: a stop, an exact stop.
+    pub stops: bool,
 }
 
 impl MoveText {
@@ -153,6 +155,11 @@ impl MoveText {
             is_spaced: line.words.len() < 2
                 || line.words.windows(2).any(|pair| pair[0].span.end < pair[1].span.start),
             is_lower: letter.is_some_and(|letter| letter.is_ascii_lowercase()),
+            stops: line.words.iter().any(|word| match (word.letter, word.code10()) {
+                (b'M', Some(code10)) => matches!(code10, 0 | 10 | 20 | 300 | 600),
+                (b'G', code10) => code10 == Some(90),
+                _ => false,
+            }),
         }
     }
 }

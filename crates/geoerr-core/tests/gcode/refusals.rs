@@ -1,7 +1,7 @@
 //! What is refused, by line, with the line's text and a remedy.
 
 use super::common::{bent, nominal, options, passing, run, run_bytes, scaled};
-use geoerr_core::gcode::{GcodeError, Options, Unsupported};
+use geoerr_core::gcode::{Firmware, GcodeError, Options, Unsupported};
 
 fn reason(program: &str) -> Unsupported {
     match run(scaled(), options(), program) {
@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 45] = [
+    let cases: [(&str, Unsupported); 57] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -54,6 +54,18 @@ fn every_unsupported_line_has_its_reason() {
         ("G1 X[1+2]", Unsupported::Expression),
         ("#1=5", Unsupported::Expression),
         ("O100 sub", Unsupported::FlowControl),
+        ("O100", Unsupported::FlowControl),
+        ("M97 P100", Unsupported::FlowControl),
+        ("IF[#1000EQ1]GOTO50", Unsupported::FlowControl),
+        ("GOTO50", Unsupported::FlowControl),
+        ("DO1", Unsupported::FlowControl),
+        ("G54.1 P3", Unsupported::UnknownSystem { code10: 541 }),
+        ("G154 P3", Unsupported::UnknownSystem { code10: 1540 }),
+        ("M70\nG20\nG91\nM72", Unsupported::RestoredState),
+        ("M83\nM120\nG91\nG1 Z5\nM121", Unsupported::RestoredState),
+        ("SAVE_GCODE_STATE NAME=a\nM83\nRESTORE_GCODE_STATE NAME=a", Unsupported::RestoredState),
+        ("SAVE_GCODE_STATE\nG92 X5\nRESTORE_GCODE_STATE", Unsupported::RestoredState),
+        ("RESTORE_GCODE_STATE NAME=nobody", Unsupported::RestoredState),
         ("M98 P100", Unsupported::FlowControl),
         ("while iterations < 3", Unsupported::FlowControl),
         ("G1 X5 X6", Unsupported::RepeatedWord { letter: b'X' }),
@@ -72,6 +84,70 @@ fn every_unsupported_line_has_its_reason() {
     assert_eq!(reason("G92 X0 G28 Y0\n"), Unsupported::TwoOwners);
     assert_eq!(reason("G1 G2 X5\n"), Unsupported::TwoMotionCodes);
     assert_eq!(reason("N1 G1 X5 Y5 Z5*33\n"), Unsupported::Checksum);
+}
+
+#[test]
+fn what_belongs_to_the_end_of_a_move_is_not_said_at_the_end_of_its_first_piece() {
+    let here = "G1 X0 Y0 Z0\n";
+    for (program, expected) in [
+        ("G1 X300 Y300 F1000 M30", Unsupported::StopOnMove),
+        ("G1 X300 Y300 M0", Unsupported::StopOnMove),
+        ("X300 Y300 M1", Unsupported::StopOnMove),
+        ("G9 G1 X300 Y300", Unsupported::StopOnMove),
+        ("T0\nG1 X1 E5\nT1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
+        ("G1 X1 E5\nT1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
+        ("ACTIVATE_EXTRUDER EXTRUDER=e1\nG1 X1 Y1 Z1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
+    ] {
+        let program = format!("{here}{program}\n");
+        let refused = run(bent("wZbXYt", [0.0; 3]), options(), &program).unwrap_err();
+        assert!(matches!(refused, GcodeError::Unsupported { what, .. } if what == expected), "{refused:?}");
+        // In one piece it may pass.
+        let passed = run(bent("wZbXYt", [0.0; 3]), passing(), &program).unwrap();
+        assert!(passed.warnings.iter().any(|warning| warning.kind.name() == "not-split"), "{program}");
+    }
+    for program in
+        ["G1 X300 Y300\nM30\n", "T0\nG1 X1 E5\nT1\nG92 E0\nG1 X300 Y300 E7\n", "G1 X300 Y300 F1000 M3 M8\n"]
+    {
+        assert!(run(bent("wZbXYt", [0.0; 3]), options(), &format!("{here}{program}")).is_ok(), "{program}");
+    }
+}
+
+#[test]
+fn modes_that_are_taken_up_again_as_they_are_change_nothing() {
+    let here = "G90\nG1 X0 Y0 Z0\n";
+    for program in [
+        "M70\nG91\nG1 X5\nG90\nM72\nG1 X50\n",
+        "M120\nG91\nG1 Z5\nG90\nM121\nG1 X50\n",
+        "SAVE_GCODE_STATE NAME=a\nG91\nG1 X5\nG90\nRESTORE_GCODE_STATE NAME=a\nG1 X50 Y0 Z0\n",
+        "M121\nM72\nG1 X50\n",
+    ] {
+        assert!(run(scaled(), options(), &format!("{here}{program}")).is_ok(), "{program}");
+    }
+    // Messages and endstops, of firmwares that have these numbers for them.
+    let marlin = Options { firmware: Some(Firmware::Marlin), ..options() };
+    assert!(run(scaled(), marlin, &format!("{here}M120\nM70\nG91\nM121\nM72\nG1 X50\n")).is_ok());
+    // The position of the extruder is what it was, and the machine may be elsewhere.
+    let klipper = Options { firmware: Some(Firmware::Klipper), ..options() };
+    let program =
+        "G1 X10 E5\nSAVE_GCODE_STATE\nG92 E0\nG1 E-2\nRESTORE_GCODE_STATE\nG1 X0 Y0 Z0\nG1 X300 E20\n";
+    let outcome = run(bent("wZbXYt", [0.0; 3]), klipper, &format!("{here}{program}")).unwrap();
+    let ends_mm: Vec<f64> = std::str::from_utf8(&outcome.bytes)
+        .unwrap()
+        .lines()
+        .filter(|line| line.starts_with("G1"))
+        .filter_map(|line| line.split_once(" E")?.1.trim().parse().ok())
+        .collect();
+    assert_eq!((ends_mm[0], ends_mm[1], *ends_mm.last().unwrap()), (5.0, -2.0, 20.0));
+    assert!(ends_mm[2..].windows(2).all(|pair| pair[1] > pair[0]) && ends_mm[2] > 5.0, "{ends_mm:?}");
+}
+
+#[test]
+fn the_number_of_a_program_is_its_name() {
+    let program = "%\nO1234 (PART)\nN10 G90\nG1 X0 Y0 Z0\nG1 X50\nM30\n%\n";
+    let outcome = run(scaled(), options(), program).unwrap();
+    assert_eq!(outcome.summary.moves_corrected, 2);
+    let again = run(scaled(), options(), "O1\nG1 X0 Y0 Z0\nM99\nO2\nG1 X5\n").unwrap_err();
+    assert!(matches!(again, GcodeError::Unsupported { line: 3, what: Unsupported::FlowControl, .. }));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod modes;
 mod moves;
 mod owned;
+mod saved;
 
 use super::codes::{Code, Macro};
 use super::course::{Course, Past};
@@ -16,6 +17,7 @@ use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::unsupported::{After, Unsupported};
 use super::words::{MoveText, Words};
 use crate::volumetric::MotionNeeds;
+use saved::Saved;
 
 /// A position on the edge of a range may be above it by rounding.
 const EDGE_MM: f64 = 1e-9;
@@ -96,11 +98,14 @@ pub struct Reader {
     /// Of the line that is being read.
     asked: Asked,
     extrusion: Extrusion,
+    saved: Saved,
     frame: Frame,
     past: Past,
     /// Whether the machine stands where a corrected move ended.
     is_corrected: bool,
     n_percent: u32,
+    /// Whether the program has told its number (`O1234`).
+    is_numbered: bool,
     is_lost: bool,
     /// Whether a comment with `;` was met.
     pub has_semicolon: bool,
@@ -167,10 +172,12 @@ impl Reader {
             needs,
             line: Line::default(),
             asked: Asked::default(),
+            saved: Saved::default(),
             frame: Frame::default(),
             past: Past::default(),
             is_corrected: false,
             n_percent: 0,
+            is_numbered: false,
             is_lost: false,
             has_semicolon: false,
             has_parenthesis: false,
@@ -299,6 +306,7 @@ impl Reader {
     fn classify(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
         match line.head {
             Head::Percent => self.n_percent += 1,
+            Head::Subprogram if self.is_program_number(body) => self.is_numbered = true,
             Head::Subprogram => return Err(Unsupported::FlowControl),
             Head::Macro(name) => return self.macro_line(name, body),
             Head::Words => return self.words_line(line, words, body),
@@ -308,6 +316,16 @@ impl Reader {
         Ok(Step::Pass)
     }
 
+    /// Whether a line with an `O` is the name of the program and not a subprogram: a number alone, before any move.
+    fn is_program_number(&self, body: &[u8]) -> bool {
+        let text = body.trim_ascii();
+        let rest = text.strip_prefix(b"O").or_else(|| text.strip_prefix(b"o")).unwrap_or_default();
+        let behind = rest.trim_ascii_start();
+        let n_digits = behind.iter().take_while(|byte| byte.is_ascii_digit()).count();
+        let is_alone = matches!(behind[n_digits..].trim_ascii_start().first(), None | Some(b'(' | b';'));
+        !self.is_numbered && self.summary.moves_in == 0 && n_digits > 0 && is_alone
+    }
+
     fn macro_line(&mut self, name: Span, body: &[u8]) -> Result<Step, Unsupported> {
         let mut effects = Effects::default();
         match Macro::of(name.of(body)) {
@@ -315,6 +333,12 @@ impl Reader {
             Macro::FlowControl => return Err(Unsupported::FlowControl),
             Macro::FirmwareCorrection => self.firmware_corrects(body),
             Macro::MovesZero => self.warn(WarningKind::ZeroMoves, body),
+            Macro::SavesState => self.save_named(body),
+            Macro::RestoresState => effects = self.restore_named(body)?,
+            Macro::OtherExtruder => {
+                self.extrusion.lose_position();
+                effects = self.may_move(body);
+            }
             Macro::MeasuresBed => {
                 self.firmware_corrects(body);
                 effects.forget = ALL;

@@ -126,7 +126,12 @@ impl Reader {
             Some(60) => self.asked.forget = ALL,
             Some(820) => self.extrusion.set_extruder_relative(false),
             Some(830) => self.extrusion.set_extruder_relative(true),
-            Some(980 | 990) => self.asked.refuse(Unsupported::FlowControl),
+            Some(970 | 980 | 990) => self.asked.refuse(Unsupported::FlowControl),
+            Some(code10 @ (700 | 720 | 1200 | 1210)) => {
+                if let Err(what) = self.saved_by_m(code10 / 10) {
+                    self.asked.refuse(what);
+                }
+            }
             _ => {}
         }
     }
@@ -134,6 +139,10 @@ impl Reader {
     pub(super) fn tool(&mut self, number: Option<u64>, body: &[u8]) {
         let old = self.modes.tool;
         self.modes.tool = number.or(old);
+        // Programs begin with the tool 0, if they name none.
+        if old.unwrap_or(0) != self.modes.tool.unwrap_or(0) {
+            self.extrusion.lose_position();
+        }
         if old.is_some() && old != self.modes.tool {
             self.warn(WarningKind::OtherTool, body);
         }

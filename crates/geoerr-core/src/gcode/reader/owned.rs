@@ -17,7 +17,8 @@ impl Reader {
         match code10.map(|code10| code10 / 10) {
             Some(82) => self.extrusion.set_extruder_relative(false),
             Some(83) => self.extrusion.set_extruder_relative(true),
-            Some(98 | 99 | 808) => return Err(Unsupported::FlowControl),
+            Some(97 | 98 | 99 | 808) => return Err(Unsupported::FlowControl),
+            Some(code @ (70 | 72 | 120 | 121)) => self.saved_by_m(code)?,
             Some(206 | 290 | 428) => self.warn(WarningKind::ZeroMoves, body),
             Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
             // Marlin's repeatability test of the probe.
