@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import os
+import shutil
 import tempfile
 import tomllib
 from collections.abc import Iterator
@@ -20,10 +21,19 @@ from geoerr.errors import InputFileError
 def whole_or_absent(path: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; move it to `path` only when the block ends well.
 
-    An interrupted or failed block leaves an earlier file at `path` as it was.
+    An interrupted or failed block leaves an earlier file at `path` as it was. A link stays one. What is no file, such
+    as /dev/null or a pipe, is given what was written.
     """
     target = Path(path)
     refuse_no_file(target)
+    if target.exists() and not target.is_file():
+        with tempfile.TemporaryDirectory() as folder:
+            temporary = Path(folder) / target.name
+            yield temporary
+            with temporary.open("rb") as written, target.open("wb") as stream:
+                shutil.copyfileobj(written, stream)
+        return
+    target = target.resolve()
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     os.close(handle)
     temporary = Path(name)

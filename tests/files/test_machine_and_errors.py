@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -197,3 +198,26 @@ def test_the_error_survives_pickling() -> None:
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), again.row, again.column) == (str(error), 3, "x")
     assert str(error) == "a.csv:3: x: is wrong\nhint: mend it"
+
+
+def test_a_link_stays_one_and_its_file_is_written(tmp_path: Path) -> None:
+    (tmp_path / "third.json").write_text("old")
+    link = tmp_path / "newest.json"
+    link.symlink_to("third.json")
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert (tmp_path / "third.json").read_text() == "new"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["newest.json", "third.json"]
+
+
+def test_what_is_no_file_is_given_what_was_written_and_never_replaced(tmp_path: Path) -> None:
+    """As the system's administrator, geoerr replaced /dev/null by a file."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit(pipe.read_text)
+        write_text(pipe, "through a pipe")
+        assert read.result(timeout=10) == "through a pipe"
+    assert pipe.is_fifo()
+    write_text(os.devnull, "nothing")
+    assert Path(os.devnull).is_char_device()

@@ -189,9 +189,10 @@ def misnamed(found: Sequence[Found], probe: Judged) -> Found | None:
     """Give the name beside which something is left that follows nothing but the name's own variables.
 
     Its formula is another one, then. What a name leaves along another variable is an effect a little off its formula.
+    The probe is a find by its own chance, in a look beside the name: more than its price needs no margin.
     """
     for one in found:
-        is_more = probe.gain >= _BENT_SHARE * one.settled.gain and probe.evidence >= _BENT
+        is_more = probe.gain >= _BENT_SHARE * one.settled.gain and probe.evidence > 0.0
         if is_more and not acts_elsewhere(one.settled, probe) and _is_probe_of(probe, _own(one)):
             return one
     return None

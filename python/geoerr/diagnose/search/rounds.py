@@ -59,6 +59,8 @@ _SURE = 1e-3
 _REMAINS = 0.5
 # What chance does no more often than this is missing, also where it gains less than its many numbers cost (Schwarz).
 _NO_CHANCE = 1e-4
+# What is left of a name beside what has no name, as a share of what it gained: less is nothing of its own.
+_SWALLOWED = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +212,7 @@ def search(
     assert first is not None
     steps.next("each of what was found beside the others")
     beside = [*finer, *aside]
-    together = tuple(_together(bench, found, beside, looked))
+    together = tuple(_together(bench, found, finer, aside, looked))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early, dropped)
@@ -316,23 +318,32 @@ def _helps(bench: Bench, settled: Settled, best: Judged, added: Sequence[Numbers
     return before is None or after is None or after < before
 
 
-def _together(bench: Bench, found: list[Found], aside: list[Numbers], last: Round) -> list[Found]:
+def _together(
+    bench: Bench, found: list[Found], finer: list[Numbers], aside: list[Numbers], last: Round
+) -> list[Found]:
     """Estimate each effect beside all the others, in the noise that all of them leave.
 
     One after another, the others as they have become: a jump at a moment that was not quite right leaves another,
-    of which nothing is left where the moment is right. Such a remainder goes.
+    of which nothing is left where the moment is right. Such a remainder goes. Where what has no name could do what a
+    name does, it is what the name leaves, and the name is estimated without it.
     """
     settled = [one.settled for one in found]
     result = []
     for place, one in enumerate(found):
         others = [own.raw for number, own in enumerate(settled) if number != place]
-        space = bench.space_to_estimate_in(last.space.noise, [*aside, *others])
-        again = resettle(space, bench.scanner(space, n_draws=0), one.settled)
+        again, space = _again(bench, one, [*finer, *aside, *others], last)
+        if aside and again.gain < _SWALLOWED * one.settled.gain:
+            again, space = _again(bench, one, [*finer, *others], last)
         settled[place] = again
         if others and again.gain < _REMAINS * one.settled.gain and _evidence(space, again, one) <= 0.0:
-            return _together(bench, [other for other in found if other is not one], aside, last)
+            return _together(bench, [other for other in found if other is not one], finer, aside, last)
         result.append(replace(one, beside_others=again))
     return result
+
+
+def _again(bench: Bench, one: Found, beside: list[Numbers], last: Round) -> tuple[Settled, Space]:
+    space = bench.space_to_estimate_in(last.space.noise, beside)
+    return resettle(space, bench.scanner(space, n_draws=0), one.settled), space
 
 
 def _evidence(space: Space, settled: Settled, found: Found) -> float:
