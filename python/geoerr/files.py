@@ -34,7 +34,12 @@ def whole_or_absent(path: str | Path) -> Iterator[Path]:
                 shutil.copyfileobj(written, stream)
         return
     target = target.resolve()
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    except OSError as error:
+        raise InputFileError(
+            path, f"cannot be written: {error.strerror}", remedy="name an output in a folder that can be written to"
+        ) from error
     os.close(handle)
     temporary = Path(name)
     try:

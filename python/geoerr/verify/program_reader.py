@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeGuard
 
 from geoerr.errors import InputFileError
+from geoerr.files import refusing_unreadable
 from geoerr.verify.program_motion import Course, Past
 from geoerr.verify.program_words import Kind, Statement, read_statement
 
@@ -172,8 +173,10 @@ class ProgramReader:
             where the file cannot be read.
         """
         number = 0
+        with refusing_unreadable(self.path, "program"):
+            opened = self.path.open("rb")
         try:
-            with self.path.open("rb") as stream:
+            with opened as stream:
                 for raw in stream:
                     for body in _LINE_END.split(raw.removesuffix(b"\n").removesuffix(b"\r")):
                         number += 1
