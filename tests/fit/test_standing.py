@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import polars as pl
 import pytest
 from fit_scenes import Numbers, camera_near_base, curve_of, fitted, lost, points, value_of
 from virtual_machine import LENGTH_MM, machine_of
@@ -96,6 +97,19 @@ def test_errors_do_not_depend_on_how_the_axis_came() -> None:
         values, others = curve_of(one, name, Q_MM)[0], curve_of(other, name, Q_MM)[0]
         assert np.abs(values - others).max() < 1e-6
     assert value_of(one, play.id)[0] == pytest.approx(value_of(other, play.id)[0], abs=1e-6)
+
+
+def test_a_session_in_which_the_axis_never_moves_keeps_its_rows() -> None:
+    """X alone on one day, all on another: what the play does on the first day is how the camera stood."""
+    whole = three_lines("backlash", 1, 5, n_sessions=2)
+    table = Observations(whole.frame.filter((pl.col("session") != "s0") | (pl.col("line") == "x")), whole.sources)
+    play = catalogue()["backlash"].term("y", None, MACHINE)
+    result = fitted(MACHINE, table, effects=[play])
+    assert len(result.sightings) == len(table)
+    assert not lost(result)
+    found, error = value_of(result, play.id)
+    assert abs(found - PLAY_MM) < 5.0 * error
+    assert result.solved.chi_squared / result.dof == pytest.approx(1.0, abs=0.2)
 
 
 def test_a_model_that_is_given_is_compared_at_all_rows() -> None:

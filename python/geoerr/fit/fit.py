@@ -37,7 +37,7 @@ from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
-from geoerr.fit.standing import known_variables, standing
+from geoerr.fit.standing import Standing, known_variables, midway, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
@@ -304,9 +304,11 @@ class Posed:
         """
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
-        variables = known_variables(sightings, compiled.variables, terms)
+        shown = variable_columns(sightings, compiled.variables)
+        still = list(standing(sightings, compiled.variables, shown, terms))
+        variables = midway(still, compiled.variables, shown)
         known = complete_rows_of(sightings, compiled.variables, variables, terms)
-        amounts = self.amounts(terms)[known]
+        amounts = self.amounts(still, compiled.variables, shown)[known]
         sightings, variables, own_shared, given = _complete_rows(sightings, known, variables, self.shared, self.given)
         shared = beside(own_shared, amounts)
         used = given.is_used if given is not None else None if used is None else used[known]
@@ -349,20 +351,21 @@ class Posed:
             terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing, limits
         )
 
-    def amounts(self, terms: Sequence[Term]) -> Numbers:
-        """Give the derivative (n, 3, p) of measured points by what effects do unseen where an axis never moved."""
-        sightings = self.sightings
-        names = compile_terms(self.machine, terms).variables
-        variables = variable_columns(sightings, names)
-        found = [np.zeros((len(sightings), 3, 0))]
-        for one in standing(sightings, names, variables, terms):
+    def amounts(self, still: Sequence[Standing], names: Sequence[str], variables: Numbers) -> Numbers:
+        """Give the derivative (n, 3, p) of measured points by what effects do unseen where an axis never moved.
+
+        `names` and `variables` (k, n) are as rows show them.
+        """
+        n_rows = len(self.sightings)
+        found = [np.zeros((n_rows, 3, 0))]
+        for one in (one for one in still if not one.is_all):
             there, back = (
                 self._moved_by(one.terms, names, one.came(direction, names, variables))[one.rows]
                 for direction in (1.0, -1.0)
             )
             across = 0.5 * (there - back)
             shows = (across != 0.0).any(axis=(0, 1))
-            found.append(np.zeros((len(sightings), 3, int(shows.sum()))))
+            found.append(np.zeros((n_rows, 3, int(shows.sum()))))
             found[-1][one.rows] = across[:, :, shows]
         return np.concatenate(found, axis=2)
 

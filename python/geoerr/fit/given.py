@@ -18,9 +18,9 @@ from geoerr.fit.fit import LACKING, FitOptions, Given, Posed, beside, shared_unk
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.gross_rows import stand_alone
 from geoerr.fit.sightings import Numbers, Sightings
-from geoerr.fit.standing import known_variables
+from geoerr.fit.standing import known_variables, standing
 from geoerr.fit.start import Frames
-from geoerr.fit.variables import complete_rows_of, times_s, with_rows
+from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -84,7 +84,10 @@ def frames_only(machine: Machine, sightings: Sightings, terms: Sequence[Term], *
     machine_terms = tuple(term for term in terms if not term.is_rig)
     moved = _displacement_mm(machine, posed.sightings, machine_terms, threads)
     posed.given = Given(moved, np.zeros_like(moved), np.ones(len(rows), dtype=bool))
-    posed.shared = beside(posed.shared, posed.amounts(terms))
+    names = compile_terms(machine, terms).variables
+    shown = variable_columns(posed.sightings, names)
+    still = list(standing(posed.sightings, names, shown, terms))
+    posed.shared = beside(posed.shared, posed.amounts(still, names, shown))
     fitted = posed.fit(())
     rig_terms = tuple(term for term in terms if term.is_rig)
     if rig_terms:

@@ -34,11 +34,14 @@ class Standing:
         The rows.
     terms
         The terms.
+    is_all
+        Whether the axis stands still for the whole session: how the device stands then holds what they do.
     """
 
     axis: str
     rows: Rows
     terms: tuple[Term, ...]
+    is_all: bool
 
     def came(self, direction: float, names: Sequence[str], variables: Numbers) -> Numbers:
         """Give variables (k, n) as if the axis had come there in a direction, long ago."""
@@ -52,7 +55,7 @@ class Standing:
 def standing(
     sightings: Sightings, names: Sequence[str], variables: Numbers, terms: Sequence[Term]
 ) -> Iterator[Standing]:
-    """Find them, session by session; none where an axis stands still for a whole session or nothing asks about it.
+    """Find them, session by session, for axes that something asks about.
 
     Parameters
     ----------
@@ -69,10 +72,10 @@ def standing(
         for start, end in zip(starts, [*starts[1:], len(sightings)], strict=True):
             stands = np.isnan(direction[start:end]) & (place[start:end] == place[start])
             n_rows = int(np.logical_and.accumulate(stands).sum())
-            if 0 < n_rows < end - start:
+            if n_rows:
                 rows = np.zeros(len(sightings), dtype=bool)
                 rows[start : start + n_rows] = True
-                yield Standing(axis, rows, asking)
+                yield Standing(axis, rows, asking, n_rows == end - start)
 
 
 def known_variables(sightings: Sightings, names: Sequence[str], terms: Sequence[Term]) -> Numbers:
@@ -84,6 +87,11 @@ def known_variables(sightings: Sightings, names: Sequence[str], terms: Sequence[
         for a covariate that is no column of the data.
     """
     variables = variable_columns(sightings, names)
-    for one in list(standing(sightings, names, variables, terms)):
+    return midway(list(standing(sightings, names, variables, terms)), names, variables)
+
+
+def midway(still: Sequence[Standing], names: Sequence[str], variables: Numbers) -> Numbers:
+    """Give variables (k, n) with a direction of 0 where an axis stands and has not moved yet."""
+    for one in still:
         variables = one.came(0.0, names, variables)
     return variables
