@@ -175,16 +175,9 @@ class Taken:
     input_mb: float
 
 
-def status_mb(name: str) -> float:
-    """Give a line of what the system says of this process, in MB."""
-    found = re.search(rf"{name}:\s*(\d+) kB", Path("/proc/self/status").read_text())
-    assert found is not None
-    return int(found[1]) / 1024.0
-
-
-def free_mb() -> float:
-    """Give the memory that a process could have."""
-    found = re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text())
+def told_mb(name: str, by: str = "/proc/self/status") -> float:
+    """Give a line of what the system says of this process, or of the machine, in MB."""
+    found = re.search(rf"{name}:\s*(\d+) kB", Path(by).read_text())
     assert found is not None
     return int(found[1]) / 1024.0
 
@@ -198,9 +191,9 @@ def take(name: str, size: int) -> None:
         # What making the input left behind is no part of it. The largest memory counts from here on.
         ctypes.CDLL("libc.so.6").malloc_trim(0)
         Path("/proc/self/clear_refs").write_text("5")
-        before_mb = status_mb("VmRSS")
+        before_mb = told_mb("VmRSS")
         seconds = [processor_seconds(work)]
-        memory_mb = status_mb("VmHWM") - before_mb
+        memory_mb = told_mb("VmHWM") - before_mb
         if seconds[0] < _LONG_S:
             seconds = [processor_seconds(work)]
         while sum(seconds) < _REPEATED_FOR_S and len(seconds) < _MOST_REPEATS:
@@ -240,7 +233,7 @@ def all_taken(name: str, sizes: Sequence[int]) -> tuple[list[Taken], str]:
     for size in sizes:
         if len(found) > 1 and found[-1].memory_mb > 100.0:
             expected_mb = (found[-1].memory_mb + found[-1].input_mb) * size / found[-1].size
-            if expected_mb > _MOST_OF_FREE * free_mb():
+            if expected_mb > _MOST_OF_FREE * told_mb("MemAvailable", "/proc/meminfo"):
                 return (
                     found,
                     f"{size:,} left out, which would need some {expected_mb / 1024.0:.0f} GB with its input.",
@@ -258,14 +251,22 @@ def exponent(values: Sequence[float], sizes: Sequence[int]) -> float:
 def rows(name: str, found: Sequence[Taken]) -> list[list[str]]:
     """Lay out one path, the exponents beside its last size."""
     item = PATHS[name].item
-    result = []
-    for number, one in enumerate(found):
-        is_last = number == len(found) - 1 and number > 0
-        sizes = [each.size for each in found]
-        cost = f"{exponent([each.cpu_s for each in found], sizes):.2f}" if is_last else ""
-        memory = f"{exponent([each.memory_mb for each in found], sizes):.2f}" if is_last else ""
-        each = f"{1e6 * one.cpu_s / one.size:.4g} µs/{item}"
-        result.append([name, f"{one.size:,}", f"{one.cpu_s:.3g}", each, f"{one.memory_mb:.0f}", cost, memory])
+    result = [
+        [
+            name,
+            f"{one.size:,}",
+            f"{one.cpu_s:.3g}",
+            f"{1e6 * one.cpu_s / one.size:.4g} µs/{item}",
+            f"{one.memory_mb:.0f}",
+            "",
+            "",
+        ]
+        for one in found
+    ]
+    if len(found) > 1:
+        sizes = [one.size for one in found]
+        costs, memories = [one.cpu_s for one in found], [one.memory_mb for one in found]
+        result[-1][-2:] = [f"{exponent(values, sizes):.2f}" for values in (costs, memories)]
     return result
 
 
@@ -291,7 +292,6 @@ def main() -> None:
         left_out += [f"- {name}: {why}\n"] if why else []
         costs.append(Costs(name, scaled.item, {"geoerr": {one.size: 1e9 * one.cpu_s / one.size for one in found}}))
     plot(costs, arguments.to / "scaling.svg")
-    conditions = CONDITIONS.format(cores=os.cpu_count(), machine=os.uname().machine, versions=versions())
     conditions = CONDITIONS.format(
         machine=platform.machine(), cores=os.cpu_count(), versions=versions(), long=_LONG_S
     )

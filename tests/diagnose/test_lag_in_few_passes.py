@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ LAG_S, NOISE_MM = 3e-4, 3e-3
 def three_lines_at_two_feeds(seed: int) -> Observations:
     """X, Y, Z there and back, twice at each feed; the first picture of a way is taken at rest."""
     rng = np.random.default_rng(seed)
-    rows: list[dict[str, object]] = []
+    rows: list[dict[str, Any]] = []
     error, t = [], 0.0
     for repeat in range(2):
         for feed in (1000.0, 6000.0):
@@ -44,7 +46,7 @@ def three_lines_at_two_feeds(seed: int) -> Observations:
     seen = place + np.array(error) + NOISE_MM * rng.normal(size=place.shape)
     columns |= dict(zip(("mx", "my", "mz"), seen.T, strict=True))
     columns |= {name: [NOISE_MM] * len(rows) for name in ("sx", "sy", "sz")}
-    return observations_from_columns(columns)  # type: ignore[arg-type]
+    return observations_from_columns(columns)
 
 
 @pytest.mark.parametrize("seed", [1, 3])

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s, variable_columns
+from geoerr.tables import is_temperature
 
 # Of a session's time: a longer gap may hide a rise and fall; beyond first and last reading there is one side only.
 _LONGEST_GAP, _LONGEST_HOLD = 0.1, 0.02
@@ -55,7 +56,7 @@ def read_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
     """
     columns = variable_columns(sightings, names)
     for place, name in enumerate(names):
-        if _is_temperature(name):
+        if is_temperature(name):
             columns[place] = between_readings(sightings, columns[place])
     return columns
 
@@ -63,7 +64,7 @@ def read_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
 def gaps_of(sightings: Sightings) -> tuple[Gaps, ...]:
     """Give the temperatures that were not read in every row, in the order of columns."""
     found = []
-    for name in filter(_is_temperature, sightings.covariate_columns):
+    for name in filter(is_temperature, sightings.covariate_columns):
         values = sightings.numbers(name)
         n_empty = int(np.isnan(values).sum())
         if 0 < n_empty < len(values):
@@ -75,7 +76,7 @@ def gaps_of(sightings: Sightings) -> tuple[Gaps, ...]:
 def unread_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
     """Tell in which rows some temperature stays unknown that others know, (n,): a search goes on without them."""
     unread = np.zeros(len(sightings), dtype=bool)
-    for name in filter(_is_temperature, sightings.covariate_columns):
+    for name in filter(is_temperature, sightings.covariate_columns):
         own = np.isnan(between_readings(sightings, sightings.numbers(name)))
         if own.mean() <= 1.0 - _LEAST_READ:
             unread |= own
@@ -110,7 +111,3 @@ def _between(t_read: Numbers, read: Numbers, t: Numbers, span: float, change_k: 
     nearest = np.minimum(np.abs(t - t_read[left]), np.abs(t - t_read[right]))
     is_known = np.where(has_both, is_short & is_level, nearest <= _LONGEST_HOLD * span)
     return np.where(is_known, np.interp(t, t_read, read), np.nan)
-
-
-def _is_temperature(name: str) -> bool:
-    return name == "temp" or name.startswith("temp_")

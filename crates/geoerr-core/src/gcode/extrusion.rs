@@ -67,14 +67,6 @@ pub struct Extrusion {
     is_lost: bool,
 }
 
-/// What decides how `E` is read; two programs in one state read it alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ExtruderModes {
-    axes_relative: bool,
-    extruder_relative: bool,
-    last_relative: bool,
-}
-
 impl Extrusion {
     /// At position 0, absolute; `firmware` where it is known.
     pub fn new(firmware: Option<Firmware>) -> Self {
@@ -93,13 +85,10 @@ impl Extrusion {
         self.last_relative = is_relative;
     }
 
-    /// What decides how `E` is read.
-    pub fn modes(&self) -> ExtruderModes {
-        ExtruderModes {
-            axes_relative: self.axes_relative,
-            extruder_relative: self.extruder_relative,
-            last_relative: self.last_relative,
-        }
+    /// Whether `E` is read as in another state.
+    pub fn reads_as(&self, other: &Self) -> bool {
+        let modes = |of: &Self| (of.axes_relative, of.extruder_relative, of.last_relative);
+        modes(self) == modes(other)
     }
 
     /// Another tool: a controller may call its position anything.
@@ -127,12 +116,9 @@ impl Extrusion {
     pub fn advance(&mut self, word: Decimal) -> (Share, i128) {
         let relative = Firmware::ALL.map(|firmware| self.is_relative(firmware));
         let [one, other, third] = self.readings.map(|reading| reading.position);
-        if word.is_cut || relative.contains(&!relative[0]) || one != other || one != third {
+        let is_alike = !relative.contains(&!relative[0]) && one == other && one == third;
+        if word.is_cut || self.is_lost || !is_alike {
             return self.advance_each(word);
-        }
-        if self.is_lost && !relative[0] {
-            self.set_position(word);
-            return (Share::Lost, 0);
         }
         let exact = word.exact();
         if relative[0] {

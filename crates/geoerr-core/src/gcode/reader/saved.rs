@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use super::Reader;
-use crate::gcode::extrusion::{ExtruderModes, Extrusion, Firmware};
+use crate::gcode::extrusion::{Extrusion, Firmware};
 use crate::gcode::frame::{Effects, Known};
 use crate::gcode::unsupported::Unsupported;
 
@@ -15,7 +15,6 @@ pub(super) struct State {
     is_inch: bool,
     system: usize,
     shift_mm: Known,
-    extruder_modes: ExtruderModes,
     extrusion: Extrusion,
 }
 
@@ -37,18 +36,16 @@ impl Reader {
             is_inch: self.modes.is_inch,
             system: self.modes.system,
             shift_mm: self.frame.shift_mm,
-            extruder_modes: self.extrusion.modes(),
             extrusion: self.extrusion.clone(),
         }
     }
 
     /// Whether units, positions or increments, and the coordinate system are what they were.
     fn reads_as(&self, kept: &State) -> bool {
-        let now = self.state();
-        now.is_relative == kept.is_relative
-            && now.is_inch == kept.is_inch
-            && now.system == kept.system
-            && now.extruder_modes == kept.extruder_modes
+        self.modes.is_relative == kept.is_relative
+            && self.modes.is_inch == kept.is_inch
+            && self.modes.system == kept.system
+            && self.extrusion.reads_as(&kept.extrusion)
     }
 
     /// `M70`, `M72`, `M120`, `M121`, which printers' firmwares other than the named ones read otherwise (a message, a
