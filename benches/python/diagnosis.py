@@ -121,7 +121,7 @@ def print_add(n_points: int, threads: int, repeats: int, name: str) -> None:
     table = measured(n_points, np.random.default_rng(1), **HIDDEN[name])
     fitted = fit_terms(MACHINE, [table], options=FitOptions(threads=threads))
     beside, searched = searched_whole(fitted, KNOWN, threads=threads)
-    found = searched.found[0].settled.term
+    found = searched.found[0].at_last.term
     assert found is not None
     if found.id != name:
         raise SystemExit(f"{found.id} was found, {name} is hidden")

@@ -411,7 +411,7 @@ class Posed:
         found = np.zeros(own.n_coefficients)
         for first in range(0, len(sightings), _BLOCK_ROWS):
             last = min(first + _BLOCK_ROWS, len(sightings))
-            design = problem.design(problem.start, scale, first, last, 1)[:, : own.n_coefficients]
+            design = problem.design(problem.start, scale, first, last, self.options.threads)[:, : own.n_coefficients]
             bad = np.argwhere(~np.isfinite(design))
             if len(bad):
                 raise _not_finite(own_terms, own, sightings, first + int(bad[0, 0]) // 3, int(bad[0, 1]))

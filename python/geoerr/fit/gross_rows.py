@@ -26,7 +26,7 @@ _TIMES_THE_SPREAD = 2.0
 
 def gross_limit(n_numbers: np.ndarray) -> Numbers:
     """Give the distance, in standard deviations, beyond which a row of so many numbers is gross, (n,)."""
-    return np.asarray(np.sqrt(stats.chi2.isf(_GROSS, n_numbers)))
+    return np.asarray(np.sqrt(stats.chi2.isf(_GROSS, np.arange(4)))[n_numbers])
 
 
 def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:

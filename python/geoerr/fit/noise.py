@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import polars as pl
 
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.observations import CARRIERS, PIXELS
@@ -93,8 +94,11 @@ def groups_of(sightings: Sightings) -> np.ndarray:
     if "target" in sightings.table.columns:
         names = np.asarray(sightings.texts("target"))
         keys.append(np.unique(names, return_inverse=True)[1].reshape(-1, 1).astype(np.float64))
-    _, group = np.unique(np.column_stack(keys), axis=0, return_inverse=True)
-    return np.asarray(group).ravel()
+    rows = pl.DataFrame(np.column_stack(keys)).with_row_index("row")
+    alike = rows.group_by(pl.exclude("row"), maintain_order=True).agg("row")["row"]
+    group = np.empty(len(sightings), dtype=np.int64)
+    group[alike.explode().to_numpy()] = np.repeat(np.arange(len(alike)), alike.list.len().to_numpy())
+    return group
 
 
 def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> Repeats:

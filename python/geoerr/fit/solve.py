@@ -7,6 +7,7 @@ determine is found by rank, never hidden by a ridge.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +26,9 @@ _NEARLY_SETTLED = 0.03
 _NEAR = 0.3
 # While each is so much shorter than the one before.
 _SHORTER = 0.3
-# Columns that were made so near to the minimum, in standard errors of what they follow, are those of the minimum.
-_OF_THE_MINIMUM = 0.03
+# Columns that were made so near to the minimum, in standard errors of what they follow, are those of the minimum; and
+# those with which every step is so much shorter than the one before: that is how far their products are off.
+_OF_THE_MINIMUM, _ALIKE = 0.03, 0.01
 _MAX_STEPS = 40
 # As many steps cost as much as a triangle.
 _STEPS_WITH_ANOTHER = 4
@@ -279,19 +281,20 @@ def _gauss_newton(
         triangle, unheld, made_at = of_all.triangle, of_all.solution, of_all.design_state
     solution = unheld
     converged, steps = False, 0
-    # Of standard errors: the last step; the same of what the columns follow, its most, and all since the triangle.
-    moved = followed = followed_in_all = 0.0
+    # Of standard errors: the last step; the same of what the columns follow, and its most.
+    moved = followed = 0.0
     most_followed = _NEAR
+    since, is_there = _StepsSince(), True
     follows = np.ones(problem.n_columns, dtype=bool) if ranges is None else ranges.is_followed
     settled = _SETTLED if of_all is None else _NEARLY_SETTLED
     cost = _cost(problem, residual, row_scale, _held(problem, state, prior))
     while not converged and steps < _MAX_STEPS:
         if not is_linear:
             design_state = state
-            is_at_rest = moved < settled and followed_in_all > _OF_THE_MINIMUM
+            is_at_rest = moved < settled and not is_there
             if is_at_rest or followed > most_followed:
                 triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
-                unheld, followed_in_all = triangle.solve(None, threads), 0.0
+                unheld, since = triangle.solve(None, threads), _StepsSince()
         elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
             triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
             solution = unheld = triangle.solve(None, threads)
@@ -317,12 +320,25 @@ def _gauss_newton(
         # Of the first step nothing was expected.
         most_followed = min(_NEAR, _SHORTER * followed) or _NEAR
         followed = factor * float(shares[follows].max(initial=0.0))
-        followed_in_all += followed
+        since.lengths.append(followed)
         # A step cut short by the end of a range is not small: the next one goes on along the end. The triangle is to
         # be that of the minimum.
-        is_there = is_linear or followed_in_all <= _OF_THE_MINIMUM
+        is_there = is_linear or since.are_at_the_minimum
         converged = moved < settled and is_there and (factor < longest or longest == 1.0)
     return _Iterated(state, solution, triangle, made_at, residual, problem.whitened(residual), converged, steps)
+
+
+class _StepsSince:
+    """Steps since a triangle was made, in standard errors of what its columns follow."""
+
+    def __init__(self) -> None:
+        self.lengths: list[float] = []
+
+    @property
+    def are_at_the_minimum(self) -> bool:
+        """Whether the triangle is, for all that anybody reads, that of where they lead."""
+        shares = [later / earlier for earlier, later in itertools.pairwise(self.lengths) if earlier > 0.0]
+        return sum(self.lengths) <= _OF_THE_MINIMUM or max(shares, default=np.inf) <= _ALIKE
 
 
 def _step_inside(
