@@ -237,6 +237,17 @@ def test_a_mistake_is_left_out() -> None:
     assert any(note == "1 row stands alone far off the others and was left out" for note in diagnosis.notes)
 
 
+def test_a_mistake_among_steep_lobes_is_no_pair_of_lost_steps() -> None:
+    lobed = circular(lambda theta, sense, feed: 30.0 * np.cos(5.0 * theta + 0.4), seed=8)
+    # Half as far off as the lobes are high, in the last run.
+    frame = lobed.frame.with_columns(
+        pl.when(pl.int_range(pl.len()) == 655).then(pl.col("r") + 0.015).otherwise(pl.col("r")).alias("r")
+    )
+    diagnosis = diagnose_circles(MODEL, CircularTest(frame, ("memory",)))
+    assert (diagnosis.verdict, diagnosis.found) == ("unknown", ())
+    assert any(note == "1 row stands alone far off the others and was left out" for note in diagnosis.notes)
+
+
 def test_a_users_own_cause(tmp_path: object) -> None:
     path = f"{tmp_path}/own.toml"
     with open(path, "w", encoding="utf-8") as file:

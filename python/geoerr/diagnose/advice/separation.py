@@ -269,7 +269,8 @@ class Adviser:
         asked = chosen[:, None] & chosen[family]
         asked[family, np.arange(len(family))] = False
         votes = [is_believable(self._data.information, self._information(plan), self._truths) for plan in self.plans]
-        believable = np.mean(votes, axis=0) >= 0.5
+        # Where there is no plan none speaks against a truth.
+        believable = np.mean(votes, axis=0) >= 0.5 if votes else np.ones(len(family), dtype=bool)
         for number in range(len(self.names)):
             own = family == number
             if not believable[own].any():

@@ -91,7 +91,9 @@ class Searched:
     traces : (n, n_found)
         What each does to the radius, µm, off the set-up.
     rest_um : (n,)
-        What is left.
+        What causes leave.
+    rest_without_jumps_um : (n,)
+        What causes but jumps leave, and structure without a name.
     """
 
     runs: Runs
@@ -109,3 +111,4 @@ class Searched:
     covariance: Numbers
     traces: Numbers
     rest_um: Numbers
+    rest_without_jumps_um: Numbers

@@ -12,8 +12,9 @@ from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.structure import DECAYS
 from geoerr.fit.sightings import Numbers
 
-# Rows farther off than this many standard deviations, alone or two together, are mistakes.
-_GROSS, _LONGEST_MISTAKE = 6.0, 2
+# Rows farther off than this many standard deviations, alone or two together, are mistakes: of noise that is known,
+# and of what the rows themselves say of it.
+_GROSS, _GROSS_BY_ROWS, _LONGEST_MISTAKE = 6.0, 4.4, 2
 # In a longer stretch one tells a mistake by its height over the rest of it.
 _TOWERS = 4.0
 # So many rows beside a reversal may be a spike.
@@ -22,8 +23,8 @@ _ROWS_OF_A_SPIKE = 4
 _UNLIKE = 3.0
 # Shapes of spikes are off by so much of their height.
 _SHAPE = 0.15
-# Standard deviation of Gaussian noise over the median of absolute values.
-_NORMAL = 0.6745
+# Median of how far a row is off its neighbours, over the standard deviation of Gaussian noise.
+_NORMAL = 0.412
 
 
 def misfit_um(searched: Searched) -> Numbers:
@@ -54,11 +55,12 @@ def stand_alone(runs: Runs, values_um: Numbers, least_um: Numbers) -> np.ndarray
         # At the ends the nearest rows on the one side that there is.
         middle = np.clip(np.arange(n), 3, n - 4)
         beside = values_um[own][middle[:, None] + reach]
-        # Beside a step a row agrees with the rows on one side.
-        sides = np.stack([np.median(beside[:, :3], axis=1), np.median(beside[:, 3:], axis=1)], axis=1)
-        off[own] = np.abs(values_um[own][:, None] - sides).min(axis=1)
+        # Beside a step a row agrees with the rows on one side, on a slope with what lies midway between both.
+        before, behind = np.median(beside[:, :3], axis=1), np.median(beside[:, 3:], axis=1)
+        expected = np.stack([before, behind, 0.5 * (before + behind)], axis=1)
+        off[own] = np.abs(values_um[own][:, None] - expected).min(axis=1)
         spread[own] = float(np.median(off[own])) / _NORMAL
-    limit = _GROSS * np.maximum(spread, least_um)
+    limit = np.maximum(_GROSS_BY_ROWS * spread, _GROSS * least_um)
     far = off > limit
     result = np.zeros(len(runs), dtype=bool)
     for own in runs.slices:

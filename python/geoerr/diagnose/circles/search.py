@@ -8,14 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.diagnose.circles.causes import Suspect
-from geoerr.diagnose.circles.found import Searched
+from geoerr.diagnose.circles.found import Found, Searched
 from geoerr.diagnose.circles.gross import misfit_um, stand_alone
 from geoerr.diagnose.circles.names import Names
+from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.circles.structure import Structure
 from geoerr.diagnose.circles.values import CAUTION_OF_VALUES, joint, rivals_of, traces_of
 from geoerr.diagnose.steps import Steps
+from geoerr.fit.jumps import is_jump_in_time
+from geoerr.fit.sightings import Numbers
 from geoerr.summaries import counted
 
 # Times that the search is repeated without rows that turn out to be gross.
@@ -30,7 +33,7 @@ def search(runs: Runs, suspects: Sequence[Suspect], steps: Steps) -> Searched:
     searched = _searched(runs.averaged(), suspects, steps)
     for _ in range(_ROUNDS):
         level = searched.noise.sigma_um * searched.noise.level + misfit_um(searched)
-        gross = stand_alone(searched.runs, searched.rest_um, level)
+        gross = stand_alone(searched.runs, searched.rest_without_jumps_um, level)
         if not gross.any():
             break
         n_gross += int(gross.sum())
@@ -79,4 +82,12 @@ def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str
         covariance=covariance,
         traces=traces,
         rest_um=runs.signal_um - state.plain(runs.signal_um) - traces.sum(axis=1),
+        rest_without_jumps_um=_rest_without_jumps_um(state, found, structure.columns),
     )
+
+
+def _rest_without_jumps_um(state: State, found: Sequence[Found], structure: Numbers) -> Numbers:
+    """Give what set-up, structure and causes but jumps leave, (n,): of a mistake two jumps make nothing."""
+    smooth = [one.columns for one in found if not is_jump_in_time(one.way.term)]
+    basis = orthonormal(np.concatenate([state.set_up, structure, *smooth], axis=1))
+    return np.asarray(state.runs.signal_um - basis @ (basis.T @ state.runs.signal_um))
