@@ -10,6 +10,7 @@ import numpy.typing as npt
 import polars as pl
 import pytest
 
+from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.diagnose.circles.causes import suspects_of
 from geoerr.diagnose.circles.gross import stand_alone
@@ -127,7 +128,8 @@ def test_nothing_else_is_found_and_the_parts_add_up() -> None:
     assert len(diagnosis.found) == 6
     assert diagnosis.unknown is None
     percent = [cause.percent or 0.0 for cause in diagnosis.ranked]
-    assert percent == sorted(percent, reverse=True)
+    worth_um = [cause.worth_um for cause in diagnosis.ranked]
+    assert worth_um == sorted(worth_um, reverse=True)
     assert sum(percent) + diagnosis.shares.percent_unexplained == pytest.approx(100.0)
     assert diagnosis.shares.total == pytest.approx(diagnosis.shares.explained + NOISE_UM**2, rel=0.05)
 
@@ -194,6 +196,27 @@ def test_figures_of_runs_are_those_of_the_standard() -> None:
     (set_up,) = diagnosis.set_ups
     assert set_up.centre_um[:2] == pytest.approx((-20.0 * OFF[0], -20.0 * OFF[1]), abs=0.1)
     assert set_up.radius_um == pytest.approx(3.0, abs=0.1)
+
+
+def test_what_a_model_explains_is_no_less_of_what_was_measured() -> None:
+    """G is of the measured circle, whatever the model that is asked what it lacks."""
+    test = circular(squareness, feeds=(1000.0,))
+    change = add_effect(MODEL, test, reference="squareness:xy")
+    plain, fitted = (diagnose_circles(model, test) for model in (MODEL, change.result.model))
+    assert fitted.verdict == "nothing-missing"
+    for before, after in zip(plain.runs, fitted.runs, strict=True):
+        # A row more or less counts as a mistake.
+        assert after.circular_deviation_um == pytest.approx(before.circular_deviation_um, rel=0.01)
+        assert after.rest_um == pytest.approx(before.rest_um, rel=0.2)
+
+
+def test_positions_to_a_micrometre_are_no_error_of_the_axes() -> None:
+    """What files round commanded points by is the same in every run, and is none of the machine's."""
+    test = circular(squareness, feeds=(1000.0, 1000.0, 1000.0), seed=11)
+    rounded = test.frame.with_columns(pl.col("x", "y").round(3))
+    diagnosis = diagnose_circles(MODEL, CircularTest(rounded, ("memory",)))
+    assert [str(one.reference) for one in diagnosis.found] == ["squareness:xy"]
+    assert diagnosis.unknown is None
 
 
 def test_one_sense_cannot_tell_squareness_from_servos_and_the_other_can() -> None:

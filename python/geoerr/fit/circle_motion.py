@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from geoerr.fit.commanded_circle import circle_through, plane_of
 from geoerr.fit.sightings import Numbers, Sightings
 
 # Commanded points farther from their circle than this share of its radius lie on none: told by the order of rows.
@@ -54,16 +55,13 @@ def _one_pass(
     found: dict[str, Numbers], rows: np.ndarray, q_mm: Numbers, stated: Numbers, times_s: Numbers, feed: Numbers
 ) -> None:
     span = np.ptp(q_mm, axis=0)
-    third = int(np.argmin(span))
-    first, second = (third + 1) % 3, (third + 2) % 3
+    first, second, third = plane_of(q_mm)
     plane = q_mm[:, [first, second]]
     if len(rows) < _FEWEST_POINTS or span[third] > _OFF_CIRCLE * float(span.max()):
         return
-    design = np.column_stack([2.0 * (plane - plane[0]), np.ones(len(plane))])
-    centre = np.linalg.lstsq(design, ((plane - plane[0]) ** 2).sum(axis=1), rcond=None)[0][:2] + plane[0]
+    centre, radius = circle_through(plane)
     arm = plane - centre
     distance = np.hypot(*arm.T)
-    radius = float(distance.mean())
     if not np.abs(distance - radius).max() <= _OFF_CIRCLE * radius:
         return
     angle = np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.errors import GeometryError
+from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.observations import CARRIERS, CircularTest, Observations
 
 Numbers = npt.NDArray[np.float64]
@@ -276,13 +277,17 @@ def _of_circle(test: CircularTest) -> Sightings:
         axis=0,
         return_inverse=True,
     )
+    commanded = np.ascontiguousarray(commanded, dtype=np.float64)
+    for number in range(int(pass_number.max(initial=-1)) + 1):
+        rows = pass_number.ravel() == number
+        commanded[rows] = on_their_circle(commanded[rows])
     std_mm = frame["sr"].cast(pl.Float64).to_numpy() if "sr" in frame.columns else np.full(n_rows, np.nan)
     is_stated = bool((np.isfinite(std_mm) & (std_mm >= _LEAST_STD_MM)).all())
     whitening = np.zeros((n_rows, 3, 3))
     whitening[:, 0, 0] = 1.0 / std_mm if is_stated else 1.0
     return Sightings(
         table=frame,
-        commanded_mm=np.ascontiguousarray(commanded, dtype=np.float64),
+        commanded_mm=commanded,
         offset_mm=np.zeros((n_rows, 3)),
         measured_mm=measured,
         is_measured=is_measured,

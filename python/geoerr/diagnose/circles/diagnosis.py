@@ -132,8 +132,8 @@ class CircleUnknown(Nameless):
 class RunFigures:
     """One run: name, plane, sense, feed, and figures of ISO 230-4 in µm.
 
-    `circular_deviation_um` is G: largest minus smallest radius about the least-squares centre. `explained_um` is the
-    same of the causes' trace, `rest_um` of what they leave.
+    `circular_deviation_um` is G as it was measured, whatever the model explains of it: largest minus smallest radius
+    about the least-squares centre. `explained_um` is the same of the causes' trace, `rest_um` of what they leave.
     """
 
     name: str
@@ -197,8 +197,8 @@ class CircleDiagnosis(Answer):
 
     @property
     def ranked(self) -> tuple[Cause, ...]:
-        """The causes, the worthiest first."""
-        return tuple(sorted(self.found, key=lambda cause: -(cause.percent or 0.0)))
+        """The causes, the worthiest first: by what each does alone; its part is small where another hides it."""
+        return tuple(sorted(self.found, key=lambda cause: -cause.worth_um))
 
     @property
     def sentence(self) -> str:
@@ -527,7 +527,7 @@ def _run_figures(searched: Searched) -> tuple[RunFigures, ...]:
                 int(runs.sense[number]),
                 feed if math.isfinite(feed) else None,
                 own.stop - own.start,
-                deviation(runs.signal_um[own]),
+                deviation(runs.measured_um[own]),
                 deviation(explained[own]),
                 deviation(searched.rest_um[own]),
             )

@@ -15,6 +15,7 @@ import polars as pl
 
 from geoerr.errors import GeometryError
 from geoerr.fit import Fitted
+from geoerr.fit.commanded_circle import circle_through, plane_of
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s
 from geoerr.observations import CircularTest
@@ -45,6 +46,8 @@ class Runs:
         The fit of the set-up: every line of a session has one centre and one radius.
     rows : (n,)
         Their places in `fitted.sightings`.
+    measured_um : (n,)
+        Radius as it was read.
     signal_um : (n,)
         Radius beyond the model and the set-up.
     weight : (n,)
@@ -71,6 +74,7 @@ class Runs:
 
     fitted: Fitted
     rows: np.ndarray
+    measured_um: Numbers
     signal_um: Numbers
     weight: Numbers
     run: np.ndarray
@@ -134,7 +138,7 @@ class Runs:
     def without(self, rows: np.ndarray) -> Runs:
         """Give the same without some rows (n,)."""
         kept = ~rows
-        names = ("rows", "signal_um", "weight", "run", "angle_rad", "travelled_rad", "time_s")
+        names = ("rows", "measured_um", "signal_um", "weight", "run", "angle_rad", "travelled_rad", "time_s")
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     def averaged(self) -> Runs:
@@ -155,11 +159,11 @@ class Runs:
         )
         counts = np.diff(np.append(starts, len(self)))
         middle = starts + counts // 2
-        signal = np.add.reduceat(self.signal_um, starts) / counts
+        measured, signal = (np.add.reduceat(own, starts) / counts for own in (self.measured_um, self.signal_um))
         names = ("rows", "weight", "run", "angle_rad", "travelled_rad", "time_s")
         note = f"{counts.mean():.1f} neighbouring rows were averaged to one"
         others = {name: getattr(self, name)[middle] for name in names}
-        return replace(self, signal_um=signal, notes=(*self.notes, note), **others)
+        return replace(self, measured_um=measured, signal_um=signal, notes=(*self.notes, note), **others)
 
 
 def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], list[RowProblem], list[str]]:
@@ -214,8 +218,8 @@ def runs_of(fitted: Fitted, problems: list[RowProblem] | None = None, notes: lis
             continue
         rows = rows[np.argsort(times[rows], kind="stable")]
         q = sightings.commanded_mm[rows]
-        first, second, third = _axes_of(q)
-        centre, radius = _circle(q[:, [first, second]])
+        first, second, third = plane_of(q)
+        centre, radius = circle_through(q[:, [first, second]])
         arm = q[:, [first, second]] - centre
         own = np.arctan2(arm[:, 1], arm[:, 0])
         unwrapped = np.unwrap(own)
@@ -241,6 +245,7 @@ def runs_of(fitted: Fitted, problems: list[RowProblem] | None = None, notes: lis
     return Runs(
         fitted=fitted,
         rows=rows,
+        measured_um=UM_PER_MM * sightings.measured_mm[rows, 0],
         signal_um=UM_PER_MM * fitted.solved.residual_mm[rows, 0],
         weight=std / float(std.mean()),
         run=np.repeat(np.arange(len(order)), [len(own) for own in order]),
@@ -262,21 +267,6 @@ def runs_of(fitted: Fitted, problems: list[RowProblem] | None = None, notes: lis
 
 def _has_times(fitted: Fitted) -> bool:
     return bool(np.isfinite(fitted.sightings.numbers("t")).all())
-
-
-def _axes_of(q_mm: Numbers) -> tuple[int, int, int]:
-    """Give first and second axis of the plane of a circle, and the one that stands still."""
-    third = int(np.argmin(np.ptp(q_mm, axis=0)))
-    return (third + 1) % 3, (third + 2) % 3, third
-
-
-def _circle(plane: Numbers) -> tuple[Numbers, float]:
-    """Give centre and radius of commanded points on a circle (linear least squares)."""
-    origin = plane.mean(axis=0)
-    design = np.column_stack([2.0 * (plane - origin), np.ones(len(plane))])
-    found = np.linalg.lstsq(design, ((plane - origin) ** 2).sum(axis=1), rcond=None)[0]
-    centre = origin + found[:2]
-    return centre, float(np.hypot(*(plane - centre).T).mean())
 
 
 def _with_senses(frame: pl.DataFrame) -> pl.DataFrame:
@@ -307,13 +297,13 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
     if part.height < _FEWEST_ROWS:
         return none(f"the run has {part.height} rows, {_FEWEST_ROWS} are needed", "r")
     q = part.select("x", "y", "z").to_numpy().astype(np.float64)
-    first, second, third = _axes_of(q)
-    centre, radius = _circle(q[:, [first, second]])
+    first, second, third = plane_of(q)
+    centre, radius = circle_through(q[:, [first, second]])
     distance = np.hypot(*(q[:, [first, second]] - centre).T)
     # One stray row pulls the circle; a second fit without the strays judges all rows.
     stray = np.abs(distance - radius) > 3.0 * float(np.median(np.abs(distance - radius))) + 1e-9
     if stray.any() and (~stray).sum() > part.height / 2:
-        centre, radius = _circle(q[~stray][:, [first, second]])
+        centre, radius = circle_through(q[~stray][:, [first, second]])
         distance = np.hypot(*(q[:, [first, second]] - centre).T)
     off = np.abs(distance - radius) > _OFF_CIRCLE * radius
     off |= np.abs(q[:, third] - np.median(q[:, third])) > _OFF_CIRCLE * radius
@@ -348,8 +338,8 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
 def _arms(part: pl.DataFrame) -> tuple[Numbers, float]:
     """Give a run's points from the centre of their circle (n, 2), in its plane's axes, and its radius."""
     q = part.select("x", "y", "z").to_numpy().astype(np.float64)
-    first, second, _ = _axes_of(q)
-    centre, radius = _circle(q[:, [first, second]])
+    first, second, _ = plane_of(q)
+    centre, radius = circle_through(q[:, [first, second]])
     return q[:, [first, second]] - centre, radius
 
 

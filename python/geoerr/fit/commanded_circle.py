@@ -1,0 +1,54 @@
+"""The circle that points of a circular test were commanded on: files have the points rounded."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Numbers = npt.NDArray[np.float64]
+
+# Digits that files have: from a hundredth of a millimetre to a nanometre. Points on a coarser grid were meant so.
+_STEPS_MM = tuple(10.0**-digits for digits in range(2, 7))
+# A number is a multiple of a step where it is this near to one, in steps.
+_MULTIPLE = 1e-6
+# A rounded point is off by half the diagonal of a step's square at most; centre and radius are off by a little more.
+_ROUNDED_OFF = 0.75
+
+
+def plane_of(points_mm: Numbers) -> tuple[int, int, int]:
+    """Give the two axes of a circle's plane, in their order about the third, and the third: it moves least."""
+    third = int(np.argmin(np.ptp(points_mm, axis=0)))
+    return (third + 1) % 3, (third + 2) % 3, third
+
+
+def circle_through(points_mm: Numbers) -> tuple[Numbers, float]:
+    """Give centre (2,) and radius of commanded points (n, 2) on a circle (linear least squares, Kåsa)."""
+    origin = points_mm.mean(axis=0)
+    design = np.column_stack([2.0 * (points_mm - origin), np.ones(len(points_mm))])
+    found = np.linalg.lstsq(design, ((points_mm - origin) ** 2).sum(axis=1), rcond=None)[0]
+    centre = origin + found[:2]
+    return centre, float(np.hypot(*(points_mm - centre).T).mean())
+
+
+def on_their_circle(points_mm: Numbers) -> Numbers:
+    """Put points (n, 3) of one run back on the circle that they are off by no more than their digits.
+
+    A radius of 100 mm that is read to a micrometre, at points that are written to a micrometre, would be half a
+    micrometre off at each angle in its own way, the same in all runs: that looks like an error of the axes.
+    """
+    first, second, _ = plane_of(points_mm)
+    plane = points_mm[:, [first, second]]
+    step_mm = next((step for step in _STEPS_MM if _are_multiples(plane, step)), None)
+    if step_mm is None or len(plane) < 3:
+        return points_mm
+    centre, radius_mm = circle_through(plane)
+    distance_mm = np.hypot(*(plane - centre).T)
+    if not np.abs(distance_mm - radius_mm).max() <= _ROUNDED_OFF * step_mm:
+        return points_mm
+    placed = points_mm.copy()
+    placed[:, [first, second]] = centre + (plane - centre) * (radius_mm / distance_mm)[:, None]
+    return placed
+
+
+def _are_multiples(values: Numbers, step: float) -> bool:
+    return bool((np.abs(values / step - np.round(values / step)) < _MULTIPLE).all())
