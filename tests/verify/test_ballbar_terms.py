@@ -6,6 +6,7 @@ import dataclasses
 import json
 
 import numpy as np
+import polars as pl
 import pytest
 from typer.testing import CliRunner
 
@@ -14,8 +15,9 @@ from geoerr.effects import catalogue
 from geoerr.errors import GeoerrError
 from geoerr.machine import Axis, Machine
 from geoerr.model import Model, write_model
+from geoerr.observations import CircularTest
 from geoerr.terms import Term
-from geoerr.verify.ballbar import circle_to_test, run_circular_test
+from geoerr.verify.ballbar import circle_of_first_run, circle_to_test, run_circular_test
 
 MACHINE = Machine("mill", "wbXYZt", {name: Axis((0.0, 400.0)) for name in "xyz"})
 
@@ -53,6 +55,27 @@ def test_following_error_turns_the_circle_with_the_feed():
     widest = [abs(np.rad2deg(t.angle_rad[np.argmax(t.radial_deviation_mm)])) % 90.0 for t in fast.before]
     assert widest == pytest.approx([45.0, 45.0], abs=1.0)
     assert fast.after[0].circular_deviation_mm < 1e-6
+
+
+def test_measured_runs_are_predicted_at_their_own_feeds():
+    model = Model(MACHINE, None, (term("lag:x", tau=1e-3),))
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    frames = []
+    for feed in (600.0, 6000.0):
+        # To first order: x = R cos + tau v sin, v = feed / 60, counter-clockwise.
+        r = 100.0 + 1e-3 * feed / 60.0 * np.sin(angle) * np.cos(angle)
+        at = {"x": 200.0 + 100.0 * np.cos(angle), "y": 200.0 + 100.0 * np.sin(angle), "z": 0.0 * angle}
+        frames.append(pl.DataFrame({"line": ["XY"] * 181, "dir": [1] * 181, "feed": [feed] * 181, **at, "r": r}))
+    frame = pl.concat(frames).with_row_index("file_row", offset=2)
+    measured = CircularTest(frame, ("memory",))
+    result = run_circular_test(model, circle_of_first_run(measured), measured=measured)
+    assert [run.name for run in result.runs] == ["XY, feed 600.0", "XY, feed 6000.0"]
+    for run, width_mm in zip(result.runs, (0.01, 0.1), strict=True):
+        assert run.predicted.circular_deviation_mm == pytest.approx(width_mm, rel=2e-3)
+        # Of the second order, and the set-up's.
+        assert run.set_up.rms_mm < 1e-3 * width_mm
+    assert result.notes == ("before and after are at the feed of the first measured run, 600 mm/min",)
+    assert result.before[0].circular_deviation_mm == pytest.approx(0.01, rel=2e-3)
 
 
 def test_wind_up_follows_the_travel_since_the_reversal():

@@ -59,7 +59,7 @@ def notes_of(
             "an effect of the cameras may be no more than what their calibration does not know, which took no part: "
             f"--rig rig.json{' --refit' if is_held else ''} lets it"
         )
-    said += _odd_times(fitted.sightings) + _gaps(fitted.sightings)
+    said += [*fitted.sightings.notes, *_odd_times(fitted.sightings), *_gaps(fitted.sightings)]
     broken = interrupted_lines(fitted)
     if broken:
         names = [*broken[:_SPOKEN], *([f"{len(broken) - _SPOKEN} more"] if len(broken) > _SPOKEN else [])]

@@ -18,6 +18,7 @@ import polars as pl
 from geoerr.errors import GeometryError
 from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.observations import CARRIERS, CircularTest, Observations
+from geoerr.terms import is_name
 
 Numbers = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -170,8 +171,8 @@ class Sightings:
         """Names of all columns of numbers that hold any number."""
         return tuple(
             name
-            for name, kind in self.table.schema.items()
-            if kind.is_numeric() and bool(np.isfinite(self.numbers(name)).any())
+            for name in _columns_of_numbers(self.table)
+            if is_name(name) and bool(np.isfinite(self.numbers(name)).any())
         )
 
     @property
@@ -201,7 +202,19 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     parts = [part for part in parts if len(part)]
     if not parts:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
-    return parts[0] if len(parts) == 1 else _joined(parts)
+    joined = parts[0] if len(parts) == 1 else _joined(parts)
+    odd = [name for name in _columns_of_numbers(joined.table) if not is_name(name)]
+    if not odd:
+        return joined
+    told = (
+        f"no effect can follow {', '.join(map(repr, odd))}: formulas name columns by letters a to z, digits and "
+        "underscores; rename what one may follow"
+    )
+    return replace(joined, notes=(*joined.notes, told))
+
+
+def _columns_of_numbers(table: pl.DataFrame) -> list[str]:
+    return [name for name, kind in table.schema.items() if kind.is_numeric()]
 
 
 def _of_points(observations: Observations) -> Sightings:

@@ -34,9 +34,11 @@ from geoerr.tables import is_temperature
 from geoerr.verify.ballbar import (
     CircularTestResult,
     circle_of_first_run,
+    feed_of_first_run,
     middle_circle,
     run_circular_test,
     usable_range_mm,
+    with_feed,
 )
 from geoerr.verify.circle import PLANES
 from geoerr.verify.circle_motion import followed_on_circle
@@ -427,7 +429,9 @@ def _circles(
     parts: _Parts, model: Model, planes: Sequence[str], measured: Sequence[CircularTest], stated: Stated
 ) -> tuple[CircularTestResult, ...]:
     def run() -> tuple[CircularTestResult, ...]:
-        own = [run_circular_test(model, middle_circle(model, plane), at=stated) for plane in planes]
+        feed_mm_min = feed_of_first_run(model, measured[0], stated) if measured else None
+        at = stated if feed_mm_min is None else with_feed(stated, feed_mm_min)
+        own = [run_circular_test(model, middle_circle(model, plane), at=at) for plane in planes]
         seen = [run_circular_test(model, circle_of_first_run(one), measured=one, at=stated) for one in measured]
         return (*own, *seen)
 

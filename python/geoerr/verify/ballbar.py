@@ -38,6 +38,10 @@ N_POINTS = 720
 _UM_PER_MM = 1e3
 # A commanded position farther from its run's circle than this share of the radius is not a point of the circle.
 _OFF_CIRCLE = 1e-2
+# Files have positions to a micrometre.
+_DIGITS_MM = 1e-3
+# What points five degrees apart leave of a circle at its sides, as a share of the radius.
+_BETWEEN_POINTS = 1e-3
 # Radius of a circle about the middle, as a share of the shorter edge.
 _MIDDLE_SHARE = 0.45
 # Below a quarter turn centre and radius of the set-up take most of the signal with them.
@@ -358,7 +362,8 @@ def run_circular_test(
     measured
         A measured circular test to compare with.
     at
-        Conditions that terms follow, by name; `feed` in mm/min where they follow speeds.
+        Conditions that terms follow, by name; `feed` in mm/min where they follow speeds. Where it is not stated
+        measured runs are predicted at their own, and the rest at that of the first.
 
     Raises
     ------
@@ -371,20 +376,24 @@ def run_circular_test(
     """
     machine = model if truth is None else truth
     refuse_unneeded(at, followed_on_circle(model, machine))
+    runs: tuple[MeasuredRun, ...] = ()
+    set_aside: tuple[RowProblem, ...] = ()
+    notes = []
+    if measured is not None:
+        runs, set_aside = compare_with_measured(model, measured, at=at)
+        feed_mm_min = feed_of_first_run(model, measured, at)
+        if feed_mm_min is not None:
+            at = with_feed(at, feed_mm_min)
+            notes.append(f"before and after are at the feed of the first measured run, {feed_mm_min:g} mm/min")
     positions = circle.positions_mm(N_POINTS)
     conditions = conditions_on_circle(model, circle, positions, 1, at)
     out_of_range = compensate_positions(model, positions, at=conditions).out_of_range(model.machine)
-    notes = []
     if out_of_range:
         notes.append(
             f"compensated commands leave the range of {', '.join(out_of_range)}: "
             "a machine with soft limits would stop there"
         )
     assumed_zero = tuple(item.name for item in model.error_functions().not_determined)
-    runs: tuple[MeasuredRun, ...] = ()
-    set_aside: tuple[RowProblem, ...] = ()
-    if measured is not None:
-        runs, set_aside = compare_with_measured(model, measured, at=at)
     return CircularTestResult(
         before=(predict_trace(machine, circle, at=at), predict_trace(machine, circle, clockwise=True, at=at)),
         after=(
@@ -405,7 +414,8 @@ def compare_with_measured(
 ) -> tuple[tuple[MeasuredRun, ...], tuple[RowProblem, ...]]:
     """Compare each run of a measured circular test with the model at the same commands.
 
-    A run is the rows of one session, line, repetition and direction; centre and mean radius of its set-up are free.
+    A run is the rows of one session, line, repetition, direction and feed; centre and mean radius of its set-up are
+    free. A model that follows speeds has those of the run's feed, where none is stated.
 
     Returns
     -------
@@ -444,6 +454,25 @@ def circle_of_first_run(measured: CircularTest) -> CircleOfCommands:
     return _commanded_circle(frame, path)[0]
 
 
+def feed_of_first_run(model: Model, measured: CircularTest, at: Conditions | None) -> float | None:
+    """Give the feed of the first run, mm/min, where the model follows speeds and none is stated; else None."""
+    _, frame = next(iter(_runs(measured.frame)))
+    return _feed_of(frame, model, at)
+
+
+def with_feed(at: Conditions | None, feed_mm_min: float) -> Conditions:
+    """Give conditions with a feed."""
+    return {**({} if at is None else at), "feed": feed_mm_min}
+
+
+def _feed_of(frame: pl.DataFrame, model: Model, at: Conditions | None) -> float | None:
+    is_stated = at is not None and "feed" in at
+    if is_stated or "feed" not in followed_on_circle(model):
+        return None
+    is_measured = "feed" in frame.columns and frame["feed"].null_count() == 0
+    return float(frame["feed"].cast(pl.Float64).to_numpy()[0]) if is_measured else None
+
+
 def _trace(circle: CircleOfCommands, commanded_mm: Numbers, actual_mm: Numbers) -> Trace:
     nominal = circle.in_plane(commanded_mm)
     points = circle.in_plane(actual_mm)
@@ -466,20 +495,36 @@ def _measured_range_mm(model: Model) -> tuple[Numbers, Numbers]:
     return limits[:, 0], limits[:, 1]
 
 
-def _refusal(model: Model, circle: CircleOfCommands) -> tuple[str, str] | None:
-    ranges = (
+def _ranges(model: Model) -> tuple[tuple[Numbers, Numbers, str], ...]:
+    return (
         (*_machine_range_mm(model.machine), "the machine's range"),
         (*_measured_range_mm(model), "the range in which its errors were measured"),
     )
-    for low, high, what in ranges:
-        problem = circle.leaves(low, high, what)
-        if problem is not None:
-            return problem, what_fits(circle, *usable_range_mm(model))
+
+
+def _refusal(model: Model, circle: CircleOfCommands) -> tuple[str, str] | None:
+    (low, high, what), (measured_low, measured_high, measured) = _ranges(model)
+    # Errors that were measured at points of this very circle were measured on it.
+    beside_mm = _BETWEEN_POINTS * circle.radius_mm
+    problem = circle.leaves(low, high, what) or circle.leaves(measured_low, measured_high, measured, beside_mm)
+    return None if problem is None else (problem, what_fits(circle, *usable_range_mm(model)))
+
+
+def _point_outside(model: Model, commanded_mm: Numbers) -> tuple[int, str, str] | None:
+    """Give number, axis and reason of the first point of a run that leaves a range: it is predicted nowhere else."""
+    for low, high, what in _ranges(model):
+        outside = np.argwhere((commanded_mm < low - _DIGITS_MM) | (commanded_mm > high + _DIGITS_MM))
+        if len(outside):
+            place, axis = map(int, outside[0])
+            at = f"{AXES[axis]} = {commanded_mm[place, axis]:g} mm"
+            return place, AXES[axis], f"{at} is outside {what}, {low[axis]:g} to {high[axis]:g} mm"
     return None
 
 
 def _runs(frame: pl.DataFrame) -> list[tuple[str, pl.DataFrame]]:
-    keys = [name for name in ("session", "line", "repeat", "dir") if name in frame.columns]
+    keys: list[str] = [name for name in ("session", "line", "repeat", "dir") if name in frame.columns]
+    if "feed" in frame.columns and _has_several_feeds(frame, keys):
+        keys.append("feed")
     if not keys:
         return [("the run", frame)]
     runs = []
@@ -494,16 +539,22 @@ def _runs(frame: pl.DataFrame) -> list[tuple[str, pl.DataFrame]]:
     return runs
 
 
+def _has_several_feeds(frame: pl.DataFrame, keys: Sequence[str]) -> bool:
+    runs = frame.partition_by(keys, maintain_order=True) if keys else [frame]
+    return any(run["feed"].n_unique() > 1 for run in runs)
+
+
 def _compare_run(
     model: Model, name: str, frame: pl.DataFrame, path: str, at: Conditions | None
 ) -> tuple[MeasuredRun | None, list[RowProblem]]:
     circle, commanded, radius, rows, problems = _checked_run(frame, path)
     if circle is None:
         return None, problems
-    refusal = _refusal(model, circle)
-    if refusal is not None:
+    outside = _point_outside(model, commanded)
+    if outside is not None:
+        place, axis, why = outside
         raise InputFileError(
-            path, f"{name}: {refusal[0]}", row=rows[0], remedy="measure, or verify, inside the range"
+            path, f"{name}: {why}", row=rows[place], column=axis, remedy="measure, or verify, inside the range"
         )
     nominal = circle.in_plane(commanded)
     angle = np.arctan2(nominal[:, 1], nominal[:, 0])
@@ -511,6 +562,8 @@ def _compare_run(
     if covered < _LEAST_ARC_RAD:
         problem = f"{name} covers {np.rad2deg(covered):.0f}° of the circle, at least 90° are needed"
         return None, [*problems, RowProblem(path, rows[0], "x y z", problem)]
+    feed_mm_min = _feed_of(frame, model, at)
+    at = at if feed_mm_min is None else with_feed(at, feed_mm_min)
     conditions = conditions_on_circle(model, circle, commanded, _direction(frame, angle) or 1, at)
     actual = commanded + model.error_mm(commanded, at=conditions)
     predicted = _trace(circle, commanded, actual)

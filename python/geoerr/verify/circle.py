@@ -193,7 +193,7 @@ class CircleOfCommands:
         first, second, _ = self.axes
         return np.asarray(positions_mm[:, [first, second]] - np.asarray(self.center_mm)[[first, second]])
 
-    def leaves(self, low_mm: Numbers, high_mm: Numbers, what: str) -> str | None:
+    def leaves(self, low_mm: Numbers, high_mm: Numbers, what: str, beyond_mm: float = 0.0) -> str | None:
         """Say which axis's range the circle leaves; None where it lies inside.
 
         Parameters
@@ -202,13 +202,15 @@ class CircleOfCommands:
             The box; infinite where an axis is not bounded.
         what
             What the box is, for the message: "the machine's range".
+        beyond_mm
+            How far beyond the box it may go.
         """
         first, second, third = self.axes
         center = np.asarray(self.center_mm, dtype=np.float64)
         reach = np.zeros(3)
         reach[[first, second]] = self.radius_mm
         # A circle may touch the end of the range; doubles must not turn that into a refusal.
-        slack = 1e-9 * np.maximum(1.0, self.radius_mm)
+        slack = beyond_mm + 1e-9 * np.maximum(1.0, self.radius_mm)
         outside = (center - reach < low_mm - slack) | (center + reach > high_mm + slack)
         if not outside.any():
             return None
