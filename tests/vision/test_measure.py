@@ -311,6 +311,21 @@ def test_corners_that_cannot_be_fitted_are_marked_as_uncertain(session, monkeypa
     assert (spread[:, 1] > 10 * spread[:, 0]).all()
 
 
+def test_local_corners_that_scatter_more_than_stated_widen_their_covariances(session, monkeypatch):
+    from geoerr.vision import markers
+    from geoerr.vision.marker_fit import MarkerFitError
+
+    def fails(*_):
+        raise MarkerFitError("the fit did not converge")
+
+    monkeypatch.setattr(markers, "fit_marker", fails)
+    usual = run(session).observations.covariance_mm2
+    monkeypatch.setattr(markers, "_LOCAL_CORNER_SIGMA_PX", 0.003)
+    bold = run(session).observations.covariance_mm2
+    # Corners a few hundredths of a pixel off their parallelogram say so themselves, whatever is stated of them.
+    assert (np.trace(bold, axis1=1, axis2=2) > 25.0 * (0.003 / 0.3) ** 2 * np.trace(usual, axis1=1, axis2=2)).all()
+
+
 def test_few_frames_are_in_hand_at_once():
     """Memory does not grow with the number of frames: no more than two a thread are read ahead."""
     lock, alive, most = threading.Lock(), 0, 0

@@ -20,6 +20,11 @@ GreyImage = npt.NDArray[np.uint8]
 # Pictures larger than this are searched at half their size first: four times faster, and the search
 # only has to come within a few pixels.
 _HALVE_ABOVE_PX = 1200
+# There corners are up to three pixels off. A marker whose modules are smaller than this is looked at again in full: a
+# corner detector with a window of its modules, or a fit, does not find the way from so far.
+_SMALL_MODULE_PX = 10.0
+# What is looked at around it, in its sides: where a cutting ends just behind a plate's edge, OpenCV misses markers.
+_AROUND = 1.0
 # What a local corner detector is good for on a marker's corners, where it is pulled inwards.
 _LOCAL_CORNER_SIGMA_PX = 0.3
 _WINDOW_MODULES = 0.3
@@ -56,8 +61,9 @@ def find_markers(picture: GreyImage, wanted: Iterable[MarkerKey]) -> Found:
                 )
             # Pixel (0, 0) of the half picture covers pixels 0 and 1: its centre is at 0.5.
             seen = {
-                identity: [2.0 * place + 0.5 for place in places]
+                identity: [_in_full(picture, (dictionary, identity), 2.0 * place + 0.5) for place in places]
                 for identity, places in _detect(half, dictionary).items()
+                if identity in identities
             }
         if not identities <= set(seen):
             seen = _merged(seen, _detect(picture, dictionary))
@@ -67,6 +73,20 @@ def find_markers(picture: GreyImage, wanted: Iterable[MarkerKey]) -> Found:
             else:
                 corners[dictionary, identity] = seen[identity][0]
     return Found(corners, frozenset(repeated))
+
+
+def _in_full(picture: GreyImage, marker: MarkerKey, corners_px: Array) -> Array:
+    """Give the corners as full resolution shows them, of a small marker that half of it showed."""
+    dictionary, identity = marker
+    side_px = float(np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).mean())
+    if side_px >= _SMALL_MODULE_PX * len(_pattern(dictionary, identity)):
+        return corners_px
+    low = np.maximum(np.floor(corners_px.min(axis=0) - _AROUND * side_px), 0.0).astype(np.int64)
+    high = np.ceil(corners_px.max(axis=0) + _AROUND * side_px).astype(np.int64)
+    around = np.ascontiguousarray(picture[low[1] : high[1] + 1, low[0] : high[0] + 1])
+    again = [place + low for place in _detect(around, dictionary).get(identity, ())]
+    # A marker out of focus may be found in half the picture only.
+    return min(again, key=lambda place: float(np.linalg.norm(place - corners_px)), default=corners_px)
 
 
 def _merged(coarse: dict[int, list[Array]], fine: dict[int, list[Array]]) -> dict[int, list[Array]]:
@@ -121,15 +141,18 @@ def refine_marker(picture: GreyImage, camera: Camera, marker: MarkerKey, corners
     Raises
     ------
     MarkerFitError
-        where there is no answer at all: something else than this marker, or beyond what the lens model reaches.
+        where there is no answer at all: something else than this marker, beyond what the lens model reaches, or a
+        corner that the local detector does not find either.
     """
     pattern = _pattern(*marker)
-    start = _local_corners(picture, corners_px, len(pattern))
+    start, is_found = _local_corners(picture, corners_px, len(pattern))
     try:
         return fit_marker(picture, camera, pattern, start)
     except NotThisMarkerError:
         raise
     except MarkerFitError as error:
+        if not is_found.all():
+            raise MarkerFitError(f"{error}, and a corner detector does not find its corners") from error
         rays = camera.normalised_from_pixel(start)
         if not np.isfinite(rays).all():
             raise
@@ -145,16 +168,21 @@ def refine_marker(picture: GreyImage, camera: Camera, marker: MarkerKey, corners
         )
 
 
-def _local_corners(picture: GreyImage, corners_px: Array, n_modules: int) -> Array:
+def _local_corners(picture: GreyImage, corners_px: Array, n_modules: int) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Corners (4, 2) of a local detector, and whether it found each (4,): one that it did not stays as it was."""
     module_px = np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).mean() / n_modules
     half_window = int(np.clip(round(_WINDOW_MODULES * module_px), 2, 7))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
-    points = corners_px.astype(np.float32).reshape(-1, 1, 2)
-    refined = cv2.cornerSubPix(picture, points, (half_window, half_window), (-1, -1), criteria)
+    points = corners_px.astype(np.float32)
+    # Refined in place: a copy is given, for the comparison below.
+    refined = cv2.cornerSubPix(
+        picture, points.reshape(-1, 1, 2).copy(), (half_window, half_window), (-1, -1), criteria
+    )
     moved = np.asarray(refined, dtype=np.float64).reshape(4, 2)
     far = np.linalg.norm(moved - corners_px, axis=1) > 0.5 * module_px
-    moved[far] = corners_px[far]
-    return moved
+    # OpenCV gives a start back to the last digit where no corner is within its window.
+    is_found = ~far & (moved != points).any(axis=1)
+    return np.where(is_found[:, None], moved, corners_px), is_found
 
 
 def dictionaries_seen(picture: GreyImage) -> dict[str, list[int]]:

@@ -131,9 +131,11 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
         rig,
     )
     measured_sizes = sizes(session, rig, rows, kept)
-    scale = np.where(rows.is_photometric, max(1.0, verdict.birge_ratio**2), 1.0)
+    is_local = kept & ~rows.is_photometric
+    of_local = float((rows.chi[is_local] ** 2).mean()) if is_local.any() else 1.0
+    scale = np.maximum(1.0, np.where(rows.is_photometric, verdict.birge_ratio**2, of_local))
     table = _table(session, rows, kept, rows.covariance_mm2 * scale[:, None, None])
-    n_local = int((kept & ~rows.is_photometric).sum())
+    n_local = int(is_local.sum())
     return Measured(
         observations=observations_from_columns(table, str(session.directory)),
         missed=tuple(sorted(missed, key=lambda item: item.row)),
