@@ -108,6 +108,20 @@ def test_pixels_of_markers_do_not_pull():
     assert np.abs(fits[1]).max() > 0.02
 
 
+def test_a_corner_of_whose_window_markers_leave_a_strip_drops_itself_only():
+    """Of a small foreshortened board: what is clear of markers there is one column of pixels."""
+    grey = np.full((2 * HALF + 1, 80), 120.0)
+    corners = np.array([[HALF + 0.3, HALF], [HALF + 40.3, HALF]])
+    own = np.array([HALF + 0.3, HALF])
+    for corner in corners:
+        left = int(corner[0]) - HALF
+        grey[:, left : left + 2 * HALF + 1] = picture_of_corner(own, 0.0, 0.5 * np.pi, 0.8)
+    side_u, side_v = np.array([[27.0, 0.0], [40.0, 0.0]]), np.array([[0.0, 22.0], [0.0, 40.0]])
+    fit = fit_corners(np.rint(grey).astype(np.uint8), corners, side_u, side_v, gap_of_side=0.109)
+    assert np.isnan(fit.corners_px[0]).all()
+    assert np.abs(fit.corners_px[1] - corners[1]).max() < 0.01
+
+
 def test_a_corner_does_not_depend_on_its_neighbours():
     rng = np.random.default_rng(8)
     picture = np.full((40, 40 * 5), 120.0)

@@ -52,6 +52,8 @@ _LARGEST_STEP_RAD = 0.3
 _FARTHEST_PX = 2.5
 _LEAST_CONTRAST_GREY = 4.0
 _LEAST_SEEN = 0.6
+# Of an unknown's own weight in the picture: less than this share that no other unknown explains is round-off.
+_LEAST_OWN_SHARE = 1e-9
 # u, v, two edge angles, blur, contrast, level, its slopes.
 _N_PARAMETERS = 9
 _CORNERS_AT_A_TIME = 32
@@ -199,6 +201,7 @@ def _fit(picture: GreyImage, starts: Array, side_u: Array, side_v: Array, gap_of
         & (np.linalg.norm(state[:, :2] + windows.middle - starts, axis=1) < _FARTHEST_PX)
         & (np.abs(state[:, 6]) > np.maximum(_LEAST_CONTRAST_GREY, np.sqrt(variance)))
     )
+    is_good[is_good] = _determines_all(normal[is_good])
     corners = np.where(is_good[:, None], state[:, :2] + windows.middle, np.nan)
     covariance = np.full((n_corners, 2, 2), np.nan)
     covariance[is_good] = np.linalg.inv(normal[is_good])[:, :2, :2] * variance[is_good, None, None]
@@ -260,6 +263,14 @@ def _residual(windows: _Windows, state: Array) -> tuple[Array, Array]:
 def _normal_equations(windows: _Windows, residual: Array, jacobian: Array) -> tuple[Array, Array]:
     weighted = np.swapaxes(jacobian * windows.weight[..., None], 1, 2)
     return weighted @ jacobian, (weighted @ residual[..., None])[..., 0]
+
+
+def _determines_all(normal: Array) -> npt.NDArray[np.bool_]:
+    """Tell which systems (n, p, p) determine all unknowns: a strip of a window says nothing across it."""
+    own = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
+    scale = np.where(own > 0.0, own, 1.0)
+    shares = np.linalg.eigvalsh(normal / (scale[:, :, None] * scale[:, None, :]))
+    return np.asarray(shares[:, 0] > _LEAST_OWN_SHARE)
 
 
 def _solved(normal: Array, gradient: Array, is_hopeless: npt.NDArray[np.bool_]) -> Array:
