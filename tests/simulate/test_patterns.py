@@ -29,11 +29,13 @@ def test_every_marker_is_found_under_its_id(dictionary):
         assert np.ravel(ids).tolist() == [marker]
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(11, 8), (14, 10), (5, 4), (2, 2), (3, 2)])
-def test_a_charuco_layout_is_the_board_that_opencv_draws(columns, rows):
+@pytest.mark.parametrize("is_legacy", [False, True])
+@pytest.mark.parametrize(("columns", "rows"), [(11, 8), (14, 10), (5, 4), (2, 2), (3, 2), (5, 7)])
+def test_a_charuco_layout_is_the_board_that_opencv_draws(columns, rows, is_legacy):
     square_mm, marker_mm, px_per_mm = 20.0, 15.0, 14
-    board = charuco_layout((columns, rows), square_mm, marker_mm, "DICT_5X5_100")
+    board = charuco_layout((columns, rows), square_mm, marker_mm, "DICT_5X5_100", is_legacy)
     theirs = cv2.aruco.CharucoBoard((columns, rows), square_mm, marker_mm, opencv_dictionary("DICT_5X5_100"))
+    theirs.setLegacyPattern(is_legacy)
     drawn = theirs.generateImage((columns * 20 * px_per_mm, rows * 20 * px_per_mm), marginSize=0)
     u, v = board.pattern.u_edges_mm, board.pattern.v_edges_mm
     u_px, v_px = (((edges[1:] + edges[:-1]) * 0.5 * px_per_mm).astype(int) for edges in (u, v))

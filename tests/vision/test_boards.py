@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import cv2
@@ -11,7 +12,7 @@ import pytest
 from geoerr.errors import DetectionError
 from geoerr.simulate.nine_lines import NineLines, nine_line_plan
 from geoerr.simulate.pictures import board_views, true_board_pixels
-from geoerr.simulate.plan import Plan
+from geoerr.simulate.plan import Plan, plan_from_document
 from geoerr.vision.boards import find_board, hint_for_unseen_board, same_colours
 from geoerr.vision.patterns import chessboard_layout
 from geoerr.vision.session import BoardSpec
@@ -72,6 +73,18 @@ def test_a_turned_picture_gives_the_same_numbers(turns: int) -> None:
     assert np.abs(back - upright.corners_px).max() < 1e-3
 
 
+def test_the_simulator_photographs_the_layout_that_is_asked_for() -> None:
+    document = deepcopy(charuco_plan().document)
+    document["board"] |= {"legacy_pattern": True, "views": 1}
+    plan = plan_from_document(document, "plan.toml")
+    assert plan.board is not None
+    assert plan.board.document["legacy_pattern"] is True
+    picture, _ = next(board_views(plan))
+    assert len(find_board(picture, replace(CHARUCO, is_legacy_pattern=True)).ids) > 50
+    with pytest.raises(DetectionError, match="set legacy_pattern = true"):
+        find_board(picture, CHARUCO)
+
+
 def drawn(board: BoardSpec) -> np.ndarray:
     """A picture of the board as OpenCV draws it, a little blurred."""
     assert board.marker_mm is not None
@@ -97,8 +110,13 @@ def test_half_pixels(squares: tuple[int, int], is_legacy: bool) -> None:
 
 def test_a_legacy_board_is_not_taken_for_a_present_one() -> None:
     legacy = BoardSpec("charuco", (6, 8), 20.0, 15.0, "DICT_5X5_100", True)
-    with pytest.raises(DetectionError, match=r"do not lie as on this board.*legacy_pattern = true"):
-        find_board(drawn(legacy), replace(legacy, is_legacy_pattern=False))
+    present = replace(legacy, is_legacy_pattern=False)
+    with pytest.raises(DetectionError, match=r"do not lie as on this board.*: set legacy_pattern = true"):
+        find_board(drawn(legacy), present)
+    with pytest.raises(DetectionError, match=r"do not lie as on this board.*: leave legacy_pattern out"):
+        find_board(drawn(present), legacy)
+    with pytest.raises(DetectionError, match=r"do not lie as on this board: check squares and dictionary$"):
+        find_board(drawn(present)[::-1].copy()[:, ::-1].copy(), replace(present, squares=(8, 9)))
 
 
 def test_wrong_boards_are_refused_with_what_is_seen() -> None:

@@ -377,6 +377,24 @@ def test_the_folder_of_a_session_will_do(tmp_path: Path) -> None:
     assert by_folder == by_file == by_part == read_request(CHARUCO).artworks[0].document
 
 
+def test_a_board_of_the_former_layout_is_printed_as_such(tmp_path: Path) -> None:
+    (tmp_path / "session.toml").write_text(SESSION.replace("[board]", "[board]\nlegacy_pattern = true"))
+    raster, _ = printed(str(tmp_path), tmp_path)
+    found = {}
+    for is_legacy in (False, True):
+        board = cv2.aruco.CharucoBoard((11, 8), 20.0, 15.0, opencv_dictionary("DICT_5X5_100"))
+        board.setLegacyPattern(is_legacy)
+        ids = cv2.aruco.CharucoDetector(board).detectBoard(raster.picture)[1]
+        found[is_legacy] = 0 if ids is None else len(ids)
+    assert found == {False: 0, True: 70}
+    (artwork,) = read_request(str(tmp_path)).artworks
+    assert artwork.document["legacy_pattern"] is True
+    assert "before OpenCV 4.6" in artwork.description
+    (tmp_path / "session.toml").write_text(SESSION.replace("[board]", "[board]\nlegacy_pattern = 1"))
+    with pytest.raises(InputFileError, match=r"board\.legacy_pattern: 1 is not true or false"):
+        read_request(str(tmp_path))
+
+
 def test_a_page_for_all_holds_the_largest(tmp_path: Path) -> None:
     (tmp_path / "session.toml").write_text(SESSION.replace("size_mm = 80", "size_mm = 200"))
     request = read_request(f"{tmp_path}/session.toml#targets")

@@ -299,7 +299,12 @@ def _board(entry: Entries) -> BoardPlan:
         if kind == "charuco":
             document["marker_mm"] = entry.number("marker_mm", above=0.0)
             document["dictionary"] = entry.text("dictionary")
-            board = charuco_layout((columns, rows), square_mm, document["marker_mm"], document["dictionary"])
+            is_legacy = entry.flag("legacy_pattern", False)
+            board = charuco_layout(
+                (columns, rows), square_mm, document["marker_mm"], document["dictionary"], is_legacy
+            )
+            if is_legacy:
+                document["legacy_pattern"] = True
         else:
             board = chessboard_layout((columns, rows), square_mm)
     except DetectionError as error:

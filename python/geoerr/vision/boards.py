@@ -6,7 +6,7 @@ down is turned the right way where its colours tell which that is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -134,19 +134,13 @@ def _turns(numbers: npt.NDArray[np.int64], board: BoardSpec) -> list[tuple[npt.N
 
 def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
     assert board.marker_mm is not None
-    assert board.dictionary is not None
-    layout = cv2.aruco.CharucoBoard(
-        board.squares, board.square_mm, board.marker_mm, opencv_dictionary(board.dictionary)
-    )
-    layout.setLegacyPattern(board.is_legacy_pattern)
-    detector = cv2.aruco.CharucoDetector(layout)
-    corners, ids, _, marker_ids = detector.detectBoard(picture)
+    corners, ids, _, marker_ids = _charuco_detector(board).detectBoard(picture)
     if marker_ids is None or len(marker_ids) == 0:
         raise DetectionError(f"{_NOT_FOUND}: no marker of {board.dictionary} is seen")
     if ids is None or len(ids) == 0:
         raise DetectionError(
             f"{_NOT_FOUND}: {len(marker_ids)} markers of {board.dictionary} are seen but they do not lie as on this "
-            "board: check squares and dictionary, or set legacy_pattern = true for a board made before OpenCV 4.6"
+            f"board: {_what_to_check(picture, board)}"
         )
     order = np.argsort(np.ravel(ids))
     numbers = np.ravel(ids)[order].astype(np.int64)
@@ -157,6 +151,27 @@ def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
     fits = _fit(picture, board, numbers, starts, gap_of_side)
     has_colours = fits.half_contrast_grey * _colours(board, numbers) > 0.0
     return BoardSighting(numbers[has_colours], fits.corners_px[has_colours], fits.std_px[has_colours])
+
+
+def _charuco_detector(board: BoardSpec) -> cv2.aruco.CharucoDetector:
+    assert board.marker_mm is not None
+    assert board.dictionary is not None
+    layout = cv2.aruco.CharucoBoard(
+        board.squares, board.square_mm, board.marker_mm, opencv_dictionary(board.dictionary)
+    )
+    layout.setLegacyPattern(board.is_legacy_pattern)
+    return cv2.aruco.CharucoDetector(layout)
+
+
+def _what_to_check(picture: GreyImage, board: BoardSpec) -> str:
+    """Say whether the markers lie as in OpenCV's other layout."""
+    other = replace(board, is_legacy_pattern=not board.is_legacy_pattern)
+    _, ids, _, _ = _charuco_detector(other).detectBoard(picture)
+    if ids is None or len(ids) == 0:
+        return "check squares and dictionary"
+    if board.is_legacy_pattern:
+        return "they lie as OpenCV draws boards since 4.6: leave legacy_pattern out"
+    return "they lie as on a board made before OpenCV 4.6: set legacy_pattern = true"
 
 
 def _find_chessboard(picture: GreyImage, board: BoardSpec) -> BoardSighting:

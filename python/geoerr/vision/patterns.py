@@ -157,8 +157,10 @@ def chessboard_layout(squares: tuple[int, int], square_mm: float) -> Board:
     return Board(pattern, _inner_corners_mm(squares, square_mm), np.empty(0, dtype=np.int64), np.empty((0, 4, 2)))
 
 
-def charuco_layout(squares: tuple[int, int], square_mm: float, marker_mm: float, dictionary: str) -> Board:
-    """Lay out a ChArUco board: OpenCV's present layout, upper left square black, markers in the white ones.
+def charuco_layout(
+    squares: tuple[int, int], square_mm: float, marker_mm: float, dictionary: str, is_legacy: bool = False
+) -> Board:
+    """Lay out a ChArUco board as OpenCV does: upper left square black, markers in the white ones.
 
     Parameters
     ----------
@@ -168,6 +170,8 @@ def charuco_layout(squares: tuple[int, int], square_mm: float, marker_mm: float,
         Side of a square and of the marker within it.
     dictionary
         Name of the markers' dictionary; ids 0, 1, 2 ... are given row by row.
+    is_legacy
+        The layout before OpenCV 4.6: with an even number of rows the upper left square is white.
 
     Raises
     ------
@@ -181,6 +185,7 @@ def charuco_layout(squares: tuple[int, int], square_mm: float, marker_mm: float,
             "\nhint: marker_mm must be above 0 and below square_mm"
         )
     board = cv2.aruco.CharucoBoard(squares, square_mm, marker_mm, opencv_dictionary(dictionary))
+    board.setLegacyPattern(is_legacy)
     marker_ids = np.asarray(board.getIds(), dtype=np.int64).reshape(-1)
     n_markers = dictionary_size(dictionary)
     if marker_ids.size > n_markers:
@@ -197,7 +202,8 @@ def charuco_layout(squares: tuple[int, int], square_mm: float, marker_mm: float,
     gap_mm = 0.5 * (square_mm - marker_mm)
     within_mm = np.concatenate(([0.0], np.linspace(gap_mm, gap_mm + marker_mm, cells + 1)))
     step = cells + 2
-    checker = (np.add.outer(np.arange(rows), np.arange(columns)) % 2).astype(np.uint8)
+    first_white = int(is_legacy and rows % 2 == 0)
+    checker = ((np.add.outer(np.arange(rows), np.arange(columns)) + first_white) % 2).astype(np.uint8)
     white = np.kron(checker, np.ones((step, step), dtype=np.uint8))
     for marker_id, (column, row) in zip(marker_ids, places, strict=True):
         top, left = row * step + 1, column * step + 1

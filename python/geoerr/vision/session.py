@@ -89,7 +89,7 @@ class BoardSpec:
         """
         if self.marker_mm is None or self.dictionary is None:
             return chessboard_layout(self.squares, self.square_mm)
-        return charuco_layout(self.squares, self.square_mm, self.marker_mm, self.dictionary)
+        return charuco_layout(self.squares, self.square_mm, self.marker_mm, self.dictionary, self.is_legacy_pattern)
 
 
 @dataclass(frozen=True)

@@ -184,14 +184,21 @@ def board_artwork(parts: Parts) -> Artwork:
     cell_mm = marker_mm / marker_bits(dictionary, 0).shape[0]
     _check_printable(parts, "marker_mm", cell_mm)
     _check_printable(parts, "marker_mm", 0.5 * (square_mm - marker_mm), "the white around a marker")
+    is_legacy = parts.content.get("legacy_pattern", False)
+    if not isinstance(is_legacy, bool):
+        raise parts.refuse("legacy_pattern", f"{is_legacy!r} is not true or false", "write true, or leave it out")
+    document |= {"marker_mm": marker_mm, "dictionary": dictionary}
+    if is_legacy:
+        document["legacy_pattern"] = True
     return Artwork(
-        pattern=charuco_layout(squares, square_mm, marker_mm, dictionary).pattern,
+        pattern=charuco_layout(squares, square_mm, marker_mm, dictionary, is_legacy).pattern,
         quiet_zone_mm=cell_mm,
         description=(
             f"ChArUco board · {size} · markers of {in_mm(marker_mm)} · {dictionary} · ids 0 to {n_markers - 1}"
+            + (" · layout before OpenCV 4.6" if is_legacy else "")
         ),
         size_keys=("square_mm", "marker_mm"),
-        document={**document, "marker_mm": marker_mm, "dictionary": dictionary},
+        document=document,
     )
 
 
