@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import ctypes
+import itertools
 import json
 import math
 import os
@@ -29,11 +30,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from unittest import mock
 
 import diagnosis
 import joint_fit
 import lines
 import numpy as np
+import numpy.typing as npt
 import programs
 import straightness
 import triangulation
@@ -49,6 +52,7 @@ from geoerr.geometry import fit_lines, integrate_straightness, triangulate
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.observations import read_observations, write_observations
 from geoerr.terms import BasisSpec
+from geoerr.vision.images import read_grey
 from geoerr.vision.measure import measure
 from geoerr.vision.measured import write_measured
 from geoerr.vision.rig import read_rig
@@ -122,8 +126,17 @@ def frames_measured(n: int, folder: Path) -> Work:
     session = read_session(repeated_session(folder, n))
     rig = read_rig(session.directory / "rig.json")
 
+    numbers = itertools.count()
+
+    def photographed(path: Path) -> npt.NDArray[np.uint8]:
+        """Read a picture and number it in a corner: what comes again to the last digit is no second measurement."""
+        picture = read_grey(path)
+        picture[0, :4] = np.frombuffer(next(numbers).to_bytes(4, "little"), dtype=np.uint8)
+        return picture
+
     def work() -> None:
-        write_measured(folder / "measured.csv", measure(session, rig, 1))
+        with mock.patch("geoerr.vision.frame.read_grey", photographed):
+            write_measured(folder / "measured.csv", measure(session, rig, 1))
 
     return work
 

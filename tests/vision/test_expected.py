@@ -72,6 +72,13 @@ def searched(monkeypatch):
     return count
 
 
+def photograph_again(here, there):
+    """Another picture of the same: noise is never the same twice."""
+    picture = read_grey(here).copy()
+    picture[:4, :4] ^= 1
+    write_png(there, picture)
+
+
 def run(folder, rig, threads=2):
     return measure(read_session(folder), rig, threads=threads)
 
@@ -109,7 +116,7 @@ def test_a_target_that_is_elsewhere_is_searched_for(folder, simulated, searched)
     rows = set(rows_to_search(frames))
     lost, other = next(row for row in range(20, 30) if row not in rows), 2
     for side in ("left", "right"):
-        shutil.copyfile(folder / frames[side][other], folder / frames[side][lost])
+        photograph_again(folder / frames[side][other], folder / frames[side][lost])
     measured = run(folder, simulated[1])
     assert searched == [2 * len(rows) + 2]
     points = measured.observations.measured_mm
@@ -201,7 +208,12 @@ def with_a_copy(picture, corners_px):
 def test_a_session_of_its_own_is_learnt_by_itself(folder, simulated, searched):
     """The cameras were moved between two sessions of the same frames."""
     frames = pl.read_csv(folder / "frames.csv")
-    both = pl.concat([frames.with_columns(session=pl.lit("before")), frames.with_columns(session=pl.lit("after"))])
+    after = frames.with_columns(pl.col("left", "right").str.replace("frames/", "after/"), session=pl.lit("after"))
+    for side in ("left", "right"):
+        (folder / "after" / side).mkdir(parents=True)
+        for here, there in zip(frames[side], after[side], strict=True):
+            photograph_again(folder / here, folder / there)
+    both = pl.concat([frames.with_columns(session=pl.lit("before")), after])
     both.write_csv(folder / "frames.csv")
     assert len(rows_to_search(both)) == 48
     measured = run(folder, simulated[1])

@@ -210,6 +210,42 @@ def test_pictures_of_two_moments_are_an_outlier(session):
     assert all("miss each other by" in item.why and item.frame == "left/3.png" for item in measured.missed)
 
 
+def test_a_frame_that_is_listed_again_is_no_second_measurement(session):
+    """A row that names the same files, and copies of them under other names."""
+    once = run(session)
+    for side in ("left", "right"):
+        shutil.copyfile(session / side / "3.png", session / side / "copy.png")
+    rows = "left/2.png,right/2.png,X,24.0,0,0,1,30\nleft/copy.png,right/copy.png,X,36.0,0,0,1,34\n"
+    swap(session, lambda text: text + rows)
+    measured = run(session)
+    assert measured.observations.measured_mm.tolist() == once.observations.measured_mm.tolist()
+    assert [(item.row, item.camera, item.target, item.why) for item in measured.missed] == [
+        (5, "both", None, "its pictures are those of left/2.png (row 4) again"),
+        (6, "both", None, "its pictures are those of left/3.png (row 5) again"),
+    ]
+    assert any(text.startswith("2 frames hold pictures of another frame and are not c") for text in measured.notes)
+
+
+def test_pictures_that_two_positions_claim_are_of_neither(session):
+    for side in ("left", "right"):
+        shutil.copyfile(session / side / "3.png", session / side / "2.png")
+    measured = run(session)
+    assert measured.observations.frame["x"].unique().to_list() == [0.0, 12.0, 48.0]
+    assert [(item.row, item.frame) for item in measured.missed] == [(2, "left/2.png"), (3, "left/3.png")]
+    assert "those of left/3.png (row 5), too, and the positions differ" in measured.missed[0].why
+    assert "those of left/2.png (row 4), too, and the positions differ" in measured.missed[1].why
+
+
+def test_one_pair_of_pictures_for_all_positions_is_refused(session):
+    for number in range(1, 5):
+        for side in ("left", "right"):
+            shutil.copyfile(session / side / "0.png", session / side / f"{number}.png")
+    with pytest.raises(
+        InputFileError, match=r"none of its 5 frames can be used; the first: its pictures are those of"
+    ):
+        run(session)
+
+
 def test_another_rig_is_refused(session):
     pair = rig()
     moved = RightFromLeft(pair.right_from_left.R, pair.right_from_left.t_mm + np.array([0.0, 60.0, 0.0]))

@@ -14,6 +14,7 @@ from geoerr.errors import InputFileError
 from geoerr.vision.images import read_grey
 from geoerr.vision.marker_fit import MarkerFit, MarkerFitError
 from geoerr.vision.markers import Found, find_markers, reads_as, refine_marker
+from geoerr.vision.repeats import digest_of
 from geoerr.vision.rig import Rig
 from geoerr.vision.session import Target
 
@@ -75,6 +76,8 @@ class FrameResult:
         Targets found in either picture.
     repeated
         Targets, by index, that a picture shows more than once.
+    digest
+        Of both pictures, see `repeats`; None where they could not be used.
     """
 
     seen: tuple[SeenTarget, ...]
@@ -82,6 +85,7 @@ class FrameResult:
     readable: bool
     n_found: int
     repeated: frozenset[int] = frozenset()
+    digest: int | None = None
 
 
 class Places(Protocol):
@@ -125,7 +129,8 @@ class FrameReader:
         repeated = frozenset(
             index for index, target in wanted.items() if any(target.marker in view.repeated for view in found)
         )
-        return FrameResult(tuple(seen[index] for index in sorted(seen)), tuple(missed), True, n_found, repeated)
+        in_order = tuple(seen[index] for index in sorted(seen))
+        return FrameResult(in_order, tuple(missed), True, n_found, repeated, digest_of(*pictures))
 
     def _where_expected(
         self, row: int, pictures: Sequence[GreyImage]

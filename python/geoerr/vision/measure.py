@@ -22,9 +22,10 @@ from geoerr.vision.measured import Measured
 from geoerr.vision.opencv_threads import one_opencv_thread
 from geoerr.vision.plate import N_RESIDUALS
 from geoerr.vision.plate_rows import Collector, PlateRows
+from geoerr.vision.repeats import repeated_frames
 from geoerr.vision.rig import Rig
 from geoerr.vision.session import Session
-from geoerr.vision.verdicts import notes, nothing_seen, outliers, refuse_wrong_rig, sizes
+from geoerr.vision.verdicts import notes, nothing_left, nothing_seen, outliers, refuse_wrong_rig, sizes
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -61,8 +62,8 @@ def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | N
     reader = FrameReader(session.directory, rig, session.require_targets())
     collected = Collector(rig, threads, len(frames) * len(reader.targets))
     with one_opencv_thread():
-        for result in _some_searched_first(reader, frames, threads, progress):
-            collected.add(result)
+        for row, result in enumerate(_some_searched_first(reader, frames, threads, progress)):
+            collected.add(row, result)
     collected.locate()
     return _finished(session, rig, collected, len(frames))
 
@@ -114,16 +115,22 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
     rows = collected.rows()
     refuse_wrong_rig(session, rig, rows)
     why = outliers(rig, rows)
-    kept = why == ""
     names = [target.name for target in session.targets]
     frames = session.require_frames()
+    repeated = repeated_frames(frames, collected.digests)
+    is_repeated = np.isin(rows.row, list(repeated))
+    is_off = (why != "") & ~is_repeated
+    kept = ~is_repeated & ~is_off
     missed = [
         *collected.missed,
+        *(Missed(row, str(frames["left"][row]), "both", None, reason) for row, reason in repeated.items()),
         *(
             Missed(int(row), str(frames["left"][int(row)]), "both", names[target], str(reason))
-            for row, target, reason in zip(rows.row[~kept], rows.target[~kept], why[~kept], strict=True)
+            for row, target, reason in zip(rows.row[is_off], rows.target[is_off], why[is_off], strict=True)
         ),
     ]
+    if not kept.any():
+        raise nothing_left(session, missed, n_frames)
     pooled = [item for item in collected.pooled if kept[item[0]] and rows.is_photometric[item[0]]]
     verdict = agreement(
         np.array([item[1] for item in pooled]).reshape(-1, N_RESIDUALS),
@@ -144,7 +151,7 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
         sizes=measured_sizes,
         n_local_corners=n_local,
         names_session="session" in frames.columns,
-        notes=tuple(notes(session, rows, kept, verdict, measured_sizes, n_local)),
+        notes=tuple(notes(session, rows, kept, verdict, measured_sizes, n_local, repeated)),
     )
 
 

@@ -49,17 +49,20 @@ class Collector:
         self.missed: list[Missed] = []
         self.blocks: list[PlateRows] = []
         self.pooled: list[tuple[int, Array, Array]] = []
+        self.digests: dict[int, int] = {}
         self.n_found = 0
         self.n_readable = 0
         self._waiting: list[SeenTarget] = []
         self._frames_waiting = 0
         self._n_plates = 0
 
-    def add(self, result: FrameResult) -> None:
-        """Take in one frame; frames come in order."""
+    def add(self, row: int, result: FrameResult) -> None:
+        """Take in the frame of a row; frames come in order."""
         self.missed.extend(result.missed)
         self.n_found += result.n_found
         self.n_readable += result.readable
+        if result.digest is not None:
+            self.digests[row] = result.digest
         self._waiting.extend(result.seen)
         self._frames_waiting += 1
         if self._frames_waiting >= _FRAMES_AT_A_TIME:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ import polars as pl
 
 from geoerr.errors import InputFileError
 from geoerr.vision.consistency import Agreement, MeasuredSize, measured_size
+from geoerr.vision.frame import Missed
 from geoerr.vision.images import read_grey
 from geoerr.vision.markers import dictionaries_seen
 from geoerr.vision.plate_rows import Collector, PlateRows
@@ -38,14 +39,7 @@ def nothing_seen(session: Session, collected: Collector, n_frames: int) -> Input
     """Say why no frame has both pictures of any target."""
     frames = session.require_frames()
     if collected.n_readable == 0:
-        first = collected.missed[0]
-        return InputFileError(
-            session.directory / "frames.csv",
-            f"none of its {n_frames} frames can be used; the first: {first.why}",
-            row=int(frames["file_row"][first.row]),
-            column=first.camera,
-            remedy="check the pictures and that the rig belongs to these cameras",
-        )
+        return nothing_left(session, collected.missed, n_frames)
     wanted = ", ".join(target.name for target in session.targets)
     if collected.n_found:
         return InputFileError(
@@ -69,6 +63,18 @@ def nothing_seen(session: Session, collected: Collector, n_frames: int) -> Input
         f"none of the targets ({wanted}) is in any of the {n_frames} frames, nor any other known marker",
         column="targets",
         remedy="check focus and light, and that each plate has a white margin of one module",
+    )
+
+
+def nothing_left(session: Session, missed: Sequence[Missed], n_frames: int) -> InputFileError:
+    """Say why no frame can be used."""
+    first = min(missed, key=lambda item: item.row)
+    return InputFileError(
+        session.directory / "frames.csv",
+        f"none of its {n_frames} frames can be used; the first: {first.why}",
+        row=int(session.require_frames()["file_row"][first.row]),
+        column=None if first.camera == "both" else first.camera,
+        remedy="check the pictures and that the rig belongs to these cameras",
     )
 
 
@@ -166,9 +172,16 @@ def notes(
     verdict: Agreement,
     sizes: tuple[MeasuredSize, ...],
     n_local: int,
+    repeated: Mapping[int, str],
 ) -> Iterator[str]:
     """Say what the user should know about a session that was measured."""
     yield from (f"row set aside: {problem}" for problem in session.set_aside)
+    if repeated:
+        first, reason = next(iter(repeated.items()))
+        yield (
+            f"{len(repeated)} frames hold pictures of another frame and are not counted; the first, "
+            f"row {session.require_frames()['file_row'][first]}: {reason}"
+        )
     measured = {size.target for size in sizes}
     yield from (f"target {item.name} was seen in no frame" for item in session.targets if item.name not in measured)
     for size in sizes:
