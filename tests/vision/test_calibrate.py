@@ -294,6 +294,42 @@ def test_corners_from_elsewhere() -> None:
     assert np.array_equal(again.rig.K_left, calibrated.rig.K_left)
 
 
+def test_views_that_come_again_are_no_more_views() -> None:
+    """Copies of pictures made what is known from six views look as if it were known from more."""
+    boards, left, right = corners()
+    once = calibrate_from_corners(boards, left, right, IMAGE_SIZE)
+    again = calibrate_from_corners(
+        [*boards, *boards[:3]],
+        [*left, left[0], left[1], right[2]],
+        [*right, right[0], right[1] + 0.01, left[2]],
+        IMAGE_SIZE,
+        names=list("abcdefghi"),
+    )
+    assert np.array_equal(again.rig.covariance, once.rig.covariance)
+    assert [(item.name, item.why) for item in again.pairs_dropped] == [
+        ("g", "the left picture is the left one of a again; the right picture is the right one of a again"),
+        ("h", "the left picture is the left one of b again"),
+        ("i", "the left picture is the right one of c again; the right picture is the left one of c again"),
+    ]
+    with pytest.raises(
+        DetectionError, match="0 of 6 views can be used, 3 are needed\n  1: left and right are one pic"
+    ):
+        calibrate_from_corners(boards, left, left, IMAGE_SIZE)
+
+
+def test_a_copied_board_picture_drops_its_pair(session: Path) -> None:
+    for side in ("left", "right"):
+        folder = session / "calibration" / side
+        for name in ("04", "05", "06"):
+            (folder / f"{name}.png").unlink()
+        # Of the same pixels in another file: what a viewer saved again.
+        cv2.imwrite(str(folder / "copy.tif"), cv2.imread(str(folder / "02.png"), cv2.IMREAD_GRAYSCALE))
+    calibrated = calibrate(read_session(session))
+    assert calibrated.pairs_used == 3
+    assert [item.name for item in calibrated.pairs_dropped] == ["copy.tif"]
+    assert calibrated.pairs_dropped[0].why.startswith("the left picture is the left one of 02.png again; the right")
+
+
 def test_corners_that_do_not_fit_together_are_refused() -> None:
     boards, left, right = corners(4)
     with pytest.raises(ShapeError, match="4 boards, 3 left and 4 right views"):

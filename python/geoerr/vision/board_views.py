@@ -71,6 +71,26 @@ def sightings_of(views: Sequence[BoardView], camera: int) -> Sightings:
     )
 
 
+def repeated_views(views: Sequence[BoardView]) -> dict[int, str]:
+    """Tell which views have a picture that an earlier one has, and why they say nothing more.
+
+    Noise is never the same twice: corners that are the same to the last digit are of one picture, whatever it is
+    called, and would count as another look at the board.
+    """
+    seen: dict[bytes, str] = {}
+    why: dict[int, str] = {}
+    for number, view in enumerate(views):
+        own = {"left": view.left.pixel.tobytes(), "right": view.right.pixel.tobytes()}
+        again = [f"the {side} picture is the {seen[key]} again" for side, key in own.items() if key in seen]
+        if own["left"] == own["right"]:
+            why[number] = "left and right are one picture"
+        elif again:
+            why[number] = "; ".join(again)
+        else:
+            seen |= {key: f"{side} one of {view.name}" for side, key in own.items()}
+    return why
+
+
 def view_rms(sightings: Sequence[Sightings], residuals: Sequence[Array], n_views: int) -> Array:
     """Root mean square distance (px) of the corners that take part, for each view over the given cameras."""
     total, count = np.zeros(n_views), np.zeros(n_views)

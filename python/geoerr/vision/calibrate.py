@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from geoerr.drawing import drawn
 from geoerr.errors import DetectionError, InputFileError, ShapeError
-from geoerr.vision.board_views import LEAST_VIEWS, BoardView, SeenCorners
+from geoerr.vision.board_views import LEAST_VIEWS, BoardView, SeenCorners, repeated_views
 from geoerr.vision.boards import LEAST_CORNERS, BoardSighting, find_board, hint_for_unseen_board, same_colours
 from geoerr.vision.images import read_grey
 from geoerr.vision.opencv_threads import one_opencv_thread
@@ -232,6 +232,7 @@ def calibrate_from_corners(
             )
         else:
             views.append(BoardView(label, sides[0], sides[1]))
+    views, dropped = _each_once(views, dropped)
     if len(views) < LEAST_VIEWS:
         reasons = "".join(f"\n  {item.name}: {item.why}" for item in dropped)
         raise DetectionError(f"{len(views)} of {n_views} views can be used, {LEAST_VIEWS} are needed{reasons}")
@@ -334,7 +335,14 @@ def _views_of(board: BoardSpec, looks: Sequence[_PairLook], size: Size) -> tuple
                 tuple(corners_mm[turn[right.ids]] for turn in turns),
             )
         )
-    return views, dropped
+    return _each_once(views, dropped)
+
+
+def _each_once(views: list[BoardView], dropped: list[Dropped]) -> tuple[list[BoardView], list[Dropped]]:
+    """Take out views that hold the picture of another one."""
+    repeated = repeated_views(views)
+    told = [Dropped(views[number].name, why) for number, why in repeated.items()]
+    return [view for number, view in enumerate(views) if number not in repeated], [*dropped, *told]
 
 
 def _reasons(look: _PairLook, size: Size) -> Iterator[str]:
