@@ -149,6 +149,27 @@ def test_what_is_wrong_in_session_toml_is_named(
     assert problem in error.problem
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (("DICT_4X4_50", 7), ("DICT_4X4_100", 7)),
+        # The same bits, turned by a quarter.
+        (("DICT_APRILTAG_16H5", 16), ("DICT_4X4_1000", 227)),
+    ],
+)
+def test_one_plate_is_one_target_whichever_dictionary_names_it(
+    folder: Path, first: tuple[str, int], second: tuple[str, int]
+) -> None:
+    text = TARGETS
+    for identity, (dictionary, other) in ((7, first), (8, second)):
+        was = f'id = {identity}\ndictionary = "DICT_4X4_50"'
+        text = text.replace(was, f'id = {other}\ndictionary = "{dictionary}"')
+    (folder / "session.toml").write_text(text)
+    error = refusal(folder)
+    assert error.column == "targets[2].id"
+    assert error.problem == f"{second[0]} marker {second[1]} is targets[1] already"
+
+
 def test_a_machine_file_that_is_not_there_is_named(folder: Path) -> None:
     (folder / "machine.toml").unlink()
     assert refusal(folder).path == str(folder / "machine.toml")

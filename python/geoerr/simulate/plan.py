@@ -75,7 +75,7 @@ from geoerr.simulate.entries import Entries
 from geoerr.simulate.guideway import AxisPlan, ErrorPlan
 from geoerr.simulate.moments import CovariatePlan, PassPlan
 from geoerr.simulate.render import Light
-from geoerr.vision.patterns import Board, charuco_layout, chessboard_layout, marker_bits
+from geoerr.vision.patterns import Board, charuco_layout, chessboard_layout, looks_of_marker, marker_bits
 
 CARRIERS = ("tool", "work", "base")
 _CARRIAGES = ("tangent", "free", "length")
@@ -344,16 +344,17 @@ def _target(entry: Entries) -> TargetPlan:
 
 
 def _refuse_twins(targets: tuple[TargetPlan, ...], path: str | Path) -> None:
-    seen = set()
+    seen: set[bytes] = set()
     for number, target in enumerate(targets, start=1):
-        if (target.dictionary, target.id) in seen:
+        looks = looks_of_marker(target.dictionary, target.id)
+        if looks in seen:
             raise InputFileError(
                 path,
                 f"{target.dictionary} marker {target.id} is there twice",
                 column=f"targets[{number}].id",
-                remedy="give every target an id of its own",
+                remedy="give every target a marker of its own",
             )
-        seen.add((target.dictionary, target.id))
+        seen.add(looks)
 
 
 def _errors(entry: Entries) -> ErrorPlan:

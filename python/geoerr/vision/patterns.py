@@ -129,6 +129,15 @@ def marker_bits(dictionary: str, id: int) -> npt.NDArray[np.uint8]:
     return (np.asarray(known.generateImageMarker(id, side)) > 127).astype(np.uint8)
 
 
+def looks_of_marker(dictionary: str, id: int) -> bytes:
+    """Give what is the same for markers that look the same, whichever way up: dictionaries share their markers.
+
+    `DICT_4X4_50` is the beginning of `DICT_4X4_100`; a plate is one target, under whatever name.
+    """
+    bits = marker_bits(dictionary, id)
+    return min(np.rot90(bits, turns).tobytes() for turns in range(4))
+
+
 def marker_pattern(dictionary: str, id: int, size_mm: float) -> Pattern:
     """Give a marker of side `size_mm` (outer edge of its black border) as a pattern without margin."""
     bits = marker_bits(dictionary, id)

@@ -26,6 +26,7 @@ from geoerr.vision.patterns import (
     chessboard_layout,
     dictionary_names,
     dictionary_size,
+    looks_of_marker,
 )
 
 BOARD_TYPES = ("charuco", "chessboard")
@@ -389,16 +390,16 @@ def _board(table: _Table) -> BoardSpec:
 
 
 def _targets(top: _Table) -> tuple[Target, ...]:
-    targets: dict[tuple[str, int], str] = {}
+    targets: dict[bytes, str] = {}
     result = []
     for table in top.tables("targets"):
         target = _target(table)
-        earlier = targets.setdefault(target.marker, table.place)
+        earlier = targets.setdefault(looks_of_marker(target.dictionary, target.id), table.place)
         if earlier != table.place:
             raise table.refuse(
                 "id",
                 f"{target.dictionary} marker {target.id} is {earlier} already",
-                "give every target an id of its own; two plates with one id cannot be told apart",
+                "give every target a marker of its own; two plates that look alike cannot be told apart",
             )
         result.append(target)
     return tuple(result)

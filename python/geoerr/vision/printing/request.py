@@ -8,6 +8,7 @@ from typing import Any
 
 from geoerr.errors import InputFileError
 from geoerr.files import read_toml
+from geoerr.vision.patterns import looks_of_marker
 from geoerr.vision.printing.artwork import Artwork, Parts, board_artwork, plate_artwork
 
 _FORMS = {
@@ -118,18 +119,18 @@ def _from_session(document: dict[str, Any], path: Path, part: str) -> tuple[Artw
 
 
 def _plates(targets: list[Parts]) -> tuple[Artwork, ...]:
-    places: dict[tuple[str, int], str] = {}
+    places: dict[bytes, str] = {}
     plates = []
     for target in targets:
         plate = plate_artwork(target)
-        marker = (plate.document["dictionary"], plate.document["id"])
-        if marker in places:
+        dictionary, identity = plate.document["dictionary"], plate.document["id"]
+        earlier = places.setdefault(looks_of_marker(dictionary, identity), target.place)
+        if earlier != target.place:
             raise target.refuse(
                 "id",
-                f"{marker[0]} marker {marker[1]} is {places[marker]} already",
-                "give every target an id of its own; two plates with one id cannot be told apart",
+                f"{dictionary} marker {identity} is {earlier} already",
+                "give every target a marker of its own; two plates that look alike cannot be told apart",
             )
-        places[marker] = target.place
         plates.append(plate)
     return tuple(plates)
 
