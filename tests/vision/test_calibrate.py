@@ -257,6 +257,19 @@ def test_a_scale_bar_agrees_and_one_that_is_not_seen_is_listed(session: Path) ->
     assert json.dumps(calibrated.to_document(), allow_nan=False)
 
 
+def test_a_scale_bar_of_two_moments_is_no_length(session: Path) -> None:
+    """The machine moved between the pictures: what they show together stands nowhere."""
+    folder = scale_bar(session, 200.0, "0001.png")
+    edit(folder, lambda document: document["scale_bars"][0].update(right="frames/right/0002.png"))
+    calibrated = calibrate(read_session(folder))
+    (bar,) = calibrated.scale_bars
+    assert bar.seen_mm is None
+    assert "its two pictures miss each other by" in bar.why
+    (text,) = calibrated.notes
+    assert "was not seen: its two pictures miss each other by" in text
+    assert "square_mm" not in text
+
+
 def test_a_scale_bar_tells_a_wrong_square(session: Path) -> None:
     edit(session, lambda document: document["board"].update(square_mm=25.1, marker_mm=18.072))
     calibrated = calibrate(read_session(scale_bar(session, 200.0, "0001.png")))

@@ -14,11 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from geoerr.vision.consistency import agreement
 from geoerr.vision.frame import FrameReader, FrameResult
 from geoerr.vision.plate import SeenPlates, locate_plates
 from geoerr.vision.rig import Rig
 from geoerr.vision.sensitivity import sensitivity_of_points
 from geoerr.vision.session import ScaleBar
+
+# Corners that miss each other by more than this, and by more than so many times what is stated of them, are not of
+# one moment and one rig: nothing that they say is a length.
+_APART_PX = 0.1
+_MOST_SCATTER = 10.0
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,8 @@ class ScaleBarResult:
     length_mm, std_mm
         As given.
     seen_mm, seen_std_mm
-        As the rig sees it; the uncertainty holds the pictures' noise and the rig's covariance. None where not seen.
+        As the rig sees it; the uncertainty holds the pictures' noise, enlarged where corners scatter more than that,
+        and the rig's covariance. None where not seen.
     why
         '' or why it was not seen.
     """
@@ -116,10 +123,18 @@ def _check(directory: Path, bar: ScaleBar, rig: Rig) -> ScaleBarResult:
         return ScaleBarResult(
             *given, None, None, "; ".join(f"{n}: {why}" for n, why in zip(names, plates.why, strict=True) if why)
         )
+    scatter = agreement(plates.whitened_residual, plates.whitened_by_rig, rig).birge_ratio
+    apart_px = float(plates.reprojection_px.max())
+    if apart_px > _APART_PX and scatter > _MOST_SCATTER:
+        why = (
+            f"its two pictures miss each other by {apart_px:.2f} px: they are of two moments, or not of this rig; "
+            "name a left and a right picture taken at once"
+        )
+        return ScaleBarResult(*given, None, None, why)
     apart = plates.centre_mm[1] - plates.centre_mm[0]
     seen_mm = float(np.linalg.norm(apart))
     along = apart / seen_mm
-    variance = float(along @ plates.covariance_mm2.sum(axis=0) @ along)
+    variance = float(along @ plates.covariance_mm2.sum(axis=0) @ along) * max(1.0, scatter**2)
     if rig.covariance is not None:
         # An error of calibration moves both ends: only its difference changes the length.
         ends = sensitivity_of_points(rig, plates.centre_mm)
