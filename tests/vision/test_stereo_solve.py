@@ -106,6 +106,22 @@ def test_a_board_that_moved_between_the_pictures_is_dropped() -> None:
     assert chi2(solved) < 52.0
 
 
+def test_a_view_that_is_only_noisier_is_dropped_as_such() -> None:
+    """Each camera alone has views of unlike noise, so that this one stands out only where both are seen."""
+    some = views(10, sigma_px=0.0)
+    rng = np.random.default_rng(5)
+    for number, view in enumerate(some):
+        left, right = (0.1, 0.1) if number == 4 else (0.03, 0.05) if number % 2 else (0.05, 0.03)
+        for side, sigma_px in (("left", left), ("right", right)):
+            pixel = getattr(view, side).pixel
+            some[number] = with_pixels(some[number], side, pixel + rng.normal(0.0, sigma_px, pixel.shape))
+    solved = solve_stereo(some, IMAGE_SIZE)
+    (dropped,) = solved.dropped
+    assert dropped.name == "view 4"
+    assert dropped.why.startswith("its corners scatter more than the others', in each camera alone (0.1")
+    assert "moved between them" not in dropped.why
+
+
 def test_exchanged_pictures_are_recognised() -> None:
     some = views(9)
     some[3] = replace(some[3], left=some[3].right, right=some[3].left)

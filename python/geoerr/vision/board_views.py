@@ -15,6 +15,9 @@ Array = npt.NDArray[np.float64]
 LEAST_VIEWS = 3
 """With fewer views of a plane, a camera with five numbers and distortion is not determined (Zhang 2000, §3.1)."""
 
+DISAGREEMENT = 1.5
+"""Residuals together this many times above each camera's own: the cameras do not see one board at one moment."""
+
 # A corner this far off its view's scatter is a wrong corner: one in 300,000 of normal ones is.
 _WILD_SIGMAS = 5.0
 _MOST_WILD = 0.25

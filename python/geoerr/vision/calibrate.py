@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from geoerr.drawing import drawn
 from geoerr.errors import DetectionError, InputFileError, ShapeError
-from geoerr.vision.board_views import LEAST_VIEWS, BoardView, SeenCorners, repeated_views
+from geoerr.vision.board_views import DISAGREEMENT, LEAST_VIEWS, BoardView, SeenCorners, repeated_views
 from geoerr.vision.boards import LEAST_CORNERS, BoardSighting, find_board, hint_for_unseen_board, same_colours
 from geoerr.vision.images import read_grey
 from geoerr.vision.opencv_threads import one_opencv_thread
@@ -32,8 +32,6 @@ Size = tuple[int, int]
 # Called with pairs done and pairs in all.
 Progress = Callable[[int, int], None]
 
-# The pair's residual this many times above each camera's own: the cameras do not see one board at one moment.
-_DISAGREEMENT = 1.5
 # A view whose corners scatter this much more or less than all, and by so many of its own uncertainties.
 _NOISIER_FACTOR = 1.5
 _NOISIER_SIGMAS = 5.0
@@ -420,7 +418,7 @@ def _notes(solved: Solved, bars: Sequence[ScaleBarResult]) -> Iterator[str]:
 
 def _notes_on_agreement(solved: Solved) -> Iterator[str]:
     alone = float(np.hypot(solved.left_rms_px, solved.right_rms_px) / np.sqrt(2.0))
-    if solved.stereo_rms_px > _DISAGREEMENT * alone:
+    if solved.stereo_rms_px > DISAGREEMENT * alone:
         yield (
             f"the two cameras disagree although each alone fits: {solved.left_rms_px:.2f} and "
             f"{solved.right_rms_px:.2f} px alone, {solved.stereo_rms_px:.2f} px together "

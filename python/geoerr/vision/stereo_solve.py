@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from geoerr.errors import DetectionError, NotDeterminedError
 from geoerr.vision.board_views import (
+    DISAGREEMENT,
     LEAST_VIEWS,
     BoardView,
     corner_weights,
@@ -232,6 +233,12 @@ def _why_not_both(fit: _Fit, worst: int, rms: Array, alone: list[_Fit]) -> str:
         float(view_rms(one.sightings, one.outcome.residual_px, len(one.views))[one.views.index(number)])
         for one in alone
     ]
+    if rms[worst] < DISAGREEMENT * float(np.sqrt(np.mean(np.square(each)))):
+        return (
+            f"its corners scatter more than the others', in each camera alone ({each[0]:.3g} and {each[1]:.3g} px) "
+            f"as together ({rms[worst]:.3g} px, the other views {np.median(rms):.3g} px): blur, light, a moving "
+            "board, or one far away"
+        )
     return (
         f"each picture fits its camera ({each[0]:.3g} and {each[1]:.3g} px), together they do not "
         f"({rms[worst]:.3g} px, the other views {np.median(rms):.3g} px): board or camera moved between them, "
