@@ -52,11 +52,26 @@ def test_size_with_the_share_of_calibration():
     sides = 56.02 + 0.002 * rng.normal(size=(200, 2))
     centres = np.array([[0.0, 0.0, 700.0], [50.0, 20.0, 690.0]])
     along = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    alone = measured_size("7", 56.0, sides, centres, along, rig())
-    with_rig = measured_size("7", 56.0, sides, centres, along, rig(rig_covariance()))
+    noise = np.full(200, 0.002 / np.sqrt(2.0))
+    alone = measured_size("7", 56.0, sides, noise, centres, along, rig())
+    with_rig = measured_size("7", 56.0, sides, noise, centres, along, rig(rig_covariance()))
     assert alone.measured_mm == pytest.approx(56.02, abs=5e-4)
     assert alone.relative_error == pytest.approx(0.02 / 56.0, rel=0.05)
     # Scatter alone: 0.002/√400, times √(π/2) for the median.
     assert alone.std_mm == pytest.approx(0.002 / 20 * 1.2533, rel=0.25)
     assert with_rig.std_mm > 3.0 * alone.std_mm
     assert abs(with_rig.sigmas) < abs(alone.sigmas)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_the_size_of_a_few_plates_is_as_uncertain_as_their_noise(n):
+    """Of many sets of so few: what is stated is neither nothing nor far from how they scatter."""
+    rng = np.random.default_rng(6)
+    sides = 40.0 + 0.003 * rng.normal(size=(2000, n, 2))
+    noise = np.full(n, 0.003 / np.sqrt(2.0))
+    nowhere = np.empty((0, 3))
+    found = [measured_size("1", 40.0, own, noise, nowhere, nowhere, rig()) for own in sides]
+    assert min(size.std_mm for size in found) > 0.5 * noise[0] / np.sqrt(n)
+    sigmas = np.array([size.sigmas for size in found])
+    # 1 within its own scatter of a sixtieth, but for the few in which three lie far apart.
+    assert 0.8 < np.sqrt(np.mean(sigmas**2)) < 1.06

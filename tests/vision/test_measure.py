@@ -310,6 +310,18 @@ def test_a_size_slightly_off_is_noted(session):
     assert "45.4 mm given" in notes[0]
 
 
+def test_one_frame_states_its_sizes_with_their_noise(session):
+    """One plate scatters from nothing: that is no proof of its size."""
+    swap(session, lambda text: "\n".join(text.splitlines()[:2]) + "\n")
+    measured = run(session, rig())
+    assert measured.notes == ()
+    for size in measured.sizes:
+        assert size.n == 1
+        # Corners of a plate of 80 px to 0.006 px, its sides to a few micrometres, more where it is tilted.
+        assert 0.0005 < size.std_mm < 0.02
+        assert abs(size.sigmas) < 4.0
+
+
 def test_a_target_that_is_nowhere_is_noted(session):
     path = session / "session.toml"
     third = (

@@ -99,7 +99,8 @@ class MeasuredSize:
     given_mm, measured_mm
         Side of the marker.
     std_mm
-        Standard uncertainty of the measured mean: scatter and, where it is known, calibration.
+        Standard uncertainty of the measured mean: scatter, at least what the pictures' noise makes of it, and,
+        where it is known, calibration.
     n
         Observations.
     """
@@ -118,11 +119,17 @@ class MeasuredSize:
     @property
     def sigmas(self) -> float:
         """Deviation in standard uncertainties."""
-        return (self.measured_mm - self.given_mm) / self.std_mm if self.std_mm > 0.0 else math.inf
+        return (self.measured_mm - self.given_mm) / self.std_mm
 
 
 def measured_size(
-    target: str, given_mm: float, sides_mm: Array, centres_mm: Array, directions: Array, rig: Rig
+    target: str,
+    given_mm: float,
+    sides_mm: Array,
+    side_std_mm: Array,
+    centres_mm: Array,
+    directions: Array,
+    rig: Rig,
 ) -> MeasuredSize:
     """Pool the measured sides of one target.
 
@@ -132,6 +139,8 @@ def measured_size(
         Name and stated side.
     sides_mm
         (n, 2)
+    side_std_mm
+        (n,) of the mean of both sides, from the pictures' noise.
     centres_mm, directions
         (m, 3) places of a few of its plates and unit vectors along one of their sides, where the rig's part is taken.
     rig
@@ -140,10 +149,10 @@ def measured_size(
     means = sides_mm.mean(axis=1)
     # The median: one plate at which something was taken for a corner must not shift the size.
     measured = float(np.median(means))
-    variance = 0.0
-    if len(means) > 1:
-        spread = 1.4826 * float(np.median(np.abs(means - measured)))
-        variance = math.pi / 2.0 * spread**2 / len(means)
+    # A few plates scatter by chance less than their noise, and a single one not at all.
+    spread = max(1.4826 * float(np.median(np.abs(means - measured))), float(np.median(side_std_mm)))
+    # The median of one or two is their mean.
+    variance = (math.pi / 2.0 if len(means) > 2 else 1.0) * spread**2 / len(means)
     if rig.covariance is not None and len(centres_mm):
         half = 0.5 * measured * directions
         ends = sensitivity_of_points(rig, centres_mm + half) - sensitivity_of_points(rig, centres_mm - half)

@@ -137,11 +137,16 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
         np.array([item[2] for item in pooled]).reshape(-1, N_RESIDUALS, len(rig.parameter_names)),
         rig,
     )
-    measured_sizes = sizes(session, rig, rows, kept)
     is_local = kept & ~rows.is_photometric
     of_local = float((rows.chi[is_local] ** 2).mean()) if is_local.any() else 1.0
     scale = np.maximum(1.0, np.where(rows.is_photometric, verdict.birge_ratio**2, of_local))
-    table = _table(session, rows, kept, rows.covariance_mm2 * scale[:, None, None])
+    rows = replace(
+        rows,
+        covariance_mm2=rows.covariance_mm2 * scale[:, None, None],
+        side_std_mm=rows.side_std_mm * np.sqrt(scale),
+    )
+    table = _table(session, rows, kept)
+    measured_sizes = sizes(session, rig, rows, kept)
     n_local = int(is_local.sum())
     return Measured(
         observations=observations_from_columns(table, str(session.directory)),
@@ -155,12 +160,12 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
     )
 
 
-def _table(session: Session, rows: PlateRows, kept: npt.NDArray[np.bool_], covariance_mm2: Array) -> dict[str, Any]:
+def _table(session: Session, rows: PlateRows, kept: npt.NDArray[np.bool_]) -> dict[str, Any]:
     """Columns of the observations: what was commanded, what was measured, everything else of frames.csv."""
     frames = session.require_frames()[rows.row[kept].tolist()].drop("left", "right", "file_row")
     targets = [session.targets[index] for index in rows.target[kept]]
     offsets = np.array([target.offset_mm for target in targets])
-    covariance = covariance_mm2[kept]
+    covariance = rows.covariance_mm2[kept]
     columns: dict[str, Any] = {name: frames[name] for name in ("line", "session", "repeat") if name in frames.columns}
     columns["carrier"] = [target.carrier for target in targets]
     columns["target"] = [target.name for target in targets]

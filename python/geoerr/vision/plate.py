@@ -58,6 +58,8 @@ class Plates:
         (n, 3, 3) of the centre, from the pictures' noise.
     sides_mm
         (n, 2) lengths of the two sides.
+    side_std_mm
+        (n,) standard uncertainty of their mean, from the pictures' noise.
     along
         (n, 3) unit vectors along the first side.
     right_angle_error_rad
@@ -75,6 +77,7 @@ class Plates:
     centre_mm: Array
     covariance_mm2: Array
     sides_mm: Array
+    side_std_mm: Array
     along: Array
     right_angle_error_rad: Array
     whitened_residual: Array
@@ -111,6 +114,7 @@ def locate_plates(rig: Rig, seen: SeenPlates, threads: int = 0) -> Plates:
         centre_mm=np.full((n_plates, 3), np.nan),
         covariance_mm2=np.full((n_plates, 3, 3), np.nan),
         sides_mm=np.full((n_plates, 2), np.nan),
+        side_std_mm=np.full(n_plates, np.nan),
         along=np.full((n_plates, 3), np.nan),
         right_angle_error_rad=np.full(n_plates, np.nan),
         whitened_residual=np.full((n_plates, N_RESIDUALS), np.nan),
@@ -147,8 +151,12 @@ def _fit(
     lengths = np.linalg.norm(plate[:, 1:], axis=2)
     cosine = (plate[:, 1] * plate[:, 2]).sum(axis=1) / (lengths[:, 0] * lengths[:, 1])
     result.centre_mm[known] = plate[:, 0]
-    result.covariance_mm2[known] = np.linalg.inv(white.transpose(0, 2, 1) @ white)[:, :3, :3]
+    of_plate = np.linalg.inv(white.transpose(0, 2, 1) @ white)
+    result.covariance_mm2[known] = of_plate[:, :3, :3]
     result.sides_mm[known] = 2.0 * lengths
+    # The mean of both sides is the sum of both half sides' lengths.
+    by_half_sides = (plate[:, 1:] / lengths[..., None]).reshape(-1, 6)
+    result.side_std_mm[known] = np.sqrt(np.einsum("ni,nij,nj->n", by_half_sides, of_plate[:, 3:, 3:], by_half_sides))
     result.along[known] = plate[:, 1] / lengths[:, :1]
     result.right_angle_error_rad[known] = np.arcsin(cosine)
     result.whitened_residual[known] = (left_over @ residual[..., None])[..., 0]

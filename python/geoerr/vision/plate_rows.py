@@ -29,6 +29,7 @@ class PlateRows:
     centre_mm: Array
     covariance_mm2: Array
     sides_mm: Array
+    side_std_mm: Array
     along: Array
     pixel: Array
     centre_seen_px: Array
@@ -93,6 +94,7 @@ class Collector:
                 centre_mm=plates.centre_mm,
                 covariance_mm2=plates.covariance_mm2,
                 sides_mm=plates.sides_mm,
+                side_std_mm=plates.side_std_mm,
                 along=plates.along,
                 pixel=project_to_both(self.rig, plates.centre_mm).pixel,
                 centre_seen_px=_centres_seen(self.rig, corners),

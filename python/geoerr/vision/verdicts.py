@@ -151,7 +151,13 @@ def sizes(session: Session, rig: Rig, rows: PlateRows, kept: npt.NDArray[np.bool
             continue
         some = mine[:: 1 + len(mine) // 50]
         size = measured_size(
-            target.name, target.size_mm, rows.sides_mm[mine], rows.centre_mm[some], rows.along[some], rig
+            target.name,
+            target.size_mm,
+            rows.sides_mm[mine],
+            rows.side_std_mm[mine],
+            rows.centre_mm[some],
+            rows.along[some],
+            rig,
         )
         if abs(size.relative_error) > _SIZE_REFUSED:
             raise InputFileError(
