@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from board_scenes import IMAGE_SIZE, board_mm, drawn_views, known_rig
+from board_scenes import IMAGE_SIZE, board_mm, drawn_views, known_rig, seen_by
+from scipy.spatial.transform import Rotation
 
 from geoerr.errors import DetectionError, NotDeterminedError
 from geoerr.vision.board_views import BoardView, SeenCorners, corner_weights, far_view, sightings_of
@@ -206,8 +207,48 @@ def test_too_few_views() -> None:
     some[1] = with_pixels(some[1], "right", views(4, 9)[1].right.pixel)
     some[2] = with_pixels(some[2], "right", views(4, 9)[2].right.pixel)
     # Half of the views contradict the other half: nobody can say which are right, but it is said that they do.
-    solved = solve_stereo(some, IMAGE_SIZE)
-    assert solved.stereo_rms_px > 10.0 * max(solved.left_rms_px, solved.right_rms_px)
+    with pytest.raises(DetectionError, match="only 2 of 4 pairs agree"):
+        solve_stereo(some, IMAGE_SIZE)
+
+
+@pytest.mark.parametrize(
+    ("off", "fits"), [(1, "left view 0 fits right view 1"), (-1, "left view 1 fits right view 0")]
+)
+def test_right_pictures_numbered_one_off_are_recognised(off: int, fits: str) -> None:
+    some = views(9)
+    shifted = [replace(view, right=some[(number - off) % 9].right) for number, view in enumerate(some)]
+    with pytest.raises(DetectionError, match=rf"only \d of 9 pairs agree, to 5°.*\n.*numbered one off: {fits}"):
+        solve_stereo(shifted, IMAGE_SIZE)
+
+
+def test_pictures_in_no_order_are_refused() -> None:
+    some = views(9)
+    order = np.random.default_rng(3).permutation(9)
+    with pytest.raises(DetectionError, match="do not belong together\nhint: give both pictures of one moment"):
+        solve_stereo([replace(view, right=some[order[n]].right) for n, view in enumerate(some)], IMAGE_SIZE)
+
+
+def test_no_rig_is_given_of_which_nothing_is_known() -> None:
+    """A board that hardly tilts and corners to a pixel: its size in the picture is as much depth as focal length."""
+    n_refused = 0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        some = []
+        for number in range(4):
+            place = np.array([rng.uniform(-150.0, 100.0), rng.uniform(-100.0, 100.0), rng.uniform(800.0, 1000.0)])
+            turn = Rotation.from_rotvec([*(0.002 * rng.normal(size=2)), 0.0]).as_matrix()
+            pixels = (pixel + rng.normal(0.0, 1.0, pixel.shape) for pixel in seen_by(RIG, board_mm(), (turn, place)))
+            some.append(BoardView(str(number), *(SeenCorners(board_mm(), pixel, np.ones(54)) for pixel in pixels)))
+        try:
+            rig = solve_stereo(some, IMAGE_SIZE).rig
+        except (NotDeterminedError, DetectionError):
+            n_refused += 1
+            continue
+        deviations = rig.standard_uncertainties()
+        assert deviations is not None
+        assert 2.0 * deviations["left_fx_px"] < rig.K_left[0, 0]
+        assert 2.0 * deviations["right_fx_px"] < rig.K_right[0, 0]
+    assert n_refused
 
 
 def test_views_without_tilt_are_refused() -> None:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.errors import NotDeterminedError
+from geoerr.errors import DetectionError, NotDeterminedError
 from geoerr.vision.board_views import BoardView, SeenCorners, sightings_of, view_rms
 from geoerr.vision.bundle import Estimate, Poses, Sightings, adjust, residuals_of
 from geoerr.vision.camera import Camera
@@ -22,6 +22,11 @@ Array = npt.NDArray[np.float64]
 N_DISTORTION = 5
 _CONSENSUS_RAD = np.deg2rad(5.0)
 _ROUNDS = 4
+# Two views agree on anything by chance too easily.
+_LEAST_NEIGHBOURS = 3
+
+# A numbering of the right picture's corners, and the right camera's board pose that goes with it.
+Offer = tuple[Array, Array, Array]
 
 
 def zhang(views: Sequence[BoardView], camera: int, image_size: tuple[int, int]) -> Estimate:
@@ -75,6 +80,12 @@ def start_pair(views: Sequence[BoardView], left: Estimate, right: Estimate) -> t
     left, right
         Each camera alone.
 
+    Raises
+    ------
+    DetectionError
+        where most views contradict the orientation that most agree on, saying whether the right pictures of their
+        neighbours would fit.
+
     Returns
     -------
     views, estimate
@@ -82,8 +93,9 @@ def start_pair(views: Sequence[BoardView], left: Estimate, right: Estimate) -> t
         had little say.
     """
     offers = [_offers(view, right.poses, number) for number, view in enumerate(views)]
-    relative = [[turn @ left.poses.turn[number].T for _, turn, _ in offer] for number, offer in enumerate(offers)]
+    relative = _relative(offers, left.poses.turn)
     middle = _medoid(relative)
+    _refuse_contradiction(views, offers, left.poses.turn)
     chosen = [
         min(range(len(turns)), key=lambda index, turns=turns: angle_between_rad(middle, turns[index]))  # type: ignore[misc]
         for turns in relative
@@ -107,7 +119,43 @@ def start_pair(views: Sequence[BoardView], left: Estimate, right: Estimate) -> t
     return views, _robust_pair(views, Estimate(cameras, pair, poses))
 
 
-def _offers(view: BoardView, poses: Poses, number: int) -> list[tuple[Array, Array, Array]]:
+def _relative(offers: Sequence[Sequence[Offer]], left: Array) -> list[list[Array]]:
+    """List for each view the orientations of the right camera from the left one that its offers mean."""
+    return [[turn @ own.T for _, turn, _ in offer] for offer, own in zip(offers, left, strict=True)]
+
+
+def _agreeing(relative: Sequence[Sequence[Array]]) -> list[int]:
+    """List the views that agree with the orientation that most agree on."""
+
+    def near(candidate: Array) -> list[int]:
+        return [
+            number
+            for number, turns in enumerate(relative)
+            if min(angle_between_rad(candidate, turn) for turn in turns) < _CONSENSUS_RAD
+        ]
+
+    return max((near(turn) for turns in relative for turn in turns), key=len)
+
+
+def _refuse_contradiction(views: Sequence[BoardView], offers: Sequence[Sequence[Offer]], left: Array) -> None:
+    """Refuse pairs of which no more than half agree on how the cameras stand: they are not of one moment each."""
+    n_views, n_agree = len(views), len(_agreeing(_relative(offers, left)))
+    if 2 * n_agree > n_views:
+        return
+    hint = "give both pictures of one moment the same name in left and right"
+    # Left with the right picture that follows it, then with the one before it.
+    for here, there, neighbours, own in ((0, 1, offers[1:], left[:-1]), (1, 0, offers[:-1], left[1:])):
+        fitting = _agreeing(_relative(neighbours, own)) if n_views > _LEAST_NEIGHBOURS else []
+        if 2 * len(fitting) > n_views - 1:
+            one, other = (views[fitting[0] + shift].name for shift in (here, there))
+            hint = f"the right pictures look numbered one off: left {one} fits right {other}; name them alike"
+    raise DetectionError(
+        f"only {n_agree} of {n_views} pairs agree, to {np.rad2deg(_CONSENSUS_RAD):.0f}°, on how the cameras stand to "
+        f"each other: the pictures of a pair do not belong together\nhint: {hint}"
+    )
+
+
+def _offers(view: BoardView, poses: Poses, number: int) -> list[Offer]:
     """Each numbering of the right picture's corners with the right camera's board pose that goes with it."""
     turn, shift = poses.turn[number], poses.shift_mm[number]
     offers = [(view.right.board_mm, turn, shift)]

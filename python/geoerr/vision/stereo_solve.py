@@ -138,9 +138,9 @@ def solve_stereo(views: Sequence[BoardView], image_size: tuple[int, int]) -> Sol
     Raises
     ------
     DetectionError
-        if fewer than three views are left when those that fit badly are dropped.
+        if fewer than three views are left when those that fit badly are dropped, or most contradict each other.
     NotDeterminedError
-        if the views leave a parameter free.
+        if the views leave a parameter free, or tell next to nothing of a camera.
 
     Notes
     -----
@@ -169,6 +169,8 @@ def solve_stereo(views: Sequence[BoardView], image_size: tuple[int, int]) -> Sol
     is_widened = spread is not None and spread > spread_limit
     if is_widened and spread is not None:
         covariance = covariance * spread**2
+    rig = _rig(joint.estimate, image_size, covariance)
+    _refuse_unknown(rig)
     again = [_alone_again(alone[camera], joint, camera) for camera in (0, 1)]
     held = adjust(
         joint.sightings,
@@ -176,7 +178,7 @@ def solve_stereo(views: Sequence[BoardView], image_size: tuple[int, int]) -> Sol
         hold_cameras=True,
     )
     return Solved(
-        rig=_rig(joint.estimate, image_size, covariance),
+        rig=rig,
         views=_view_results(views, joint, held_out, sigma_px),
         dropped=tuple(Dropped(views[number].name, why) for number, why in sorted(dropped.items())),
         left_rms_px=total_rms(joint.sightings[:1], again[0].residual_px),
@@ -452,6 +454,20 @@ def _rig(estimate: Estimate, image_size: tuple[int, int], covariance: Array) -> 
     return Rig(
         left.matrix_px, left.distortion, right.matrix_px, right.distortion, estimate.pair, image_size, covariance
     )
+
+
+def _refuse_unknown(rig: Rig) -> None:
+    """Refuse a rig of which nothing is known: a focal length of which 0 is within two standard uncertainties."""
+    deviations = rig.standard_uncertainties() or {}
+    for camera, lens in enumerate((rig.left, rig.right)):
+        side = side_name(camera)
+        focal_px, std_px = float(lens.focal_px[0]), deviations[f"{side}_fx_px"]
+        if 2.0 * std_px > focal_px:
+            raise NotDeterminedError(
+                f"the views do not determine the {side} camera: its focal length would be "
+                f"{focal_px:.0f} ± {std_px:.0f} px\nhint: take views of a tilted board, near and far, "
+                "with both pictures of a pair from one moment"
+            )
 
 
 def _refuse_too_few(views: Sequence[BoardView], usable: list[int], dropped: dict[int, str]) -> None:
