@@ -254,6 +254,16 @@ def test_another_rig_is_refused(session):
         run(session, other)
 
 
+def test_a_rig_of_which_nothing_is_known_is_blamed_and_not_the_targets(session):
+    """A focal length of 15 px, as pictures give that do not belong together."""
+    pair = rig()
+    wide = [np.array([[15.0, 0.0, 320.0], [0.0, 15.0, 240.0], [0.0, 0.0, 1.0]]), pair.dist_left] * 2
+    with pytest.raises(InputFileError, match="left: targets are found, but none can be fitted") as caught:
+        run(session, Rig(*wide, pair.right_from_left, pair.image_size))
+    assert caught.value.path.endswith("frames.csv")
+    assert "calibrate again" in caught.value.remedy
+
+
 def test_a_camera_moved_a_little_is_noted(session):
     pair = rig(rig_covariance())
     change = np.zeros(24)

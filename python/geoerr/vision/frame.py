@@ -23,6 +23,9 @@ GreyImage = npt.NDArray[np.uint8]
 # A corner nearer to the picture's end than a corner detector's window is searched for.
 _MARGIN_PX = 8.0
 CAMERAS = ("left", "right")
+NOT_FOUND = "not found in the picture"
+TWICE = "seen more than once in one picture: which one is meant cannot be known"
+"""Why a target that is not there, or not once, gives no observation."""
 
 
 @dataclass(frozen=True)
@@ -195,8 +198,8 @@ def _is_inside(picture: GreyImage, corners_px: Array) -> bool:
 
 def _why_not(found: Found, key: tuple[str, int]) -> str:
     if key in found.repeated:
-        return "seen more than once in one picture: which one is meant cannot be known"
-    return "" if key in found.corners_px else "not found in the picture"
+        return TWICE
+    return "" if key in found.corners_px else NOT_FOUND
 
 
 def _by_camera(whys: Sequence[str]) -> Iterator[tuple[str, str]]:

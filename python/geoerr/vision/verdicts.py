@@ -11,7 +11,7 @@ import polars as pl
 
 from geoerr.errors import InputFileError
 from geoerr.vision.consistency import Agreement, MeasuredSize, measured_size
-from geoerr.vision.frame import Missed
+from geoerr.vision.frame import NOT_FOUND, TWICE, Missed
 from geoerr.vision.images import read_grey
 from geoerr.vision.markers import dictionaries_seen
 from geoerr.vision.plate_rows import Collector, PlateRows
@@ -33,6 +33,7 @@ _SIZE_NOTED_SIGMAS = 5.0
 _BIRGE_NOTED = 1.2
 _RIG_SHIFT_NOTED_SIGMAS = 3.0
 _MISFIT_NOTED = 1.5
+_RIG_REMEDY = "use the rig.json of these cameras in this position, or calibrate again"
 
 
 def nothing_seen(session: Session, collected: Collector, n_frames: int) -> InputFileError:
@@ -41,6 +42,15 @@ def nothing_seen(session: Session, collected: Collector, n_frames: int) -> Input
     if collected.n_readable == 0:
         return nothing_left(session, collected.missed, n_frames)
     wanted = ", ".join(target.name for target in session.targets)
+    unfitted = next((item for item in collected.missed if item.target and item.why not in (NOT_FOUND, TWICE)), None)
+    if unfitted is not None:
+        return InputFileError(
+            session.directory / "frames.csv",
+            f"targets are found, but none can be fitted with this rig in both pictures of any of the {n_frames} "
+            f"frames; the first: {unfitted.target}: {unfitted.why}",
+            column=unfitted.camera,
+            remedy=f"{_RIG_REMEDY}; if the rig is right, check focus and light",
+        )
     if collected.n_found:
         return InputFileError(
             session.description_path,
@@ -110,7 +120,7 @@ def refuse_wrong_rig(session: Session, rig: Rig, rows: PlateRows) -> None:
             session.directory / "frames.csv",
             f"the pictures do not belong to this rig: points {how}",
             column="left",
-            remedy="use the rig.json of these cameras in this position, or calibrate again",
+            remedy=_RIG_REMEDY,
         )
 
 
