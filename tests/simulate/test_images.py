@@ -46,6 +46,23 @@ def test_colour_and_sixteen_bits_become_grey(tmp_path):
     assert np.array_equal(read_grey(tmp_path / "b.png"), NOISE)
 
 
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize(("bits", "factor"), [(10, 64), (12, 16)])
+def test_bits_at_the_lower_end_of_sixteen_are_refused_with_what_to_do(tmp_path, suffix, bits, factor):
+    """What a camera of 10 or 12 bits writes when nobody shifts them up: 4 or 16 grey levels of 256 would be left."""
+    values = NOISE.astype(np.uint16) << (bits - 8)
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(encoded(suffix, values))
+    with pytest.raises(InputFileError, match=f"largest of its 16-bit values is {values.max()}") as caught:
+        read_grey(path)
+    assert f"{bits} bits times {factor}" in caught.value.remedy
+    path.write_bytes(encoded(suffix, values * factor))
+    assert np.array_equal(read_grey(path), NOISE)
+    # All black is what a cap on the lens shows, in any depth.
+    path.write_bytes(encoded(suffix, np.zeros_like(values)))
+    assert not read_grey(path).any()
+
+
 def test_a_note_to_turn_the_picture_is_ignored(tmp_path):
     ifd = struct.pack("<HHHIHHI", 1, 0x0112, 3, 1, 6, 0, 0)
     exif = b"Exif\0\0" + b"II*\0" + struct.pack("<I", 8) + ifd

@@ -16,6 +16,9 @@ from geoerr.files import refusing_unreadable, whole_or_absent
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 _TIFF = (b"II*\x00", b"MM\x00*")
+_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+# Of 16 bits the upper 8 are taken. A camera of 12 bits or fewer that does not shift them up leaves less than this.
+_FAINT_OF_16_BITS = 4096
 _COPY_HINT = "copy it again from the camera or leave it out"
 # Field types and tags of TIFF 6.0 (sections 2, 8 and 15) that say where the picture's data lie.
 _TIFF_SHORT, _TIFF_LONG = 3, 4
@@ -42,7 +45,9 @@ def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
     Raises
     ------
     InputFileError
-        for a missing, truncated, damaged or unreadable picture, or a file that is none.
+        for a missing, truncated or unreadable picture, a file that is none, or 16 bits of which hardly any are used.
+        Damage in the middle is told by a PNG's checksums; JPEG and TIFF have none, and what their decoders make of it
+        is taken as it comes.
     """
     with refusing_unreadable(path, "picture"):
         content = Path(path).read_bytes()
@@ -58,14 +63,16 @@ def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
         raise _truncated(path)
     else:
         raise InputFileError(path, "not a picture that can be read", remedy="PNG, JPEG and TIFF are understood")
-    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags)
+        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), _GREY | cv2.IMREAD_ANYDEPTH)
     except cv2.error as error:
         raise InputFileError(path, f"the picture cannot be decoded: {error.err}", remedy=_COPY_HINT) from error
     if image is None:
         raise InputFileError(path, "the picture is damaged: it cannot be decoded", remedy=_COPY_HINT)
-    return np.asarray(image, dtype=np.uint8)
+    if image.dtype == np.uint8:
+        return np.asarray(image)
+    _refuse_faint(image, path)
+    return np.asarray(cv2.imdecode(np.frombuffer(content, dtype=np.uint8), _GREY), dtype=np.uint8)
 
 
 def write_png(path: str | Path, image: npt.NDArray[np.uint8]) -> None:
@@ -106,6 +113,17 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):
 
 def _truncated(path: str | Path) -> InputFileError:
     return InputFileError(path, "the picture is truncated: its end is missing", remedy=_COPY_HINT)
+
+
+def _refuse_faint(image: npt.NDArray[np.generic], path: str | Path) -> None:
+    """Refuse a 16-bit picture whose numbers stand in the lower bits: what is left of it would be nearly black."""
+    largest = int(image.max()) if image.dtype == np.uint16 else 0
+    if 0 < largest < _FAINT_OF_16_BITS:
+        raise InputFileError(
+            path,
+            f"the largest of its 16-bit values is {largest}: as grey of 0 to 255 it has {largest >> 8} at most",
+            remedy="write values left-aligned: those of 12 bits times 16, those of 10 bits times 64",
+        )
 
 
 def _check_png(content: bytes, path: str | Path) -> None:
