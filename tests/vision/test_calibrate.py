@@ -371,6 +371,16 @@ def test_cameras_that_disagree_are_noted() -> None:
     assert any("the two cameras disagree although each alone fits" in text for text in calibrated.notes)
 
 
+def test_a_bowed_board_is_told_with_what_its_widening_leaves_out() -> None:
+    bowed = board_mm()
+    bowed[:, 2] = 1.0 * np.sin(bowed[:, 0] / 60.0) * np.cos(bowed[:, 1] / 50.0)
+    views = drawn_views(known_rig(), 10, 0.01, np.random.default_rng(8), bowed)
+    pixels = ([view.left.pixel for view in views], [view.right.pixel for view in views])
+    calibrated = calibrate_from_corners([board_mm()] * 10, *pixels, IMAGE_SIZE)
+    (text,) = [text for text in calibrated.notes if "board that is not flat" in text]
+    assert "widened by that factor, which is the least" in text
+
+
 @pytest.fixture
 def app() -> typer.Typer:
     app = typer.Typer()

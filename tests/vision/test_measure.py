@@ -318,6 +318,8 @@ def test_a_size_slightly_off_is_noted(session):
     assert len(notes) == 1
     assert "DICT_4X4_50:9" in notes[0]
     assert "45.4 mm given" in notes[0]
+    # A print is not all that makes plates look too small.
+    assert "gamma, sharpening, blur" in notes[0]
 
 
 def test_one_frame_states_its_sizes_with_their_noise(session):

@@ -450,7 +450,8 @@ def _notes_on_agreement(solved: Solved) -> Iterator[str]:
         yield (
             f"views left out by turns change the rig {solved.spread_ratio:.1f} times more than the corners' "
             "scatter explains: a board that is not flat, or a lens that five coefficients do not describe; the "
-            "uncertainties are widened by that factor"
+            "uncertainties are widened by that factor, which is the least: what all views share, such as the bend of "
+            "the board, does not show when some are left out"
         )
 
 

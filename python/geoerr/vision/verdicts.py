@@ -205,7 +205,8 @@ def notes(
             yield (
                 f"target {size.target}: {size.measured_mm:.4f} mm measured, {size.given_mm:g} mm given"
                 f" ({1e6 * size.relative_error:+.0f} ppm, {size.sigmas:+.1f} standard uncertainties):"
-                " the print or the calibration board differs from its stated size"
+                " the print or the calibration board differs from its stated size, or the cameras move edges (gamma,"
+                " sharpening, blur, a white margin that is missing): then all plates are off by about the same pixels"
             )
     if verdict.birge_ratio > _BIRGE_NOTED:
         yield (
@@ -226,5 +227,5 @@ def notes(
     if misfit > _MISFIT_NOTED:
         yield (
             f"near edges the pictures differ {misfit:.1f} times more from the fitted markers than noise explains:"
-            " a lens that smears to one side, prints with ragged edges, or compressed pictures"
+            " a lens that smears to one side, prints with ragged edges, gamma or sharpening, or compressed pictures"
         )
