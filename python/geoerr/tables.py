@@ -186,6 +186,13 @@ def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
         ) from error
     header = content.lstrip(b"\xef\xbb\xbf").split(b"\n", 1)[0].decode("utf-8")
     names = [name.strip().strip('"') for name in header.rstrip("\r").split(",")]
+    if len(names) == 1 and ";" in header:
+        raise InputFileError(
+            path,
+            "its cells are separated by semicolons",
+            row=1,
+            remedy="save it with commas between cells, and points in numbers",
+        )
     _refuse_repeated(names, path)
     _refuse_long_rows(content, len(names), path)
     frame = pl.read_csv(io.BytesIO(content), infer_schema=False)

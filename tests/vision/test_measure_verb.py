@@ -100,6 +100,22 @@ def test_an_input_is_never_the_output(session, name):
     assert (session / name).read_bytes() == before
 
 
+def test_what_is_missing_is_told_before_boards_are_searched_for(session, tmp_path):
+    (session / "rig.json").unlink()
+    (session / "frames.csv").unlink()
+    result = run(session, "-o", tmp_path / "o.csv")
+    assert isinstance(result.exception, InputFileError)
+    assert result.exception.path.endswith("frames.csv")
+    assert "calibrating" not in result.stderr
+
+
+def test_a_table_is_not_written_under_the_name_of_something_else(session, tmp_path):
+    result = run(session, "-o", tmp_path / "o.xyz")
+    assert result.exit_code == 2
+    assert "name it .csv, or .parquet" in " ".join(result.stderr.replace("│", " ").split())
+    assert not (tmp_path / "o.xyz").exists()
+
+
 def test_no_such_session(tmp_path):
     result = run(tmp_path / "nowhere", "-o", tmp_path / "o.csv")
     assert isinstance(result.exception, InputFileError)

@@ -221,6 +221,14 @@ def test_frames_without_a_usable_row_are_refused(folder: Path) -> None:
     assert "empty" in refusal(folder).problem
 
 
+def test_semicolons_are_named(folder: Path) -> None:
+    """What spreadsheets write where numbers have decimal commas."""
+    (folder / "frames.csv").write_text(FRAMES.replace(".5", ",5").replace(",", ";"))
+    error = refusal(folder)
+    assert (error.problem, error.row) == ("its cells are separated by semicolons", 1)
+    assert "commas between cells" in (error.remedy or "")
+
+
 def test_pictures_without_partner_are_listed(folder: Path) -> None:
     for name in ("left/03.png", "right/04.PNG", "left/notes.txt", "left/05.png", "left/05.jpg", "right/05.png"):
         (folder / "calibration" / name).touch()

@@ -36,6 +36,8 @@ RigFile = Annotated[
 Table = Annotated[Path, typer.Option("--output", "-o", help="Observations to write (.csv, .parquet, - for CSV).")]
 
 _MISSED_SHOWN = 10
+# A name without a suffix is a pipe or a device, or - for standard output.
+_TABLES = ("", ".csv", ".txt", ".parquet")
 
 _EXAMPLES = (
     "geoerr measure SESSION --rig rig.json -o observations.csv",
@@ -65,10 +67,15 @@ def measure_session(
     from geoerr.vision.session import read_session
 
     session = read_session(session_folder)
+    # What is missing is told before boards are searched for, which takes long.
+    session.require_targets()
+    session.require_frames()
     own_rig = session.directory / "rig.json"
     chosen = rig_file or (own_rig if own_rig.is_file() else None)
     if str(output) != "-":
         check_output(output, [*session_files(session), *files_given(chosen)])
+        if output.suffix.lower() not in _TABLES:
+            raise typer.BadParameter(f"{output} would hold CSV: name it .csv, or .parquet", param_hint="--output")
     rig = _rig(session, chosen, threads, quiet)
     with progress_bar("measuring", quiet) as advance:
         measured = measure(session, rig, threads, advance)
