@@ -25,6 +25,7 @@ from geoerr.vision.printing.outline import black_outlines
 from geoerr.vision.printing.paper import PAPER_MM, lay_out, needed_page_mm, parse_paper
 from geoerr.vision.printing.pdf import pdf_bytes, write_print
 from geoerr.vision.printing.request import read_request
+from geoerr.vision.session import read_session
 
 CHARUCO = "charuco:11x8:20:15:DICT_5X5_100"
 CHESSBOARD = "chessboard:10x7:25"
@@ -543,7 +544,30 @@ def test_people_get_the_table_for_their_session(app: typer.Typer, tmp_path: Path
     (tmp_path / "session.toml").write_text(result.stdout.partition("\n\n")[2].partition("\n\n")[2])
     again = read_request(f"{tmp_path}/session.toml#7").artworks
     assert again[0].document == read_request(PLATE).artworks[0].document
+    # All that `measure` asks of a target is there.
+    (plate,) = read_session(tmp_path).targets
+    assert (plate.name, plate.size_mm, plate.carrier) == ("DICT_4X4_50:7", 56.0, "tool")
     assert "measure both rulers" in result.stderr
+
+
+def test_a_spec_that_cannot_be_read_is_wrong_usage_and_a_session_that_cannot_is_refused(
+    app: typer.Typer, tmp_path: Path
+) -> None:
+    output = ["-o", str(tmp_path / "print.pdf")]
+    for spec in ("circles:4x11:20", "aruco:DICT_4X4_50:seven:56", "chessboard:10x7"):
+        assert CliRunner().invoke(app, ["target", spec, *output]).exit_code == 2
+    (tmp_path / "session.toml").write_text("")
+    for session in (str(tmp_path), str(tmp_path / "nowhere" / "session.toml")):
+        assert isinstance(CliRunner().invoke(app, ["target", session, *output]).exception, InputFileError)
+
+
+def test_no_file_is_named_for_standard_output(
+    app: typer.Typer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["target", PLATE, "-o", "-"])
+    assert isinstance(result.exception, InputFileError)
+    assert not list(tmp_path.iterdir())
 
 
 def test_ambiguous_chessboard_is_printed_with_a_note(app: typer.Typer, tmp_path: Path) -> None:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
-from geoerr.errors import GeoerrError
+from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, files_given, note, print_json
+from geoerr.errors import GeoerrError, InputFileError
 
 if TYPE_CHECKING:
     from geoerr.vision.printing.artwork import Artwork
     from geoerr.vision.printing.paper import Layout, Paper
+    from geoerr.vision.printing.request import Request
 
 _EXAMPLES = (
     "geoerr target charuco:11x8:20:15:DICT_5X5_100 -o board.pdf",
@@ -48,17 +49,17 @@ def target(
     """Plates and boards to print, true to scale, with rulers to check the print by."""
     from geoerr.report.provenance import provenance_of_command
     from geoerr.vision.printing.pdf import write_print
-    from geoerr.vision.printing.request import read_request
 
     paper = None if page is None else _paper(page)
-    request = read_request(what)
+    request = _request(what)
+    check_output(output, files_given(request.session_file))
     layouts = write_print(output, request, paper)
     notes = [sentence for artwork in request.artworks for sentence in artwork.notes]
     if as_json:
         print_json(
             {
                 "output": str(output),
-                "pages": [_page_document(*pair) for pair in zip(request.artworks, layouts, strict=True)],
+                "pages": [_page_document(request, *pair) for pair in zip(request.artworks, layouts, strict=True)],
                 "notes": notes,
                 "provenance": provenance_of_command([request.session_file]).to_document(),
             }
@@ -68,7 +69,7 @@ def target(
         typer.echo(f"page {number}, {layout.paper} {layout.orientation}: {artwork.description}")
     if request.session_file is None:
         typer.echo("\nits table for session.toml:\n")
-        typer.echo(_session_table(request.artworks[0]))
+        typer.echo(_as_toml(request.artworks[0].is_board, _session_table(request, request.artworks[0])))
     for sentence in notes:
         note(f"note: {sentence}", quiet)
     note(f"written: {output}; print it at 100 % and measure both rulers", quiet)
@@ -83,18 +84,37 @@ def _paper(text: str) -> Paper:
         raise typer.BadParameter(str(error), param_hint="--page") from error
 
 
-def _session_table(artwork: Artwork) -> str:
+def _request(what: str) -> Request:
+    """Understand what is asked for; a spec that cannot be read is wrong usage, a session that cannot is refused."""
+    from geoerr.vision.printing.request import read_request
+
+    try:
+        return read_request(what)
+    except InputFileError as error:
+        if ":" in what and error.path == what and not Path(what).exists():
+            raise typer.BadParameter(str(error), param_hint="PLATE_OR_BOARD") from error
+        raise
+
+
+def _session_table(request: Request, artwork: Artwork) -> dict[str, Any]:
+    """Give a table that session.toml takes as it is: of a plate from a spec, with a place that is to be changed."""
+    if request.session_file is not None or artwork.is_board:
+        return artwork.document
+    return {**artwork.document, "carrier": "tool", "offset_mm": [0.0, 0.0, 0.0]}
+
+
+def _as_toml(is_board: bool, table: dict[str, Any]) -> str:
     # Numbers, plain texts and lists of them are written alike in JSON and TOML.
-    lines = [f"{key} = {json.dumps(value)}" for key, value in artwork.document.items()]
-    return "\n".join(["[board]" if artwork.is_board else "[[targets]]", *lines])
+    lines = [f"{key} = {json.dumps(value)}" for key, value in table.items()]
+    return "\n".join(["[board]" if is_board else "[[targets]]", *lines])
 
 
-def _page_document(artwork: Artwork, layout: Layout) -> dict[str, Any]:
+def _page_document(request: Request, artwork: Artwork, layout: Layout) -> dict[str, Any]:
     left_mm, bottom_mm, _, height_mm = layout.box_mm
     margin_mm = artwork.quiet_zone_mm
     return {
         "description": artwork.description,
-        "session_table": artwork.document,
+        "session_table": _session_table(request, artwork),
         "page": layout.paper,
         "orientation": layout.orientation,
         "page_mm": list(layout.page_mm),
