@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from geoerr.errors import InputFileError
+from geoerr.vision.printing.request import read_request
 from geoerr.vision.session import read_session
 
 MACHINE = """
@@ -132,6 +133,7 @@ def test_a_missing_board_is_refused_only_when_asked_for(folder: Path) -> None:
         ("[200, 0, 0]", "[200, 0, inf]", "targets[2].offset_mm", "not three numbers"),
         ('[["DICT_4X4_50", 7], ["DICT', '[["DICT_4X4_50", 9], ["DICT', "scale_bars[1].targets", "not one of this"),
         ('[["DICT_4X4_50", 7], ["DICT', '[[["a"], 7], ["DICT', "scale_bars[1].targets", "not one of this"),
+        ('7], ["DICT_4X4_50", 8]]', '7], ["dict_4x4_50", 7]]', "scale_bars[1].targets", "both ends are DICT_4X4"),
         ("length_mm = 200.0", "length_mm = 0", "scale_bars[1].length_mm", "not a length above 0"),
         ("std_mm = 0.005", "", "scale_bars[1].std_mm", "is missing"),
         ('machine = "machine.toml"', "machine = 3", "machine", "not a text"),
@@ -168,6 +170,20 @@ def test_one_plate_is_one_target_whichever_dictionary_names_it(
     error = refusal(folder)
     assert error.column == "targets[2].id"
     assert error.problem == f"{second[0]} marker {second[1]} is targets[1] already"
+
+
+def test_a_dictionary_may_be_spelled_as_opencv_spells_it(folder: Path) -> None:
+    """Its documentation has DICT_APRILTAG_36h11, its newer headers DICT_APRILTAG_36H11: one dictionary, one name."""
+    text = WHOLE.replace("DICT_4X4_50", "DICT_APRILTAG_36h11")
+    (folder / "session.toml").write_text(text)
+    session = read_session(folder)
+    assert [target.name for target in session.targets] == ["DICT_APRILTAG_36H11:7", "DICT_APRILTAG_36H11:8"]
+    assert session.scale_bars[0].targets == session.targets
+    board = WHOLE.replace("DICT_5X5_100", "DICT_APRILTAG_36h11")
+    (folder / "session.toml").write_text(board)
+    assert read_session(folder).require_board().dictionary == "DICT_APRILTAG_36H11"
+    printed = read_request("aruco:DICT_APRILTAG_36h11:3:80").artworks[0]
+    assert printed.document["dictionary"] == "DICT_APRILTAG_36H11"
 
 
 def test_a_machine_file_that_is_not_there_is_named(folder: Path) -> None:

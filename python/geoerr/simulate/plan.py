@@ -75,7 +75,14 @@ from geoerr.simulate.entries import Entries
 from geoerr.simulate.guideway import AxisPlan, ErrorPlan
 from geoerr.simulate.moments import CovariatePlan, PassPlan
 from geoerr.simulate.render import Light
-from geoerr.vision.patterns import Board, charuco_layout, chessboard_layout, looks_of_marker, marker_bits
+from geoerr.vision.patterns import (
+    Board,
+    charuco_layout,
+    chessboard_layout,
+    dictionary_named,
+    looks_of_marker,
+    marker_bits,
+)
 
 CARRIERS = ("tool", "work", "base")
 _CARRIAGES = ("tangent", "free", "length")
@@ -298,7 +305,7 @@ def _board(entry: Entries) -> BoardPlan:
     try:
         if kind == "charuco":
             document["marker_mm"] = entry.number("marker_mm", above=0.0)
-            document["dictionary"] = entry.text("dictionary")
+            document["dictionary"] = _dictionary(entry.text("dictionary"))
             is_legacy = entry.flag("legacy_pattern", False)
             board = charuco_layout(
                 (columns, rows), square_mm, document["marker_mm"], document["dictionary"], is_legacy
@@ -324,8 +331,13 @@ def _board(entry: Entries) -> BoardPlan:
     )
 
 
+def _dictionary(given: str) -> str:
+    """Give the usual name of a dictionary; one that there is not stays as it is, to be refused where it is used."""
+    return dictionary_named(given) or given
+
+
 def _target(entry: Entries) -> TargetPlan:
-    identity, dictionary = entry.whole("id"), entry.text("dictionary", "DICT_4X4_50")
+    identity, dictionary = entry.whole("id"), _dictionary(entry.text("dictionary", "DICT_4X4_50"))
     try:
         marker_bits(dictionary, identity)
     except DetectionError as error:

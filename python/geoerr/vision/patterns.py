@@ -80,6 +80,11 @@ def dictionary_names() -> list[str]:
     return sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_") and name == name.upper())
 
 
+def dictionary_named(name: str) -> str | None:
+    """Give the one name of a dictionary that OpenCV spells in two ways, as `DICT_APRILTAG_36h11`; None of no such."""
+    return name.upper() if name.upper() in dictionary_names() else None
+
+
 @cache
 def opencv_dictionary(dictionary: str) -> cv2.aruco.Dictionary:
     """Give OpenCV's dictionary of that name.

@@ -24,6 +24,7 @@ from geoerr.vision.patterns import (
     Board,
     charuco_layout,
     chessboard_layout,
+    dictionary_named,
     dictionary_names,
     dictionary_size,
     looks_of_marker,
@@ -351,11 +352,12 @@ class _Table:
 
     def dictionary(self, name: str) -> str:
         value = self.text(name)
-        if value not in dictionary_names():
+        known = dictionary_named(value)
+        if known is None:
             raise self.refuse(
                 name, f"{value!r} is not a marker dictionary", f"known are {', '.join(dictionary_names())}"
             )
-        return value
+        return known
 
 
 def _is_finite(value: Any) -> bool:
@@ -425,14 +427,18 @@ def _target(table: _Table) -> Target:
 
 def _scale_bar(table: _Table, targets: tuple[Target, ...]) -> ScaleBar:
     ends = table.value("targets", 'the two targets as [["DICT_4X4_50", 7], ["DICT_4X4_50", 8]]')
-    if not isinstance(ends, list) or len(ends) != 2 or ends[0] == ends[1]:
+    if not isinstance(ends, list) or len(ends) != 2:
         raise table.refuse("targets", f"{ends!r} is not two targets", "write [[dictionary, id], [dictionary, id]]")
     known = {target.marker: target for target in targets}
     found = []
     for end in ends:
-        if not isinstance(end, list) or [type(part) for part in end] != [str, int] or tuple(end) not in known:
+        is_name = isinstance(end, list) and [type(part) for part in end] == [str, int]
+        target = known.get((dictionary_named(end[0]) or "", end[1])) if is_name else None
+        if target is None:
             raise table.refuse("targets", f"{end!r} is not one of this session's targets", "see its [[targets]]")
-        found.append(known[tuple(end)])
+        found.append(target)
+    if found[0] == found[1]:
+        raise table.refuse("targets", f"both ends are {found[0].name}", "name the two targets that it lies between")
     return ScaleBar(
         left=table.text("left"),
         right=table.text("right"),

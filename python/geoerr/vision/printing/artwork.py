@@ -15,6 +15,7 @@ from geoerr.vision.patterns import (
     Pattern,
     charuco_layout,
     chessboard_layout,
+    dictionary_named,
     dictionary_names,
     dictionary_size,
     marker_bits,
@@ -104,13 +105,14 @@ class Parts:
     def dictionary(self) -> str:
         """Give the name of a dictionary that OpenCV knows."""
         value = self.value("dictionary", '"DICT_4X4_50"')
-        if value not in dictionary_names():
+        known = dictionary_named(value) if isinstance(value, str) else None
+        if known is None:
             raise self.refuse(
                 "dictionary",
                 f"{value!r} is not a marker dictionary",
                 f"known are {', '.join(dictionary_names())}",
             )
-        return str(value)
+        return known
 
 
 def plate_artwork(parts: Parts) -> Artwork:
