@@ -2,6 +2,7 @@
 
 import shutil
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -271,6 +272,23 @@ def test_a_camera_moved_a_little_is_noted(session):
     measured = run(session, pair.changed_by(change))
     assert measured.agreement.rig_shift_sigmas > 3.0
     assert any("moved since calibration" in text for text in measured.notes)
+
+
+def test_a_plate_that_shakes_is_named_where_it_widens_all(session):
+    """The second plate stands 60 µm elsewhere when the right camera looks, each time another way."""
+    for step in range(5):
+        plates, _ = plates_at(step)
+        rng = np.random.default_rng(step)
+        left, _ = photograph(plates, rng)
+        shaken = replace(plates[1], origin=plates[1].origin + np.array([0.0, 0.06 * (-1) ** step, 0.0]))
+        _, right = photograph([plates[0], shaken], rng)
+        write_png(session / "left" / f"{step}.png", left)
+        write_png(session / "right" / f"{step}.png", right)
+    measured = run(session)
+    assert measured.missed == ()
+    (text,) = [text for text in measured.notes if text.startswith("corners scatter")]
+    assert f", those of {NAMES[1]} " in text
+    assert "the covariances of all are enlarged" in text
 
 
 def test_the_wrong_dictionary_is_named(session):

@@ -33,6 +33,8 @@ _SIZE_NOTED_SIGMAS = 5.0
 _BIRGE_NOTED = 1.2
 _RIG_SHIFT_NOTED_SIGMAS = 3.0
 _MISFIT_NOTED = 1.5
+# A target whose corners scatter so many times more than those of any other is the one to look at.
+_STANDS_OUT = 2.0
 _RIG_REMEDY = "use the rig.json of these cameras in this position, or calibrate again"
 
 
@@ -181,6 +183,20 @@ def sizes(session: Session, rig: Rig, rows: PlateRows, kept: npt.NDArray[np.bool
     return tuple(sizes)
 
 
+def _most_of_all(session: Session, rows: PlateRows, kept: npt.NDArray[np.bool_]) -> str:
+    """Name the target whose corners scatter far more than those of the others, if there is one."""
+    of_target = {
+        target.name: float(np.sqrt((rows.chi[mine] ** 2).mean()))
+        for index, target in enumerate(session.targets)
+        if (mine := kept & rows.is_photometric & (rows.target == index)).any()
+    }
+    worst = max(of_target, key=lambda name: of_target[name])
+    others = [scatter for name, scatter in of_target.items() if name != worst]
+    if not others or of_target[worst] < _STANDS_OUT * max(others):
+        return ""
+    return f", those of {worst} {of_target[worst]:.1f} times (of the others at most {max(others):.1f})"
+
+
 def notes(
     session: Session,
     rows: PlateRows,
@@ -210,8 +226,8 @@ def notes(
             )
     if verdict.birge_ratio > _BIRGE_NOTED:
         yield (
-            f"corners scatter {verdict.birge_ratio:.2f} times more than their pictures' noise explains;"
-            " the covariances are enlarged accordingly"
+            f"corners scatter {verdict.birge_ratio:.2f} times more than their pictures' noise explains"
+            f"{_most_of_all(session, rows, kept)}; the covariances of all are enlarged accordingly"
         )
     if verdict.rig_shift_sigmas is not None and verdict.rig_shift_sigmas > _RIG_SHIFT_NOTED_SIGMAS:
         yield (
