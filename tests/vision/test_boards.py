@@ -130,6 +130,16 @@ def test_wrong_boards_are_refused_with_what_is_seen() -> None:
     assert hint_for_unseen_board(np.full((300, 300), 200, dtype=np.uint8), other) is None
 
 
+def test_a_mirror_image_is_told_as_such() -> None:
+    board = BoardSpec("charuco", (6, 8), 20.0, 15.0, "DICT_5X5_100")
+    flipped = drawn(board)[:, ::-1].copy()
+    with pytest.raises(DetectionError, match="the board was not found"):
+        find_board(flipped, board)
+    hint = hint_for_unseen_board(flipped, board)
+    assert hint is not None
+    assert "mirror images" in hint
+
+
 def test_corners_counted_for_squares_are_recognised() -> None:
     picture, _ = next(board_views(chessboard_plan()))
     wrong = replace(CHESSBOARD, squares=(11, 8))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+import tomli_w
 from rendering import as_picture, render
 from stereo_scenes import (
     LEFT,
@@ -298,6 +299,16 @@ def test_the_wrong_dictionary_is_named(session):
         run(session)
     assert caught.value.column == "targets"
     assert caught.value.path.endswith("session.toml")
+
+
+def test_pictures_that_something_flips_are_told_as_such(session):
+    # The other target's mirror image is itself, turned.
+    (session / "session.toml").write_text(tomli_w.dumps({"targets": [TARGETS[0]]}))
+    for side in ("left", "right"):
+        for path in (session / side).iterdir():
+            write_png(path, read_grey(path)[:, ::-1].copy())
+    with pytest.raises(InputFileError, match=r"show the targets .* as in a mirror"):
+        run(session)
 
 
 def test_no_marker_at_all(session):

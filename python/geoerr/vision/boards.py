@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from geoerr.errors import DetectionError
 from geoerr.vision.corners import CornerFits, fit_corners
-from geoerr.vision.markers import dictionaries_seen
+from geoerr.vision.markers import dictionaries_seen, seen_in_a_mirror
 from geoerr.vision.patterns import opencv_dictionary
 from geoerr.vision.session import BoardSpec
 
@@ -91,16 +91,25 @@ def hint_for_unseen_board(picture: GreyImage, board: BoardSpec) -> str | None:
         # Every known dictionary is tried: a smaller picture is enough to tell which.
         scale = min(1.0, _HINT_WIDTH_PX / max(picture.shape))
         small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        seen = dictionaries_seen(np.asarray(small, dtype=np.uint8))
-        if board.dictionary in seen or not seen:
-            return None
-        name, ids = next(iter(seen.items()))
-        return f"the pictures show {len(ids)} markers of {name}: name the dictionary that was printed"
+        return _hint_for_markers(np.asarray(small, dtype=np.uint8), board)
     columns, rows = board.squares
     for other in ((columns + 1, rows + 1), (columns - 1, rows - 1)):
         if min(other) > 2 and _chessboard_corners(picture, (other[0] - 1, other[1] - 1)) is not None:
             return f"a chessboard of {other[0]} × {other[1]} squares is seen: squares counts squares, not corners"
     return None
+
+
+def _hint_for_markers(picture: GreyImage, board: BoardSpec) -> str | None:
+    assert board.dictionary is not None
+    seen = dictionaries_seen(picture)
+    if board.dictionary in seen:
+        return None
+    own = [(board.dictionary, int(identity)) for identity in board.layout().marker_ids]
+    name, ids = next(iter(seen.items()), ("", []))
+    # In a mirror markers are those of no dictionary, but for a few that by chance are another's.
+    if seen_in_a_mirror(picture, own) > len(ids):
+        return "the pictures are mirror images: switch off what flips them in the camera or its program"
+    return f"the pictures show {len(ids)} markers of {name}: name the dictionary that was printed" if ids else None
 
 
 def same_colours(board: BoardSpec) -> tuple[npt.NDArray[np.int64], ...]:

@@ -185,6 +185,11 @@ def _local_corners(picture: GreyImage, corners_px: Array, n_modules: int) -> tup
     return np.where(is_found[:, None], moved, corners_px), is_found
 
 
+def seen_in_a_mirror(picture: GreyImage, wanted: Iterable[MarkerKey]) -> int:
+    """Count the wanted markers that the picture shows as a mirror would: those that a camera's setting flips."""
+    return len(find_markers(np.ascontiguousarray(picture[:, ::-1]), wanted).corners_px)
+
+
 def dictionaries_seen(picture: GreyImage) -> dict[str, list[int]]:
     """Search for markers of every known dictionary: names to ids, most markers first.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -13,7 +15,7 @@ from geoerr.errors import InputFileError
 from geoerr.vision.consistency import Agreement, MeasuredSize, measured_size
 from geoerr.vision.frame import NOT_FOUND, TWICE, Missed
 from geoerr.vision.images import read_grey
-from geoerr.vision.markers import dictionaries_seen
+from geoerr.vision.markers import dictionaries_seen, seen_in_a_mirror
 from geoerr.vision.plate_rows import Collector, PlateRows
 from geoerr.vision.rig import Rig
 from geoerr.vision.sensitivity import points_from_pixels, project_to_both
@@ -61,7 +63,16 @@ def nothing_seen(session: Session, collected: Collector, n_frames: int) -> Input
             column="targets",
             remedy="both cameras must see a target whole",
         )
-    seen = _first_seen(session, frames)
+    first = list(_first_pictures(session, frames))
+    markers = [target.marker for target in session.targets]
+    if any(seen_in_a_mirror(picture, markers) for picture in first):
+        return InputFileError(
+            session.directory / "frames.csv",
+            f"the pictures show the targets ({wanted}) as in a mirror",
+            column="left",
+            remedy="switch off what flips the pictures in the camera or its program",
+        )
+    seen = next((shown for picture in first if (shown := dictionaries_seen(picture))), {})
     if seen:
         text = "; ".join(f"{name} ids {', '.join(map(str, ids))}" for name, ids in list(seen.items())[:3])
         return InputFileError(
@@ -90,17 +101,11 @@ def nothing_left(session: Session, missed: Sequence[Missed], n_frames: int) -> I
     )
 
 
-def _first_seen(session: Session, frames: pl.DataFrame) -> dict[str, list[int]]:
-    """Markers of any dictionary in the first few pictures that show some."""
-    for left, right in list(zip(frames["left"], frames["right"], strict=True))[:3]:
-        for name in (left, right):
-            try:
-                seen = dictionaries_seen(read_grey(session.directory / name))
-            except InputFileError:
-                continue
-            if seen:
-                return seen
-    return {}
+def _first_pictures(session: Session, frames: pl.DataFrame) -> Iterator[npt.NDArray[np.uint8]]:
+    """Read the pictures of the first few frames, as far as they can be."""
+    for name in itertools.chain(*zip(frames["left"][:3], frames["right"][:3], strict=True)):
+        with contextlib.suppress(InputFileError):
+            yield read_grey(session.directory / name)
 
 
 def refuse_wrong_rig(session: Session, rig: Rig, rows: PlateRows) -> None:
