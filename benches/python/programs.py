@@ -55,7 +55,7 @@ def _looked_up(word: re.Match[str]) -> str:
 
 
 def plain_loop(source: Path, target: Path) -> None:
-    """Correct a program as a short script does: each number by its axis' own table, moves and extrusion as they are."""
+    """Correct a program as a short script does: numbers by their axis' own table, moves and extrusion as they are."""
     with source.open() as lines, target.open("w") as out:
         for line in lines:
             out.write(_AXIS_WORD.sub(_looked_up, line) if line[:2] in ("G0", "G1") else line)
