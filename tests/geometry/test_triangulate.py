@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,7 @@ from geoerr.errors import GeometryError, ShapeError
 from geoerr.geometry import TriangulationStatus, triangulate, triangulate_points
 
 Array = npt.NDArray[np.float64]
+TASKS = Path("/proc/self/task")
 
 
 def rig(baseline_mm: float) -> tuple[Array, Array]:
@@ -128,6 +131,17 @@ def test_same_bytes_for_any_number_of_threads() -> None:
     for other in results[1:]:
         for name in ("points_mm", "covariance_mm2", "reprojection_px", "status"):
             assert getattr(results[0], name).tobytes() == getattr(other, name).tobytes()
+
+
+@pytest.mark.skipif(not TASKS.is_dir(), reason="the system does not list a process's threads there")
+def test_a_million_threads_are_never_started() -> None:
+    left, right = rig(200.0)
+    points = cloud(1000)
+    uv_left, uv_right = project(left, points), project(right, points)
+    before = len(list(TASKS.iterdir()))
+    many = triangulate(left, right, uv_left, uv_right, threads=10**6)
+    assert len(list(TASKS.iterdir())) - before <= 256
+    assert many.points_mm.tobytes() == triangulate(left, right, uv_left, uv_right, threads=1).points_mm.tobytes()
 
 
 def test_bad_rows_are_nan_with_a_status() -> None:

@@ -10,6 +10,10 @@ use rayon::ThreadPool;
 
 use crate::errors::CoreError;
 
+/// More threads than processors have cores only wait for each other; a million of them, by a slip of the keyboard, would
+/// fill the machine.
+const MOST_THREADS: usize = 256;
+
 /// Threads that wait for the next call: to start them costs more than many a call has to do.
 struct Kept {
     process: u32,
@@ -21,7 +25,7 @@ thread_local! {
     static KEPT: RefCell<Option<Kept>> = const { RefCell::new(None) };
 }
 
-/// Runs `work` with the interpreter released, on at most `threads` threads (0 = all cores).
+/// Runs `work` with the interpreter released, on at most `threads` threads, and [`MOST_THREADS`] (0 = all cores).
 ///
 /// Results never depend on `threads`: the core splits work into fixed blocks and joins them in order.
 pub fn enter_core<T, E, F>(py: Python<'_>, threads: usize, work: F) -> PyResult<T>
@@ -36,7 +40,7 @@ where
         if threads == 0 {
             return Ok(work());
         }
-        Ok(pool_of(threads)?.install(work))
+        Ok(pool_of(threads.min(MOST_THREADS))?.install(work))
     });
     outcome.map_err(PyErr::from)?.map_err(|error| PyErr::from(error.into()))
 }
