@@ -12,19 +12,22 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import lines
 import markers
+import numpy as np
 import programs
 import straightness
 import triangulation
 from plot import plot
-from race import Costs, Reached, table
+from race import Costs, Reached, race, table
 
 # Read when NumPy and the core are loaded: the script begins again with them. The last two keep memory that was given
 # back for the next call, for all paths alike: else every other result would be made in pages that the kernel has to
@@ -41,8 +44,9 @@ FOLDER = Path(__file__).parents[1]
 CONDITIONS = """\
 Written by `python benches/python/results.py`. Medians of processor seconds, every path in turn in the same rounds;
 {machine}, {cores} cores that others used too, {versions}.
-Limits are what memory allows: the same bytes copied or summed by NumPy. Memory that is given back is kept for the
-next call, for all paths alike.
+Limits are what memory allows: the same bytes copied or summed by NumPy; of G-code, the file copied; of joint fits and
+of the ranking, their products of matrices alone as fast as NumPy multiplies. Memory that is given back is kept for
+the next call, for all paths alike.
 """
 PACKAGES = ("numpy", "scipy", "opencv-contrib-python-headless", "opencv-python-headless", "opencv-python", "numba")
 # The script, its options, and what is said of it.
@@ -64,6 +68,7 @@ OTHERS = {
         "search chose; half of it is the held-out error.",
     ),
 }
+AIM_TIMES_LEAST_SQUARES = 60.0
 RANKING = "ranking of names, with what chance finds"
 # Steps of a diagnosis on two threads: points, the step, seconds that are aimed at.
 AIMS = (
@@ -75,9 +80,20 @@ AIMS = (
 IN_A_RANKING = (
     "Of one thread's time three tenths are products of columns that follow a temperature, at hundreds of values of "
     "their inner parameters, with basis, residual and draws: 11 GFLOP in single precision at 10,000 points, of which "
-    "multiplying alone takes 53 ms. A quarter are waves at 1,600 frequencies of each axis, spread on a grid and "
+    "multiplying alone is the limit. A quarter are waves at 1,600 frequencies of each axis, spread on a grid and "
     "transformed, with their sums by block; a sixth is chance, drawn and whitened by its own noise; a tenth judges."
 )
+
+
+# Products of columns that follow a temperature, in single precision.
+FLOP_OF_A_RANKING, POINTS_OF_FLOP = 11e9, 10_000
+
+
+def seconds_of_products(flop: float) -> float:
+    """Give how long NumPy takes, on one thread, for matrix products of so many operations in single precision."""
+    size = 1024
+    one = np.ones((size, size), dtype=np.float32)
+    return flop / (2.0 * size**3) * race({"limit": partial(np.matmul, one, one)}, 1.0)["limit"]
 
 
 def versions() -> str:
@@ -118,10 +134,55 @@ def shortfalls(summary: Sequence[Reached]) -> str:
     return "\n## What stands in the way\n\nFrom profiles of the rows that fall short.\n\n" + "".join(lines_of)
 
 
+def rows_of_least_squares(printed: str) -> list[Reached]:
+    """Give what the joint fit aims at, from what its bench printed of random numbers: the first of its tables."""
+    n_rows, n_columns = 30_000, 300
+    dgemm = re.search(r"dgemm (\d+) GFLOP/s", printed)
+    assert dgemm is not None
+    product_s = 1e-9 * n_rows * n_columns**2 / float(dgemm[1])
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in printed.splitlines() if "|" in line]
+    cpu_s: dict[str, float] = {}
+    error: dict[str, str] = {}
+    for row in cells:
+        if row[2:] and re.fullmatch(r"[0-9.]+", row[2]):
+            cpu_s.setdefault(row[0], float(row[2]))
+            error.setdefault(row[0], row[-1])
+    whole, fastest = "geoerr, QR, with covariance", "geoerr, fastest"
+    nonlinear = "scipy least_squares, exact Jacobian"
+    times = cpu_s[nonlinear] / cpu_s[fastest]
+    return [
+        Reached(
+            path="joint fit, 30,000 × 300, with rank and covariance",
+            reached=f"{1e3 * cpu_s[whole]:.0f} ms",
+            aim="NumPy's lstsq",
+            share_of_aim=cpu_s["numpy lstsq"] / cpu_s[whole],
+            accuracy=f"error {error[whole]}; lstsq {error['numpy lstsq']}",
+            peer=f"numpy lstsq: {1e3 * cpu_s['numpy lstsq']:.0f} ms",
+            times_peer=cpu_s["numpy lstsq"] / cpu_s[whole],
+            share_of_limit=2.0 * product_s / cpu_s[whole],
+        ),
+        Reached(
+            path="joint fit, 30,000 × 300, by the path that its condition allows",
+            reached=f"{times:.0f} × least_squares",
+            aim=f"{AIM_TIMES_LEAST_SQUARES:.0f} ×",
+            share_of_aim=times / AIM_TIMES_LEAST_SQUARES,
+            accuracy=f"error {error[fastest]}; least_squares {error[nonlinear]}",
+            peer=f"{nonlinear}: {cpu_s[nonlinear]:.2f} s",
+            times_peer=times,
+            share_of_limit=product_s / cpu_s[fastest],
+            in_the_way=(
+                f"The symmetric product alone, at NumPy's dgemm's speed, is {cpu_s[nonlinear] / product_s:.0f} × as "
+                "fast as `least_squares` here; what is left beside it is the reading of the rows and the triangle."
+            ),
+        ),
+    ]
+
+
 def rows_of_diagnosis(printed: str) -> list[Reached]:
     """Give the steps of a diagnosis that aim at something, from what its bench printed."""
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in printed.splitlines() if "|" in line]
     wall_s = {(row[0], row[2]): float(row[3]) for row in cells if row[1] == "2"}
+    multiplied_s = seconds_of_products(FLOP_OF_A_RANKING) / 2.0
     return [
         Reached(
             path=f"{step}, {n_points:,} points",
@@ -129,10 +190,16 @@ def rows_of_diagnosis(printed: str) -> list[Reached]:
             aim=f"{aim_s:g}",
             share_of_aim=aim_s / wall_s[str(n_points), step],
             accuracy="",
+            share_of_limit=multiplied_s / wall_s[str(n_points), step]
+            if (step, n_points) == (RANKING, POINTS_OF_FLOP)
+            else None,
             in_the_way=IN_A_RANKING if step == RANKING else "",
         )
         for n_points, step, aim_s in AIMS
     ]
+
+
+ROWS_OF = {"least_squares.py": rows_of_least_squares, "diagnosis.py": rows_of_diagnosis}
 
 
 def main() -> None:
@@ -170,8 +237,8 @@ def main() -> None:
             printed = subprocess.run(run, capture_output=True, text=True, check=True).stdout
             sections[title] = f"{note}\n\n{printed}"
             print(sections[title], flush=True)
-            if script == "diagnosis.py":
-                summary.extend(rows_of_diagnosis(printed))
+            if script in ROWS_OF:
+                summary.extend(ROWS_OF[script](printed))
     plot(all_costs, arguments.to / "cost.svg")
     (arguments.to / "RESULTS.md").write_text(
         f"# Results\n\n{CONDITIONS.format(cores=os.cpu_count(), machine=platform.machine(), versions=versions())}\n"
