@@ -18,6 +18,7 @@ from geoerr.diagnose.search.beside_drift import beside_drift
 from geoerr.diagnose.search.best_form import at_its_values, in_best_form
 from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.finer import finer_functions
+from geoerr.diagnose.search.helpful_order import in_helpful_order
 from geoerr.diagnose.search.judged import (
     ALPHA,
     Judged,
@@ -76,7 +77,8 @@ class Searched:
     last
         The look after all that was added.
     found
-        Effects in the order in which they were added.
+        Effects in the order in which they were added, but that none raises the held-out error where another lets it
+        fall.
     unknown
         The probe that no candidate matches, as it was found; None where there is none.
     not_offered
@@ -212,7 +214,7 @@ def search(
     assert first is not None
     steps.next("each of what was found beside the others")
     beside = [*finer, *aside]
-    together = tuple(_together(bench, found, finer, aside, looked))
+    together = tuple(in_helpful_order(bench, _together(bench, found, finer, aside, looked)))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early, dropped)
