@@ -9,7 +9,7 @@ from pathlib import Path
 
 from werkzeug.serving import make_server
 
-from geoerr.errors import GeoerrError
+from geoerr.errors import GeoerrError, InputFileError
 from geoerr.workbench.actions import read_again, take_files
 from geoerr.workbench.app import make_app
 from geoerr.workbench.inputs import InputFile, kind_of_file
@@ -21,19 +21,41 @@ from geoerr.workbench.store import restore, save
 def begin_session(paths: Sequence[Path], saved_in: Path | None, *, threads: int = 0) -> Session:
     """Begin with files, or go on with a saved session; reading and comparing goes on in the background.
 
+    Files that are named beside a saved session are those that it has: the same command line begins and goes on.
+
     Raises
     ------
     InputFileError
-        for a file that cannot be read, or a session whose data have changed.
+        for a file that cannot be read, a session whose data have changed or that has other files than those named,
+        and a place for the session that holds something else.
     """
     session = Session(saved_in=saved_in, threads=threads, on_saved_change=save)
-    files = [InputFile(path.name, path, kind_of_file(path)) for path in paths]
-    if saved_in is not None and saved_in.exists() and not files:
+    if saved_in is not None and saved_in.exists():
+        _refuse_input(saved_in, paths)
         restore(session, saved_in)
+        _refuse_others(session, saved_in, paths)
         read_again(session, tuple(session.files), is_new_model=False, keeps=True)
-    elif files:
-        take_files(session, files)
+    elif paths:
+        take_files(session, [InputFile(path.name, path, kind_of_file(path)) for path in paths])
     return session
+
+
+def _refuse_input(saved_in: Path, paths: Sequence[Path]) -> None:
+    """Refuse to keep the session where one of its files is."""
+    if any(path.exists() and path.samefile(saved_in) for path in paths):
+        raise InputFileError(saved_in, "is an input of this session", remedy="name another --session")
+
+
+def _refuse_others(session: Session, saved_in: Path, paths: Sequence[Path]) -> None:
+    """Refuse files that the saved session does not have: its work is never begun anew over it."""
+    known = {one.path.resolve() for one in session.files}
+    others = [path for path in paths if path.resolve() not in known]
+    if others:
+        raise InputFileError(
+            saved_in,
+            f"holds a session without {', '.join(map(str, others))}",
+            remedy="go on with it without naming files, and add others on the page, or name another --session",
+        )
 
 
 def serve(session: Session, port: int, on_ready: Callable[[str], None]) -> None:

@@ -60,9 +60,7 @@ def restore(session: Session, path: Path) -> None:
     InputFileError
         for a file that is none of a session, or that names data which have changed since.
     """
-    document = read_json(path)
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        raise InputFileError(path, f"is no session of the workbench ({SCHEMA})", remedy="name another file")
+    document = _session_in(path)
     try:
         session.files = [from_document(one, session.folder, path) for one in document["files"]]
         session.steps = [
@@ -86,6 +84,19 @@ def restore(session: Session, path: Path) -> None:
         if isinstance(error, InputFileError):
             raise
         raise InputFileError(path, f"is damaged ({error})", remedy="name another file") from error
+
+
+def _session_in(path: Path) -> dict[str, Any]:
+    """Read a session's document; what is none may be measurements that a slip of the keyboard named."""
+    try:
+        document = read_json(path)
+    except InputFileError as error:
+        raise InputFileError(
+            path, f"is no session of the workbench: {error.problem}", row=error.row, remedy="name another --session"
+        ) from error
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise InputFileError(path, f"is no session of the workbench ({SCHEMA})", remedy="name another --session")
+    return document
 
 
 def _packed(rows: Rows) -> dict[str, Any]:
