@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import gzip
+import re
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +18,8 @@ Kind = Literal["model", "measurements", "effects", "rig"]
 # Of these the newest stands for the earlier ones.
 ONE_OF_A_KIND: tuple[Kind, ...] = ("model", "rig")
 _TABLES = (".csv", ".parquet")
+# Each dropped file has a folder of its own.
+_DROPPED = "dropped-"
 
 
 @dataclass(frozen=True)
@@ -69,13 +73,21 @@ def kind_of_file(path: Path) -> Kind:
 
 
 def dropped(folder: Path, name: str, content: bytes) -> InputFile:
-    """Keep a file that was dropped on the page in the session's own folder."""
+    """Keep a file that was dropped on the page in the session's own folder, beside an earlier one of its name.
+
+    Whether it can be used shows when it is read: until then the earlier one has to stay as it is.
+    """
     known = Path(name).name
     if not known or known.startswith("."):
         raise InputFileError(name or "the file", "has no name that can be used", remedy="rename it")
-    path = folder / known
+    path = Path(tempfile.mkdtemp(prefix=_DROPPED, dir=folder)) / known
     path.write_bytes(content)
     return InputFile(known, path, kind_of_file(path), is_dropped=True)
+
+
+def as_known(text: str, folder: Path) -> str:
+    """Name dropped files in a text as the person knows them, not where they were put."""
+    return re.sub(rf"{re.escape(str(folder))}/(?:{_DROPPED}[^/]*/)?", "", text)
 
 
 def from_document(document: Mapping[str, Any], folder: Path, source: Path) -> InputFile:

@@ -23,7 +23,7 @@ from geoerr.model import Model
 from geoerr.workbench.calibration import Calibration
 from geoerr.workbench.circles import CircleRun, circle_runs
 from geoerr.workbench.history import Step
-from geoerr.workbench.inputs import InputFile
+from geoerr.workbench.inputs import InputFile, as_known
 from geoerr.workbench.job import Job, Work
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.program import CorrectedProgram
@@ -202,7 +202,7 @@ class Session:
 
     def show_problem(self, place: str, text: str) -> None:
         """Show a message in a panel; a dropped file is named as the person knows it, not where it was put."""
-        self.problems[place] = text.replace(f"{self.folder}/", "")
+        self.problems[place] = as_known(text, self.folder)
 
     def looked(self) -> Looked:
         """Give the model that is looked at, to come back to."""
