@@ -6,13 +6,15 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 pytest.importorskip("dash")
 
-from workbench_scenes import loaded, settle, write_scene
+from workbench_scenes import N_LINES, N_POINTS, loaded, settle, texts, write_scene
 
 from geoerr.errors import GeoerrError, InputFileError
+from geoerr.summaries import counted
 from geoerr.workbench import actions, wiring
 from geoerr.workbench.job import Advance
 from geoerr.workbench.server import begin_session
@@ -89,3 +91,49 @@ def test_a_file_that_is_dropped_while_work_is_under_way_replaces_nothing(tmp_pat
     goes_on.set()
     settle(session)
     assert session.files[-1].path.read_bytes() == table
+
+
+def test_two_tables_of_one_name_are_two_sessions_told_apart_by_their_folders(tmp_path: Path) -> None:
+    machine, table = write_scene(tmp_path)
+    tables = [tmp_path / name / "observations.csv" for name in ("cold", "hot")]
+    for one in tables:
+        one.parent.mkdir()
+        # A table that names no session is one of its own.
+        pl.read_csv(table).drop("session").write_csv(one)
+    # Named twice it is still one file.
+    session = begin_session([machine, *tables, tables[1]], None, threads=1)
+    settle(session)
+    assert [one.name for one in session.files] == ["machine.toml", "cold/observations.csv", "hot/observations.csv"]
+    assert f"{2 * N_LINES * N_POINTS} rows in {2 * N_LINES} passes" in texts(wiring.panels(session)["given"])
+    wiring.do(session, "put-away", "cold/observations.csv")
+    settle(session)
+    assert [one.path for one in session.files] == [machine, tables[1]]
+
+
+def test_a_dropped_file_that_replaces_one_of_its_name_says_so(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    said = "observations.csv took the place of the earlier file of its name"
+    assert said not in texts(wiring.panels(session)["given"])
+    actions.take_dropped(session, ["observations.csv"], [(tmp_path / "observations.csv").read_bytes()])
+    settle(session)
+    assert said in texts(wiring.panels(session)["given"])
+    assert [one.kind for one in session.files] == ["model", "measurements"]
+
+
+def test_rows_that_a_fit_leaves_out_are_told_with_that_model_only(tmp_path: Path) -> None:
+    machine, table = write_scene(tmp_path)
+    rows = pl.read_csv(table)
+    # Fifteen times the noise, and no more than half again of what a machine without errors misses.
+    slip_mm = pl.when(pl.int_range(pl.len()) == 100).then(0.03).otherwise(0.0)
+    rows.with_columns(my=pl.col("my") + slip_mm).write_csv(table)
+    session = begin_session([machine, table], None, threads=1)
+    settle(session)
+    wiring.do(session, "fit", "21")
+    settle(session)
+    outliers = (~session.seen.comparison.points.solved.used).sum()
+    assert outliers > 0
+    assert f"left out: {counted(int(outliers), 'row')} (gross outliers)" in texts(wiring.panels(session)["given"])
+    wiring.do(session, "undo", "")
+    settle(session)
+    assert session.seen.comparison.points.solved.used.all()
+    assert "gross" not in texts(wiring.panels(session)["given"])

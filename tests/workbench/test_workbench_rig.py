@@ -18,6 +18,7 @@ from geoerr.fit.result import CALIBRATION_UNKNOWNS
 from geoerr.vision.rig import Rig, RightFromLeft, write_rig
 from geoerr.vision.sensitivity import project_to_both
 from geoerr.workbench import actions, wiring
+from geoerr.workbench.notes import notes_of
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
 
@@ -70,7 +71,7 @@ def test_a_rig_that_is_dropped_takes_part_in_fits_and_searches(
     session = begin_session([machine, table], None, threads=1)
     settle(session)
     assert not session.calibration.is_given
-    assert "the calibration's uncertainty is not included: add the rig (rig.json)" in session.notes
+    assert "the calibration's uncertainty is not included: add the rig (rig.json)" in notes_of(session)
     wiring.do(session, "fit", "12")
     settle(session)
     assert unknowns(session) == 0.0

@@ -18,7 +18,7 @@ from geoerr.fit import FitOptions, Fitted, fit_model
 from geoerr.measurements import Measurements, read_measurements
 from geoerr.model import Model, load_model
 from geoerr.observations import CircularTest, Observations
-from geoerr.workbench.calibration import Calibration, calibration_of, calibration_words
+from geoerr.workbench.calibration import Calibration, calibration_of
 from geoerr.workbench.history import Step, figures_of_step, lineage
 from geoerr.workbench.inputs import ONE_OF_A_KIND, InputFile, dropped
 from geoerr.workbench.job import Advance
@@ -33,18 +33,22 @@ MISSING: Final = "missing"
 OWN: Final = "own"
 PROGRAM: Final = "program"
 REPORT: Final = "report"
-_MOST_NOTES = 5
 
 
-def take_files(session: Session, files: Sequence[InputFile], *, is_restored: bool = False) -> None:
+def take_files(session: Session, files: Sequence[InputFile]) -> None:
     """Take more files: tables add to the measurements, effects to the catalogue, and a model begins a new story."""
     together = {one.name: one for one in (*session.files, *files)}
     for kind in ONE_OF_A_KIND:
         newest = next((one for one in reversed(files) if one.kind == kind), None)
         if newest is not None:
             together = {name: one for name, one in together.items() if one.kind != kind or one is newest}
+    known = {one.name for one in session.files if one.kind not in ONE_OF_A_KIND}
     read_again(
-        session, tuple(together.values()), is_new_model=any(one.kind == "model" for one in files), keeps=is_restored
+        session,
+        tuple(together.values()),
+        is_new_model=any(one.kind == "model" for one in files),
+        keeps=False,
+        replaced=tuple(one.name for one in files if one.name in known),
     )
 
 
@@ -59,8 +63,10 @@ def put_away(session: Session, name: str) -> None:
     read_again(session, rest, is_new_model=False, keeps=False)
 
 
-def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: bool, keeps: bool) -> None:
-    """Read the files of the session and hold the model against them."""
+def read_again(
+    session: Session, files: tuple[InputFile, ...], *, is_new_model: bool, keeps: bool, replaced: tuple[str, ...] = ()
+) -> None:
+    """Read the files of the session and hold the model against them; `replaced` are names of files that are gone."""
 
     def work(advance: Advance) -> Callable[[], None]:
         advance(0, 3)
@@ -90,7 +96,7 @@ def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: 
         def apply() -> None:
             with session.lock:
                 session.files, session.measured, session.own_effects = list(files), measured, effects
-                session.calibration = calibration
+                session.calibration, session.replaced = calibration, replaced
                 session.steps, session.current = steps, max(current, 0)
                 session.reference = session.reference if keeps else 0
                 told = session.told if keeps else None
@@ -98,8 +104,6 @@ def read_again(session: Session, files: tuple[InputFile, ...], *, is_new_model: 
                 session.told = told
                 session.program = session.before = None
                 _look(session, seen)
-                words = calibration_words(files, measured, calibration, steps[current].model if steps else None)
-                session.notes = (*words, *_notes(measured, comparison))
 
         return apply
 
@@ -388,19 +392,3 @@ def _look(session: Session, seen: Seen | None) -> None:
     session.view.settle(tuple(seen.variables), seen.by_worth, seen.looks, [run.name for run in worst_first])
     if session.selected is not None and len(session.selected) != len(seen.comparison.points.sightings):
         session.selected = None
-
-
-def _notes(measured: Measurements | None, comparison: Comparison | None) -> tuple[str, ...]:
-    if measured is None:
-        return ()
-    told = [f"set aside: {problem}" for problem in measured.set_aside[:_MOST_NOTES]]
-    if len(measured.set_aside) > _MOST_NOTES:
-        told.append(f"set aside: {len(measured.set_aside) - _MOST_NOTES} more rows")
-    if comparison is not None and comparison.fitted is not None:
-        sightings = comparison.fitted.sightings
-        told += [f"left out: {count} rows ({why})" for why, count in sightings.left_out.items()]
-        told += sightings.notes
-        outliers = int((~comparison.fitted.solved.used).sum())
-        if outliers:
-            told.append(f"{outliers} gross outliers take no part")
-    return tuple(told)

@@ -6,7 +6,7 @@ import base64
 import gzip
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -70,6 +70,27 @@ def kind_of_file(path: Path) -> Kind:
     if suffix == ".json" and b'"K_left"' in content:
         return "rig"
     return "effects" if suffix == ".toml" and b"[[effect]]" in content else "model"
+
+
+def named(paths: Sequence[Path]) -> list[InputFile]:
+    """Take files as a command line names them, each once; of one name they are told apart by their folders.
+
+    Raises
+    ------
+    InputFileError
+        for a file that cannot be read.
+    """
+    places = {path.resolve(): path for path in paths}
+    return [InputFile(_short_name(place, places), path, kind_of_file(path)) for place, path in places.items()]
+
+
+def _short_name(place: Path, places: Collection[Path]) -> str:
+    """Give the last parts of a path, as many as no other path ends with."""
+    others = [other.parts for other in places if other != place and other.name == place.name]
+    n_parts = 1
+    while any(other[-n_parts:] == place.parts[-n_parts:] for other in others):
+        n_parts += 1
+    return "/".join(place.parts[-n_parts:])
 
 
 def dropped(folder: Path, name: str, content: bytes) -> InputFile:

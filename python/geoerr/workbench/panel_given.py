@@ -9,6 +9,7 @@ from dash import dcc, html
 from geoerr.summaries import counted
 from geoerr.workbench.actions import DATA
 from geoerr.workbench.inputs import Kind
+from geoerr.workbench.notes import notes_of
 from geoerr.workbench.parts import breakable, button, difference_um, figure_row, problem, section, sentence, um
 from geoerr.workbench.session import Session
 
@@ -71,10 +72,9 @@ def _files(session: Session) -> list[Any]:
         parts.append(html.Li(told, className="why"))
     if session.calibration.is_given:
         parts.append(html.Li("The calibration's uncertainty takes part in every fit and search.", className="why"))
-    notes = html.Details(
-        [html.Summary(counted(len(session.notes), "note")), html.Ul([html.Li(one) for one in session.notes])]
-    )
-    return [html.Ul(parts, className="files"), notes if session.notes else None]
+    notes = notes_of(session)
+    folded = html.Details([html.Summary(counted(len(notes), "note")), html.Ul([html.Li(one) for one in notes])])
+    return [html.Ul(parts, className="files"), folded if notes else None]
 
 
 def _model(session: Session) -> list[Any]:

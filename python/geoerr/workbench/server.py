@@ -12,7 +12,7 @@ from werkzeug.serving import make_server
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.workbench.actions import read_again, take_files
 from geoerr.workbench.app import make_app
-from geoerr.workbench.inputs import InputFile, kind_of_file
+from geoerr.workbench.inputs import named
 from geoerr.workbench.security import HOST, Guard
 from geoerr.workbench.session import Session
 from geoerr.workbench.store import restore, save
@@ -36,7 +36,7 @@ def begin_session(paths: Sequence[Path], saved_in: Path | None, *, threads: int 
         _refuse_others(session, saved_in, paths)
         read_again(session, tuple(session.files), is_new_model=False, keeps=True)
     elif paths:
-        take_files(session, [InputFile(path.name, path, kind_of_file(path)) for path in paths])
+        take_files(session, named(paths))
     return session
 
 

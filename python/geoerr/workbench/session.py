@@ -100,6 +100,8 @@ class Session:
         Grow with every change, and with every change of what the pictures show.
     files, measured, own_effects, calibration
         What was given; the calibration's uncertainty takes part in every fit and search.
+    replaced
+        Names of files that took the place of earlier ones when files were last given.
     steps, current, reference
         The models, which of them is looked at, and which the others are compared with.
     seen, diagnosis, told, trial, selected, program, dropped
@@ -113,8 +115,6 @@ class Session:
         Name to the page, of those that were written and still tell what is so.
     problems
         Panel to the message that it shows.
-    notes
-        Sentences about the data.
     has_webgl
         Whether the browser draws 3-D pictures, as it says when it loads the page.
     """
@@ -126,6 +126,7 @@ class Session:
     sight: int = 0
     files: list[InputFile] = field(default_factory=list)
     measured: Measurements | None = None
+    replaced: tuple[str, ...] = ()
     own_effects: tuple[Effect, ...] = ()
     calibration: Calibration = field(default_factory=Calibration)
     steps: list[Step] = field(default_factory=list)
@@ -143,7 +144,6 @@ class Session:
     reports: dict[str, str] = field(default_factory=dict)
     view: View = field(default_factory=View)
     problems: dict[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
     has_webgl: bool = True
     job: Job | None = None
     lock: threading.RLock = field(default_factory=threading.RLock)
