@@ -6,6 +6,7 @@ from typing import Any
 
 from dash import dcc, html
 
+from geoerr.workbench.clicks import button_id
 from geoerr.workbench.panel_given import upload
 from geoerr.workbench.panel_missing import own_panel
 from geoerr.workbench.panel_use import use_panel
@@ -63,5 +64,5 @@ def status(session: Session) -> list[Any]:
         html.Span(f"{job.title}{step}", className="step", title=job.step),
         html.Span(f"{job.elapsed_s:.0f} s"),
         bar,
-        html.Button("Stop", id={"do": "stop", "what": ""}, n_clicks=0, type="button"),
+        html.Button("Stop", id=button_id("stop"), n_clicks=0, type="button"),
     ]

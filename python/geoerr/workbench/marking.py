@@ -10,11 +10,15 @@ from dash import ALL, Dash, Input, Output, Patch, State, ctx, no_update
 
 from geoerr.errors import InputFileError
 from geoerr.workbench import actions
+from geoerr.workbench.clicks import clicked
 from geoerr.workbench.panel_where import marked_words, rows_of_region
 from geoerr.workbench.parts import wrong_field
 from geoerr.workbench.pictures import marks_in_residual, marks_in_volume, rows_between, rows_in_box, rows_of_pass
 from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.view import REGION
+
+# Button to what `mark` takes it for.
+_SOURCES = {"mark-region": "region", "unmark": "none"}
 
 
 def mark(session: Session, source: str, what: Any) -> list[Any] | None:
@@ -118,17 +122,16 @@ def wire_marks(app: Dash, session: Session) -> None:
         State("mark-to", "value"),
         prevent_initial_call=True,
     )
-    def _mark(clicked: Any, *rest: Any) -> Any:
+    def _mark(pointed: Any, *rest: Any) -> Any:
         source, limits = ctx.triggered_id, rest[-2:]
         try:
             if source == "volume":
-                words = mark(session, "volume", clicked)
+                words = mark(session, "volume", pointed)
             elif isinstance(source, str):
                 words = mark(session, "limits", limits)
-            elif ctx.triggered[0]["value"]:
-                words = mark(session, "region" if source["do"] == "mark-region" else "none", source["what"])
             else:
-                words = None
+                asked = clicked()
+                words = None if asked is None else mark(session, _SOURCES[asked[0]], asked[1])
         except InputFileError as error:
             return no_update, no_update, wrong_field(error)
         return _answer(words)

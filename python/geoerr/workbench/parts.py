@@ -9,6 +9,7 @@ from typing import Any, Final
 from dash import html
 
 from geoerr.errors import InputFileError
+from geoerr.workbench.clicks import button_id
 from geoerr.workbench.session import Session
 
 _IN_BACKTICKS: Final = re.compile(r"`([^`]*)`")
@@ -28,7 +29,7 @@ def button(
     """Make a button that asks for an action: `do`, of `what`."""
     return html.Button(
         text,
-        id={"do": do, "what": what},
+        id=button_id(do, what),
         n_clicks=0,
         className="main" if is_main else "",
         title=title,

@@ -10,6 +10,7 @@ from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, 
 
 from geoerr.errors import GeoerrError
 from geoerr.workbench import actions, reports
+from geoerr.workbench.clicks import clicked
 from geoerr.workbench.explained import TRIAL, what_is_shown
 from geoerr.workbench.layout import status
 from geoerr.workbench.marking import wire_marks
@@ -182,10 +183,10 @@ def _wire_actions(app: Dash, session: Session) -> None:
         prevent_initial_call=True,
     )
     def _act(*_: Any) -> Any:
-        # Buttons that were drawn anew call too, with no click.
-        if not ctx.triggered or not ctx.triggered[0]["value"]:
+        asked = clicked()
+        if asked is None:
             return no_update
-        do(session, ctx.triggered_id["do"], ctx.triggered_id["what"])
+        do(session, *asked)
         return session.version
 
     @app.callback(
@@ -309,9 +310,10 @@ def _wire_stand(app: Dash, session: Session) -> None:
         prevent_initial_call=True,
     )
     def _look_from(_: Any) -> Any:
-        if not ctx.triggered or not ctx.triggered[0]["value"]:
+        asked = clicked()
+        if asked is None:
             return no_update
-        session.view.look_from(ctx.triggered_id["what"])
+        session.view.look_from(asked[1])
         return turned_volume(session) or no_update
 
 
@@ -337,9 +339,10 @@ def _wire_pointing(app: Dash, session: Session) -> None:
         prevent_initial_call=True,
     )
     def _pin(_: Any, pinned: str) -> Any:
-        if not ctx.triggered or not ctx.triggered[0]["value"]:
+        asked = clicked()
+        if asked is None:
             return no_update, no_update
-        return pin(session, ctx.triggered_id["what"], pinned), session.version
+        return pin(session, asked[1], pinned), session.version
 
 
 def _wire_forms(app: Dash, session: Session) -> None:
@@ -395,7 +398,7 @@ def _wire_program(app: Dash, session: Session) -> None:
         asked = None
         if ctx.triggered_id == "program":
             asked = (name or "program.gcode", _decoded(contents)) if contents else None
-        elif ctx.triggered and ctx.triggered[0]["value"]:
+        elif clicked() is not None:
             asked = session.dropped
         if asked is None:
             return no_update, no_update
@@ -412,7 +415,7 @@ def _wire_program(app: Dash, session: Session) -> None:
     )
     def _download(_: Any) -> Any:
         corrected = session.program
-        if corrected is None or not ctx.triggered[0]["value"]:
+        if corrected is None or clicked() is None:
             return no_update
         return dcc.send_bytes(corrected.content, corrected.corrected_name)
 
