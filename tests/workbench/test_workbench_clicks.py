@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("dash")
 
 from dash import html
-from workbench_scenes import settle, write_scene
+from workbench_scenes import settle, texts, write_scene
 
 from geoerr.workbench import wiring
 from geoerr.workbench.app import make_app
@@ -31,8 +31,8 @@ def buttons(component: Any) -> list[html.Button]:
     return found + buttons(getattr(component, "children", None) or [])
 
 
-def click(session: Session, button: html.Button) -> None:
-    """Click it: a browser writes ids as JavaScript does, which leaves letters as they are."""
+def click(session: Session, button: html.Button) -> Any:
+    """Click it, and give the answer: a browser writes ids as JavaScript does, which leaves letters as they are."""
     guard = Guard(PORT)
     app = make_app(session, guard)
     client = app.server.test_client()
@@ -50,7 +50,8 @@ def click(session: Session, button: html.Button) -> None:
     tick = {"id": "tick", "property": output.strip(".").rpartition(".")[2]}
     asked = {"output": output, "outputs": tick, "inputs": sent, "changedPropIds": [f"{name}.n_clicks"]}
     answer = client.post("/_dash-update-component", json=asked, headers=HEADERS)
-    assert answer.status_code == 200, answer.get_data(as_text=True)
+    assert answer.status_code in (200, 204), answer.get_data(as_text=True)
+    return answer.get_json(silent=True)
 
 
 @pytest.mark.parametrize("name", ["Größe.csv", "测量 №1.csv", "100%25 it's.csv"])
@@ -62,3 +63,21 @@ def test_a_file_of_any_name_is_put_away_by_its_button(tmp_path: Path, name: str)
     click(session, away)
     settle(session)
     assert [one.name for one in session.files] == ["machine.toml"]
+
+
+def test_what_nobody_has_foreseen_is_said_on_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = begin_session(write_scene(tmp_path), None, threads=1)
+    settle(session)
+
+    def slip(*_: object) -> None:
+        raise ValueError("a slip of ours")
+
+    monkeypatch.setattr(wiring, "do", slip)
+    (away,) = [one for one in buttons(wiring.panels(session)["given"]) if one.id["do"] == "put-away"]
+    version = session.version
+    answer = click(session, away)
+    # The page is asked to draw its panels anew.
+    assert answer["sideUpdate"]["tick"]["data"] == session.version > version
+    told = texts(wiring.panels(session)["given"])
+    assert "This went wrong inside geoerr (ValueError: a slip of ours)." in told
+    assert "please report it" in told

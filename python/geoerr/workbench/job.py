@@ -42,6 +42,11 @@ class Advance:
             raise _StoppedError
 
 
+def slip_words(error: Exception) -> str:
+    """Say what nobody has foreseen."""
+    return f"this went wrong inside geoerr ({type(error).__name__}: {error})\nhint: please report it"
+
+
 # The work: gives what is to be done with its result, which happens only if nobody stopped it.
 Work: TypeAlias = Callable[[Advance], Callable[[], None]]
 
@@ -111,7 +116,7 @@ class Job:
             problem = "there is not enough memory for this\nhint: take fewer rows, or close other programs"
         except Exception as error:
             # A slip of ours must not leave a page that waits for ever.
-            problem = f"this went wrong inside geoerr ({type(error).__name__}: {error})\nhint: please report it"
+            problem = slip_words(error)
         with self._applying:
             if self._stopped.is_set():
                 return

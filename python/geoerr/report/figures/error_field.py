@@ -18,6 +18,8 @@ from geoerr.verify.ballbar import usable_range_mm
 _HEIGHT_PX = 620
 # Share of the shortest edge of the volume that the largest error is drawn as.
 _LARGEST_DRAWN = 0.15
+# No machine is off by a kilometre.
+_FARTHEST_MM = 1e6
 _POINTS_OF_LINE = 17
 
 
@@ -156,7 +158,9 @@ def _magnified(
     low, high = usable_range_mm(model)
     lines = _lines_on_faces(low, high, n_lines)
     error = displaced(lines.reshape(-1, 3))
-    largest = float(np.linalg.norm(error, axis=1).max())
+    # Far outside its data a model may say what is no length any more: that is not drawn.
+    error = np.where((np.abs(error) < _FARTHEST_MM).all(axis=1, keepdims=True), error, np.nan)
+    largest = float(np.nan_to_num(np.linalg.norm(error, axis=1)).max())
     magnification = exaggeration * _magnification(low, high, largest)
     return _grid(lines, error.reshape(lines.shape), magnification, largest, shows_scale=True), error, magnification
 
