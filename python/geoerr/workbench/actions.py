@@ -275,7 +275,7 @@ def add_trial(session: Session) -> None:
             raise GeoerrError("there is nothing to add\nhint: try the formula first")
         others = tuple(one for one in session.own_effects if one.id != trial.effect.id)
         session.own_effects = (*others, trial.effect)
-        _step_of_change(session, f"+ {trial.typed.reference}", trial.change)()
+        _step_of_change(session, f"+ {trial.terms[0].id}", trial.change)()
         session.changed(is_kept=True)
 
 

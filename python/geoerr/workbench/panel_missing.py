@@ -106,12 +106,7 @@ def own_result(session: Session) -> list[Any]:
     changes = um(held[0]) != um(held[1])
     helps = changes and held[0] is not None and held[1] is not None and held[1] < held[0]
     verdict = _HELPS if helps else _HELPS_NOT if changes else _SAME
-    values = [
-        tried_value(parameter)
-        for term in after.terms
-        if term.id == trial.typed.reference
-        for parameter in (*term.coefficients, *term.inner)
-    ]
+    values = [tried_value(parameter) for term in trial.terms for parameter in (*term.coefficients, *term.inner)]
     return [
         problem(session, OWN),
         html.Div(

@@ -20,6 +20,7 @@ from geoerr.errors import GeoerrError
 from geoerr.fit.sightings import Numbers
 from geoerr.measurements import Measurements
 from geoerr.model import Model
+from geoerr.terms import Term
 from geoerr.workbench.calibration import Calibration
 from geoerr.workbench.circles import CircleRun, circle_runs
 from geoerr.workbench.history import Step
@@ -40,6 +41,12 @@ class Trial:
     typed: OwnFormula
     effect: Effect
     change: Change
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """What it adds to the model, by the reference that it has there: with the column that it follows."""
+        known = {term.id for term in self.change.before.terms}
+        return tuple(term for term in self.change.after.terms if term.id not in known)
 
 
 @dataclass(frozen=True, eq=False)
