@@ -12,6 +12,7 @@ from geoerr.workbench.inputs import Kind
 from geoerr.workbench.notes import notes_of
 from geoerr.workbench.parts import breakable, button, difference_um, figure_row, problem, section, sentence, um
 from geoerr.workbench.session import Session
+from geoerr.workbench.wanting import wanting
 
 _FIGURES = (
     ("residual", "rmse_um", "how far measured and predicted are apart, root mean square (rms)"),
@@ -38,12 +39,7 @@ def given_panel(session: Session) -> list[Any]:
         problem(session, DATA),
         section("Data", _files(session), name="data"),
         section("Model", _model(session), name="model"),
-        section(
-            "Models so far",
-            _history(session),
-            name="history",
-            explanation="Error held out, µm; beside it the difference to the reference ★.",
-        ),
+        _history(session),
     ]
 
 
@@ -59,6 +55,8 @@ def upload() -> Any:
 
 
 def _files(session: Session) -> list[Any]:
+    if not session.files:
+        return [html.P("None yet.")]
     parts: list[Any] = []
     for one in session.files:
         kind = _KINDS[one.kind]
@@ -80,7 +78,7 @@ def _files(session: Session) -> list[Any]:
 def _model(session: Session) -> list[Any]:
     step = session.step
     if step is None:
-        return [html.P("None yet: add a machine.toml, model.json or errors.json.")]
+        return [html.P("None yet.")]
     busy = session.is_busy
     machine = step.model.machine
     rows = [figure_row(name, um(step.figures.get(key)), why) for name, key, why in _FIGURES]
@@ -93,7 +91,7 @@ def _model(session: Session) -> list[Any]:
                  button("Remove", "remove", name, off=busy, title=f"Take {name} out and fit again")])
         for name, title in step.effects
     ]  # fmt: skip
-    can_fit = session.measured is not None and bool(session.measured.tables)
+    wants = wanting(session)
     return [
         html.P([html.B(machine.name or "machine"), f" · {step.name}"]),
         html.Table(html.Tbody(rows), className="figures"),
@@ -107,25 +105,25 @@ def _model(session: Session) -> list[Any]:
         html.Ul(effects, className="files") if effects else None,
         html.Div(
             [
-                button("Fit the 21 errors", "fit", "21", off=busy or not can_fit,
+                button("Fit the 21 errors", "fit", "21", off=busy or bool(wants),
                        is_main=step.model.is_nominal and not session.has_circles_only,
                        title="Positioning, straightness and angles of three axes, and squareness"),
-                button("12, no angles", "fit", "12", off=busy or not can_fit,
+                button("12, no angles", "fit", "12", off=busy or bool(wants),
                        title="Positioning, straightness and squareness only"),
                 button("Undo", "undo", off=busy or step.parent is None, title="Back to the model before this one"),
             ],
             className="buttons",
         ),
+        html.P(wants, className="why") if wants else None,
     ]  # fmt: skip
 
 
-def _history(session: Session) -> list[Any]:
-    if not session.steps:
-        return [html.P("None yet.")]
-    reference = session.steps[session.reference].figures.get("held_out_rmse_um")
+def _history(session: Session) -> Any:
+    told, figure = _compared_by(session)
+    known = session.steps[session.reference].figures.get(figure) if session.steps else None
     rows = []
     for number, step in enumerate(session.steps):
-        held = step.figures.get("held_out_rmse_um")
+        error = step.figures.get(figure)
         is_reference, is_current = number == session.reference, number == session.current
         rows.append(
             html.Tr(
@@ -134,10 +132,21 @@ def _history(session: Session) -> list[Any]:
                                    title="The reference" if is_reference else "Make this the reference")),
                     html.Td(button(breakable(f"{number + 1}. {step.name}"), "show", str(number), off=session.is_busy,
                                    title="Look at this model"), className="name"),
-                    html.Td("–" if held is None else f"{held:.1f}", className="number"),
-                    html.Td("" if is_reference else difference_um(held, reference), className="number"),
+                    html.Td("–" if error is None else f"{error:.1f}", className="number"),
+                    html.Td("" if is_reference else difference_um(error, known), className="number"),
                 ],
                 className="current" if is_current else "",
             )
         )  # fmt: skip
-    return [html.Table(html.Tbody(rows), className="history")]
+    return section(
+        "Models so far",
+        [html.Table(html.Tbody(rows), className="history") if rows else html.P("None yet.")],
+        name="history",
+        explanation=f"{told}, µm; beside it the difference to the reference ★.",
+    )
+
+
+def _compared_by(session: Session) -> tuple[str, str]:
+    """Say by which figure models are compared, and give its key: of lengths nothing is held out."""
+    has_lengths_only = session.measured is not None and not session.measured.tables
+    return ("Residual", "rmse_um") if has_lengths_only else ("Error held out", "held_out_rmse_um")

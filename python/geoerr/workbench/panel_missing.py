@@ -17,6 +17,7 @@ from geoerr.workbench.parts import STAYS, button, problem, section, sentence, um
 from geoerr.workbench.pictures import WITHOUT_BUTTONS, in_panel
 from geoerr.workbench.session import Session
 from geoerr.workbench.told import Card, Told
+from geoerr.workbench.wanting import wanting
 
 # Axis, and each bar.
 _BARS_PX = (44, 26)
@@ -36,7 +37,7 @@ _AS_IT_IS = ("Value", "Certainty", "Looks like it", "These runs cannot tell it f
 
 def missing_panel(session: Session) -> list[Any]:
     """Make the panel."""
-    ready = session.step is not None and session.measured is not None and bool(session.measured.tables)
+    ready = not wanting(session)
     search = button(
         "Look for what is missing" if session.told is None else "Look again",
         "diagnose",
@@ -143,6 +144,8 @@ def _headline(figures: ErrorFigures | None) -> float | None:
 def _answer(session: Session) -> list[Any]:
     told = session.told
     if told is None:
+        if wanting(session):
+            return [html.P("Needs a machine and measured points, or circular tests.", className="why")]
         n_rows = 0 if session.seen is None else len(session.seen.comparison.points.sightings)
         takes = "some minutes with so many rows; it can be stopped" if n_rows > _MANY_ROWS else "5 to 30 seconds"
         said = f"A search over all known effects, and over curves without a name. It takes {takes}."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
@@ -55,13 +56,15 @@ _FARTHER = 1.2
 _COLORBAR = {"thickness": 10, "len": 0.8, "xpad": 4, "tickfont": {"size": 10}}
 # The axis that is looked along.
 _ALONG = {"above": "z", "front": "y", "side": "x"}
+# Letters of a line that a narrow panel has room for.
+_LINE = 54
 _MOTION = {"d": 1.0, "s": 100.0, "v": 0.0}
 _FEED_MM_MIN = 1000.0
 
 _NO_WEBGL = (
-    "This browser draws no 3-D pictures: it has no WebGL.<br>Everything else works, with marks in the picture at<br>"
-    "the right and in the table of “regions”. Hardware<br>acceleration in the browser's settings, or another<br>"
-    "browser, brings them."
+    "This browser draws no 3-D pictures: it has no WebGL. Everything else works, with marks in the picture at the "
+    "right and in the table of “regions”. Hardware acceleration in the browser's settings, or another browser, "
+    "brings them."
 )
 # Looks that draw every row.
 _DRAWN: dict[str, Look] = {look: look for look in get_args(Look)}
@@ -81,7 +84,7 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     if view.look == CIRCLE:
         return _circle_picture(session, seen, explained_um)
     if not session.has_webgl:
-        return Picture(_empty(_NO_WEBGL), "")
+        return Picture(nothing_drawn(_NO_WEBGL), "")
     volume = _volume(session, seen)
     drawn = {REGION: _means, DIFFERENCE: _difference}.get(view.look, _residuals)(session, seen, volume)
     figure, caption = drawn.figure, drawn.caption
@@ -128,10 +131,10 @@ def _means(session: Session, seen: Seen, volume: Volume) -> Picture:
 def _difference(session: Session, _: Seen, __: Volume) -> Picture:
     reference = session.steps[session.reference]
     if session.reference == session.current:
-        return Picture(_empty("this model is the reference ★: look at another one, or choose another ★"), "")
+        return Picture(nothing_drawn("this model is the reference ★: look at another one, or choose another ★"), "")
     at = _conditions(session, session.model, reference.model)
     if at is None:
-        return Picture(_empty("the models need conditions: state them under “Correct a program”"), "")
+        return Picture(nothing_drawn("the models need conditions: state them under “Correct a program”"), "")
     figure, magnification = field_difference(
         session.model, reference.model, exaggeration=session.view.exaggeration, at=at
     )
@@ -146,7 +149,7 @@ def _circle_picture(session: Session, seen: Seen, explained_um: Numbers | None) 
     """Draw the ball-bar plot of the chosen run: measured, by the model, and with what would be explained."""
     run = _chosen_run(session, seen)
     if run is None:
-        return Picture(_empty("no run of these circular tests lies on a circle in a plane of the machine"), "")
+        return Picture(nothing_drawn("no run of these circular tests lies on a circle in a plane of the machine"), "")
     figure = circle(run.predicted, measured=run.measured, name_before="model")
     theta, radius_um = _with_cause(run, explained_um)
     figure.add_scatterpolar(
@@ -182,7 +185,7 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
     """Draw the residual over the chosen variable."""
     view = session.view
     if not view.variable:
-        return Picture(_empty("nothing varies in these data"), "")
+        return Picture(nothing_drawn("nothing varies in these data"), "")
     figure = residual_against(
         seen.comparison,
         view.variable,
@@ -460,9 +463,10 @@ def _plain(values: object) -> list[float | None]:
     return [None if np.isnan(value) else value for value in rounded.tolist()]
 
 
-def _empty(text: str) -> go.Figure:
+def nothing_drawn(text: str) -> go.Figure:
     """Say why nothing is drawn, with traces in the places where marks and causes would be."""
     figure = go.Figure([go.Scatter(visible=False) for _ in range(_EXPLAINED + 1)])
-    figure.add_annotation(text=text, showarrow=False, font={"size": 13, "color": style.INK})
+    lines = "<br>".join(textwrap.wrap(text, _LINE))
+    figure.add_annotation(text=lines, showarrow=False, font={"size": 13, "color": style.INK})
     figure.update_layout(template=style.template(), xaxis={"visible": False}, yaxis={"visible": False})
     return in_panel(figure, "empty", margin={"l": 10, "r": 10, "t": 10, "b": 10})

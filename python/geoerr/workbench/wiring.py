@@ -27,6 +27,7 @@ from geoerr.workbench.panel_where import (
 )
 from geoerr.workbench.pictures import (
     explanation,
+    nothing_drawn,
     residual_picture,
     turned_volume,
     volume_picture,
@@ -34,6 +35,7 @@ from geoerr.workbench.pictures import (
 from geoerr.workbench.program import Wish
 from geoerr.workbench.session import Session
 from geoerr.workbench.view import CIRCLE, DIFFERENCE, LOOKS, REGION
+from geoerr.workbench.wanting import wanting
 
 # Actions of buttons to the panel in which a refusal is shown.
 PLACES = {
@@ -113,12 +115,12 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
     with session.lock:
         seen = session.seen
         if seen is None:
-            said = "Add a machine and measurements to see where the model fails."
+            # While files are read nobody knows yet.
             return {
-                "volume": no_update,
-                "residual": no_update,
+                "volume": nothing_drawn("" if session.is_busy else wanting(session)),
+                "residual": nothing_drawn(""),
                 "regions": None,
-                "captions": (said, ""),
+                "captions": ("", ""),
                 "limits": ("", "", ""),
                 "marked": [],
             }

@@ -1,0 +1,21 @@
+"""What has to be given before a model can be looked at, fitted and searched: one answer for every panel."""
+
+from __future__ import annotations
+
+from geoerr.workbench.session import Session
+
+_MACHINE = "a machine (machine.toml) or a model (model.json)"
+_MEASUREMENTS = "measured points or circular tests (.csv, .parquet)"
+
+
+def wanting(session: Session) -> str:
+    """Say what is wanting, in a sentence; empty where nothing is."""
+    measured = session.measured
+    if measured is not None and not measured.tables:
+        return (
+            f"Measured lengths say how far a model is off over them, not where, and no model is fitted to them: add "
+            f"{_MEASUREMENTS}."
+        )
+    missing = [] if session.steps else [_MACHINE]
+    missing += [] if measured is not None else [_MEASUREMENTS]
+    return f"Add {', and '.join(missing)}." if missing else ""
