@@ -23,6 +23,7 @@ def test_every_model_has_its_two_bars_and_the_last_ones_noise_is_drawn() -> None
     assert list(residual.x) == [40.0, 10.0]
     assert list(held.x) == [45.0, None]
     assert residual.y[1] == "2. + backlash:x"
+    assert error_fall(stages, is_numbered=True).data[0].y == ("at first", "+ backlash:x")
     assert figure.layout.shapes[0].x0 == 4.0
     assert "4.00 µm" in figure.layout.title.subtitle.text
 

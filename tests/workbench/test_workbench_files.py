@@ -13,9 +13,11 @@ pytest.importorskip("dash")
 
 from workbench_scenes import N_LINES, N_POINTS, loaded, settle, texts, write_scene
 
+from geoerr.diagnose import compare
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.summaries import counted
 from geoerr.workbench import actions, wiring
+from geoerr.workbench.history import story
 from geoerr.workbench.job import Advance
 from geoerr.workbench.server import begin_session
 
@@ -137,3 +139,28 @@ def test_rows_that_a_fit_leaves_out_are_told_with_that_model_only(tmp_path: Path
     settle(session)
     assert session.seen.comparison.points.solved.used.all()
     assert "gross" not in texts(wiring.panels(session)["given"])
+
+
+def test_more_data_are_compared_with_every_model_that_the_page_tells_of(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    # Two fits of one machine: the first is on no way to the second.
+    for action, what in (("fit", "12"), ("show", "0"), ("fit", "21"), ("refer", "2")):
+        wiring.do(session, action, what)
+        settle(session)
+    rows = pl.read_csv(tmp_path / "observations.csv")
+    rows.with_columns(mx=pl.col("mx") + 0.01, session=pl.lit("later")).write_csv(tmp_path / "later.csv")
+    actions.take_dropped(session, ["later.csv"], [(tmp_path / "later.csv").read_bytes()])
+    settle(session)
+    assert (session.current, session.reference) == (2, 2)
+    for number in (0, 2):
+        model, figures = session.steps[number].model, session.steps[number].figures
+        expected = compare(model, *session.measured.tables, threads=1)
+        assert figures["held_out_rmse_um"] == pytest.approx(expected.fitted.held_out.figures.headline_um)
+    told = texts(wiring.panels(session)["given"])
+    assert "2. 12 errors fitted –" in told
+    assert "A model with a dash was not compared with these data yet" in told
+    # The picture numbers the models as the list does.
+    assert [stage.name for stage in story(session.steps, 2)] == ["1. machine without errors", "3. 21 errors fitted"]
+    wiring.do(session, "show", "1")
+    settle(session)
+    assert "with a dash" not in texts(wiring.panels(session)["given"])

@@ -69,36 +69,34 @@ def read_again(
     """Read the files of the session and hold the model against them; `replaced` are names of files that are gone."""
 
     def work(advance: Advance) -> Callable[[], None]:
-        advance(0, 3)
         tables = [one.path for one in files if one.kind == "measurements"]
         measured = read_measurements(tables, with_lengths=True) if tables else None
         effects = tuple(effect for one in files if one.kind == "effects" for effect in load_effects(one.path))
         catalogue().extended(effects, "effects")
         calibration = calibration_of(files, measured)
-        advance(1, 3)
-        steps = list(session.steps)
+        steps, current, reference = list(session.steps), session.current, session.reference
         models = [one for one in files if one.kind == "model"]
         if models and (is_new_model or not steps):
             model = load_model(models[-1].path)
-            steps = [Step(_first_name(model, models[-1].name), model, None, {})]
-        elif not keeps:
-            # Figures belong to the data that they were computed with.
+            steps, current, reference = [Step(_first_name(model, models[-1].name), model, None, {})], 0, 0
+        # Figures belong to the data that they were computed with; the model that is looked at is compared last.
+        again = [current]
+        if not keeps:
+            again = [one for one in _told_of(steps, current, reference) if one != current] + again
             steps = [replace(step, figures={}) for step in steps]
-        current = min(session.current, len(steps) - 1) if keeps or not is_new_model else 0
         comparison = None
         if steps and measured is not None:
-            comparison = _compared(session, steps[current].model, measured, calibration)
-            steps[current] = replace(steps[current], figures=figures_of_step(comparison))
-        advance(2, 3)
+            for done, number in enumerate(again):
+                advance(done, len(again))
+                comparison = _compared(session, steps[number].model, measured, calibration)
+                steps[number] = replace(steps[number], figures=figures_of_step(comparison))
         seen = None if comparison is None else Seen.of(comparison)
-        advance(3, 3)
 
         def apply() -> None:
             with session.lock:
                 session.files, session.measured, session.own_effects = list(files), measured, effects
                 session.calibration, session.replaced = calibration, replaced
-                session.steps, session.current = steps, max(current, 0)
-                session.reference = session.reference if keeps else 0
+                session.steps, session.current, session.reference = steps, current, reference
                 told = session.told if keeps else None
                 session.forget_step()
                 session.told = told
@@ -346,6 +344,11 @@ def _fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
             "the measurements", "hold lengths only, which no model is fitted to", remedy="give measured points"
         )
     return data.tables
+
+
+def _told_of(steps: list[Step], current: int, reference: int) -> set[int]:
+    """Give the numbers of the models of which the page tells how the error fell, and the reference among them."""
+    return {*lineage(steps, current), reference} if steps else set()
 
 
 def _first_name(model: Model, file_name: str) -> str:

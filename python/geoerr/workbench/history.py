@@ -61,9 +61,13 @@ def lineage(steps: list[Step], number: int) -> tuple[int, ...]:
 
 
 def story(steps: list[Step], number: int) -> tuple[Stage, ...]:
-    """Tell how the error fell on the way to a step: a model that came with a history begins with that."""
+    """Tell how the error fell on the way to a step: a model that came with a history begins with that.
+
+    Names begin with the numbers that the page has for the steps, whichever of them are on the way.
+    """
     numbers = lineage(steps, number)
     first = steps[numbers[0]].model.record
     earlier = () if first is None else stages_of(first.history)[:-1]
-    own = tuple(Stage(steps[one].name, steps[one].figures) for one in numbers if steps[one].figures)
-    return (*earlier, *own)
+    before = (Stage(f"before {one}. {stage.name}", stage.figures) for one, stage in enumerate(earlier, start=1))
+    own = (Stage(f"{one + 1}. {steps[one].name}", steps[one].figures) for one in numbers if steps[one].figures)
+    return (*before, *own)

@@ -138,11 +138,14 @@ def _history(session: Session) -> Any:
                 className="current" if is_current else "",
             )
         )  # fmt: skip
+    explanation = f"{told}, µm; beside it the difference to the reference ★."
+    if session.measured is not None and not all(step.figures for step in session.steps):
+        explanation += " A model with a dash was not compared with these data yet: look at it."
     return section(
         "Models so far",
         [html.Table(html.Tbody(rows), className="history") if rows else html.P("None yet.")],
         name="history",
-        explanation=f"{told}, µm; beside it the difference to the reference ★.",
+        explanation=explanation,
     )
 
 

@@ -220,7 +220,7 @@ def fall_graph(session: Session) -> Any:
     stages = story(session.steps, session.current) if session.steps else ()
     if not stages:
         return html.Div()
-    figure = error_fall(stages[-_STEPS_DRAWN:])
+    figure = error_fall(stages[-_STEPS_DRAWN:], is_numbered=True)
     noise = figure.layout.title.subtitle.text
     in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
     figure.update_layout(legend={"yref": "container", "yanchor": "top", "y": 1.0})

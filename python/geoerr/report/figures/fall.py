@@ -73,12 +73,19 @@ def diagnosis_fall(diagnosis: Diagnosis) -> go.Figure:
     return error_fall([Stage("the model as it is", {**now, **noise}), *found])
 
 
-def error_fall(stages: Sequence[Stage]) -> go.Figure:
+def error_fall(stages: Sequence[Stage], *, is_numbered: bool = False) -> go.Figure:
     """Draw a pair of bars for each model, residual and held out, and the noise that no model gets below.
 
     Where errors differ too much for one linear axis (`ErrorScale`) it is logarithmic, and bars begin at the noise.
+
+    Parameters
+    ----------
+    stages
+        The models, one after the other.
+    is_numbered
+        Whether their names begin with numbers already; otherwise they are counted here.
     """
-    names = [f"{number}. {stage.name}" for number, stage in enumerate(stages, start=1)]
+    names = [stage.name if is_numbered else f"{number}. {stage.name}" for number, stage in enumerate(stages, start=1)]
     noise_um = next((stage.noise_um for stage in reversed(stages) if stage.noise_um is not None), None)
     errors_um = [value for stage in stages for key, *_ in _BARS if (value := stage.figure(key)) is not None]
     scale = ErrorScale.of(errors_um, noise_um)
