@@ -164,3 +164,12 @@ def test_more_data_are_compared_with_every_model_that_the_page_tells_of(tmp_path
     wiring.do(session, "show", "1")
     settle(session)
     assert "with a dash" not in texts(wiring.panels(session)["given"])
+
+
+@pytest.mark.parametrize("name", ["table.xlsx", "notes.txt", "part.gcode", "photo.png", "README"])
+def test_what_the_page_cannot_take_is_refused_with_what_it_takes(tmp_path: Path, name: str) -> None:
+    session = loaded(tmp_path)
+    with pytest.raises(InputFileError, match=r"measurements are \.csv or \.parquet") as refused:
+        actions.take_dropped(session, [name], [b"PK \x00\xff"])
+    assert "TOML" not in str(refused.value)
+    assert [one.name for one in session.files] == ["machine.toml", "observations.csv"]

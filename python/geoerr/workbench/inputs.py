@@ -18,6 +18,11 @@ Kind = Literal["model", "measurements", "effects", "rig"]
 # Of these the newest stands for the earlier ones.
 ONE_OF_A_KIND: tuple[Kind, ...] = ("model", "rig")
 _TABLES = (".csv", ".parquet")
+_DOCUMENTS = (".toml", ".json")
+_TAKEN = (
+    "measurements are .csv or .parquet (save a spreadsheet as CSV), machines and own effects .toml, models and rigs "
+    ".json; a program is corrected further down the page"
+)
 # Each dropped file has a folder of its own.
 _DROPPED = "dropped-"
 
@@ -55,16 +60,18 @@ class InputFile:
 def kind_of_file(path: Path) -> Kind:
     """Tell by its content what a file is.
 
-    A table is measurements, a `.toml` with effects effects, a `.json` with two cameras a rig; anything else a model.
+    A table is measurements, a `.toml` with effects effects, a `.json` with two cameras a rig; others are models.
 
     Raises
     ------
     InputFileError
-        for a file that cannot be read.
+        for a file that cannot be read, or of another kind.
     """
     suffix = path.suffix.lower()
     if suffix in _TABLES:
         return "measurements"
+    if suffix not in _DOCUMENTS:
+        raise InputFileError(path, "is of no kind that is taken here", remedy=_TAKEN)
     with refusing_unreadable(path):
         content = path.read_bytes()
     if suffix == ".json" and b'"K_left"' in content:
