@@ -28,11 +28,12 @@ from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.history import story
 from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
+from geoerr.workbench.page_words import PASS, ZERO
 from geoerr.workbench.panel_missing import tried_value
 from geoerr.workbench.panel_where import limits_shown
 from geoerr.workbench.parts import breakable, sentence, signed
 from geoerr.workbench.pictures import explanation, turned_volume
-from geoerr.workbench.program import PASS, ZERO, Wish
+from geoerr.workbench.program import Wish
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session

@@ -12,13 +12,19 @@ pytest.importorskip("dash")
 from workbench_scenes import loaded, settle, texts, write_scene
 
 from geoerr.errors import InputFileError
+from geoerr.machine import Axis, Machine
+from geoerr.model import write_model
+from geoerr.model.conditions import refusal
 from geoerr.workbench import actions, wiring
-from geoerr.workbench.own_effect import OwnFormula
+from geoerr.workbench.own_effect import OwnFormula, own_effect
 from geoerr.workbench.panel_missing import tried_value
+from geoerr.workbench.parts import problem
 from geoerr.workbench.server import begin_session
+from geoerr.workbench.session import Session
 from geoerr.workbench.typed import typed_number
 
 GROWTH_PER_K = 12e-6
+AXES = {axis: Axis((0.0, 300.0)) for axis in "xyz"}
 
 
 @pytest.mark.parametrize(("text", "number"), [("35,5", 35.5), ("−3", -3.0), (" 1.7e9 ", 1.7e9), ("", None)])
@@ -64,3 +70,58 @@ def test_a_formula_of_a_column_has_its_value_and_one_name_everywhere(tmp_path: P
     settle(session)
     assert session.step.name == "+ bed-growth:y@temp_bed"
     assert session.step.name.removeprefix("+ ") in dict(session.step.effects)
+
+
+@pytest.mark.parametrize(
+    ("formula", "searched", "told"),
+    [
+        ("c*(", "", "the formula ends where a value is needed\n  c*(\n     ^"),
+        ("c*q", "P: 20..1", "P: [20.0, 1.0] is not a range from low to high\nhint: write P: low..high"),
+        ("c*sin(2*pi*q/P)", "", "here c, P: write a column, or search one between limits"),
+        ("c*temp_xyz", "", "temp_xyz is no column of the data\nhint: write its column: temp_bed"),
+        ("c*T*q", "", "T is no column of the data\nhint: write its column: temp_bed"),
+    ],
+)
+def test_a_formula_is_refused_in_the_words_of_its_fields(
+    tmp_path: Path, formula: str, searched: str, told: str
+) -> None:
+    with pytest.raises(InputFileError) as refused:
+        own_effect(OwnFormula("mine", "along", "x", formula, searched), ("x", "y", "z", "temp_bed"), tmp_path)
+    said = str(refused.value)
+    assert told in said
+    for word in ("README", "effect '", "inner", "coefficient", "covariates"):
+        assert word not in said, said
+
+
+def test_the_place_of_a_mistake_stays_below_its_letter() -> None:
+    session = Session(threads=1)
+    session.show_problem(actions.OWN, "your formula: an operator is needed here\n  c,q\n   ^\nhint: look")
+    box = problem(session, actions.OWN)
+    said, marked, remedy, _ = box.children
+    assert said.children == "Your formula: an operator is needed here."
+    # As it is written, in letters of one width.
+    assert type(marked).__name__ == "Pre"
+    assert marked.children == "  c,q\n   ^"
+    assert texts(remedy) == "What to do:  look"
+
+
+def test_what_a_model_of_other_data_needs_is_said_in_the_words_of_the_page(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "12")
+    settle(session)
+    write_model(tmp_path / "model.json", session.model)
+    table = tmp_path / "observations.csv"
+    pl.read_csv(table)[1:].write_csv(table)
+    other = begin_session([tmp_path / "model.json", table], None, threads=1)
+    settle(other)
+    wiring.do(other, "diagnose", "")
+    settle(other)
+    (note,) = [one for one in other.told.sentences if "come from other data" in one]
+    assert "“Fit the 21 errors” fits them to these data" in note
+    assert "--" not in note
+
+
+def test_conditions_that_are_not_stated_are_asked_for_where_their_fields_are() -> None:
+    session = Session(threads=1)
+    session.show_problem(actions.PROGRAM, refusal(["temp_bed", "feed"], Machine("m", "wbXYZt", AXES)))
+    assert session.problems[actions.PROGRAM].endswith("hint: state them in their fields, above the program")

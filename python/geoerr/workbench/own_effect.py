@@ -26,6 +26,9 @@ CHANNELS = {
 }
 _RANGE = re.compile(r"^\s*([A-Za-z_]\w*)\s*:\s*(\S+?)\s*\.\.\s*(\S+)\s*$")
 _FILE = "your formula"
+_HOLDS = "what may stand in a formula is listed under “What a formula may hold”"
+_NUMBER = re.compile(r"inner\.(\w+)")
+_NOT_LINEAR = "not linear in the coefficients"
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,7 @@ def own_effect(typed: OwnFormula, columns: Collection[str], folder: Path) -> Eff
     known = RESERVED_NAMES | set(columns)
     used = names_in(typed.expression)
     unknown = [name for name in used if name not in known and name not in inner]
+    _refuse_temperatures([*unknown, *(name for name in used if name == "T")], columns)
     if not unknown:
         raise InputFileError(_FILE, "has no number to be found", remedy=f"for example c*({typed.expression})")
     table = {
@@ -103,7 +107,33 @@ def own_effect(typed: OwnFormula, columns: Collection[str], folder: Path) -> Eff
     try:
         return load_effects(path)[0]
     except InputFileError as error:
-        raise InputFileError(_FILE, error.problem, column=error.column, remedy=error.remedy) from error
+        raise _by_the_fields(error, unknown) from error
+
+
+def _refuse_temperatures(names: Collection[str], columns: Collection[str]) -> None:
+    """Refuse what is written as a temperature and is none of the data: it would be a number to be found."""
+    for name in names:
+        if name == "T" or name.startswith("temp"):
+            known = ", ".join(one for one in columns if one.startswith("temp"))
+            remedy = f"write its column: {known}" if known else "these data have no temperatures"
+            raise InputFileError(_FILE, f"{name} is no column of the data", remedy=remedy)
+
+
+def _by_the_fields(error: InputFileError, numbers: Collection[str]) -> InputFileError:
+    """Say of a formula what the reader of effects says, by the fields of the page, not by the keys of a file."""
+    number = _NUMBER.search(error.column or "")
+    if number is not None:
+        is_range = error.problem.endswith("from low to high")
+        remedy = f"write {number[1]}: low..high, for example {number[1]}: 1..20" if is_range else error.remedy
+        return InputFileError(_FILE, error.problem, column=number[1], remedy=remedy)
+    problem, *place = error.problem.split("\n", 1)
+    remedy = _HOLDS
+    if problem.startswith(_NOT_LINEAR):
+        problem = problem.partition(" (")[0].replace(_NOT_LINEAR, "not linear in the numbers to be found")
+        problem = problem.replace("coefficients", "two of them").replace("a coefficient", "one of them")
+        names = ", ".join(numbers)
+        remedy = f"such are names that no column has, here {names}: write a column, or search one between limits"
+    return InputFileError(_FILE, "\n".join([problem, *place]), remedy=remedy)
 
 
 def _searched(text: str) -> dict[str, tuple[float, float]]:

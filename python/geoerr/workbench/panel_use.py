@@ -11,9 +11,10 @@ from geoerr.model.program_conditions import needed_conditions
 from geoerr.report.figures import variable_label
 from geoerr.summaries import counted
 from geoerr.workbench.actions import PROGRAM, REPORT
+from geoerr.workbench.page_words import HOLD, PASS, ZERO, on_the_page
 from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um, wrong_field
 from geoerr.workbench.pictures import WITHOUT_BUTTONS, in_panel
-from geoerr.workbench.program import HOLD, PASS, ZERO, CorrectedProgram, conditions_of, default_condition, on_the_page
+from geoerr.workbench.program import CorrectedProgram, conditions_of, default_condition
 from geoerr.workbench.reports import REPORTS, can_write
 from geoerr.workbench.session import Session
 

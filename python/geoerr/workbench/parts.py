@@ -44,9 +44,12 @@ def problem(session: Session, place: str) -> Any:
     if text is None:
         return html.Div()
     said, _, hint = text.partition("\nhint: ")
+    said, _, marked = said.partition("\n")
     return html.Div(
         [
             html.P(sentence(said), className="said"),
+            # A formula or a line with a place marked below it: as wide as it is written.
+            html.Pre(marked, className="code") if marked else None,
             html.P([html.B("What to do: "), hint]) if hint else None,
             button("OK", "dismiss", place, title="Take this message away"),
         ],

@@ -19,18 +19,6 @@ from geoerr.verify.path_trace import PathTrace, trace_paths
 from geoerr.workbench.typed import typed_number
 
 Numbers = npt.NDArray[np.float64]
-# What the page asks, as it asks it.
-ZERO = "Program's zero in machine coordinates, mm"
-HOLD = "beyond the measured range, hold the last error"
-PASS = "pass lines through that cannot be corrected"
-# Options that messages name, for the command line, to what a person does on the page instead.
-_ON_THE_PAGE = {
-    "--on-unsupported pass": f"“{PASS}”",
-    "--outside-measured hold": f"“{HOLD}”",
-    "--work-offset": f"“{ZERO}”",
-    ", or ask for it (--extrapolate)": "",
-    "; --keep-uncertain corrects it": "",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,18 +92,11 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
         try:
             result = compensate_program(model, before, after, options, at=at)
         except GeoerrError as error:
-            raise GeoerrError(on_the_page(str(error).replace(f"{folder}/", ""))) from error
+            raise GeoerrError(str(error).replace(f"{folder}/", "")) from error
         known, _, rest = well_known(model, at)
         trace = trace_paths(known, before, after, at=rest, work_offset_mm=offset)
         corrected = after.read_bytes()
     return CorrectedProgram(name, corrected, result, trace, model_name)
-
-
-def on_the_page(text: str) -> str:
-    """Say what the page offers where a message names an option of the command line."""
-    for option, said in _ON_THE_PAGE.items():
-        text = text.replace(option, said)
-    return text
 
 
 def conditions_of(model: Model, typed: Mapping[str, str]) -> dict[str, float]:

@@ -27,6 +27,7 @@ from geoerr.workbench.history import Step
 from geoerr.workbench.inputs import InputFile, as_known
 from geoerr.workbench.job import Job, Work
 from geoerr.workbench.own_effect import OwnFormula
+from geoerr.workbench.page_words import on_the_page
 from geoerr.workbench.program import CorrectedProgram
 from geoerr.workbench.told import Told
 from geoerr.workbench.view import CIRCLE, LOOKS, View
@@ -208,8 +209,8 @@ class Session:
                     self.problems["data"] = f"the session could not be saved: {error}"
 
     def show_problem(self, place: str, text: str) -> None:
-        """Show a message in a panel; a dropped file is named as the person knows it, not where it was put."""
-        self.problems[place] = as_known(text, self.folder)
+        """Show a message in a panel; in the page's words, a dropped file by the name that the person knows."""
+        self.problems[place] = on_the_page(as_known(text, self.folder))
 
     def looked(self) -> Looked:
         """Give the model that is looked at, to come back to."""

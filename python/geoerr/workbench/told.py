@@ -13,6 +13,7 @@ from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.effects import Effect, catalogue
 from geoerr.report.diagnosis_page import circle_diagnosis_sentences
 from geoerr.summaries import capitalised
+from geoerr.workbench.page_words import on_the_page
 
 _MOST_ALIKE = 4
 # What is said, and of what; the first may be empty.
@@ -117,7 +118,7 @@ def _of_points(diagnosis: Diagnosis, titles: Mapping[str, str]) -> Told:
     others = [_finding(one, ": ".join(filter(None, (why, one.left_because))), titles) for one in left]
     return Told(
         verdict=diagnosis.sentence,
-        sentences=tuple(f"{capitalised(note)}." for note in diagnosis.notes),
+        sentences=tuple(f"{capitalised(on_the_page(note))}." for note in diagnosis.notes),
         cards=tuple(cards),
         others=tuple(others),
         others_title=f"{len(others)} more, {why}",
