@@ -37,6 +37,8 @@ class View:
         Exaggeration, as a power of two.
     variable, color_by
         Of the residual's picture; "" where it is for the data to say, and for no colour.
+    settled
+        The variable that the data said last: another one was chosen by the person, and stays.
     run
         Of the circular tests; "" where it is for the data to say.
     conditions
@@ -49,6 +51,7 @@ class View:
     turns: int = 0
     power: float = 0.0
     variable: str = ""
+    settled: str = ""
     color_by: str = ""
     run: str = ""
     conditions: dict[str, str] = field(default_factory=dict)
@@ -66,13 +69,14 @@ class View:
     def settle(
         self, variables: Sequence[str], by_worth: Sequence[str], looks: Collection[str], runs: Sequence[str]
     ) -> None:
-        """Choose anew what the data do not have: at first what the residual follows most, and the worst run first."""
+        """Choose anew what the data do not have, or the person has not chosen: what the residual follows most."""
         if self.look not in looks:
             self.look = next(iter(looks), self.look)
         if self.run not in runs:
             self.run = next(iter(runs), "")
-        if self.variable not in variables:
+        if self.variable not in variables or self.variable == self.settled:
             self.variable = next((name for name in by_worth if name in variables), variables[0] if variables else "")
+            self.settled = self.variable
         if self.color_by not in variables:
             self.color_by = ""
 
