@@ -19,6 +19,7 @@ from geoerr.workbench import actions, wiring
 from geoerr.workbench.own_effect import OwnFormula, own_effect
 from geoerr.workbench.panel_missing import tried_value
 from geoerr.workbench.parts import problem
+from geoerr.workbench.program import work_offset_mm
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
 from geoerr.workbench.typed import typed_number
@@ -125,3 +126,24 @@ def test_conditions_that_are_not_stated_are_asked_for_where_their_fields_are() -
     session = Session(threads=1)
     session.show_problem(actions.PROGRAM, refusal(["temp_bed", "feed"], Machine("m", "wbXYZt", AXES)))
     assert session.problems[actions.PROGRAM].endswith("hint: state them in their fields, above the program")
+
+
+@pytest.mark.parametrize(
+    ("text", "offset_mm"),
+    [
+        ("0, 0, 0", (0.0, 0.0, 0.0)),
+        ("1,2,3", (1.0, 2.0, 3.0)),
+        ("0,5, 0,5, 0", (0.5, 0.5, 0.0)),
+        ("0,5; 0,5; −2", (0.5, 0.5, -2.0)),
+        ("1 ,5 ,2", (1.0, 5.0, 2.0)),
+        ("1.5 2 3", (1.5, 2.0, 3.0)),
+    ],
+)
+def test_a_programs_zero_is_read_with_either_decimal_sign(text: str, offset_mm: tuple[float, ...]) -> None:
+    assert work_offset_mm(text) == offset_mm
+
+
+@pytest.mark.parametrize("text", ["", "1, 2", "1,2,3,4", "1,,2", "inf, 0, 0", "1e300, 0, 0", "x"])
+def test_what_is_no_programs_zero_is_refused(text: str) -> None:
+    with pytest.raises(InputFileError, match="the program's zero"):
+        work_offset_mm(text)

@@ -101,6 +101,8 @@ def read_again(
                 session.forget_step()
                 session.told = told
                 session.program = session.before = None
+                # What was refused was refused with other data.
+                session.problems.clear()
                 _look(session, seen)
 
         return apply
@@ -293,7 +295,10 @@ def compensate(session: Session, name: str, content: bytes, wish: Wish) -> None:
 
         return apply
 
-    session.begin(f"correcting {known}", PROGRAM, work)
+    with session.lock:
+        session.begin(f"correcting {known}", PROGRAM, work)
+        # Beside a refusal an earlier result would pass for that of this program.
+        session.program = None
 
 
 def dismiss(session: Session, place: str) -> None:

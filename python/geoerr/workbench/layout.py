@@ -13,8 +13,8 @@ from geoerr.workbench.panel_use import use_panel
 from geoerr.workbench.panel_where import where_panel
 from geoerr.workbench.session import Session
 
-# How often the page asks for news while work is under way.
-_BEAT_MS = 300
+# How often the page asks for news: while work is under way, and otherwise, for another page may have begun some.
+BEAT_MS, RESTING_BEAT_MS = 300, 3000
 # What a first glance does not see: part of the page to its heading.
 _BELOW = {"program": "Correct a program", "report": "Report"}
 
@@ -46,7 +46,7 @@ def page(session: Session) -> Any:
             dcc.Store(id="marks", data=0.0),
             dcc.Store(id="pinned", data=""),
             dcc.Store(id="webgl"),
-            dcc.Interval(id="beat", interval=_BEAT_MS, disabled=True),
+            dcc.Interval(id="beat", interval=RESTING_BEAT_MS),
         ],
         className="page",
     )

@@ -118,22 +118,26 @@ def program_result(session: Session) -> list[Any]:
         *parts,
         html.P([html.B(corrected.name), f", by the model “{corrected.model_name}”"]),
         html.Table([html.Tbody(rows)], className="figures pair"),
-        button(f"Download {corrected.corrected_name}", "download", is_main=True),
+        html.P(html.B(sentence(corrected.left_because)))
+        if corrected.left_because
+        else button(f"Download {corrected.corrected_name}", "download", is_main=True),
         html.Ul(warnings, className="told") if warnings else None,
         _folded(notes),
-        html.Div(
-            [
-                html.Figure(
-                    [
-                        html.Div(dcc.Graph(figure=figure, config=WITHOUT_BUTTONS, responsive=True), className="path"),
-                        html.Figcaption(caption),
-                    ]
-                )
-                for figure, caption in _paths(corrected)
-            ],
-            className="pictures",
-        ),
+        None if corrected.left_because else _pictures(corrected),
     ]
+
+
+def _pictures(corrected: CorrectedProgram) -> Any:
+    figures = [
+        html.Figure(
+            [
+                html.Div(dcc.Graph(figure=figure, config=WITHOUT_BUTTONS, responsive=True), className="path"),
+                html.Figcaption(caption),
+            ]
+        )
+        for figure, caption in _paths(corrected)
+    ]
+    return html.Div(figures, className="pictures")
 
 
 def _folded(notes: list[Any]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ from geoerr.verify.path_trace import PathTrace, trace_paths
 from geoerr.workbench.typed import typed_number
 
 Numbers = npt.NDArray[np.float64]
+_ZERO = "the program's zero"
+_WITHOUT_ERRORS = "nothing was corrected: this is a machine without errors; fit the 21 errors first"
+_NOTHING_TO_CORRECT = "nothing was corrected: what the model says along this path rounds to nothing or is uncertain"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,8 @@ class CorrectedProgram:
         What was done to it, and how far the tool is from the programmed path.
     model_name
         The step whose model corrected it.
+    left_because
+        Why nothing of it was changed; empty where something was.
     """
 
     name: str
@@ -42,6 +48,7 @@ class CorrectedProgram:
     result: CompensationResult
     trace: PathTrace
     model_name: str
+    left_because: str = ""
 
     @property
     def corrected_name(self) -> str:
@@ -96,7 +103,8 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
         known, _, rest = well_known(model, at)
         trace = trace_paths(known, before, after, at=rest, work_offset_mm=offset)
         corrected = after.read_bytes()
-    return CorrectedProgram(name, corrected, result, trace, model_name)
+    left_because = "" if corrected != content else _WITHOUT_ERRORS if model.is_nominal else _NOTHING_TO_CORRECT
+    return CorrectedProgram(name, corrected, result, trace, model_name, left_because)
 
 
 def conditions_of(model: Model, typed: Mapping[str, str]) -> dict[str, float]:
@@ -130,10 +138,12 @@ def work_offset_mm(text: str) -> tuple[float, float, float]:
     InputFileError
         for anything else.
     """
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputFileError(
-            "the program's zero", f"{text!r} is not three numbers", remedy="write x, y, z in mm: 0, 0, 0"
-        ) from None
+    # A comma with a space behind it stands between numbers, and one without may be a decimal comma.
+    tidy = re.sub(r"\s+(?=[,;])", "", text.strip())
+    parts = re.split(r"[;,]?\s+|;", tidy)
+    numbers = [typed_number(_ZERO, part) for part in (parts if len(parts) == 3 else tidy.split(","))]
+    known = [number for number in numbers if number is not None]
+    if len(known) != 3 or len(numbers) != 3:
+        raise InputFileError(_ZERO, f"{text!r} is not three numbers", remedy="write x, y, z in mm: 0, 0, 0")
+    x, y, z = known
     return x, y, z

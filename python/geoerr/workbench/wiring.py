@@ -12,7 +12,7 @@ from geoerr.errors import GeoerrError
 from geoerr.workbench import actions, reports
 from geoerr.workbench.clicks import clicked
 from geoerr.workbench.explained import TRIAL, what_is_shown
-from geoerr.workbench.layout import status
+from geoerr.workbench.layout import BEAT_MS, RESTING_BEAT_MS, status
 from geoerr.workbench.marking import wire_marks
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_given import given_panel
@@ -106,7 +106,7 @@ def panels(session: Session) -> dict[str, Any]:
             "runs": [] if seen is None else [one.name for one in seen.circles],
             "run": session.view.run or None,
             "status": status(session),
-            "resting": not session.is_busy,
+            "beat": BEAT_MS if session.is_busy else RESTING_BEAT_MS,
         }
 
 
@@ -216,7 +216,9 @@ def _wire_actions(app: Dash, session: Session) -> None:
         prevent_initial_call=True,
     )
     def _beat(_: Any, tick: int) -> Any:
-        return status(session), no_update if tick == session.version else session.version
+        is_news = tick != session.version
+        # What stands still is not said again.
+        return status(session) if session.is_busy or is_news else no_update, session.version if is_news else no_update
 
 
 def _wire_panels(app: Dash, session: Session) -> None:
@@ -238,7 +240,7 @@ def _wire_panels(app: Dash, session: Session) -> None:
             "runs": Output("run", "options"),
             "run": Output("run", "value"),
             "status": Output("status", "children"),
-            "resting": Output("beat", "disabled"),
+            "beat": Output("beat", "interval"),
             "sight": Output("sight", "data"),
         },
         inputs={"_": Input("tick", "data"), "sight": State("sight", "data")},
