@@ -24,6 +24,7 @@ from geoerr.report import figures
 from geoerr.report.error_tables import error_function_table, not_determined, share_within_95, squareness_table
 from geoerr.report.figures import style
 from geoerr.verify.ballbar import circle_to_test, run_circular_test
+from geoerr.verify.positioning import PositioningTest
 
 MACHINE = Machine("test", "wZbXYt", {name: Axis((0.0, 400.0)) for name in AXES})
 POSITION_MM = np.linspace(0.0, 400.0, 21)
@@ -67,7 +68,11 @@ def test_every_figure_has_a_title_units_and_the_same_look():
         assert figure.layout.title.text, name
         assert figure.layout.title.subtitle.text, name
         assert figure.layout.height >= 360, name
-        assert figure.layout.template.layout.colorway == style.SERIES, name
+        look = figure.layout.template.layout
+        assert look.colorway == style.SERIES, name
+        # The unit is the title's: no tick has a prefix of its own.
+        for axis in (look.xaxis, look.yaxis, look.polar.radialaxis, look.scene.zaxis):
+            assert axis.exponentformat == "none", name
         words = figure.to_json()
         assert any(unit in words for unit in ("µm", "px", "mm")), name
 
@@ -248,3 +253,11 @@ def test_the_share_within_95_percent_counts_uncertain_positions_only():
 def test_rounding_to_1_2_5(value, up, down):
     assert style.round_up_125(value) == pytest.approx(up)
     assert style.round_down_125(value) == pytest.approx(down)
+
+
+def test_deviations_that_tables_call_nothing_are_drawn_as_nothing():
+    at, none = np.linspace(0.0, 300.0, 5), np.full(5, np.nan)
+    tiny, small = (PositioningTest(at, -size * at, -size * at, none, none, 0) for size in (5e-7, 1e-3))
+    figure = figures.positioning_curves({"Y": tiny, "Z": small}, "Positioning", "as the model has it")
+    assert list(figure.layout.yaxis.range) == [-0.05, 0.05]
+    assert figure.layout.yaxis2.range is None

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from geoerr.observations import observations_from_columns
 from geoerr.report import model_report as parts
 from geoerr.report.model_page import model_sections, report_sentences
 from geoerr.report.model_report import model_report
-from geoerr.report.page import Table
+from geoerr.report.page import Figure, Table
 
 HOSTILE = "<script>alert('1')</script>"
 MACHINE = Machine.from_chain("wbXYZt", (400.0, 300.0, 200.0), name=f"mill {HOSTILE}")
@@ -206,6 +207,14 @@ def test_a_condition_that_is_no_temperature_is_asked_for(folder: Path) -> None:
     assert "load" in whys[parts.FIELD]
     assert {parts.FIELD, parts.CIRCLES, parts.POSITIONING, parts.DIAGONALS, parts.BUDGET} <= set(whys)
     assert parts.ERRORS in [section.title for section in model_sections(report)]
+
+
+def test_a_model_without_error_functions_shows_no_empty_plots(full: parts.ModelReport) -> None:
+    report = replace(full, errors=replace(full.errors, functions={}))
+    (section,) = [one for one in model_sections(report) if one.title == parts.ERRORS]
+    assert not any(isinstance(block, Figure) for block in section.blocks)
+    assert "none of the 18 functions" in section.blocks[0].text
+    assert [block.caption for block in section.blocks if isinstance(block, Table)] == ["The three squarenesses"]
 
 
 def test_an_axis_that_was_not_measured_has_no_prediction(folder: Path) -> None:

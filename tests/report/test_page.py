@@ -14,6 +14,7 @@ import plotly.graph_objects as go
 import pytest
 from plotly.offline import get_plotlyjs
 
+from geoerr.report.figures import style
 from geoerr.report.page import Figure, Paragraph, Section, Table, render_report, write_report
 from geoerr.report.provenance import Provenance, provenance_of_command
 
@@ -152,3 +153,13 @@ def test_a_page_says_what_a_browser_without_webgl_does_not_draw(elements) -> Non
     # Which figures are 3-D pictures is told by their traces.
     assert "/3d$/.test(trace.type)" in script
     assert "this browser draws none: it has no WebGL" in script
+
+
+def test_letters_of_figures_can_be_read_on_paper(elements) -> None:
+    script, look = elements.text["script"][-1], elements.text["style"][-1]
+    sheet_px, narrowest_px = (int(re.search(rf"{name}\D*(\d+)", script)[1]) for name in ("sheet =", "narrowest ="))
+    # Drawn again as narrow as they are ever drawn on a screen, and scaled from there.
+    assert f"min-width: {narrowest_px}px" in look
+    letters_px = style.template().layout.font.size
+    assert 0.75 * letters_px * sheet_px / narrowest_px >= 7.0
+    assert "Plotly.relayout" in script.partition('addEventListener("beforeprint"')[0]

@@ -199,6 +199,12 @@ def _judgement(report: ModelReport) -> list[Section]:
 def _error_blocks(report: ModelReport) -> tuple[Block, ...]:
     if report.errors is None:
         return ()
+    if not report.errors.functions:
+        return (
+            Paragraph("The model has none of the 18 functions along axes; circular tests alone do not tell them."),
+            squareness_table(report.errors),
+            *map(as_sentence, report.errors.notes),
+        )
     caption = "Error functions over their axis, with 95 % intervals where the model knows them; squareness last."
     return (
         Figure(error_curves(report.errors), caption),

@@ -63,7 +63,7 @@ def path_error(
             )
         )
     # Before and after usually differ by a factor of a hundred: only a logarithmic axis shows both.
-    figure.update_yaxes(title_text="error, µm", type="log", dtick=1, exponentformat="none")
+    figure.update_yaxes(title_text="error, µm", type="log", dtick=1)
     figure.update_xaxes(title_text="distance travelled, mm")
     return style.finish(
         figure,

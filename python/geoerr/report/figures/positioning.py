@@ -15,6 +15,8 @@ _COLUMNS = 2
 _ROW_PX, _OTHER_PX = 250, 60
 _TITLE_PX = 26
 _GAP_PX = 92
+# Half the last digit that is printed.
+_LEAST_UM = 0.05
 
 
 def positioning_curves(tests: Mapping[str, PositioningTest], title: str, subtitle: str) -> go.Figure:
@@ -66,7 +68,13 @@ def positioning_curves(tests: Mapping[str, PositioningTest], title: str, subtitl
                 **place,
             )
         figure.update_xaxes(title_text="along the line, mm", **place)
-        figure.update_yaxes(title_text="deviation, µm", **place)
+        figure.update_yaxes(title_text="deviation, µm", range=_range_um(test), **place)
     return style.finish(
         figure, title, subtitle, height_px, above_plots_px=_TITLE_PX, bottom_px=_OTHER_PX, legend=True
     )
+
+
+def _range_um(test: PositioningTest) -> list[float] | None:
+    """Give the ends of an axis on which what tables call 0.0 is a line at 0; None where the axis finds its own."""
+    deviation_um = np.concatenate([test.up_um, test.down_um]) - test.up_um[0]
+    return None if np.nanmax(np.abs(deviation_um)) > _LEAST_UM else [-_LEAST_UM, _LEAST_UM]

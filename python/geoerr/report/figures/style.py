@@ -37,6 +37,8 @@ HEADING_PX = 62
 LEGEND_PX = 28
 
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Liberation Sans', 'DejaVu Sans', sans-serif"
+# Units stand in the titles of axes: a tick of "150µ" beside "µm" would have another one.
+_NUMBERS = {"exponentformat": "none"}
 
 
 def template() -> go.layout.Template:
@@ -52,8 +54,10 @@ def template() -> go.layout.Template:
         "ticklen": 4,
         "automargin": True,
         "title": {"standoff": 6},
+        **_NUMBERS,
     }
     scene_axis = {"gridcolor": GRID, "backgroundcolor": "#FFFFFF", "showbackground": False, "linecolor": "#888888"}
+    scene_axis |= _NUMBERS
     return go.layout.Template(
         layout={
             "font": {"family": _FONT, "size": 12, "color": INK},
@@ -67,7 +71,7 @@ def template() -> go.layout.Template:
             "polar": {
                 "bgcolor": "#FFFFFF",
                 "angularaxis": {"gridcolor": GRID, "linecolor": "#888888"},
-                "radialaxis": {"gridcolor": GRID, "linecolor": "#888888"},
+                "radialaxis": {**_NUMBERS, "gridcolor": GRID, "linecolor": "#888888"},
             },
             "legend": {"orientation": "h", "x": 0.0, "xanchor": "left", "yanchor": "bottom", "y": 1.0},
             "hoverlabel": {"font": {"family": _FONT}},
