@@ -279,6 +279,15 @@ def test_an_own_formula_is_tried_and_then_added(tmp_path: Path) -> None:
     assert 1e3 * value == pytest.approx(-PLAY_UM, abs=2.0)
     wiring.do(session, "add-trial", "")
     assert session.step.name == "+ gap-of-x:x"
+    # Other data, and the 21 errors fitted anew, leave it where it is.
+    actions.read_again(session, tuple(session.files), is_new_model=False, keeps=False)
+    settle(session)
+    assert [one.id for one in session.known_effects] == ["gap-of-x"]
+    actions.fit_classic(session, "21")
+    settle(session)
+    again = session.model.parameter("gap-of-x:x.g").value
+    assert 1e3 * again == pytest.approx(-PLAY_UM, abs=2.0)
+    assert any(term.kind == "classic" for term in session.model.machine_terms)
     with pytest.raises(GeoerrError, match="your formula"):
         actions.try_formula(session, OwnFormula("bad", "along", "x", "c*(q"))
     with pytest.raises(InputFileError, match="no number to be found"):

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from geoerr.diagnose import Change, Comparison, Diagnosis, Finding, compare, diagnose
-from geoerr.diagnose.change import add_effect, add_terms, remove_terms
+from geoerr.diagnose.change import add_effect, add_terms, own_terms, remove_terms
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.effects import catalogue, load_effects
 from geoerr.errors import GeoerrError, InputFileError
@@ -95,6 +95,7 @@ def read_again(
         def apply() -> None:
             with session.lock:
                 session.files, session.measured, session.own_effects = list(files), measured, effects
+                session.tried = tuple(one for one in session.tried if one.id not in {own.id for own in effects})
                 session.calibration, session.replaced = calibration, replaced
                 session.steps, session.current, session.reference = steps, current, reference
                 told = session.told if keeps else None
@@ -116,8 +117,14 @@ def fit_classic(session: Session, components: str) -> None:
     options = FitOptions(components="12" if components == "12" else "21", threads=session.threads)
 
     def work(advance: Advance) -> Callable[[], None]:
+        effects = [term for term in own_terms(model) if term.kind != "classic"]
         fitted = fit_model(
-            model.machine, *_fittable(data), options=options, on_progress=advance, **_calibration(session)
+            model.machine,
+            *_fittable(data),
+            effects=effects,
+            options=options,
+            on_progress=advance,
+            **_calibration(session),
         )
         seen = Seen.of(Comparison(fitted.model, "own", fitted.fitted))
         return lambda: _take_step(session, f"{components} errors fitted", fitted.model, seen)
@@ -127,7 +134,7 @@ def fit_classic(session: Session, components: str) -> None:
 
 def find_missing(session: Session, *, is_shown: bool = False) -> None:
     """Search for what the model lacks; `is_shown` draws the pictures anew when it is found."""
-    model, data, effects = session.model, session.data, session.own_effects
+    model, data, effects = session.model, session.data, session.known_effects
 
     def work(advance: Advance) -> Callable[[], None]:
         found: Diagnosis | CircleDiagnosis
@@ -151,7 +158,7 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
 
 def add(session: Session, reference: str) -> None:
     """Add an effect and fit again."""
-    model, data, effects = session.model, session.data, session.own_effects
+    model, data, effects = session.model, session.data, session.known_effects
     found, known, searched = _found(session, reference), _own_fit(session), _searched_fit(session)
 
     def work(_: Advance) -> Callable[[], None]:
@@ -246,7 +253,7 @@ def try_formula(session: Session, typed: OwnFormula) -> None:
     model, data = session.model, session.data
     columns = () if data.points is None else tuple(data.points.frame.columns)
     effect = own_effect(typed, columns, session.folder)
-    others = tuple(one for one in session.own_effects if one.id != effect.id)
+    others = tuple(one for one in session.known_effects if one.id != effect.id)
 
     def work(_: Advance) -> Callable[[], None]:
         change = add_effect(
@@ -273,8 +280,7 @@ def add_trial(session: Session) -> None:
         trial = session.trial
         if trial is None:
             raise GeoerrError("there is nothing to add\nhint: try the formula first")
-        others = tuple(one for one in session.own_effects if one.id != trial.effect.id)
-        session.own_effects = (*others, trial.effect)
+        session.tried = (*(one for one in session.tried if one.id != trial.effect.id), trial.effect)
         _step_of_change(session, f"+ {trial.terms[0].id}", trial.change)()
         session.changed(is_kept=True)
 

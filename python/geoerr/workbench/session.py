@@ -108,6 +108,8 @@ class Session:
         Grow with every change, and with every change of what the pictures show.
     files, measured, own_effects, calibration
         What was given; the calibration's uncertainty takes part in every fit and search.
+    tried
+        Own effects that were written on the page, and added.
     replaced
         Names of files that took the place of earlier ones when files were last given.
     steps, current, reference
@@ -136,6 +138,7 @@ class Session:
     measured: Measurements | None = None
     replaced: tuple[str, ...] = ()
     own_effects: tuple[Effect, ...] = ()
+    tried: tuple[Effect, ...] = ()
     calibration: Calibration = field(default_factory=Calibration)
     steps: list[Step] = field(default_factory=list)
     current: int = 0
@@ -156,6 +159,12 @@ class Session:
     job: Job | None = None
     lock: threading.RLock = field(default_factory=threading.RLock)
     on_saved_change: Callable[[Session], None] = lambda _: None
+
+    @property
+    def known_effects(self) -> tuple[Effect, ...]:
+        """Own effects: of files, and written on the page, which take the place of those of their names."""
+        written = {one.id for one in self.tried}
+        return (*(one for one in self.own_effects if one.id not in written), *self.tried)
 
     @property
     def step(self) -> Step | None:
