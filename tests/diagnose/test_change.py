@@ -95,6 +95,21 @@ def test_taking_away_undoes_adding(observations: Observations) -> None:
     assert [entry.action for entry in record.history] == ["added", "added", "removed"]
 
 
+def test_rows_that_lacked_what_an_effect_needed_come_back_without_it(observations: Observations) -> None:
+    gaps = observations.frame.with_columns(
+        pl.when(pl.int_range(pl.len()) % 3 == 0).then(None).otherwise(pl.col("temp_bed")).alias("temp_bed")
+    )
+    table = Observations(gaps, observations.sources)
+    base = added(Model(MACHINE), table, "backlash:x")
+    more = added(base, table, "thermal-expansion:x@temp_bed")
+    change = remove_terms(more, [table], "thermal-expansion:x@temp_bed")
+    n_rows = [model.record.n_rows for model in (base, more, change.result.model) if model.record is not None]
+    assert n_rows[1] < 0.7 * n_rows[0]
+    assert n_rows[2] == n_rows[0] == len(table)
+    # The figures before and after are of the same rows all the same.
+    assert len(change.before.sightings) == len(change.after.sightings) == n_rows[1]
+
+
 def test_refusals(observations: Observations) -> None:
     base = added(Model(MACHINE), observations, "backlash:x")
     with pytest.raises(GeoerrError, match="already"):

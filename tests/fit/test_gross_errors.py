@@ -58,6 +58,17 @@ def test_one_percent_of_gross_errors(seed: int) -> None:
     assert result.split.lack_of_fit_p > 1e-6
 
 
+@pytest.mark.parametrize("factor", [1e3, 1e6])
+def test_a_lost_decimal_point_is_left_out_before_it_turns_a_frame(factor: float) -> None:
+    observations, _ = scene(2)
+    measured = observations.numbers("mx")[:, 0].copy()
+    measured[7] *= factor
+    spoilt = fitted(MACHINE, replaced(observations, mx=measured))
+    assert spoilt.sightings.left_out == {"measured far from any place that the machine reaches": 1}
+    clean = fitted(MACHINE, without(observations, np.array([7])))
+    assert difference_in_std(spoilt, clean) < 1e-6
+
+
 def test_clean_data_lose_no_row() -> None:
     """40 fits of 324 rows: 0.001 rows beyond the limit by chance."""
     for seed in range(40):

@@ -102,3 +102,10 @@ def test_the_verb_takes_conditions(tmp_path):
     )
     assert other.stderr == "note: the model does not depend on humidity: --at humidity changes nothing\n"
     assert json.loads(other.stdout)["before"] == json.loads(hot.stdout)["before"]
+
+
+@pytest.mark.parametrize("direction", [7.0, 0.5])
+def test_a_direction_is_one_way_or_the_other(direction: float):
+    model = Model(MACHINE, None, (term("backlash:x", b=0.02),))
+    with pytest.raises(GeoerrError, match=r"d_x is [0-9.]+, a direction is −1 or 1"):
+        model.error_mm([[100.0, 100.0, 100.0]], at={"d_x": direction})

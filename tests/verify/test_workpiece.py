@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -191,6 +192,18 @@ def test_groups_of_one_file_only_have_no_ratio(tmp_path):
     result = compare_workpieces(before, after)
     assert [(group.name, group.ratio) for group in result.groups] == [("slots", 1.0), ("edges", None), ("rims", None)]
     assert len(result.notes) == 2
+
+
+def test_other_points_or_components_are_told_to_prove_nothing(tmp_path):
+    before = read_relative_errors(write(tmp_path / "before.csv", PLANAR))
+    shorter = "\n".join(line.replace(",110,10,", ",30,10,") for line in PLANAR.splitlines()) + "\n"
+    assert shorter != PLANAR
+    other = compare_workpieces(before, read_relative_errors(write(tmp_path / "shorter.csv", shorter)))
+    assert any("other nominal points before than after" in note for note in other.notes)
+    whole = dataclasses.replace(before, components=("mx", "my", "mz"))
+    turned = compare_workpieces(before, whole)
+    assert any("mx my were measured before, mx my mz after" in note for note in turned.notes)
+    assert not compare_workpieces(before, before).notes
 
 
 def run_command(*arguments):

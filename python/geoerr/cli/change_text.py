@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from geoerr.cli.fit_document import fit_document
-from geoerr.cli.fit_text import effect_rows, figure_rows, quality_in_words, wrapped
+from geoerr.cli.fit_text import effect_rows, figure_rows, not_determined_rows, quality_in_words, wrapped
 from geoerr.cli.options import note, note_left_out, note_set_aside, print_json
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
@@ -32,6 +32,8 @@ def change_text(change: Change) -> list[str]:
     lines += effect_rows(after)
     record = change.result.model.record
     assert record is not None
+    if record.not_determined:
+        lines += ["", "not determined (unknown, not zero):", *not_determined_rows(record.not_determined)]
     lines += ["", *fall(record.history)]
     return lines
 

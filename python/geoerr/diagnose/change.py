@@ -48,7 +48,7 @@ class Change:
     Attributes
     ----------
     result
-        The model after it, with its history.
+        The model after it, with its history, of all rows that it can do with.
     before, after
         The fits without and with the change, on the same rows.
     """
@@ -268,9 +268,13 @@ def remove_terms(
             f"the model has no effect {reference!r}\nhint: it has {', '.join(effects) if effects else 'no effects'}"
         )
     title = next(term.title for term in terms if term.id == reference)
-    before = _Data(tables, rig_sensitivity, rig_covariance, threads).fitted(model, terms)
-    after = refit(before, [term for term in before.terms if term.id != reference])
-    return _change(model, before, after, "removed", reference, title, [reference])
+    data = _Data(tables, rig_sensitivity, rig_covariance, threads)
+    before = data.fitted(model, terms)
+    left = [term for term in before.terms if term.id != reference]
+    after = refit(before, left)
+    # Rows that lacked what the effect needed come back: the model does without it.
+    whole = data.fitted(model, left) if LACKING in before.sightings.left_out else after
+    return _change(model, before, after, "removed", reference, title, [reference], whole=whole)
 
 
 def own_terms(model: Model) -> tuple[Term, ...]:
@@ -317,7 +321,10 @@ def _change(
     reference: str,
     title: str,
     changed: Sequence[str],
+    *,
+    whole: Fitted | None = None,
 ) -> Change:
+    """Give a change with both fits to the same rows; the model is that of `whole`, where that has more rows."""
     held = after if action == "added" else before
     entry = HistoryEntry(
         reference=reference,
@@ -328,4 +335,4 @@ def _change(
         action="added" if action == "added" else "removed",
     )
     earlier = () if model.record is None else model.record.history
-    return Change(result_of(after, (*earlier, entry)), before, after)
+    return Change(result_of(whole or after, (*earlier, entry)), before, after)

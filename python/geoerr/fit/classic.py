@@ -31,6 +31,8 @@ TANGENT = {
     "EAZ": ("EYZ", -1.0),
 }
 
+# Positions nearer than this share of their mean distance are one.
+_ONE_PLACE = 0.01
 # Splines of one function that any data may be given.
 _MOST_FUNCTIONS = 24
 # Positions of which a function may not miss one: what it misses of a few levels of a grid looks like a wave. Of more,
@@ -191,14 +193,16 @@ def rich_basis(
 
 
 def rich_bases(
-    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers]
+    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = _MOST_FUNCTIONS
 ) -> dict[str, BasisSpec]:
     """Give the richest basis of each error function (ISO names); functions of an axis that never moved have none."""
     is_noise_told = tells_noise(sightings, names, positions_mm)
     found = {}
     for name in names:
         axis = name[2].lower()
-        basis = rich_basis(axis, positions_mm[axis], is_stated=sightings.is_stated, is_noise_told=is_noise_told)
+        basis = rich_basis(
+            axis, positions_mm[axis], is_stated=sightings.is_stated, is_noise_told=is_noise_told, most=most
+        )
         if basis is not None:
             found[name] = basis
     return found
@@ -221,5 +225,18 @@ def distinct_positions(position_mm: Numbers, same_mm: float) -> Numbers:
 
 
 def positions_by_axis(commanded_mm: Numbers, same_mm: float) -> dict[str, Numbers]:
-    """Give the distinct positions of each axis."""
-    return {axis: distinct_positions(commanded_mm[:, index], same_mm) for index, axis in enumerate(AXES)}
+    """Give the distinct positions of each axis.
+
+    Neighbours that are a hundredth as far apart as positions are on average are one, too: a third of a length is
+    rounded up on the way there, and down on the way back.
+    """
+    found = {}
+    for index, axis in enumerate(AXES):
+        own = distinct_positions(commanded_mm[:, index], same_mm)
+        if len(own) > 2:
+            low, high = float(own[0]), float(own[-1])
+            own = distinct_positions(own, max(same_mm, _ONE_PLACE * (high - low) / len(own)))
+            # What a function is asked for reaches from end to end.
+            own[-1] = high
+        found[axis] = own
+    return found

@@ -34,6 +34,7 @@ from geoerr.fit.inner import has_unknown_inner, started
 from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
+from geoerr.fit.rich import determined_bases
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
@@ -141,16 +142,27 @@ def fit_terms(
     given = dict(options.bases or {})
     rich = {**rich_bases(sightings, names_of(options.components), positions), **given}
     posed = Posed(machine, sightings, shared, options)
-    classic = classic_terms(machine, options.components, rich, follows_tangent=options.follows_tangent)
     choices: tuple[KnotChoice, ...] = ()
-    undecided = [term for term in classic if term.id in rich and term.id not in given]
     known = tuple(effect for effect in effects if not has_unknown_inner(effect))
-    fitted = posed.fit((*classic, *known))
+
+    def classic_on(bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
+        return tuple(
+            classic_terms(machine, options.components, {**rich, **bases}, follows_tangent=options.follows_tangent)
+        )
+
+    found, fitted = determined_bases(
+        lambda bases: posed.fit((*classic_on(bases), *known)),
+        {name: basis for name, basis in rich.items() if name not in given},
+        sightings,
+        positions,
+    )
+    rich = {**rich, **found}
+    undecided = [term for term in classic_on(found) if term.id in rich and term.id not in given]
     # Where something is hardly determined its value runs away, and drags along its products with others. To choose
     # by, the first step is enough: at that order what is not seen has no effect.
     one_step = bool(undecided) and has_run_away(fitted)
     if one_step:
-        fitted = posed.fit((*classic, *known), one_step=True)
+        fitted = posed.fit((*classic_on(found), *known), one_step=True)
     for effect in effects:
         if has_unknown_inner(effect):
             fitted = posed.fit((*fitted.terms, started(fitted, effect, threads=options.threads)), one_step=one_step)
@@ -169,11 +181,7 @@ def fit_terms(
         family: Family = "elements" if options.freedom == "elements" else "splines"
         choices = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions, family)
         chosen = {**rich, **{choice.name: choice.basis for choice in choices}}
-        terms = (
-            *classic_terms(machine, options.components, chosen, follows_tangent=options.follows_tangent),
-            *_with_starts(effects, fitted.terms),
-        )
-        fitted = posed.fit(terms)
+        fitted = posed.fit((*classic_on(chosen), *_with_starts(effects, fitted.terms)))
     return replace(fitted, choices=choices)
 
 

@@ -53,6 +53,8 @@ _PLACING = frozenset(
 _LEAST_STD_MM = 1e-7
 # Makes one number of the directions −1, 0 and 1 of three axes.
 _SENSES = np.array([1, 3, 9], dtype=np.int64)
+# A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
+_BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
 # Positions closer than this are one position: a hundredth of a micrometre is below every command's resolution.
 SAME_POSITION_MM = 1e-5
 
@@ -241,7 +243,7 @@ def _of_points(observations: Observations) -> Sightings:
         for number in range(len(sessions))
     )
     commanded = kept.commanded_mm
-    return Sightings(
+    joined = Sightings(
         table=kept.frame,
         commanded_mm=commanded,
         offset_mm=kept.target_offset_mm,
@@ -259,6 +261,29 @@ def _of_points(observations: Observations) -> Sightings:
         left_out=left_out,
         notes=notes,
     )
+    is_near = _near_the_others(joined)
+    return joined if is_near.all() else joined.select(is_near, "measured far from any place that the machine reaches")
+
+
+def _near_the_others(sightings: Sightings) -> np.ndarray:
+    """Tell which rows (n,) are measured where the machine can have been: a lost decimal point turns a whole frame."""
+    is_near = np.ones(len(sightings), dtype=bool)
+    moves = sightings.carrier != CARRIERS.index("base")
+    for number in range(len(sightings.sessions)):
+        rows = np.flatnonzero((sightings.session == number) & moves)
+        if len(rows) < 3:
+            continue
+        travel, offsets = (_farthest_mm(own[rows]) for own in (sightings.commanded_mm, sightings.offset_mm))
+        seen, measured = sightings.is_measured[rows], sightings.measured_mm[rows]
+        columns = zip(measured.T, seen.T, strict=True)
+        middle = [np.median(own[is_seen]) if is_seen.any() else 0.0 for own, is_seen in columns]
+        distance = np.linalg.norm(np.where(seen, measured - middle, 0.0), axis=1)
+        is_near[rows] = distance <= _BEYOND_REACH * (travel + offsets) + _BEYOND_REACH_MM
+    return is_near
+
+
+def _farthest_mm(points_mm: Numbers) -> float:
+    return float(np.linalg.norm(points_mm - np.median(points_mm, axis=0), axis=1).max())
 
 
 def _of_circle(test: CircularTest) -> Sightings:

@@ -89,9 +89,16 @@ def constants_of(machine: Machine, at: Conditions | None) -> dict[str, float]:
     ShapeError
         for a condition that is not.
     GeoerrError
-        for a text that is not `reference`, or not of a temperature.
+        for a text that is not `reference`, or not of a temperature, and a direction that is none.
     """
-    return {name: float(_row(name, value, machine, 1)[0]) for name, value in ({} if at is None else at).items()}
+    constants = {name: float(_row(name, value, machine, 1)[0]) for name, value in ({} if at is None else at).items()}
+    for name in (f"d_{axis}" for axis in AXES):
+        if constants.get(name, 0.0) not in (-1.0, 0.0, 1.0):
+            raise GeoerrError(
+                f"the condition {name} is {constants[name]:g}, a direction is −1 or 1\n"
+                f"hint: leave it out where a path tells it, or state {name}=1 for a place that is reached from below"
+            )
+    return constants
 
 
 def bound_conditions(

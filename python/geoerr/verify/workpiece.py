@@ -34,6 +34,8 @@ Numbers = npt.NDArray[np.float64]
 
 _UM_PER_MM = 1e3
 _NO_GROUP = "all points"
+# Nominal positions of two files are the same to their digits.
+_SAME_MM = 1e-3
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,10 @@ class RelativeErrors:
         Group of each error.
     error_mm : (n, 3) or (n, 1)
         The errors; NaN where a component was not measured. First points of lines are 0 by definition and left out.
+    nominal_mm : (n, 3) or (n, 6)
+        Nominal position of each point, or both nominal ends of each length.
+    components
+        What was measured of points: `mx`, `my`, `mz`; none of lengths.
     first_points
         Line to nominal position (mm) of the point that its errors refer to; empty for lengths.
     set_aside
@@ -59,6 +65,8 @@ class RelativeErrors:
     kind: str
     group: tuple[str, ...]
     error_mm: Numbers
+    nominal_mm: Numbers
+    components: tuple[str, ...]
     first_points: dict[str, tuple[float, float, float]]
     set_aside: tuple[RowProblem, ...] = ()
     notes: tuple[str, ...] = ()
@@ -160,7 +168,17 @@ def compare_workpieces(before: RelativeErrors, after: RelativeErrors) -> Workpie
     names = list(dict.fromkeys([*before.group, *after.group]))
     groups = tuple(GroupComparison(name, before.of_group(name), after.of_group(name)) for name in names)
     notes = [*before.notes, *after.notes]
+    if before.components != after.components:
+        notes.append(
+            f"{' '.join(before.components)} were measured before, {' '.join(after.components)} after: with all three "
+            "the workpiece is turned onto its nominal points first, and errors of more components are larger"
+        )
     for group in groups:
+        if group.before is not None and group.after is not None and not _are_alike(before, after, group.name):
+            notes.append(
+                f"group {group.name!r} has other nominal {before.kind} before than after: its ratio compares two "
+                "different measurements, and proves nothing"
+            )
         if group.before is None or group.after is None:
             notes.append(f"group {group.name!r} is in one of the two files only and has no ratio")
         elif group.before.n != group.after.n:
@@ -175,6 +193,15 @@ def compare_workpieces(before: RelativeErrors, after: RelativeErrors) -> Workpie
         notes=tuple(dict.fromkeys(notes)),
         set_aside=(*before.set_aside, *after.set_aside),
     )
+
+
+def _are_alike(before: RelativeErrors, after: RelativeErrors, group: str) -> bool:
+    """Tell whether a group has the same nominal points or ends in both files, however often each was measured."""
+    first, second = (
+        np.unique(np.round(one.nominal_mm[np.array(one.group) == group] / _SAME_MM), axis=0)
+        for one in (before, after)
+    )
+    return first.shape == second.shape and bool((np.abs(first - second) <= 1.0).all())
 
 
 def read_relative_errors(path: str | Path) -> RelativeErrors:
@@ -202,6 +229,8 @@ def errors_of_lengths(lengths: Lengths) -> RelativeErrors:
         kind="lengths",
         group=_groups(frame),
         error_mm=error[:, None],
+        nominal_mm=ends,
+        components=(),
         first_points={},
         set_aside=lengths.set_aside,
     )
@@ -269,6 +298,8 @@ def errors_of_points(observations: Observations) -> RelativeErrors:
         kind="points",
         group=tuple(name for name, first in zip(group, is_first, strict=True) if not first),
         error_mm=errors[~is_first][:, components],
+        nominal_mm=kept.commanded_mm[~is_first],
+        components=tuple(names),
         first_points=first_points,
         set_aside=tuple(sorted(problems, key=lambda problem: problem.row)),
         notes=tuple(notes),

@@ -1,0 +1,89 @@
+"""The richest bases that data determine: a function for each position, or fewer where those leave more open.
+
+Nine lines determine a spline through every position. One picture beside them has positions of its own, and splines
+for them that nothing else tells: with these every function of the axis would be open, in what nobody asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+
+from geoerr.fit.classic import rich_bases
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.machine import AXES
+from geoerr.terms import BasisSpec
+
+# As few functions as show whether fewer leave less open: a cubic, and one bend.
+_FEWEST = 5
+# Positions that fewer rows show than this share of what rows show of the middle one are passed over first.
+_HARDLY_SEEN = 0.5
+
+
+def determined_bases(
+    fit: Callable[[Mapping[str, BasisSpec]], Fitted],
+    rich: Mapping[str, BasisSpec],
+    sightings: Sightings,
+    positions_mm: Mapping[str, Numbers],
+) -> tuple[dict[str, BasisSpec], Fitted]:
+    """Give the richest bases that leave no more functions open than few functions do, and the fit with them.
+
+    Parameters
+    ----------
+    fit
+        Fits the model with these bases.
+    rich
+        Bases by ISO name, as positions support them.
+    positions_mm
+        Distinct positions of each axis.
+    """
+    fitted = fit(rich)
+    if not _n_open(fitted, rich):
+        return dict(rich), fitted
+    few = _at_most(rich, sightings, positions_mm, _FEWEST)
+    with_few = fit(few)
+    least = _n_open(with_few, rich)
+    if least >= _n_open(fitted, rich):
+        return dict(rich), fitted
+    for bases in _between(rich, sightings, positions_mm):
+        found = fit(bases)
+        if _n_open(found, rich) <= least:
+            return bases, found
+    return few, with_few
+
+
+def _n_open(fitted: Fitted, names: Mapping[str, BasisSpec]) -> int:
+    return sum(item.name in names for item in fitted.not_determined)
+
+
+def _at_most(
+    rich: Mapping[str, BasisSpec], sightings: Sightings, positions_mm: Mapping[str, Numbers], most: int
+) -> dict[str, BasisSpec]:
+    return rich_bases(sightings, list(rich), positions_mm, most)
+
+
+def _between(
+    rich: Mapping[str, BasisSpec], sightings: Sightings, positions_mm: Mapping[str, Numbers]
+) -> Iterator[dict[str, BasisSpec]]:
+    """Give bases of less and less freedom: without positions that few rows show, then with half as many functions."""
+    often = {
+        axis: _often_seen(sightings.commanded_mm[:, AXES.index(axis)], own) for axis, own in positions_mm.items()
+    }
+    yield rich_bases(sightings, list(rich), often)
+    most = max(len(own) for own in often.values()) // 2
+    while most > _FEWEST:
+        yield _at_most(rich, sightings, often, most)
+        most //= 2
+
+
+def _often_seen(commanded_mm: Numbers, positions_mm: Numbers) -> Numbers:
+    """Leave out positions (k,) that few rows show; both ends stay."""
+    if len(positions_mm) < 3:
+        return positions_mm
+    middles = 0.5 * (positions_mm[1:] + positions_mm[:-1])
+    count = np.bincount(np.searchsorted(middles, commanded_mm), minlength=len(positions_mm))
+    kept = count >= _HARDLY_SEEN * float(np.median(count))
+    kept[[0, -1]] = True
+    return positions_mm[kept]
