@@ -23,6 +23,7 @@ Conditions: TypeAlias = Mapping[str, npt.ArrayLike | str]
 OF_POSITION = (*AXES, *(f"t{axis}" for axis in AXES), *PLACE_NAMES)
 # What a move of a program tells, in the order of the core's `motion`.
 OF_MOTION = (*(f"{name}_{axis}" for name in ("d", "s", "v") for axis in AXES), "feed")
+_DIRECTIONS = tuple(f"d_{axis}" for axis in AXES)
 _MEANING = {
     "d": "the direction of approach, 1 or -1",
     "s": "the travel since the last reversal, mm",
@@ -91,14 +92,7 @@ def constants_of(machine: Machine, at: Conditions | None) -> dict[str, float]:
     GeoerrError
         for a text that is not `reference`, or not of a temperature, and a direction that is none.
     """
-    constants = {name: float(_row(name, value, machine, 1)[0]) for name, value in ({} if at is None else at).items()}
-    for name in (f"d_{axis}" for axis in AXES):
-        if constants.get(name, 0.0) not in (-1.0, 0.0, 1.0):
-            raise GeoerrError(
-                f"the condition {name} is {constants[name]:g}, a direction is −1 or 1\n"
-                f"hint: leave it out where a path tells it, or state {name}=1 for a place that is reached from below"
-            )
-    return constants
+    return {name: float(_row(name, value, machine, 1)[0]) for name, value in ({} if at is None else at).items()}
 
 
 def bound_conditions(
@@ -143,6 +137,12 @@ def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -
     numbers = as_numbers(value, f"the condition {name}")
     if numbers.shape not in ((), (1,), (n_rows,)):
         raise ShapeError(f"the condition {name} must be one number or ({n_rows},), not {numbers.shape}")
+    # One a row is the caller's: a formula may be asked between the two.
+    if name in _DIRECTIONS and numbers.size == 1 and float(numbers.flat[0]) not in (-1.0, 0.0, 1.0):
+        raise GeoerrError(
+            f"the condition {name} is {float(numbers.flat[0]):g}, a direction is −1 or 1\n"
+            f"hint: leave it out where a path tells it, or state {name}=1 for a place that is reached from below"
+        )
     return np.broadcast_to(numbers, (n_rows,))
 
 
