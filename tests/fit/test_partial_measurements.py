@@ -340,3 +340,11 @@ def test_line_bases_of_named_functions() -> None:
     result = fitted(MACHINE, observations, bases={"EXX": cubic("x")})
     assert term_of(result, "EXX").parts[0].basis == cubic("x")
     assert {choice.name for choice in result.choices} == set(LINEAR_AND_ANGULAR) - {"EXX"}
+
+
+@pytest.mark.parametrize("n_rows", [1, 2])
+def test_a_row_or_two_are_too_few_and_that_is_said(n_rows: int) -> None:
+    q_mm = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]])[:n_rows]
+    few = points(q_mm, np.zeros_like(q_mm), q_mm + 0.01, covariance_mm2=None, carrier=["relative"] * n_rows)
+    with pytest.raises(GeometryError, match=f"in {n_rows} rows? leave nothing over"):
+        fitted(machine_of("wZbXYt"), few, bases=None)

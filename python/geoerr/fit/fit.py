@@ -46,6 +46,7 @@ from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, wi
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
+from geoerr.summaries import counted
 from geoerr.terms import BasisSpec, Term
 
 Freedom = Literal["knots", "smooth", "elements"]
@@ -156,6 +157,12 @@ def fit_terms(
         sightings,
         positions,
     )
+    if options.components != "none" and not math.isfinite(fitted.scale):
+        given_words = f"{counted(int(sightings.is_measured.sum()), 'number')} in {counted(len(sightings), 'row')}"
+        raise GeometryError(
+            f"{given_words} leave nothing over beside what they are to tell\n"
+            "hint: measure more positions, or state the uncertainties of these in sx, sy and sz (mm)"
+        )
     rich = {**rich, **found}
     undecided = [term for term in classic_on(found) if term.id in rich and term.id not in given]
     # Where something is hardly determined its value runs away, and drags along its products with others. To choose
