@@ -151,6 +151,8 @@ def test_short_ways_to_write_an_effect(tmp_path: Path, body: str, axis: str | No
         ("alpha*T*(", "alpha*T**(", "expression", r"\^"),
         ("alpha*T*(", "alpha*sin()*(", "expression", "sin"),
         ('unit = "1/K"', "unit = 1", "unit", "not a text"),
+        ('unit = "1/K"', 'unit = "µm"', "unit", "'µm' is not a unit of formulas"),
+        ('unit = "1/K"', 'unit = "deg"', "unit", "'deg' is not a unit of formulas"),
         ("value = 11.5e-6", 'value = "11"', "value", "not a finite number"),
         ("value = 11.5e-6", "value = nan", "value", "not a finite number"),
         ("value = 11.5e-6", "value = 1, within = -1", "within", "below 0"),

@@ -44,6 +44,12 @@ EFFECT_KEYS = (
     *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session"),
     *("one_direction", "part", "form", "coefficients", "inner", *_PART_KEYS),
 )
+# Units that a person may mean, and those that a formula is in.
+_OTHER_UNITS = {
+    **dict.fromkeys(("µm", "μm", "um", "nm", "m", "cm", "in", "inch"), "mm"),
+    **dict.fromkeys(("µrad", "μrad", "urad", "mrad", "deg", "°", "arcsec"), "rad"),
+    **dict.fromkeys(("ms", "min", "h"), "s"),
+}
 PARAMETER_KEYS = ("what", "unit", "plausible", "range", "spacing", "sign")
 _RANGES = ("axis", *AXES, "time")
 _SIGNS = {"any": 0, "positive": 1, "negative": -1}
@@ -225,7 +231,7 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
         found.append(
             ParameterSpec(
                 name=name,
-                unit=entries.text("unit", ""),
+                unit=_unit(entries),
                 plausible=tuple(_plausible(item) for item in entries.tables("plausible")),
                 range=_range(entries) if is_inner else None,
                 spacing="log" if entries.text("spacing", "linear", ("linear", "log")) == "log" else "linear",
@@ -235,6 +241,15 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
         )
         _check_log_range(found[-1], entries)
     return tuple(found)
+
+
+def _unit(entries: Entries) -> str:
+    """Read a unit: what a formula gives is in mm or rad, whatever a name beside it says."""
+    unit = entries.text("unit", "")
+    if unit in _OTHER_UNITS:
+        remedy = f"write it in {_OTHER_UNITS[unit]}: formulas are in mm, rad, s and K; reports choose µm and µrad"
+        raise entries.refuse("unit", f"{unit!r} is not a unit of formulas", remedy)
+    return unit
 
 
 def _why_not(name: str) -> str:
