@@ -34,7 +34,7 @@ TANGENT = {
 # Positions nearer than this share of their mean distance are one.
 _ONE_PLACE = 0.01
 # Splines of one function that any data may be given.
-_MOST_FUNCTIONS = 24
+MOST_FUNCTIONS = 24
 # Positions of which a function may not miss one: what it misses of a few levels of a grid looks like a wave. Of more,
 # a quarter fewer functions follow what is smooth, with less of the noise and of effects that are still to be found.
 _FEW_POSITIONS = 7
@@ -155,7 +155,7 @@ def gauge_rows(terms: Sequence[Term]) -> Numbers:
 
 
 def tells_noise(
-    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = _MOST_FUNCTIONS
+    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = MOST_FUNCTIONS
 ) -> bool:
     """Tell whether functions may pass through every position and what is left over still tells the noise.
 
@@ -172,7 +172,7 @@ def rich_basis(
     *,
     is_stated: bool = True,
     is_noise_told: bool = True,
-    most: int = _MOST_FUNCTIONS,
+    most: int = MOST_FUNCTIONS,
 ) -> BasisSpec | None:
     """Give the richest basis that the distinct positions (k,) of an axis support; None where it never moved.
 
@@ -193,7 +193,7 @@ def rich_basis(
 
 
 def rich_bases(
-    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = _MOST_FUNCTIONS
+    sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = MOST_FUNCTIONS
 ) -> dict[str, BasisSpec]:
     """Give the richest basis of each error function (ISO names); functions of an axis that never moved have none."""
     is_noise_told = tells_noise(sightings, names, positions_mm)

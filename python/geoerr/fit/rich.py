@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from geoerr.fit.classic import rich_bases
+from geoerr.fit.classic import MOST_FUNCTIONS, rich_bases
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
@@ -72,7 +72,7 @@ def _between(
         axis: _often_seen(sightings.commanded_mm[:, AXES.index(axis)], own) for axis, own in positions_mm.items()
     }
     yield rich_bases(sightings, list(rich), often)
-    most = max(len(own) for own in often.values()) // 2
+    most = min(MOST_FUNCTIONS, max(len(own) for own in often.values())) // 2
     while most > _FEWEST:
         yield _at_most(rich, sightings, often, most)
         most //= 2
