@@ -67,15 +67,15 @@ def _at_most(
 def _between(
     rich: Mapping[str, BasisSpec], sightings: Sightings, positions_mm: Mapping[str, Numbers]
 ) -> Iterator[dict[str, BasisSpec]]:
-    """Give bases of less and less freedom: without positions that few rows show, then with half as many functions."""
+    """Give bases of less and less freedom: without positions that few rows show, then a quarter less each time."""
     often = {
         axis: _often_seen(sightings.commanded_mm[:, AXES.index(axis)], own) for axis, own in positions_mm.items()
     }
     yield rich_bases(sightings, list(rich), often)
-    most = min(MOST_FUNCTIONS, max(len(own) for own in often.values())) // 2
+    most = 3 * min(MOST_FUNCTIONS, max(len(own) for own in often.values())) // 4
     while most > _FEWEST:
         yield _at_most(rich, sightings, often, most)
-        most //= 2
+        most = 3 * most // 4
 
 
 def _often_seen(commanded_mm: Numbers, positions_mm: Numbers) -> Numbers:
