@@ -134,13 +134,18 @@ def shortfalls(summary: Sequence[Reached]) -> str:
     return "\n## What stands in the way\n\nFrom profiles of the rows that fall short.\n\n" + "".join(lines_of)
 
 
+def cells_of(printed: str) -> list[list[str]]:
+    """Give the cells of all rows of the tables that a bench printed."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in printed.splitlines() if "|" in line]
+
+
 def rows_of_least_squares(printed: str) -> list[Reached]:
     """Give what the joint fit aims at, from what its bench printed of random numbers: the first of its tables."""
     n_rows, n_columns = 30_000, 300
     dgemm = re.search(r"dgemm (\d+) GFLOP/s", printed)
     assert dgemm is not None
     product_s = 1e-9 * n_rows * n_columns**2 / float(dgemm[1])
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in printed.splitlines() if "|" in line]
+    cells = cells_of(printed)
     cpu_s: dict[str, float] = {}
     error: dict[str, str] = {}
     for row in cells:
@@ -180,7 +185,7 @@ def rows_of_least_squares(printed: str) -> list[Reached]:
 
 def rows_of_diagnosis(printed: str) -> list[Reached]:
     """Give the steps of a diagnosis that aim at something, from what its bench printed."""
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in printed.splitlines() if "|" in line]
+    cells = cells_of(printed)
     wall_s = {(row[0], row[2]): float(row[3]) for row in cells if row[1] == "2"}
     multiplied_s = seconds_of_products(FLOP_OF_A_RANKING) / 2.0
     return [

@@ -147,9 +147,7 @@ def fit_terms(
     known = tuple(effect for effect in effects if not has_unknown_inner(effect))
 
     def classic_on(bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
-        return tuple(
-            classic_terms(machine, options.components, {**rich, **bases}, follows_tangent=options.follows_tangent)
-        )
+        return classic_terms(machine, options.components, {**rich, **bases}, follows_tangent=options.follows_tangent)
 
     found, fitted = determined_bases(
         lambda bases: posed.fit((*classic_on(bases), *known)),
@@ -158,9 +156,9 @@ def fit_terms(
         positions,
     )
     if options.components != "none" and not math.isfinite(fitted.scale):
-        given_words = f"{counted(int(sightings.is_measured.sum()), 'number')} in {counted(len(sightings), 'row')}"
+        measured = f"{counted(int(sightings.is_measured.sum()), 'number')} in {counted(len(sightings), 'row')}"
         raise GeometryError(
-            f"{given_words} leave nothing over beside what they are to tell\n"
+            f"{measured} leave nothing over beside what they are to tell\n"
             "hint: measure more positions, or state the uncertainties of these in sx, sy and sz (mm)"
         )
     rich = {**rich, **found}

@@ -42,7 +42,7 @@ def determined_bases(
     fitted = fit(rich)
     if not _n_open(fitted, rich):
         return dict(rich), fitted
-    few = _at_most(rich, sightings, positions_mm, _FEWEST)
+    few = rich_bases(sightings, list(rich), positions_mm, _FEWEST)
     with_few = fit(few)
     least = _n_open(with_few, rich)
     if least >= _n_open(fitted, rich):
@@ -58,12 +58,6 @@ def _n_open(fitted: Fitted, names: Mapping[str, BasisSpec]) -> int:
     return sum(item.name in names for item in fitted.not_determined)
 
 
-def _at_most(
-    rich: Mapping[str, BasisSpec], sightings: Sightings, positions_mm: Mapping[str, Numbers], most: int
-) -> dict[str, BasisSpec]:
-    return rich_bases(sightings, list(rich), positions_mm, most)
-
-
 def _between(
     rich: Mapping[str, BasisSpec], sightings: Sightings, positions_mm: Mapping[str, Numbers]
 ) -> Iterator[dict[str, BasisSpec]]:
@@ -74,7 +68,7 @@ def _between(
     yield rich_bases(sightings, list(rich), often)
     most = 3 * min(MOST_FUNCTIONS, max(len(own) for own in often.values())) // 4
     while most > _FEWEST:
-        yield _at_most(rich, sightings, often, most)
+        yield rich_bases(sightings, list(rich), often, most)
         most = 3 * most // 4
 
 

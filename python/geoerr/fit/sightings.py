@@ -243,7 +243,7 @@ def _of_points(observations: Observations) -> Sightings:
         for number in range(len(sessions))
     )
     commanded = kept.commanded_mm
-    joined = Sightings(
+    sightings = Sightings(
         table=kept.frame,
         commanded_mm=commanded,
         offset_mm=kept.target_offset_mm,
@@ -261,8 +261,10 @@ def _of_points(observations: Observations) -> Sightings:
         left_out=left_out,
         notes=notes,
     )
-    is_near = _near_the_others(joined)
-    return joined if is_near.all() else joined.select(is_near, "measured far from any place that the machine reaches")
+    is_near = _near_the_others(sightings)
+    if is_near.all():
+        return sightings
+    return sightings.select(is_near, "measured far from any place that the machine reaches")
 
 
 def _near_the_others(sightings: Sightings) -> np.ndarray:

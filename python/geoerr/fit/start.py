@@ -16,6 +16,7 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.errors import GeometryError
+from geoerr.fit.commanded_circle import circle_through
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import Machine
 from geoerr.observations import CARRIERS
@@ -225,7 +226,5 @@ def _centre(points: Numbers) -> Numbers:
     """Give the centre of commanded points on a circle: least squares in their plane (Kåsa)."""
     middle = points.mean(axis=0)
     _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
-    plane = (points - middle) @ axes[:2].T
-    design = np.column_stack([plane, np.ones(len(plane))])
-    solution = np.linalg.lstsq(design, (plane**2).sum(axis=1), rcond=None)[0]
-    return np.asarray(middle + 0.5 * solution[:2] @ axes[:2])
+    centre, _ = circle_through((points - middle) @ axes[:2].T)
+    return np.asarray(middle + centre @ axes[:2])

@@ -430,7 +430,7 @@ def _circles(
 ) -> tuple[CircularTestResult, ...]:
     def run() -> tuple[CircularTestResult, ...]:
         feed_mm_min = feed_of_first_run(model, measured[0], stated) if measured else None
-        at = stated if feed_mm_min is None else with_feed(stated, feed_mm_min)
+        at = with_feed(stated, feed_mm_min)
         own = [run_circular_test(model, middle_circle(model, plane), at=at) for plane in planes]
         seen = [run_circular_test(model, circle_of_first_run(one), measured=one, at=stated) for one in measured]
         return (*own, *seen)

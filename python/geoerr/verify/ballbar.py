@@ -382,8 +382,8 @@ def run_circular_test(
     if measured is not None:
         runs, set_aside = compare_with_measured(model, measured, at=at)
         feed_mm_min = feed_of_first_run(model, measured, at)
+        at = with_feed(at, feed_mm_min)
         if feed_mm_min is not None:
-            at = with_feed(at, feed_mm_min)
             notes.append(f"before and after are at the feed of the first measured run, {feed_mm_min:g} mm/min")
     positions = circle.positions_mm(N_POINTS)
     conditions = conditions_on_circle(model, circle, positions, 1, at)
@@ -460,9 +460,9 @@ def feed_of_first_run(model: Model, measured: CircularTest, at: Conditions | Non
     return _feed_of(frame, model, at)
 
 
-def with_feed(at: Conditions | None, feed_mm_min: float) -> Conditions:
-    """Give conditions with a feed."""
-    return {**({} if at is None else at), "feed": feed_mm_min}
+def with_feed(at: Conditions | None, feed_mm_min: float | None) -> Conditions | None:
+    """Give conditions with a feed; as they are where that is None."""
+    return at if feed_mm_min is None else {**({} if at is None else at), "feed": feed_mm_min}
 
 
 def _feed_of(frame: pl.DataFrame, model: Model, at: Conditions | None) -> float | None:
@@ -562,8 +562,7 @@ def _compare_run(
     if covered < _LEAST_ARC_RAD:
         problem = f"{name} covers {np.rad2deg(covered):.0f}° of the circle, at least 90° are needed"
         return None, [*problems, RowProblem(path, rows[0], "x y z", problem)]
-    feed_mm_min = _feed_of(frame, model, at)
-    at = at if feed_mm_min is None else with_feed(at, feed_mm_min)
+    at = with_feed(at, _feed_of(frame, model, at))
     conditions = conditions_on_circle(model, circle, commanded, _direction(frame, angle) or 1, at)
     actual = commanded + model.error_mm(commanded, at=conditions)
     predicted = _trace(circle, commanded, actual)
