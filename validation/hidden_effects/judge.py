@@ -165,3 +165,19 @@ def _size(name: str, line: Line) -> float:
     axis = _PLACES[name] or truth["name"].split(":")[1][0]
     low, high = truth["ranges"][axis]
     return float(high - low)
+
+
+def outcome(line: Line) -> str:
+    """Say in a word what came of a set of any part."""
+    if line["failed"]:
+        return "failed"
+    if line["part"] == "nulls":
+        return "alarm" if alarmed(line) else "quiet"
+    if line["part"] == "pairs":
+        return "both" if found_both(line) else "not both"
+    return unknown_outcome(line) if line["part"] == "unlisted" else named(line)
+
+
+def is_right(line: Line) -> bool:
+    """Tell whether that is what a set of its part is to come to: the right name first, or in the first's tied set."""
+    return outcome(line) in ("quiet", "both", "exact", "alone", "tied", "second")

@@ -47,6 +47,7 @@ def workbench(
     Prints the page's address; only who has it gets in, and only from this computer. Ctrl-C ends it.
     `geoerr workbench machine.toml observations.csv` begins with a machine that was never fitted.
     """
+    import signal
     import webbrowser
     from importlib.util import find_spec
 
@@ -67,4 +68,8 @@ def workbench(
         if opens:
             webbrowser.open(url)
 
+    # Being told to end, or a terminal that is closed, ends it in good order too; what `nohup` ignores stays ignored.
+    for name in {"SIGTERM", "SIGHUP"} & set(dir(signal)):
+        if signal.getsignal(getattr(signal, name)) is signal.SIG_DFL:
+            signal.signal(getattr(signal, name), signal.default_int_handler)
     serve(begin_session(files or [], session, threads=threads), port, ready)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import threading
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -101,7 +103,7 @@ class Session:
     Attributes
     ----------
     folder
-        For dropped files.
+        For dropped files; gone with the session, which holds what they hold wherever it is saved.
     saved_in
         File that it is written to after every change of models or data; None where it lives in memory only.
     version, sight
@@ -129,7 +131,7 @@ class Session:
         Whether the browser draws 3-D pictures, as it says when it loads the page.
     """
 
-    folder: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="geoerr-workbench-")))
+    folder: Path = field(init=False)
     saved_in: Path | None = None
     threads: int = 0
     version: int = 0
@@ -159,6 +161,11 @@ class Session:
     job: Job | None = None
     lock: threading.RLock = field(default_factory=threading.RLock)
     on_saved_change: Callable[[Session], None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        """Make the session's own folder, which goes with it: measurements take disk space, and are somebody's."""
+        self.folder = Path(tempfile.mkdtemp(prefix="geoerr-workbench-"))
+        weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
 
     @property
     def known_effects(self) -> tuple[Effect, ...]:

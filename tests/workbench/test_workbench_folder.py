@@ -1,0 +1,45 @@
+"""The session's own folder: measurements that were dropped on the page are not left behind."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("dash")
+
+from geoerr.workbench.session import Session
+
+
+def test_it_goes_with_the_session() -> None:
+    session = Session()
+    folder = session.folder
+    (folder / "observations.csv").write_text("x,y,z,mx,my,mz\n")
+    del session
+    gc.collect()
+    assert not folder.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot tell another process to end in good order")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_it_goes_when_the_server_is_told_to_end(name: str, tmp_path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "geoerr", "workbench", "--no-open", "--quiet"],
+        stdout=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(tmp_path), "PYTHONUNBUFFERED": "1"},
+        text=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("http://127.0.0.1:")
+            assert len(list(tmp_path.glob("geoerr-workbench-*"))) == 1
+            process.send_signal(getattr(signal, name))
+            assert process.wait(timeout=60) == 0
+        finally:
+            process.kill()
+    assert not list(tmp_path.glob("geoerr-workbench-*"))
