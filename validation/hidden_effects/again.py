@@ -1,4 +1,4 @@
-"""Run a sample of the study again: its lines were made while the package grew, and what does it find now?
+"""Run a sample of the study again, whose lines were made while the package grew, and say what comes out otherwise.
 
     python -m validation.hidden_effects.again --sets 300     # the first of an order that has nothing to do with them
     python -m validation.hidden_effects.again --tables
