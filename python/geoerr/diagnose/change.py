@@ -31,6 +31,7 @@ from geoerr.fit.additions import additions, usual_terms
 from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
 from geoerr.fit.fit import LACKING
+from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.wavy import may_be_followed, without_waves
 from geoerr.model import HistoryEntry, Model
@@ -286,7 +287,7 @@ def own_terms(model: Model) -> tuple[Term, ...]:
 class _Data:
     """Measurements, joined once, with how the calibration moves the points (n, 3, p) and its covariance (p, p).
 
-    `known` is a fit to them, if there is one: where it needed all of their rows it holds them joined.
+    `known` is a fit to them, if there is one: where it needed all of their rows it holds them joined, and placed.
     """
 
     tables: Sequence[Observations | CircularTest]
@@ -297,11 +298,16 @@ class _Data:
 
     @cached_property
     def sightings(self) -> Sightings:
-        joined = None if self.known is None else self.known.sightings
-        return sightings_of(*self.tables) if joined is None or LACKING in joined.left_out else joined
+        return sightings_of(*self.tables) if self._of_all_rows is None else self._of_all_rows.sightings
+
+    @property
+    def _of_all_rows(self) -> Fitted | None:
+        return None if self.known is None or LACKING in self.known.sightings.left_out else self.known
 
     def fitted(self, model: Model, terms: Sequence[Term]) -> Fitted:
         """Fit these terms alone."""
+        if self._of_all_rows is not None and not any(map(has_unknown_inner, terms)):
+            return self._of_all_rows.again(tuple(terms))
         return fit_terms(
             model.machine,
             self.tables,

@@ -124,12 +124,17 @@ class _Binned:
         ends = np.cumsum(np.bincount(number, minlength=len(spans)))
         # Of no row that is known there is no bin, and one split.
         rows = np.split(order, ends[:-1])[: len(spans)]
-        return cls(known, spans, rows, [np.unique(pass_number[own], return_inverse=True)[1].ravel() for own in rows])
+        return cls(known, spans, rows, [_without_gaps(pass_number[own]) for own in rows])
 
     def trend(self, name: str, component: Component) -> Trend:
         binned = zip(self.spans, self.rows, self.passes, strict=True)
         bins = tuple(_bin(low, high, component.residual_um[rows], own) for (low, high), rows, own in binned)
         return Trend(name, component.name, bins, _worth_um(bins))
+
+
+def _without_gaps(numbers: np.ndarray) -> np.ndarray:
+    """Give whole numbers (n,) new ones from 0 on in the same order, with none left out."""
+    return np.asarray((np.cumsum(np.bincount(numbers) > 0) - 1)[numbers])
 
 
 def bins_of(values: Numbers) -> tuple[np.ndarray, list[tuple[float, float]]]:

@@ -290,7 +290,9 @@ class Posed:
         self.sightings = sightings if is_as_stated else replace(sightings, offset_mm=offsets)
         parts = (None if shared is None else shared.derivative, places, turns)
         derivative = [part for part in parts if part is not None]
-        self.shared = np.ascontiguousarray(np.concatenate(derivative, axis=2)) if derivative else None
+        # Of many rows and targets it is hundreds of megabytes.
+        whole = np.concatenate(derivative, axis=2) if len(derivative) > 1 else next(iter(derivative), None)
+        self.shared = None if whole is None else np.ascontiguousarray(whole)
         self.n_held = 0 if shared is None else shared.n_held
         self.given: Given | None = None
 

@@ -112,7 +112,7 @@ def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> 
     used : (n,)
         Rows that count (no outliers).
     """
-    group = groups_of(sightings)
+    group = sightings.once("groups", groups_of)
     is_seen = sightings.is_measured & used[:, None]
     variance, dof = _pooled(residual_mm, is_seen, group)
     by_pass = residual_mm - _pass_means(residual_mm, is_seen, sightings.pass_number)

@@ -7,9 +7,10 @@ measured has a row of zeros, and so takes no part.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from geoerr.terms import is_name
 
 Numbers = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+T = TypeVar("T")
 
 _BY_ROW = (
     *("commanded_mm", "offset_mm", "measured_mm", "is_measured", "whitening"),
@@ -117,6 +119,7 @@ class Sightings:
     left_out: dict[str, int]
     notes: tuple[str, ...]
     derived: Mapping[str, Numbers] = field(default_factory=dict)
+    _worked_out: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.commanded_mm)
@@ -130,6 +133,13 @@ class Sightings:
         begins[1:] = (flat[1:] != flat[:-1]).any(axis=1)
         alike, place = np.unique(flat[begins], axis=0, return_inverse=True)
         return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3))[place.ravel()[np.cumsum(begins) - 1]])
+
+    def once(self, name: str, work_out: Callable[[Sightings], T]) -> T:
+        """Give what follows from these rows alone, worked out when it is first asked for."""
+        if name not in self._worked_out:
+            self._worked_out[name] = work_out(self)
+        found: T = self._worked_out[name]
+        return found
 
     def select(self, mask: npt.ArrayLike, why: str) -> Sightings:
         """Give the rows where `mask` (n,) is true; the others are counted under the reason."""

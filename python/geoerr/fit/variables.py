@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -24,6 +24,9 @@ _HISTORY = {f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES}
 _OF_DIRECTION = ("d", "s", "t_rev")
 _TRAVELS = {f"s_{axis}" for axis in AXES}
 
+# Of more rows that is gigabytes.
+_MOST_KEPT = 1_000_000
+
 Rows: TypeAlias = npt.NDArray[np.bool_]
 
 
@@ -36,7 +39,7 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
         for a covariate that is no column of the data.
     """
     columns = np.full((len(names), len(sightings)), np.nan)
-    history = (sightings.derived or _history(sightings)) if any(name in _HISTORY for name in names) else {}
+    history = _known_history(sightings) if any(name in _HISTORY for name in names) else {}
     for row, name in enumerate(names):
         if name in AXES:
             columns[row] = sightings.commanded_mm[:, AXES.index(name)]
@@ -67,7 +70,7 @@ def with_rows(sightings: Sightings, mask: Rows, why: str) -> Sightings:
 
     The first row of what is left has one before it, which only takes no part.
     """
-    history = sightings.derived or _history(sightings)
+    history = _known_history(sightings)
     return replace(sightings, derived=history).select(mask, why)
 
 
@@ -159,6 +162,13 @@ def _place_on_work(sightings: Sightings, index: int) -> Numbers:
     offset = sightings.offset_mm[:, index]
     on_work = sightings.carrier == CARRIERS.index("work")
     return np.asarray(np.where(on_work, offset, sightings.commanded_mm[:, index] + offset))
+
+
+def _known_history(sightings: Sightings) -> Mapping[str, Numbers]:
+    """Give what follows from the order of rows, as it was before some were left out."""
+    if sightings.derived:
+        return sightings.derived
+    return sightings.once("history", _history) if len(sightings) <= _MOST_KEPT else _history(sightings)
 
 
 def _history(sightings: Sightings) -> dict[str, Numbers]:

@@ -75,8 +75,8 @@ def serve(session: Session, port: int, on_ready: Callable[[str], None]) -> None:
         # One line for every request would drown the address.
         logging.getLogger("werkzeug").setLevel(logging.ERROR)
         server = make_server(HOST, guard.port, make_app(session, guard).server, threaded=True, fd=listener.fileno())
-        on_ready(guard.url)
         try:
+            on_ready(guard.url)
             server.serve_forever()
         except KeyboardInterrupt:
             session.stop()
