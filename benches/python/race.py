@@ -6,6 +6,9 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
 
 LEAST_SAMPLE_S = 2e-3
 LEAST_ROUNDS, MOST_ROUNDS = 5, 101
@@ -55,6 +58,13 @@ class Costs:
         """Keep one race."""
         for name, value in seconds.items():
             self.nanoseconds.setdefault(name, {})[n_items] = 1e9 * value / n_items
+
+
+def seconds_of_products(flop: float) -> float:
+    """Give how long NumPy takes, on one thread, for matrix products of so many operations in single precision."""
+    size = 1024
+    one = np.ones((size, size), dtype=np.float32)
+    return flop / (2.0 * size**3) * race({"limit": partial(np.matmul, one, one)}, 1.0)["limit"]
 
 
 @dataclass(frozen=True)

@@ -16,18 +16,16 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
-from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import lines
 import markers
-import numpy as np
 import programs
 import straightness
 import triangulation
 from plot import plot
-from race import Costs, Reached, race, table
+from race import Costs, Reached, seconds_of_products, table
 
 # Read when NumPy and the core are loaded: the script begins again with them. The last two keep memory that was given
 # back for the next call, for all paths alike: else every other result would be made in pages that the kernel has to
@@ -43,10 +41,10 @@ SETTINGS = {
 FOLDER = Path(__file__).parents[1]
 CONDITIONS = """\
 Written by `python benches/python/results.py`. Medians of processor seconds, every path in turn in the same rounds;
-{machine}, {cores} cores that others used too, {versions}.
-Limits are what memory allows: the same bytes copied or summed by NumPy; of G-code, the file copied; of joint fits and
-of the ranking, their products of matrices alone as fast as NumPy multiplies. Memory that is given back is kept for
-the next call, for all paths alike.
+{machine}, {cores} cores, {versions}.
+Limits are what memory allows: the same bytes copied or summed by NumPy; of G-code, the file copied; of joint fits,
+markers and the ranking, their products of matrices alone as fast as NumPy multiplies. Memory that is given back is
+kept for the next call, for all paths alike.
 """
 PACKAGES = ("numpy", "scipy", "opencv-contrib-python-headless", "opencv-python-headless", "opencv-python", "numba")
 # The script, its options, and what is said of it.
@@ -87,13 +85,6 @@ IN_A_RANKING = (
 
 # Products of columns that follow a temperature, in single precision.
 FLOP_OF_A_RANKING, POINTS_OF_FLOP = 11e9, 10_000
-
-
-def seconds_of_products(flop: float) -> float:
-    """Give how long NumPy takes, on one thread, for matrix products of so many operations in single precision."""
-    size = 1024
-    one = np.ones((size, size), dtype=np.float32)
-    return flop / (2.0 * size**3) * race({"limit": partial(np.matmul, one, one)}, 1.0)["limit"]
 
 
 def versions() -> str:
