@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from validation.hidden_effects import again
 from validation.hidden_effects.bound import inner_bounds
 from validation.hidden_effects.cases import study_seed
 from validation.hidden_effects.formulas import compared
@@ -22,6 +23,7 @@ from validation.hidden_effects.judge import (
     inner_errors,
     is_alone_but_for_alike,
     named,
+    outcome,
     unknown_outcome,
 )
 from validation.hidden_effects.noise import Noise
@@ -238,3 +240,33 @@ def test_tables_hold_every_part() -> None:
         assert title in text
     assert "| 4 | 1 | 1/1 = 100.0 %" in text
     assert "86 %" in text
+
+
+def test_what_came_of_a_set_of_each_part() -> None:
+    right, wrong = finding("backlash:x"), finding("periodic:y")
+    assert outcome(line(["backlash:x"], [right])) == "alone"
+    assert outcome(line(["backlash:x"], [wrong])) == "wrong"
+    assert outcome(line([], [], part="nulls", verdict="nothing-missing")) == "quiet"
+    assert outcome(line([], [wrong], part="nulls", verdict="missing")) == "alarm"
+    assert outcome(line(["backlash:x", "periodic:y"], [right, wrong], part="pairs")) == "both"
+    assert outcome(line(["backlash:x", "periodic:y"], [right], part="pairs")) == "not both"
+    assert outcome(line([None], [wrong], part="unlisted")) == "named"
+    assert outcome(line(["backlash:x"], [], failed="ValueError")) == "failed"
+
+
+def test_a_larger_sample_takes_in_a_smaller_one() -> None:
+    lines = [line([], [], key=f"nulls/gauss-3/0/{number}") for number in range(40)]
+    lines += [line([], [], key="nulls/gauss-3/0/40", failed="not-carried")]
+    small, all_of_them = again.sample(lines, 10), again.sample(lines, 100)
+    assert small == all_of_them[:10]
+    assert sorted(all_of_them) == sorted(one["key"] for one in lines[:40])
+    assert small != [one["key"] for one in lines[:10]]
+
+
+def test_the_sample_says_what_came_out_otherwise() -> None:
+    before = [line(["backlash:x"], [finding("backlash:x")], key=f"single/backlash/4/{number}") for number in (0, 1)]
+    now = [before[0], line(["backlash:x"], [finding("periodic:y")], key=before[1]["key"])]
+    text = again.tables(before, now)
+    assert "| single | 2 | 1/2 = 50.0 % (1.3–98.7) | 2/2 = 100.0 % (15.8–100.0) | 1/2 = 50.0 % (1.3–98.7) |" in text
+    assert "| single/backlash/4/1 | alone | backlash:x" in text
+    assert "single/backlash/4/0" not in text
