@@ -12,6 +12,7 @@ from budget_scenes import fit_of_nine_lines
 from fitted_models import backlash, expansion
 from fitted_models import fitted as drawn_model
 from scipy import stats
+from virtual_machine import machine_of
 
 from geoerr.budget import (
     Budget,
@@ -22,10 +23,12 @@ from geoerr.budget import (
     uncertainty_budget,
     uncertainty_map,
 )
+from geoerr.effects import catalogue
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
-from geoerr.fit import FitResult
+from geoerr.fit import FitOptions, FitResult, fit_terms, result_of
 from geoerr.model import Model
+from geoerr.observations import observations_from_columns
 from geoerr.vision.rig import Rig
 
 PLACES = {"a": (400.0, 400.0, 400.0), "b": (200.0, 100.0, 300.0), "c": (400.0, 0.0, 100.0)}
@@ -242,3 +245,20 @@ def test_text_and_document_say_the_same(budget: Budget) -> None:
     assert f"{worst:.3g}" in text or f"{worst:.0f}" in text
     for words in ("[[Not counted]]", "µrad", "px", "effective dof", "turn of the right camera"):
         assert words in text
+
+
+def test_what_one_axis_alone_was_measured_for_is_off_along_it() -> None:
+    """A laser along x sees errors of 5 µm up and down that no smooth function follows: all of that is along x."""
+    x = np.linspace(0.0, 400.0, 41)
+    off_mm = 5e-3 * np.where(np.arange(len(x)) % 2 == 0, 1.0, -1.0)
+    noise_mm = 1e-4 * np.random.default_rng(3).normal(size=(3, len(x)))
+    columns = {"x": np.tile(x, 3), "y": np.zeros(123), "z": np.zeros(123), "repeat": np.repeat([0.0, 1.0, 2.0], 41)}
+    columns |= {"mx": np.tile(x + off_mm, 3) + noise_mm.ravel(), "dir_x": np.ones(123)}
+    laser = observations_from_columns(columns)
+    machine = machine_of("wbXYZt")
+    scale = catalogue()["scale"].term("x", None, machine)
+    fit = result_of(fit_terms(machine, [laser], effects=[scale], options=FitOptions(components="none")))
+    budget = uncertainty_budget(fit, {"a": (200.0, 0.0, 0.0)})
+    (misfit,) = (source for source, _ in budget.chosen("prediction") if source.name == "misfit")
+    assert misfit.everywhere_mm is not None
+    assert misfit.everywhere_mm[0, 0] == pytest.approx(5e-3, rel=0.05)

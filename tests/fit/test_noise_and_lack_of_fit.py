@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import polars as pl
 import pytest
 from fit_scenes import Numbers, camera_near_base, fitted, measured_again, no_errors, replaced, seen
 from scipy import stats
@@ -12,7 +13,9 @@ from virtual_machine import machine_of
 
 from geoerr.effects import catalogue
 from geoerr.fit import Fitted
-from geoerr.observations import Observations
+from geoerr.fit.noise import groups_of
+from geoerr.fit.sightings import sightings_of
+from geoerr.observations import CircularTest, Observations, observations_from_columns
 
 MACHINE = machine_of("wZbXYt")
 STD_MM = np.array([2e-3, 3e-3, 5e-3])
@@ -171,3 +174,25 @@ def test_figures_are_roots_of_summed_mean_squares() -> None:
     result = small_fit(observations)
     assert result.figures.rmse_um == pytest.approx(1e3 * residual_of(result.residual_mm), rel=1e-12)
     assert result.figures.n_components == (100, 100, 100)
+
+
+def test_the_other_sense_of_a_circle_is_no_repeat() -> None:
+    """Counter-clockwise and back: one place was measured twice where it turned, and each time another way."""
+    angle = np.radians(np.arange(0.0, 360.0, 3.0))
+    angle, sense = np.concatenate([angle, angle[::-1]]), np.repeat([1, -1], len(angle))
+    columns = {"x": 200.0 + 100.0 * np.cos(angle), "y": 200.0 + 100.0 * np.sin(angle), "z": np.zeros(len(angle))}
+    radius_mm = 100.0 + 6e-3 * sense * np.sign(np.sin(angle))
+    test = CircularTest(pl.DataFrame({**columns, "r": radius_mm, "dir": sense}), ("circle.csv",))
+    assert sightings_of(test).once("groups", groups_of).max() + 1 == len(angle)
+
+
+def test_an_axis_that_may_have_come_from_beyond_its_end_repeats_nothing() -> None:
+    """ISO 230-2 without stated directions: the end is looked at twice, reached the one way and then the other."""
+    there = np.array([0.0, 100.0, 200.0])
+    x = np.concatenate([there, there[::-1]] * 3)
+    table = {"x": x, "y": 0.0 * x, "z": 0.0 * x, "mx": x, "t": 5.0 * np.arange(len(x))}
+    group = groups_of(sightings_of(observations_from_columns(table)))
+    ends = [(2, 3), (5, 6), (8, 9), (11, 12), (14, 15)]
+    assert all(group[one] != group[other] for one, other in ends)
+    # From cycle to cycle they repeat: what was reached from below, and what was looked at again.
+    assert len({group[row] for row in (2, 8, 14)}) == len({group[row] for row in (3, 9, 15)}) == 1

@@ -79,6 +79,11 @@ def test_moments_come_in_the_order_of_passes_with_the_direction_of_approach():
     }
 
 
+def test_a_step_is_kept():
+    (only,) = plan(passes=[{"axis": "x", "start": 0.3, "stop": 99.9, "step": 33.2}]).passes
+    assert only.positions_mm == pytest.approx([0.3, 33.5, 66.7, 99.9], abs=1e-12)
+
+
 def test_repeats_are_numbered():
     order = moments(plan(passes=[{"axis": "y", "positions": [5.0, 1.0], "repeats": 2, "both_directions": True}]))
     assert order.repeat.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
@@ -194,6 +199,9 @@ REFUSED = [
     ({"passes": [{"axis": "x", "stop": 400.0, "count": 3}]}, "outside the range"),
     ({"passes": [{"axis": "x", "count": 3, "at": {"z": -1.0}}]}, "at.z"),
     ({"passes": [{"axis": "x", "positions": []}]}, "positions"),
+    ({"passes": [{"axis": "x", "start": 0.0, "stop": 100.0, "step": 30.0}]}, "30 mm does not divide the 100 mm"),
+    ({"passes": [{"axis": "x", "start": 0.0, "stop": 100.0, "step": 150.0}]}, "150 mm does not divide the 100 mm"),
+    ({"passes": [{"axis": "x", "count": 3, "step": 50.0}]}, "stands beside count"),
     ({"passes": [{"axis": "x", "count": 2, "both_directions": 1}]}, "both_directions"),
     ({"covariates": {"temp": {"t_s": [1.0, 0.0], "value": [1.0, 2.0]}}}, "covariates.temp.t_s"),
     ({"hidden": [{"effect": "gremlins"}]}, "available are scale, backlash"),

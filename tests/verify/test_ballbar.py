@@ -150,6 +150,31 @@ def test_a_measured_trace_of_the_same_machine_leaves_only_its_noise(tmp_path, pl
         )
 
 
+@pytest.mark.parametrize("runs", [("ccw", "cw"), ("cw", "ccw"), ("cw", "ccw", "cw")])
+@pytest.mark.parametrize("plane", ["XY", "YZ", "ZX"])
+def test_a_run_that_turns_round_is_two(tmp_path, plane, runs):
+    """Nothing in the file names them: one line, no `dir`. The point at which it turns is the end of either."""
+    machine = wavy()
+    path = measured_file(tmp_path / "trace.csv", machine, circle_to_test(machine, plane), runs=runs, n=121)
+    pl.read_csv(path).drop("line").write_csv(path)
+    found, set_aside = compare_with_measured(machine, read_circular_test(path))
+    assert not set_aside
+    senses = [1 if name == "ccw" else -1 for name in runs]
+    assert [run.direction for run in found] == senses
+    assert [len(run.measured.angle_rad) for run in found] == pytest.approx([121] * len(runs), abs=1)
+
+
+def test_two_turns_with_an_overlap_are_one_run(tmp_path):
+    machine = wavy()
+    circle = circle_to_test(machine)
+    path = measured_file(tmp_path / "trace.csv", machine, circle, runs=("ccw", "ccw"))
+    frame = pl.read_csv(path).drop("line")
+    # Half a dozen points back before it goes on: the bar was looked at by hand.
+    pl.concat([frame[:40], frame[34:]]).write_csv(path)
+    (run,), _ = compare_with_measured(machine, read_circular_test(path))
+    assert (run.direction, len(run.measured.angle_rad)) == (1, 246)
+
+
 def test_the_set_up_is_the_one_that_scipy_finds(tmp_path):
     truth, believed = wavy(), wavy(scale=0.9)
     circle = circle_to_test(truth)

@@ -156,6 +156,14 @@ def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
         )
 
 
+def _components_of_a_row(fitted: Fitted) -> float:
+    """Give how many components a row has in the mean: a lack of fit is a sum over those that were measured.
+
+    What a laser along one axis sees is all of that axis; the others are taken for as much, for nothing tells.
+    """
+    return float(fitted.sightings.is_measured[fitted.solved.used].sum(axis=1).mean())
+
+
 def _misfit(fitted: Fitted) -> Source | str:
     """Give lack of fit as an error of every place: what is not in the model does not average out."""
     split = fitted.split
@@ -172,5 +180,5 @@ def _misfit(fitted: Fitted) -> Source | str:
         split.lack_of_fit_um,
         "µm",
         dof,
-        everywhere_mm=np.eye(3) * split.lack_of_fit_um / _UM_PER_MM / math.sqrt(3.0),
+        everywhere_mm=np.eye(3) * split.lack_of_fit_um / _UM_PER_MM / math.sqrt(_components_of_a_row(fitted)),
     )

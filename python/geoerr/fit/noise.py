@@ -12,7 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
+from geoerr.fit.reversals import may_have_turned
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.variables import times_s
+from geoerr.machine import AXES
 from geoerr.observations import CARRIERS, PIXELS
 
 # Covariates are alike where they differ by less than this share of their spread: a twentieth of the spread changes a
@@ -26,7 +29,7 @@ _UM_PER_MM = 1e3
 # Columns that identify or order rows; they say nothing about the conditions.
 NOT_CONDITIONS = {
     *("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz", "sx", "sy", "sz", "repeat", "t", "r", "file_row"),
-    *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z", "dir"),
+    *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z"),
     *PIXELS,
 }
 
@@ -72,12 +75,19 @@ def _floor(variance_mm2: Numbers, dof: np.ndarray) -> float | None:
     return math.sqrt(float(np.nansum(np.where(dof > 0, variance_mm2, 0.0)))) * _UM_PER_MM
 
 
+def _known_directions(sightings: Sightings) -> Numbers:
+    """Give directions (n, 3), 0 where an axis that was looked at again may have come back from beyond the place."""
+    turned = may_have_turned(sightings, times_s(sightings))
+    stated = np.column_stack([np.isfinite(sightings.numbers(f"dir_{axis}")) for axis in AXES])
+    return np.where(turned & ~stated, 0.0, sightings.directions)
+
+
 def groups_of(sightings: Sightings) -> np.ndarray:
     """Give every row the number of its group, (n,): the same thing measured under nearly the same conditions."""
     keys = [
         np.round(sightings.commanded_mm / SAME_POSITION_MM),
         np.round(sightings.offset_mm / SAME_POSITION_MM),
-        sightings.directions.astype(np.float64),
+        _known_directions(sightings),
         sightings.carrier[:, None].astype(np.float64),
         sightings.session[:, None].astype(np.float64),
     ]

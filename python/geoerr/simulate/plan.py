@@ -88,6 +88,8 @@ CARRIERS = ("tool", "work", "base")
 _CARRIAGES = ("tangent", "free", "length")
 _AMPLITUDES = ("positioning_um", "straightness_um", "pitch_yaw_urad", "roll_urad")
 # Li's Table 2.
+# A step that divides a way, but for the digits that it is written with.
+_OFF_STEP = 1e-6
 _LI_SIZE_PX = [2448.0, 2048.0]
 _LI_PIXEL_UM = 3.45
 _LI_FOCAL_MM = 8.0
@@ -417,6 +419,23 @@ def _table(tables: Entries, name: str) -> Polyline:
     return Polyline(np.array(position_mm), np.array(value) * factor)
 
 
+def _count(entry: Entries, start_mm: float, stop_mm: float) -> int:
+    """Give how many positions there are from start to stop: as stated, or by the step, which has to fit."""
+    if "step" not in entry.content:
+        return entry.whole("count", low=1)
+    if "count" in entry.content:
+        raise entry.refuse("step", "stands beside count", "keep one of the two")
+    step_mm = entry.number("step", above=0.0)
+    n_steps = abs(stop_mm - start_mm) / step_mm
+    if abs(n_steps - round(n_steps)) > _OFF_STEP * max(n_steps, 1.0):
+        raise entry.refuse(
+            "step",
+            f"{step_mm:g} mm does not divide the {abs(stop_mm - start_mm):g} mm from start to stop",
+            "change one of them, or write count or positions",
+        )
+    return round(n_steps) + 1
+
+
 def _pass(entry: Entries, machine: Machine) -> PassPlan:
     axis = entry.text("axis", None, AXES)
     low_mm, high_mm = machine.axes[axis].range_mm
@@ -424,12 +443,7 @@ def _pass(entry: Entries, machine: Machine) -> PassPlan:
         positions = entry.numbers("positions")
     else:
         start, stop = entry.number("start", low_mm), entry.number("stop", high_mm)
-        count = (
-            round(abs(stop - start) / entry.number("step", above=0.0)) + 1
-            if "step" in entry.content
-            else entry.whole("count", low=1)
-        )
-        positions = [float(value) for value in np.linspace(start, stop, count)]
+        positions = [float(value) for value in np.linspace(start, stop, _count(entry, start, stop))]
     if not positions:
         raise entry.refuse("positions", "is empty")
     others = entry.table("at")

@@ -24,6 +24,7 @@ from geoerr.observations import CircularTest
 from geoerr.tables import RowProblem
 from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, fit_circle, fit_set_up, what_fits
 from geoerr.verify.circle_motion import conditions_on_circle, followed_on_circle
+from geoerr.verify.circle_runs import FEWEST_ROWS, LEAST_ARC_RAD, runs_of
 from geoerr.verify.remaining import compensate_positions
 
 if TYPE_CHECKING:
@@ -44,8 +45,6 @@ _DIGITS_MM = 1e-3
 _BETWEEN_POINTS = 1e-3
 # Radius of a circle about the middle, as a share of the shorter edge.
 _MIDDLE_SHARE = 0.45
-# Below a quarter turn centre and radius of the set-up take most of the signal with them.
-_LEAST_ARC_RAD = np.pi / 2.0
 
 
 @dataclass(frozen=True)
@@ -430,7 +429,7 @@ def compare_with_measured(
     path = measured.sources[0] if measured.sources else "-"
     runs: list[MeasuredRun] = []
     problems = list(measured.set_aside)
-    for name, frame in _runs(measured.frame):
+    for name, frame in runs_of(measured.frame):
         run, found = _compare_run(model, name, frame, path, at)
         problems.extend(found)
         if run is not None:
@@ -450,13 +449,13 @@ def circle_of_first_run(measured: CircularTest) -> CircleOfCommands:
         if its commanded positions are not on a circle in a plane of the machine.
     """
     path = measured.sources[0] if measured.sources else "-"
-    _, frame = next(iter(_runs(measured.frame)))
+    _, frame = next(iter(runs_of(measured.frame)))
     return _commanded_circle(frame, path)[0]
 
 
 def feed_of_first_run(model: Model, measured: CircularTest, at: Conditions | None) -> float | None:
     """Give the feed of the first run, mm/min, where the model follows speeds and none is stated; else None."""
-    _, frame = next(iter(_runs(measured.frame)))
+    _, frame = next(iter(runs_of(measured.frame)))
     return _feed_of(frame, model, at)
 
 
@@ -521,29 +520,6 @@ def _point_outside(model: Model, commanded_mm: Numbers) -> tuple[int, str, str] 
     return None
 
 
-def _runs(frame: pl.DataFrame) -> list[tuple[str, pl.DataFrame]]:
-    keys: list[str] = [name for name in ("session", "line", "repeat", "dir") if name in frame.columns]
-    if "feed" in frame.columns and _has_several_feeds(frame, keys):
-        keys.append("feed")
-    if not keys:
-        return [("the run", frame)]
-    runs = []
-    for values, part in frame.partition_by(keys, maintain_order=True, as_dict=True).items():
-        words = [
-            str(value) if key == "line" else f"{key} {value}"
-            for key, value in zip(keys, values, strict=True)
-            if value is not None and key != "dir"
-        ]
-        ordered = part.sort("t", maintain_order=True) if "t" in part.columns and not part["t"].null_count() else part
-        runs.append((", ".join(words) or "the run", ordered))
-    return runs
-
-
-def _has_several_feeds(frame: pl.DataFrame, keys: Sequence[str]) -> bool:
-    runs = frame.partition_by(keys, maintain_order=True) if keys else [frame]
-    return any(run["feed"].n_unique() > 1 for run in runs)
-
-
 def _compare_run(
     model: Model, name: str, frame: pl.DataFrame, path: str, at: Conditions | None
 ) -> tuple[MeasuredRun | None, list[RowProblem]]:
@@ -559,7 +535,7 @@ def _compare_run(
     nominal = circle.in_plane(commanded)
     angle = np.arctan2(nominal[:, 1], nominal[:, 0])
     covered = _covered_rad(angle)
-    if covered < _LEAST_ARC_RAD:
+    if covered < LEAST_ARC_RAD:
         problem = f"{name} covers {np.rad2deg(covered):.0f}° of the circle, at least 90° are needed"
         return None, [*problems, RowProblem(path, rows[0], "x y z", problem)]
     at = with_feed(at, _feed_of(frame, model, at))
@@ -588,7 +564,7 @@ def _checked_run(
     rows = frame["file_row"].to_list()
     radius = frame["r"].to_numpy().astype(np.float64)
     commanded = frame.select("x", "y", "z").to_numpy().astype(np.float64)
-    if len(frame) < 4:
+    if len(frame) < FEWEST_ROWS:
         problem = f"{len(frame)} points; centre and radius of the set-up alone take three"
         return None, commanded, radius, rows, [RowProblem(path, rows[0], "r", problem)]
     circle, off = _commanded_circle(frame, path)
