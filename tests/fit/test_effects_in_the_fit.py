@@ -21,10 +21,11 @@ from fit_scenes import (
 from scipy.integrate import solve_ivp
 from virtual_machine import LENGTH_MM, machine_of
 
+from geoerr.compensate.benefit import benefit_of
 from geoerr.effects import catalogue, load_effects
-from geoerr.fit import Fitted
+from geoerr.fit import FitOptions, Fitted, fit_terms, result_of
 from geoerr.machine import Axis, Machine
-from geoerr.observations import Observations
+from geoerr.observations import Observations, observations_from_columns
 
 MACHINE = machine_of("wZbXYt")
 STD_MM = 2e-3
@@ -171,6 +172,20 @@ range = "axis"
 """
 
 
+OWN_STEP = """
+[[effect]]
+id = "own-step"
+channel = "along"
+axes = ["x"]
+expression = "A*step(q - p)"
+[effect.coefficients.A]
+unit = "mm"
+[effect.inner.p]
+unit = "mm"
+range = "x"
+"""
+
+
 def test_a_users_effect_is_fitted_like_a_built_in_one(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     path.write_text(OWN, encoding="utf-8")
@@ -275,3 +290,47 @@ def test_wind_up_begins_settled() -> None:
     assert is_near(value_of(result, "reversal-windup:x"), 0.03)
     assert is_near(inner_of(result, "reversal-windup:x"), 1.5)
     assert np.abs(result.residual_mm[:3]).max() < 5.0 * STD_MM
+
+
+def test_a_play_seen_from_one_side_is_not_determined_in_a_program_that_goes_both_ways() -> None:
+    """All points lie off alike: a set-up, as long as nothing turns. A program does."""
+    x = np.linspace(0.0, 400.0, 21)
+    columns = {"x": np.tile(x, 3), "y": np.repeat([0.0, 100.0, 200.0], 21), "z": np.zeros(63), "dir_x": np.ones(63)}
+    noise = 1e-3 * np.random.default_rng(8).normal(size=(63, 3))
+    columns |= {f"m{axis}": columns[axis] + noise[:, place] for place, axis in enumerate("xyz")}
+    play = catalogue()["backlash"].term("x", None, MACHINE)
+    model = result_of(
+        fit_terms(
+            MACHINE, [observations_from_columns(columns)], effects=[play], options=FitOptions(components="none")
+        )
+    ).model
+    (term,) = model.machine_terms
+    assert np.isnan(term.coefficients[0].std)
+    places = [[100.0, 50.0, 0.0], [300.0, 50.0, 0.0]]
+    assert model.is_determined_at(places, at={"d_x": 1.0}).all()
+    both = model.is_determined_at(places, at={"d_x": np.array([1.0, -1.0])})
+    assert both.tolist() == [[False, True, True]] * 2
+    benefit = benefit_of(model, ((0.0, 400.0), (0.0, 200.0), (0.0, 0.0)), {})
+    assert benefit is not None
+    assert benefit.share_not_determined == 1.0
+
+
+def test_an_inner_parameter_that_nothing_tells_is_named_and_has_no_error(tmp_path: Path) -> None:
+    """A step lies between two positions: nobody can say where."""
+    path = tmp_path / "own.toml"
+    path.write_text(OWN_STEP, encoding="utf-8")
+    (effect,) = load_effects(path)
+    x = np.tile(np.arange(0.0, 401.0, 100.0), 12)
+    columns = {"x": x, "y": np.zeros(60), "z": np.zeros(60), "mx": x + 0.02 * (x > 150.0)}
+    columns["mx"] = columns["mx"] + 1e-3 * np.random.default_rng(9).normal(size=60)
+    fit = fit_terms(
+        MACHINE,
+        [observations_from_columns(columns)],
+        effects=[effect.term("x", None, MACHINE)],
+        options=FitOptions(components="none"),
+    )
+    (term,) = fit.terms
+    assert term.coefficients[0].value == pytest.approx(0.02, abs=2e-3)
+    assert term.coefficients[0].std < 2e-3
+    assert np.isnan(term.inner[0].std)
+    assert [one.name for one in fit.not_determined] == ["own-step:x"]

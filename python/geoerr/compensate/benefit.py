@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from geoerr.error_functions import ErrorFunction, ErrorFunctions
 from geoerr.model import Model
 from geoerr.model.conditions import OF_MOTION
 from geoerr.model.worth import spread_places
 
-# Any direction, a long stroke, at rest: what of the correction follows these is usually its smaller part.
-_APPROACH = {"d": 1.0, "s": 100.0, "v": 0.0}
+# One direction and the other, a long stroke, a usual speed: a program has all of them.
+_APPROACH = {"d": 1.0, "s": 100.0, "v": 20.0}
+_WITH_SIGN = ("d", "v")
 
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
@@ -64,8 +66,11 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
     if model.record is None or not model.machine_terms or not np.isfinite(box_mm).all():
         return None
     places = spread_places(box_mm)
+    sign = np.repeat([1.0, -1.0], len(places))
+    places = np.tile(places, (2, 1))
     approach = {name: _APPROACH.get(name.partition("_")[0], 0.0) for name in OF_MOTION}
-    conditions = {**approach, "moving": 1.0, **at}
+    both = {name: value * sign for name, value in approach.items() if name.partition("_")[0] in _WITH_SIGN}
+    conditions: dict[str, npt.ArrayLike] = {**approach, **both, "moving": 1.0, **at}
     error_mm = model.error_mm(places, at=conditions, threads=threads)
     covariance = model.prediction_covariance_mm2(places, at=conditions, threads=threads)
     variance = np.diagonal(covariance, axis1=1, axis2=2)

@@ -196,7 +196,8 @@ def diagnose(
         A model, or a fit. Where a model was fitted to these very measurements its own freedom takes part; else only
         the measuring frames do.
     tables
-        Measurements; none where `subject` is a fit.
+        Measurements; none where `subject` is a fit. Circular tests beside points; alone they are for
+        `geoerr.diagnose.circles.diagnose_circles`.
     effects
         A user's own, beside the catalogue's.
     refit
@@ -213,7 +214,7 @@ def diagnose(
     Raises
     ------
     GeoerrError
-        where there are no measurements, or a fit is given some.
+        where there are no measurements, circular tests alone, or a fit is given some.
 
     Notes
     -----
@@ -230,6 +231,11 @@ def diagnose(
     else:
         if not tables:
             raise GeoerrError("a diagnosis needs measurements\nhint: give the tables after the model")
+        if all(isinstance(table, CircularTest) for table in tables):
+            raise GeoerrError(
+                "circular tests alone have causes and noise of their own\n"
+                "hint: geoerr.diagnose.circles.diagnose_circles(model, *tests) looks for them"
+            )
         comparison = compare(
             subject,
             *tables,

@@ -41,7 +41,7 @@ from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
-from geoerr.fit.undetermined import not_determined
+from geoerr.fit.undetermined import columns_of, not_determined
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
@@ -552,9 +552,10 @@ class Posed:
         touches = np.abs(null_space).max(axis=0, initial=0.0) > 0.0
         positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
         is_determined[list(nothing)] = False
+        is_determined[[compiled.n_coefficients + free.index(place) for place in jumps]] = True
         return Fitted(
             machine=self.machine,
-            terms=_with_values(terms, compiled, solved, covariance),
+            terms=_with_values(terms, compiled, solved, covariance, is_determined),
             sightings=sightings,
             compiled=compiled,
             problem=problem,
@@ -645,14 +646,24 @@ def _scale(solved: Solved, sightings: Sightings, dof: float) -> float:
     return math.sqrt(ratio) if is_more else 1.0
 
 
-def _with_values(terms: Sequence[Term], compiled: Compiled, solved: Solved, covariance: Numbers) -> tuple[Term, ...]:
+def _with_values(
+    terms: Sequence[Term], compiled: Compiled, solved: Solved, covariance: Numbers, is_determined: np.ndarray
+) -> tuple[Term, ...]:
+    """Give terms their values and standard errors; an effect's parameter that is not determined has no error.
+
+    Its value is the smallest of those that explain as much: with an error as small it would pass for a result.
+    """
     theta, phi = solved.state.coefficients, solved.state.inner
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     result, first, first_inner = [], 0, 0
-    for term in terms:
+    for term, columns in zip(terms, columns_of(terms), strict=True):
         own = slice(first, first + len(term.coefficients))
         own_inner = slice(first_inner, first_inner + len(term.inner))
-        after = slice(compiled.n_coefficients + own_inner.start, compiled.n_coefficients + own_inner.stop)
+        after = compiled.n_coefficients + np.arange(own_inner.start, own_inner.stop)
+        free = [place for place, parameter in enumerate(term.inner) if not parameter.is_fixed]
+        places = np.concatenate([np.arange(own.start, own.stop), after[free]]).astype(np.intp)
+        if term.kind != "classic":
+            std[places[~is_determined[columns]]] = np.nan
         result.append(
             term.with_values(
                 theta[own].tolist(),

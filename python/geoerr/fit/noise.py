@@ -76,10 +76,14 @@ def _floor(variance_mm2: Numbers, dof: np.ndarray) -> float | None:
 
 
 def _known_directions(sightings: Sightings) -> Numbers:
-    """Give directions (n, 3), 0 where an axis that was looked at again may have come back from beyond the place."""
+    """Give directions (n, 3), 0 where an axis that was looked at again may have come back from beyond the place.
+
+    What stands on the base does not ask where an axis came from.
+    """
     turned = may_have_turned(sightings, times_s(sightings))
     stated = np.column_stack([np.isfinite(sightings.numbers(f"dir_{axis}")) for axis in AXES])
-    return np.where(turned & ~stated, 0.0, sightings.directions)
+    on_base = sightings.carrier == CARRIERS.index("base")
+    return np.where(turned & ~stated & ~on_base[:, None], 0.0, sightings.directions)
 
 
 def groups_of(sightings: Sightings) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from geoerr.error_functions import LI_SQUARENESS, NotDetermined, is_angular
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS
-from geoerr.terms import SQUARENESS_CHANNELS, Term
+from geoerr.terms import SQUARENESS_CHANNELS, Parameter, Term
 
 # Entries of a null vector (largest 1) below this are round-off.
 _NOTHING = 1e-9
@@ -42,12 +43,12 @@ def not_determined(
     wanted: Sequence[str],
     machine: Machine | None = None,
 ) -> tuple[NotDetermined, ...]:
-    """List the terms of which some coefficient is not determined, with the reason and the remedy.
+    """List the terms of which some unknown is not determined, with the reason and the remedy.
 
     Parameters
     ----------
     terms
-        All terms, in the order of their coefficients.
+        All terms, in the order of their unknowns: the coefficients of all, then the free inner parameters of all.
     is_determined : (n,)
         For every unknown.
     null_space : (n, k)
@@ -69,7 +70,7 @@ def not_determined(
     blocks = _blocks(terms, is_determined, null_space, first_frame_column)
     words = _Words(sightings, machine, never_moved)
     without = {name: _directions_without(rows) for name, rows in blocks.items()}
-    for term, own in zip(terms, _spans(terms), strict=True):
+    for term, own in zip(terms, columns_of(terms), strict=True):
         if is_determined[own].all():
             continue
         name = iso_name(term.id)
@@ -78,9 +79,19 @@ def not_determined(
     return tuple(listed)
 
 
-def _spans(terms: Sequence[Term]) -> list[slice]:
-    ends = np.cumsum([len(term.coefficients) for term in terms])
-    return [slice(int(end) - len(term.coefficients), int(end)) for term, end in zip(terms, ends, strict=True)]
+def columns_of(terms: Sequence[Term]) -> list[np.ndarray]:
+    """Give the columns of each term's unknowns: of its coefficients, then of its free inner parameters."""
+    coefficients, inner = count(), count(sum(len(term.coefficients) for term in terms))
+    return [
+        np.array(
+            [*(next(coefficients) for _ in term.coefficients), *(next(inner) for _ in _free(term))], dtype=np.intp
+        )
+        for term in terms
+    ]
+
+
+def _free(term: Term) -> list[Parameter]:
+    return [parameter for parameter in term.inner if not parameter.is_fixed]
 
 
 def _blocks(
@@ -89,7 +100,7 @@ def _blocks(
     """Give the rows of the null space by term; those of frames and places together."""
     rows = {
         iso_name(term.id): null_space[own]
-        for term, own in zip(terms, _spans(terms), strict=True)
+        for term, own in zip(terms, columns_of(terms), strict=True)
         if not is_determined[own].all() or np.abs(null_space[own]).max(initial=0.0) > _NOTHING
     }
     frames = null_space[first_frame_column:]

@@ -7,7 +7,7 @@ and signs are translated. Signs and frames: errors are actual minus nominal of t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -481,29 +481,28 @@ class Model:
         null_space = self._record_of_machine.null_space
         still = np.concatenate([np.empty((0, 3, null_space.shape[1]), dtype=np.bool_), *blocks])
         open_rows = ~still.all(axis=(1, 2))
-        # Rigid motions are told on a grid: one set of conditions does, for they only scale what a term can do.
-        typical = {
-            name: value if isinstance(value, str) else float(np.mean(np.asarray(value, dtype=np.float64)))
-            for name, value in (at or {}).items()
-        }
+        # Rigid motions are told on a grid, under the least and the most of every condition: what moves all points one
+        # way here and another way there, as play does, is no set-up.
+        ends = [_end_of(at or {}, end) for end in (np.min, np.max)]
         for own in np.unique(offset[open_rows], axis=0):
             rows_of_offset = open_rows & (offset == own).all(axis=1)
-            still[rows_of_offset] |= ~self._bends(own, carrier, typical, null_space, threads)
+            still[rows_of_offset] |= ~self._bends(own, carrier, ends, null_space, threads)
         return np.asarray(still.all(axis=2))
 
     def _bends(
-        self, offset: Numbers, carrier: Carrier, at: Conditions | None, directions: Numbers, threads: int
+        self, offset: Numbers, carrier: Carrier, ends: Sequence[Conditions], directions: Numbers, threads: int
     ) -> npt.NDArray[np.bool_]:
-        """Tell which directions (m, k) of the parameters move points of the measured range not as one rigid body."""
+        """Tell which directions (m, k) of the parameters move the measured range, at all ends, other than rigidly."""
         measured = self.measured_range_mm
         spans = [measured[axis] or self.machine.axes[axis].range_mm for axis in AXES]
         # Uneven, so that no wave hides between the places.
         shares = (0.0, 0.31, 0.74, 1.0)
         grids = np.meshgrid(*([low + share * (high - low) for share in shares] for low, high in spans), indexing="ij")
         grid = np.ascontiguousarray(np.stack([values.ravel() for values in grids], axis=1))
-        columns = np.concatenate(list(self._columns(grid, offset, carrier, at, threads)))
-        moved = (columns @ directions).reshape(3 * len(grid), -1)
-        rigid = _rigid_columns(grid + offset)
+        blocks = [block for at in ends for block in self._columns(grid, offset, carrier, at, threads)]
+        columns = np.concatenate(blocks)
+        moved = (columns @ directions).reshape(3 * len(columns), -1)
+        rigid = np.tile(_rigid_columns(grid + offset), (len(ends), 1))
         left = moved - rigid @ np.linalg.lstsq(rigid, moved, rcond=None)[0]
         reach = (np.abs(columns) @ np.abs(directions)).max(axis=(0, 1))
         return np.asarray(np.abs(left).max(axis=0) > _NO_EFFECT * reach)
@@ -871,6 +870,14 @@ def _leaves_still(columns: Numbers, directions: Numbers) -> npt.NDArray[np.bool_
     """Tell which directions (m, k) of the parameters leave which components still, (n, 3, k)."""
     reach = np.abs(columns) @ np.abs(directions)
     return np.asarray(np.abs(columns @ directions) <= _NO_EFFECT * reach)
+
+
+def _end_of(at: Conditions, end: Callable[[Numbers], float]) -> Conditions:
+    """Give one value of every condition of rows, by the function `end` of what they have."""
+    return {
+        name: value if isinstance(value, str) else float(end(np.asarray(value, dtype=np.float64)))
+        for name, value in at.items()
+    }
 
 
 def _rigid_columns(points_mm: Numbers) -> Numbers:
