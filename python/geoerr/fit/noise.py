@@ -29,7 +29,7 @@ _UM_PER_MM = 1e3
 # Columns that identify or order rows; they say nothing about the conditions.
 NOT_CONDITIONS = {
     *("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz", "sx", "sy", "sz", "repeat", "t", "r", "file_row"),
-    *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z"),
+    *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z", "dir"),
     *PIXELS,
 }
 
@@ -94,6 +94,8 @@ def groups_of(sightings: Sightings) -> np.ndarray:
         _known_directions(sightings),
         sightings.carrier[:, None].astype(np.float64),
         sightings.session[:, None].astype(np.float64),
+        # At the place where a circle is run back both senses have one derived direction.
+        np.nan_to_num(sightings.numbers("dir"))[:, None],
     ]
     for name in sightings.covariate_columns:
         if name in NOT_CONDITIONS:
