@@ -35,6 +35,8 @@ _AXES = ("x", "y", "z")
 _UNITS = {**dict.fromkeys((*_AXES, "r", "measured"), "mm"), "feed": "mm/min"}
 # A summary names as many, and counts more.
 _MOST_NAMED = 8
+# Positions closer than this are one place, and so are neighbours nearer than this share of their mean distance.
+_SAME_POSITION_MM, _ONE_PLACE = 1e-5, 0.01
 
 Numbers = npt.NDArray[np.float64]
 
@@ -276,6 +278,21 @@ def observations_from_columns(columns: dict[str, Numbers | list[str]], source: s
     raw = pl.DataFrame({name: pl.Series(name, values) for name, values in columns.items()})
     frame, problems = check(raw, POINT_COLUMNS, source)
     return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)
+
+
+def place_numbers(position_mm: Numbers) -> npt.NDArray[np.int64]:
+    """Give every commanded position (n,) along an axis the number of its place, upwards from 0, (n,).
+
+    A program states a target in one way, an encoder with some spread: neighbours that are a hundredth as far apart as
+    positions are on average are one place.
+    """
+    order = np.argsort(position_mm, kind="stable")
+    gap_mm = np.diff(position_mm[order], prepend=position_mm[order][:1])
+    n_distinct = 1 + int((gap_mm > _SAME_POSITION_MM).sum())
+    same_mm = max(_SAME_POSITION_MM, _ONE_PLACE * float(gap_mm.sum()) / n_distinct)
+    number = np.empty(len(position_mm), dtype=np.int64)
+    number[order] = np.cumsum(gap_mm > same_mm)
+    return number
 
 
 def _counted(frame: pl.DataFrame, columns: Iterable[str]) -> dict[str, str]:

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.observations import place_numbers
 
 # Rows whose distance would occur once in ten million by chance are gross: not a tail of the noise, a mistake.
 _GROSS = 1e-7
@@ -103,7 +104,10 @@ def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
     is_far = is_told & (square > stats.chi2.isf(_GROSS, n_numbers) * scale2)
     # Two mistakes beside each other would hide each other.
     spread = np.where(is_far[near].any(axis=1), but_one, spread)
-    return np.asarray(is_far & (square > (_TIMES_THE_SPREAD * spread) ** 2))
+    is_alone = np.asarray(is_far & (square > (_TIMES_THE_SPREAD * spread) ** 2))
+    if not is_alone.any():
+        return is_alone
+    return np.asarray(is_alone & ~Repeats(sightings).confirmed(whitened, is_alone))
 
 
 def _spread(beside: Numbers) -> Numbers:
@@ -120,12 +124,14 @@ class Neighbours:
         of_target = np.column_stack([sightings.session, sightings.carrier, target])
         self._in_time, self._in_place = _Rows(of_target), _Rows(np.column_stack([of_target, place]))
         self._is_stated = sightings.is_stated
+        self._repeats = Repeats(sightings)
 
     def mistakes(self, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray) -> np.ndarray:
         """Leave of the far rows (n,) those that stand alone: what the model lacks goes on, and comes back.
 
         A mistake is in no longer run of far rows than two, and is like at most one of its neighbours: of the two rows
-        before it and the two after it, and of those that were measured at the same place.
+        before it and the two after it, and of those that were measured at the same place. What comes back whenever
+        the machine comes back the same way is none.
 
         Parameters
         ----------
@@ -142,7 +148,67 @@ class Neighbours:
         is_short = self._in_time.run_length(is_far) <= _LONGEST_MISTAKE
         # Among far rows, too, one that is not even nearly like anything around it is a mistake.
         is_like_none = (nearly == 0) & (neighbours >= _ENOUGH_NEIGHBOURS)
-        return np.asarray(is_far & ((is_short & (alike < np.clip(neighbours, 1, 2))) | is_like_none))
+        is_mistake = np.asarray(is_far & ((is_short & (alike < np.clip(neighbours, 1, 2))) | is_like_none))
+        return np.asarray(is_mistake & ~self._repeats.confirmed(whitened, is_mistake))
+
+
+class Repeats:
+    """Readings of one place that was reached anew from the same side: rows of one session, target and direction.
+
+    Rows that follow each other at one place are one visit: what disturbed one of them may have disturbed all.
+    """
+
+    def __init__(self, sightings: Sightings) -> None:
+        target = np.round(sightings.offset_mm / SAME_POSITION_MM).astype(np.int64)
+        of_target = np.column_stack([sightings.session, sightings.carrier, target])
+        place = np.column_stack([place_numbers(own) for own in sightings.commanded_mm.T])
+        here = np.column_stack([place, sightings.directions])
+        # In the order of measurement of each target; a visit ends where the place or the direction changes.
+        in_time = _Rows(of_target)
+        moved = in_time.begins.copy()
+        moved[1:] |= (here[in_time.order][1:] != here[in_time.order][:-1]).any(axis=1)
+        self._visit = np.empty(len(sightings), dtype=np.int64)
+        self._visit[in_time.order] = np.cumsum(moved)
+        self._rows = _Rows(np.column_stack([of_target, here, sightings.is_measured]))
+        self._n_numbers = sightings.is_measured.sum(axis=1)
+        self._is_stated = sightings.is_stated
+
+    def confirmed(self, whitened: Numbers, is_asked: np.ndarray) -> np.ndarray:
+        """Tell which of the rows that are asked for (n,) most of the visits before and after agree with.
+
+        Parameters
+        ----------
+        whitened : (n, 3)
+            Residuals in standard deviations.
+        """
+        found = np.zeros(len(whitened), dtype=bool)
+        if not is_asked.any():
+            return found
+        limit = gross_limit(self._n_numbers) * self._sigma(whitened)
+        order, group = self._rows.order, self._rows.group
+        place = np.empty(len(order), dtype=np.int64)
+        place[order] = np.arange(len(order))
+        for row in np.flatnonzero(is_asked).tolist():
+            first, end = np.searchsorted(group, group[place[row]] + np.array([0, 1]))
+            own = order[first:end]
+            others = own[self._visit[own] != self._visit[row]]
+            # The visits nearest in time: over many of them a machine drifts.
+            nearest = np.argsort(np.abs(self._visit[others] - self._visit[row]), kind="stable")[: 2 * _NEIGHBOURS]
+            distance = np.sqrt(0.5 * ((whitened[others[nearest]] - whitened[row]) ** 2).sum(axis=1))
+            found[row] = 2 * (distance <= limit[row]).sum() > len(nearest)
+        return found
+
+    def _sigma(self, whitened: Numbers) -> float:
+        """Give how far one visit is from the next, in standard deviations."""
+        order, group = self._rows.order, self._rows.group
+        is_pair = (group[1:] == group[:-1]) & (self._visit[order][1:] != self._visit[order][:-1])
+        distance = np.sqrt(0.5 * ((whitened[order][1:] - whitened[order][:-1]) ** 2).sum(axis=1))[is_pair]
+        if not len(distance):
+            return 0.0
+        sigma = robust_scale(distance, self._n_numbers[order][1:][is_pair])
+        # Of a device that counts steps most differences are 0.
+        sigma = max(sigma, float(np.quantile(distance, _SHARES[1]))) if not np.median(distance) else sigma
+        return max(sigma, 1.0) if self._is_stated else sigma
 
 
 class _Rows:
