@@ -2,6 +2,9 @@
 
 Held against the machine without errors, so that nothing of a model is in the deviations: of the measuring frame only
 where it stands is fitted, and a scale stays what was measured.
+
+Every reading of a line is in it, as ISO 230-2 takes every one: what a fit sets aside as a mistake is marked, so that
+who sums up can say so. Only what was measured metres from any place that the machine reaches is no reading.
 """
 
 from __future__ import annotations
@@ -44,6 +47,8 @@ class StraightLine:
         Place along the line, and deviation along it: actual minus commanded, the tool as seen from the work.
     direction : (n,)
         +1 forwards, −1 backwards, 0 unknown.
+    is_alone : (n,) bool
+        Readings far from all around them that no other run found again: a fit sets them aside as mistakes.
     """
 
     session: str
@@ -56,6 +61,7 @@ class StraightLine:
     position_mm: Numbers
     deviation_um: Numbers
     direction: Numbers
+    is_alone: npt.NDArray[np.bool_]
 
 
 def straight_lines(machine: Machine, *tables: Observations, threads: int = 0) -> tuple[StraightLine, ...]:
@@ -99,9 +105,8 @@ def _groups(fitted: Fitted, named: _Named) -> Iterator[npt.NDArray[np.int64]]:
         )
     ]
     by_key: dict[tuple[object, ...], list[int]] = {}
-    for row, (key, used) in enumerate(zip(keys, fitted.solved.used.tolist(), strict=True)):
-        if used:
-            by_key.setdefault(key, []).append(row)
+    for row, key in enumerate(keys):
+        by_key.setdefault(key, []).append(row)
     yield from (np.array(rows, dtype=np.int64) for rows in by_key.values())
 
 
@@ -163,12 +168,13 @@ def _line(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> Straigh
         position_mm=position,
         deviation_um=sign * fitted.residual_mm[rows] @ unit * _UM_PER_MM,
         direction=np.where(agree, senses[:, 0], 0).astype(np.float64),
+        is_alone=~fitted.solved.used[rows],
     )
     return _of_readings(line, is_seen)
 
 
 def _of_readings(line: StraightLine, kept: npt.NDArray[np.bool_]) -> StraightLine:
-    names = ("position_mm", "deviation_um", "direction")
+    names = ("position_mm", "deviation_um", "direction", "is_alone")
     return replace(line, **{name: getattr(line, name)[kept] for name in names})
 
 

@@ -107,7 +107,7 @@ def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
     is_alone = np.asarray(is_far & (square > (_TIMES_THE_SPREAD * spread) ** 2))
     if not is_alone.any():
         return is_alone
-    return np.asarray(is_alone & ~Repeats(sightings).confirmed(whitened, is_alone))
+    return np.asarray(is_alone & ~Revisits(sightings).confirmed(whitened, is_alone))
 
 
 def _spread(beside: Numbers) -> Numbers:
@@ -124,7 +124,7 @@ class Neighbours:
         of_target = np.column_stack([sightings.session, sightings.carrier, target])
         self._in_time, self._in_place = _Rows(of_target), _Rows(np.column_stack([of_target, place]))
         self._is_stated = sightings.is_stated
-        self._repeats = Repeats(sightings)
+        self._revisits = Revisits(sightings)
 
     def mistakes(self, whitened: Numbers, n_numbers: np.ndarray, is_far: np.ndarray) -> np.ndarray:
         """Leave of the far rows (n,) those that stand alone: what the model lacks goes on, and comes back.
@@ -149,10 +149,10 @@ class Neighbours:
         # Among far rows, too, one that is not even nearly like anything around it is a mistake.
         is_like_none = (nearly == 0) & (neighbours >= _ENOUGH_NEIGHBOURS)
         is_mistake = np.asarray(is_far & ((is_short & (alike < np.clip(neighbours, 1, 2))) | is_like_none))
-        return np.asarray(is_mistake & ~self._repeats.confirmed(whitened, is_mistake))
+        return np.asarray(is_mistake & ~self._revisits.confirmed(whitened, is_mistake))
 
 
-class Repeats:
+class Revisits:
     """Readings of one place that was reached anew from the same side: rows of one session, target and direction.
 
     Rows that follow each other at one place are one visit: what disturbed one of them may have disturbed all.

@@ -6,11 +6,12 @@ A part that the model or the measurements cannot support is left out, with what 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from geoerr.budget import Budget, UncertaintyMap, uncertainty_budget, uncertainty_map
 from geoerr.diagnose import Comparison, Diagnosis, compare, diagnose
@@ -81,10 +82,25 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredLine:
-    """A line of the measurements that was run both ways, and its figures."""
+    """A line of the measurements that was run both ways, and its figures.
+
+    Attributes
+    ----------
+    line, test
+        The readings and their figures; as the standard has it, all readings are in them.
+    without_alone
+        Figures without the readings that stand alone, most likely mistakes; None where no reading does, or too few
+        targets are left.
+    """
 
     line: StraightLine
     test: PositioningTest
+    without_alone: PositioningTest | None = None
+
+    @property
+    def n_alone(self) -> int:
+        """Readings in the figures that stand alone."""
+        return int((self.line.is_alone & (self.line.direction != 0.0)).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,9 +290,9 @@ def model_report(
         diagnosis = parts.tried(DIAGNOSIS, look, unless=why)
     steps.say("measured lines")
     lines = tuple(
-        MeasuredLine(line, test)
+        one
         for line in straight_lines(model.machine, *points, threads=threads)
-        if (test := positioning_test(line.position_mm, line.deviation_um, line.direction)) is not None
+        if (one := _measured_line(line)) is not None
     )
     steps.done()
     steps.say("the 21 errors, circles, lines and diagonals as the model predicts them")
@@ -312,6 +328,19 @@ def model_report(
         volume,
         parts.left_out,
     )
+
+
+def _measured_line(line: StraightLine) -> MeasuredLine | None:
+    """Sum up a line with all its readings, and without those that stand alone; None where it is no test."""
+    test = _test_of(line, np.ones(len(line.direction), dtype=bool))
+    if test is None:
+        return None
+    found = MeasuredLine(line, test)
+    return replace(found, without_alone=_test_of(line, ~line.is_alone)) if found.n_alone else found
+
+
+def _test_of(line: StraightLine, kept: npt.NDArray[np.bool_]) -> PositioningTest | None:
+    return positioning_test(line.position_mm[kept], line.deviation_um[kept], line.direction[kept])
 
 
 def _no_search(points: Sequence[Any], circles: Sequence[Any], tables: Sequence[Any], search: bool) -> str | None:
@@ -470,6 +499,8 @@ def _line_document(one: MeasuredLine) -> dict[str, Any]:
         "end_mm": line.end_mm.tolist(),
         "offset_mm": line.offset_mm.tolist(),
         **one.test.to_document(),
+        "n_alone": one.n_alone,
+        "without_alone": None if one.without_alone is None else one.without_alone.to_document(),
     }
 
 

@@ -50,6 +50,7 @@ def positioning_blocks(report: ModelReport) -> tuple[Block, ...]:
         blocks += [
             _figure("Positioning, measured", shown, "mean of the runs and two standard deviations of a run"),
             _measured_table(caption, shown),
+            *_alone_paragraphs(lines),
             Paragraph(_LETTERS),
         ]
         if any(one.test.n_runs < USUAL_RUNS for one in lines):
@@ -118,6 +119,7 @@ def diagonal_blocks(report: ModelReport) -> tuple[Block, ...]:
         blocks += [
             _figure("Diagonals, measured", shown, "mean of the runs and two standard deviations of a run"),
             _measured_table(caption, shown),
+            *_alone_paragraphs(report.measured_diagonals),
         ]
     return tuple(blocks)
 
@@ -148,6 +150,30 @@ def _measured_table(caption: str, lines: Sequence[MeasuredLine]) -> Table:
         rows.append((_name(one), _ends(one), *counts, *map(_um, (*values, *more))))
     header = ("line", "from – to, mm", "targets", "runs", "A", "E", "E↑", "E↓", "M", "R", "R↑", "R↓", "B", "mean B")
     return Table(caption, header, tuple(rows))
+
+
+def _alone_paragraphs(lines: Sequence[MeasuredLine]) -> list[Paragraph]:
+    """Say which lines have readings that are most likely mistakes in their figures, and what they do to them."""
+    said = []
+    for one in lines:
+        if not one.n_alone:
+            continue
+        they = "1 reading stands" if one.n_alone == 1 else f"{one.n_alone} readings stand"
+        text = (
+            f"{_name(one)}: {they} alone, far from all around and found again by no other run. The standard takes "
+            "every reading, and the figures above do"
+        )
+        rest = one.without_alone
+        if rest is not None:
+            values = zip(
+                "AERB",
+                (rest.accuracy_um, rest.systematic_um, rest.repeatability_um, rest.reversal_um),
+                strict=True,
+            )
+            figures = ", ".join(f"{letter} {_um(value)}" for letter, value in values if value is not None)
+            text += f"; without {'it' if one.n_alone == 1 else 'them'}, µm: {figures}"
+        said.append(Paragraph(f"{text}."))
+    return said
 
 
 def _predicted_table(tests: Mapping[str, PositioningTest]) -> Table:
