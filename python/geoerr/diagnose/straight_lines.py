@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.diagnose.comparison import compare
+from geoerr.diagnose.motions import rows_by_motion
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES, Machine
@@ -111,21 +112,17 @@ def _groups(fitted: Fitted, named: _Named) -> Iterator[npt.NDArray[np.int64]]:
 
 
 def _lines_of(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> Iterator[StraightLine]:
-    """Give the line that the rows are on, or those along the axes that they can be divided into."""
-    q_mm = fitted.sightings.commanded_mm[rows]
+    """Give the line that the rows are on, or those along which the machine moved to them."""
     whole = _line(fitted, named, rows)
     if whole is not None:
         yield whole
         return
-    for axis in range(3):
-        others = [other for other in range(3) if other != axis]
-        _, number = np.unique(np.round(q_mm[:, others], 3), axis=0, return_inverse=True)
-        order = np.argsort(number.ravel(), kind="stable")
-        parts = np.split(rows[order], np.cumsum(np.bincount(number.ravel()))[:-1])
-        for part in sorted((part for part in parts if len(part) >= _LEAST_READINGS), key=lambda part: int(part[0])):
-            found = _line(fitted, named, part)
-            if found is not None:
-                yield found
+    sightings = fitted.sightings
+    marks = np.column_stack([np.nan_to_num(sightings.numbers("repeat")[rows]), sightings.directions[rows]])
+    for part in rows_by_motion(sightings.commanded_mm[rows], marks):
+        found = _line(fitted, named, rows[part]) if len(part) >= _LEAST_READINGS else None
+        if found is not None:
+            yield found
 
 
 def _line(fitted: Fitted, named: _Named, rows: npt.NDArray[np.int64]) -> StraightLine | None:
