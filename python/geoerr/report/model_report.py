@@ -49,6 +49,7 @@ from geoerr.verify.positioning import (
     diagonals_mm,
     positioning_test,
     predict_positioning,
+    why_no_test,
 )
 
 MACHINE = "The machine"
@@ -289,16 +290,18 @@ def model_report(
         why = _no_search(points, circles, tables, search)
         diagnosis = parts.tried(DIAGNOSIS, look, unless=why)
     steps.say("measured lines")
-    lines = tuple(
-        one
-        for line in straight_lines(model.machine, *points, threads=threads)
-        if (one := _measured_line(line)) is not None
+    straight = straight_lines(model.machine, *points, threads=threads)
+    lines = tuple(one for line in straight if (one := _measured_line(line)) is not None)
+    along_one, along_several = (
+        tuple(one for one in lines if (len(one.line.moving) > 1) == is_several) for is_several in (False, True)
     )
+    _lack_tests(parts, straight)
     steps.done()
     steps.say("the 21 errors, circles, lines and diagonals as the model predicts them")
     errors, has_field, circular, predicted, diagonals = _predictions(parts, model, circles, stated)
-    if not predicted and lines:
-        parts.drop(POSITIONING)
+    for section, is_there in ((POSITIONING, predicted or along_one), (DIAGONALS, diagonals or along_several)):
+        if is_there:
+            parts.drop(section)
     steps.done()
     steps.say("the uncertainty budget")
     budget, volume = _budget(parts, model, comparison, stated)
@@ -317,8 +320,8 @@ def model_report(
         errors,
         has_field,
         circular,
-        tuple(one for one in lines if len(one.line.moving) == 1),
-        tuple(one for one in lines if len(one.line.moving) > 1),
+        along_one,
+        along_several,
         predicted,
         diagonals,
         comparison,
@@ -337,6 +340,22 @@ def _measured_line(line: StraightLine) -> MeasuredLine | None:
         return None
     found = MeasuredLine(line, test)
     return replace(found, without_alone=_test_of(line, ~line.is_alone)) if found.n_alone else found
+
+
+def _lack_tests(parts: _Parts, lines: Sequence[StraightLine]) -> None:
+    """Say why measured lines are no test, where no prediction stands for them."""
+    for section, is_several in ((POSITIONING, False), (DIAGONALS, True)):
+        whys: dict[str, list[str]] = {}
+        for line in lines:
+            if (len(line.moving) > 1) == is_several:
+                whys.setdefault(why_no_test(line.position_mm, line.direction), []).append(line.moving.upper())
+        if whys:
+            parts.lack(section, "; ".join(f"{_lines_along(axes)}: {why}" for why, axes in whys.items()))
+
+
+def _lines_along(axes: Sequence[str]) -> str:
+    many = "lines" if len(axes) > 1 else "a line"
+    return f"{many} along {', '.join(dict.fromkeys(axes))} {'were' if len(axes) > 1 else 'was'} measured"
 
 
 def _test_of(line: StraightLine, kept: npt.NDArray[np.bool_]) -> PositioningTest | None:

@@ -23,6 +23,7 @@ from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import approach_conditions
+from geoerr.observations import place_numbers
 from geoerr.verify.ballbar import usable_range_mm
 
 Numbers = npt.NDArray[np.float64]
@@ -32,8 +33,6 @@ LEAST_TARGETS = 5
 USUAL_RUNS = 5
 # Target positions of a predicted line.
 N_TARGETS = 21
-# Positions closer than this are one target: a hundredth of a micrometre is below every command's resolution.
-_SAME_MM = 1e-5
 _UM_PER_MM = 1e3
 _COVERAGE_95 = 1.96
 # How far beyond the last target a predicted line turns round, as the standard's cycle does.
@@ -191,6 +190,24 @@ def positioning_test(
     return PositioningTest(target[kept], up, down, up_std, down_std, n_runs)
 
 
+def why_no_test(position_mm: npt.ArrayLike, direction: npt.ArrayLike) -> str:
+    """Say why the readings of a line are no test.
+
+    Parameters
+    ----------
+    position_mm, direction : (n,)
+        As for `positioning_test`.
+    """
+    position, sense = (np.asarray(one, dtype=np.float64) for one in (position_mm, direction))
+    _, number = _targets(position)
+    forwards, backwards = (set(number[sense == side].tolist()) for side in (1.0, -1.0))
+    if not forwards and not backwards:
+        return "the data do not tell from which side a place was reached"
+    if not forwards or not backwards:
+        return "run in one direction only"
+    return f"{len(forwards & backwards)} targets were reached from both sides, and a test needs {LEAST_TARGETS}"
+
+
 def predict_positioning(
     model: Model,
     start_mm: npt.ArrayLike,
@@ -262,13 +279,9 @@ def diagonals_mm(model: Model) -> dict[str, tuple[Numbers, Numbers]]:
 
 
 def _targets(position_mm: Numbers) -> tuple[Numbers, npt.NDArray[np.int64]]:
-    """Give the distinct places, increasing, and the number of each reading's."""
-    order = np.argsort(position_mm, kind="stable")
-    ordered = position_mm[order]
-    is_new = np.diff(ordered, prepend=-np.inf) > _SAME_MM
-    number = np.empty(len(position_mm), dtype=np.int64)
-    number[order] = np.cumsum(is_new) - 1
-    return ordered[is_new], number
+    """Give the places, increasing, and the number of each reading's: an encoder tells one target with some spread."""
+    number = place_numbers(position_mm)
+    return np.array([np.median(position_mm[number == one]) for one in range(int(number.max(initial=-1)) + 1)]), number
 
 
 def _motion(model: Model, way: Numbers, travel_mm: Numbers) -> dict[str, npt.ArrayLike]:
