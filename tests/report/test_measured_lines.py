@@ -1,4 +1,4 @@
-"""Measured lines of a report: targets with some spread, why there are none."""
+"""Measured lines of a report: targets with some spread, where the figures begin and end, why there are none."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from geoerr.model import Model
 from geoerr.observations import Observations, observations_from_columns
 from geoerr.report import model_report as parts
 from geoerr.report.model_report import model_report
+from geoerr.report.page import Table
+from geoerr.report.standard_blocks import positioning_blocks
 
 MACHINE = Machine.from_chain("wbXYZt", (400.0, 300.0, 200.0))
 TARGETS_MM = np.linspace(0.0, 400.0, 9)
@@ -37,6 +39,18 @@ def test_a_target_is_one_whatever_the_encoder_adds(spread_mm: float) -> None:
     assert document["E_um"] == pytest.approx(np.ptp(mean), abs=1e-6)
     assert document["B_um"] == pytest.approx(np.abs(mean[0] - mean[1]).max(), abs=1e-6)
     assert document["A_um"] == pytest.approx((mean + 2.0 * std).max() - (mean - 2.0 * std).min(), abs=1e-6)
+
+
+def test_the_table_tells_the_range_of_the_figures() -> None:
+    """Both ways from 50 to 350 mm only; 0 and 400 mm were reached from one side."""
+    there, back = TARGETS_MM[:-1], TARGETS_MM[:0:-1]
+    x = np.tile(np.concatenate([there, back]), 2)
+    sense = np.tile(np.repeat([1.0, -1.0], 8), 2)
+    report = model_report(Model(MACHINE), laser(x, sense), search=False)
+    (table,) = (block for block in positioning_blocks(report) if isinstance(block, Table))
+    assert [row[table.header.index("from – to, mm")] for row in table.rows] == ["50 – 350"]
+    (document,) = report.to_document()["iso_230_2"]["measured"]
+    assert (document["from_mm"], document["to_mm"]) == (50.0, 350.0)
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,14 @@ class MeasuredLine:
     without_alone: PositioningTest | None = None
 
     @property
+    def ends_mm(self) -> tuple[Numbers, Numbers]:
+        """First and last target of the figures, axis positions; the line may have readings beyond them."""
+        way = self.line.end_mm - self.line.start_mm
+        unit = way / np.linalg.norm(way)
+        first, last = (self.line.start_mm + place * unit for place in self.test.position_mm[[0, -1]])
+        return first, last
+
+    @property
     def n_alone(self) -> int:
         """Readings in the figures that stand alone."""
         return int((self.line.is_alone & (self.line.direction != 0.0)).sum())

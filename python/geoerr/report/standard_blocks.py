@@ -219,11 +219,16 @@ def _name(one: MeasuredLine) -> str:
 
 
 def _ends(one: MeasuredLine) -> str:
-    first, last = one.line.start_mm, one.line.end_mm
+    first, last = one.ends_mm
     if len(one.line.moving) == 1:
         axis = AXES.index(one.line.moving)
-        return f"{first[axis]:g} – {last[axis]:g}"
-    return " – ".join(f"({', '.join(f'{value:g}' for value in end)})" for end in (first, last))
+        return f"{_place(first[axis])} – {_place(last[axis])}"
+    return " – ".join(f"({', '.join(map(_place, end))})" for end in (first, last))
+
+
+def _place(position_mm: float) -> str:
+    """Show a place to the micrometre: what an encoder adds says nothing here."""
+    return f"{round(float(position_mm), 3) + 0.0:g}"
 
 
 def _count(lines: Sequence[MeasuredLine], shown: Sequence[MeasuredLine]) -> str:
