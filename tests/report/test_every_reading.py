@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from geoerr.machine import Machine
 from geoerr.model import Model
 from geoerr.observations import Observations, observations_from_columns
-from geoerr.report.model_report import ModelReport, model_report
+from geoerr.report.model_report import MeasuredLine, ModelReport, model_report
 from geoerr.report.page import Paragraph
 from geoerr.report.standard_blocks import positioning_blocks
+from geoerr.verify.positioning import positioning_test
 
 MACHINE = Machine.from_chain("wbXYZt", (400.0, 300.0, 200.0))
 TARGETS_MM = np.linspace(0.0, 400.0, 11)
@@ -81,3 +84,16 @@ def test_a_reading_that_stands_alone_is_in_the_figures_and_said() -> None:
     said = " ".join(block.text for block in positioning_blocks(report) if isinstance(block, Paragraph))
     assert "1 reading stands alone" in said
     assert f"E {np.ptp(mean):.1f}" in said
+
+
+def test_a_reading_that_no_figure_takes_is_not_counted() -> None:
+    """The same one, at a target of which it is not known from which side it was reached the other times."""
+    deviation = deviations_um()
+    deviation[2, 0, 4] += 3000.0
+    report, _ = reported(deviation)
+    (line,) = (one.line for one in report.measured_lines)
+    is_back = (np.abs(line.position_mm - TARGETS_MM[4]) < 1.0) & (line.direction < 0.0)
+    one_way = replace(line, direction=np.where(is_back, 0.0, line.direction))
+    test = positioning_test(one_way.position_mm, one_way.deviation_um, one_way.direction)
+    assert test is not None
+    assert MeasuredLine(one_way, test).n_alone == 0

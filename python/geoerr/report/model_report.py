@@ -27,7 +27,7 @@ from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import REFERENCE
 from geoerr.model.program_conditions import approach_conditions, needed_conditions, refuse_unneeded
-from geoerr.observations import CircularTest, Lengths, Observations
+from geoerr.observations import CircularTest, Lengths, Observations, place_numbers
 from geoerr.report.figures import Stage, stages_of
 from geoerr.report.page import Progress
 from geoerr.summaries import by_reason
@@ -108,8 +108,10 @@ class MeasuredLine:
 
     @property
     def n_alone(self) -> int:
-        """Readings in the figures that stand alone."""
-        return int((self.line.is_alone & (self.line.direction != 0.0)).sum())
+        """Readings in the figures that stand alone: at targets that were reached from both sides."""
+        target, sense = place_numbers(self.line.position_mm), self.line.direction
+        in_figures = np.isin(target, target[sense > 0.0]) & np.isin(target, target[sense < 0.0]) & (sense != 0.0)
+        return int((self.line.is_alone & in_figures).sum())
 
 
 @dataclass(frozen=True, eq=False)
