@@ -22,6 +22,8 @@ from validation.hidden_effects.tables import rate, read_lines, table
 
 AGAIN = Path(__file__).parents[1] / "hidden_effects_again.jsonl"
 
+_TITLE = "# A sample of the study, run again\n\n`python -m validation.hidden_effects.again --tables`\n\n"
+
 
 def sample(lines: Sequence[Line], n_sets: int) -> list[str]:
     """Give the keys of so many of the study's sets that could be carried, in an order drawn by their names alone."""
@@ -44,7 +46,7 @@ def tables(before: Sequence[Line], again: Sequence[Line]) -> str:
             ]
             rows.append([part, str(len(own)), rate(same, len(own)), *cells])
     head = ["part", "sets", "came out the same", *(f"{rule}, {time}" for rule in rules for time in ("then", "now"))]
-    text = table(head, rows) + "\nThose that came out otherwise:\n\n"
+    text = _TITLE + table(head, rows) + "\nThose that came out otherwise:\n\n"
     changed = [pair for pair in pairs if outcome(pair[0]) != outcome(pair[1])]
     found = [[one["key"], outcome(one), _told(one), outcome(now), _told(now)] for one, now in changed]
     return text + table(["set", "then", "found", "now", "found"], found)
