@@ -12,7 +12,7 @@ from geoerr.report import figures
 PACKAGE = Path(geoerr.__file__).parent
 
 # Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
-BASE = {"drawing", "errors", "files", "summaries", "tables"}
+BASE = {"drawing", "errors", "files", "quoted_cells", "summaries", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"terms", "bases", "effects", "model"}
@@ -22,6 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "summaries": set(),
     "files": {"errors"},
+    "quoted_cells": {"errors"},
     "tables": BASE,
     "denavit_hartenberg": {"errors"},
     "dobariya": {"denavit_hartenberg", "errors"},

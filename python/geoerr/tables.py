@@ -6,6 +6,7 @@ A row with a wrong value is set aside and listed with file, row and column; the 
 
 from __future__ import annotations
 
+import contextlib
 import io
 import sys
 from collections import Counter
@@ -17,11 +18,13 @@ import polars as pl
 
 from geoerr.errors import InputFileError
 from geoerr.files import refusing_unreadable, whole_or_absent
+from geoerr.quoted_cells import is_well_quoted, names_of_header, read_quoted
 
 # Line 1 of a CSV file is its header.
 FIRST_DATA_ROW = 2
 # What commands take beside measurements: machines, models, rigs.
 _NO_TABLES = (".json", ".toml")
+_MOST_OF_A_MESSAGE = 200
 
 
 def is_temperature(column: str) -> bool:
@@ -106,7 +109,9 @@ def read_raw(path: str | Path) -> pl.DataFrame:
             )
         return _read_csv(content, path)
     except pl.exceptions.PolarsError as error:
-        raise InputFileError(path, f"not a readable table: {error}") from error
+        raise InputFileError(
+            path, f"not a readable table: {_first_words(error)}", remedy="save it again, as CSV or .parquet"
+        ) from error
 
 
 def write_table(path: str | Path, frame: pl.DataFrame) -> None:
@@ -185,7 +190,7 @@ def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
             path, f"byte {error.start} is not UTF-8", row=row, remedy="save it as UTF-8 text"
         ) from error
     header = content.lstrip(b"\xef\xbb\xbf").split(b"\n", 1)[0].decode("utf-8")
-    names = [name.strip().strip('"') for name in header.rstrip("\r").split(",")]
+    names = names_of_header(header.rstrip("\r"))
     if len(names) == 1 and ";" in header:
         raise InputFileError(
             path,
@@ -195,10 +200,23 @@ def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
         )
     _refuse_repeated(names, path)
     _refuse_long_rows(content, len(names), path)
-    frame = pl.read_csv(io.BytesIO(content), infer_schema=False)
+    frame = _cells(content, path)
     # A column without a name, as spreadsheets leave them behind the last one, says nothing.
     named = [column for column, name in zip(frame.columns, names, strict=True) if name]
     return frame.select(named).rename(dict(zip(named, filter(None, names), strict=True)))
+
+
+def _cells(content: bytes, path: str | Path) -> pl.DataFrame:
+    if is_well_quoted(content):
+        # What Polars says is meant for programmers; the other reader says which row it is.
+        with contextlib.suppress(pl.exceptions.PolarsError):
+            return pl.read_csv(io.BytesIO(content), infer_schema=False)
+    return read_quoted(content, path)
+
+
+def _first_words(error: Exception) -> str:
+    """Give the first line of a library's message: hints to its own callers follow."""
+    return str(error).strip().partition("\n")[0][:_MOST_OF_A_MESSAGE]
 
 
 def _refuse_repeated(names: Sequence[str], path: str | Path) -> None:

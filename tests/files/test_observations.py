@@ -195,6 +195,47 @@ def test_a_rig_or_a_machine_is_no_table(tmp_path: Path, name: str) -> None:
     assert "--rig" in refused.value.remedy
 
 
+def quoted_rows(*lines: str) -> str:
+    return "\n".join(('"line",x,y,z,mx,my,mz', *lines, ""))
+
+
+@pytest.mark.parametrize(
+    ("text", "row", "reason"),
+    [
+        (quoted_rows("a,0,0,0,0,0,0", '"b,1,0,0,1,0,0', "c,2,0,0,2,0,0"), 3, "not closed"),
+        (quoted_rows("a,0,0,0,0,0,0", '"b,1,0,0,1,0,0', '"c",2,0,0,2,0,0'), 3, "not closed"),
+        (quoted_rows('"5" bar",0,0,0,0,0,0'), 2, "not closed"),
+        (quoted_rows('"a",0,0,0,0,0,0', '"b",1,5,0,0,1,0,0'), 3, "8 cells under 7 column names"),
+    ],
+)
+def test_a_quotation_mark_too_few_is_told_with_its_row(tmp_path: Path, text: str, row: int, reason: str) -> None:
+    with pytest.raises(InputFileError, match=reason) as error:
+        read_observations(write(tmp_path, text))
+    assert error.value.row == row
+    assert len(str(error.value).splitlines()) == 2
+    assert "mark" in str(error.value.remedy)
+
+
+def test_quotation_marks_belong_to_a_name_inside_it_and_around_a_cell_do_not(tmp_path: Path) -> None:
+    text = quoted_rows('5" bar,0,0,0,0,0,0', '"6"" bar, new",1,0,0,1,0,0', '"7, new",2,0,0,2,0,0', "8,3,0,0,3,0")
+    for content in (text, text.replace("\n", "\r\n"), "\ufeff" + text):
+        observations = read_observations(write(tmp_path, content))
+        assert observations.texts("line") == ['5" bar', '6" bar, new', "7, new", "8"]
+        np.testing.assert_array_equal(observations.measured_mm[:, 0], [0.0, 1.0, 2.0, 3.0])
+        assert np.isnan(observations.measured_mm[3, 2])
+
+
+def test_a_comma_in_the_quoted_name_of_a_column_separates_nothing(tmp_path: Path) -> None:
+    observations = read_observations(write(tmp_path, 'x,y,z,mx,my,mz,"load, N"\n0,0,0,0,0,0,3\n'))
+    assert observations.frame["load, N"].to_list() == [3.0]
+
+
+def test_no_words_for_programmers_reach_the_user(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="not a readable table") as error:
+        read_observations(write(tmp_path, b"PAR1 is all", "observations.parquet"))
+    assert len(str(error.value).splitlines()) == 2
+
+
 def test_the_other_kinds(tmp_path: Path) -> None:
     circle = read_circular_test(write(tmp_path, "line,x,y,z,r,dir\nA,1,2,3,100.01,-1\nA,1,2,3,,1\n"))
     assert circle.frame["r"].to_list() == [100.01]
