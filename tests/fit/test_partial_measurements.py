@@ -29,6 +29,7 @@ from geoerr.effects import catalogue
 from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.errors import GeometryError
 from geoerr.fit import Fitted, sightings_of
+from geoerr.fit.start import planes_of_circles
 from geoerr.observations import CircularTest, Observations
 
 MACHINE = machine_of("wZbXYt")
@@ -158,6 +159,17 @@ def test_ball_bar_beside_points() -> None:
         assert abs(value - true) < 5.0 * std
     assert result.figures.n_radial == 120
     assert any("uncertainty" in note for note in result.sightings.notes)
+
+
+def test_a_circle_of_which_no_row_is_left_has_no_plane() -> None:
+    centre = np.array([200.0, 200.0, 0.0])
+    near, far = (circle(sheared(), plane, centre=centre, rng=None) for plane in ((0, 1), (1, 2)))
+    sightings = sightings_of(near, far)
+    assert planes_of_circles(sightings, 0, 8).shape == (2, 8)
+    left = sightings.select(sightings.session == 1, "not asked")
+    normals = planes_of_circles(left, 0, 8)
+    # The frame of the second circle, whose plane is that of y and z, begins at column 4.
+    np.testing.assert_allclose(np.abs(normals), [[0, 0, 0, 0, 1, 0, 0, 0]], atol=1e-12)
 
 
 def drifting(with_reference: bool, seed: int = 405) -> tuple[Truth, Observations]:

@@ -207,13 +207,14 @@ def _smallest_turn(start: Numbers, end: Numbers) -> Numbers:
 def planes_of_circles(sightings: Sightings, first_frame_column: int, n_columns: int) -> Numbers:
     """Give rows C (k, n_columns), C x = 0: the centre of a circle stays in the plane of its commanded points.
 
-    To first order no radius notices it leave, so that round-off would decide how far.
+    To first order no radius notices it leave, so that round-off would decide how far. A circle of which no row is
+    left has no plane.
     """
     rows = []
     first = first_frame_column
     for number, kind in enumerate(sightings.frames):
-        if kind == "circle":
-            points = sightings.commanded_mm[sightings.session == number]
+        points = sightings.commanded_mm[sightings.session == number]
+        if kind == "circle" and len(points):
             _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)
             row = np.zeros(n_columns)
             row[first : first + 3] = axes[2]
