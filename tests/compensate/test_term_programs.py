@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from geoerr.effects import load_effects
 from geoerr.error_functions import ErrorFunction, ErrorFunctions, Squareness
 from geoerr.errors import GeoerrError
 from geoerr.model import FitRecord, Model, write_model
+from geoerr.terms import Term
 from geoerr.verify.path import compare_paths
 
 HOT = {"temp_bed": 90.0}
@@ -264,6 +266,48 @@ def test_a_users_own_effect_is_compensated_as_a_built_in_one(tmp_path):
     )
     program = drawn_program().encode()
     assert compensate_bytes(written, program, at=HOT)[0] == compensate_bytes(built_in, program, at=HOT)[0]
+
+
+def own_term(folder: Path, expression: str, covariates: tuple[str, ...] = (), value: float = 1e-3) -> Term:
+    path = folder / "own.toml"
+    path.write_text(
+        f'[[effect]]\nid = "mine"\ntitle = "Mine"\nchannel = "joint"\ndirection = "Z"\naxes = ["x"]\n'
+        f'expression = "{expression}"\ncovariates = {list(covariates)}\n[effect.coefficients.c]\nunit = "mm"\n'
+    )
+    return next(iter(load_effects(path))).term("x", None, machine()).with_values([value])
+
+
+def test_a_formula_that_divides_by_zero_under_the_conditions_is_named_with_them(tmp_path):
+    model = Model(machine(), None, (own_term(tmp_path, "c*q/(hum-50)", ("hum",)),))
+    program = b"G1 X10 Y10 Z5\nG1 X20\n"
+    for recorded in (model, with_record(model, 1e-5)):
+        with pytest.raises(GeoerrError, match=r"^mine:x gives no finite number at hum = 50\nhint: .*divides by zero"):
+            compensate_bytes(recorded, program, at={"hum": 50.0})
+        assert compensate_bytes(recorded, program, at={"hum": 45.0})[1].notes == ()
+    (tmp_path / "a.gcode").write_bytes(program)
+    with pytest.raises(GeoerrError, match="mine:x gives no finite number at hum = 50"):
+        compare_paths(model, tmp_path / "a.gcode", tmp_path / "a.gcode", at={"hum": 50.0})
+
+
+@pytest.mark.parametrize("expression", ["c/(q-59.765625)", "c/(q-59.765625)^2"])
+def test_a_pole_in_the_volume_is_told_and_named_where_a_program_fails_on_it(tmp_path, expression):
+    model = Model(machine(), None, (own_term(tmp_path, expression),))
+    _, result = compensate_bytes(model, b"G1 X200 Y10 Z5\nG1 X220\n")
+    assert "mine:x has no finite number at x = 59.7656 mm" in result.notes[0]
+    with pytest.raises(GeoerrError, match=r"hint: mine:x has no finite number at x = 59\.7656 mm"):
+        compensate_bytes(model, b"G1 X10 Y10 Z5\nG1 X220 F600\n")
+
+
+def test_a_formula_without_a_number_in_a_part_of_the_volume_says_where(tmp_path):
+    model = Model(machine(), None, (own_term(tmp_path, "c*sqrt(q-100)"),))
+    _, result = compensate_bytes(model, b"G1 X200 Y10 Z5\nG1 X220\n")
+    assert "mine:x gives no finite number in 25% of the measured volume" in result.notes[0]
+
+
+@pytest.mark.parametrize("expression", ["c*q/(q+500)", "c*tan(q/1000)", "c*step(q-100)/2", "c*log(q+1)"])
+def test_a_formula_that_is_finite_everywhere_has_no_note(tmp_path, expression):
+    model = Model(machine(), None, (own_term(tmp_path, expression),))
+    assert compensate_bytes(model, b"G1 X200 Y10 Z5\nG1 X220\n")[1].notes == ()
 
 
 def with_record(model: Model, std: float) -> Model:

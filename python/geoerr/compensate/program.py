@@ -20,6 +20,7 @@ from geoerr.files import digest, refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions, constants_of
+from geoerr.model.finite import not_finite_notes
 from geoerr.model.program_conditions import Extrapolated, extrapolated_conditions, program_conditions
 from geoerr.model.worth import UncertainTerm, well_known
 
@@ -224,13 +225,12 @@ def compensate_program(
     """
     _refuse_same_file(source, target)
     job = _job(model, options or CompensationOptions(), model_name, at, threads)
-    rewriter = job.rewriter
     with contextlib.ExitStack() as stack:
         chunks = _chunks(_opened(source, stack), on_progress)
         if str(target) == "-":
             # A refused program must not leave half an output in a pipe.
             whole = stack.enter_context(tempfile.TemporaryFile())
-            _rewrite(rewriter, source, chunks, whole, threads)
+            _rewrite(job, source, chunks, whole, threads)
             whole.seek(0)
             shutil.copyfileobj(whole, sys.stdout.buffer)
             sys.stdout.buffer.flush()
@@ -238,7 +238,7 @@ def compensate_program(
             _refuse_folder(target)
             temporary = stack.enter_context(whole_or_absent(target))
             with temporary.open("wb") as stream:
-                _rewrite(rewriter, source, chunks, stream, threads)
+                _rewrite(job, source, chunks, stream, threads)
     return _result(job, threads)
 
 
@@ -261,7 +261,7 @@ def compensate_bytes(
     written: list[bytes] = []
     starts = range(0, len(program), CHUNK_BYTES)
     chunks = (program[start : start + CHUNK_BYTES] for start in starts)
-    for block in _blocks(job.rewriter, "program", chunks, threads):
+    for block in _blocks(job, "program", chunks, threads):
         written.append(block)
     return b"".join(written), _result(job, threads)
 
@@ -311,28 +311,34 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
 
 
 def _rewrite(
-    rewriter: _core.GcodeRewriter,
+    job: _Job,
     source: str | Path,
     chunks: Iterable[bytes],
     stream: IO[bytes],
     threads: int,
 ) -> None:
-    for block in _blocks(rewriter, source, chunks, threads):
+    for block in _blocks(job, source, chunks, threads):
         stream.write(block)
 
 
-def _blocks(
-    rewriter: _core.GcodeRewriter, source: str | Path, chunks: Iterable[bytes], threads: int
-) -> Iterator[bytes]:
+def _blocks(job: _Job, source: str | Path, chunks: Iterable[bytes], threads: int) -> Iterator[bytes]:
     """Give the corrected blocks; control comes back to Python after each, so that Ctrl-C works."""
     try:
         for chunk in chunks:
-            rewriter.push(chunk, False)
-            yield from _pulled(rewriter, threads)
-        rewriter.push(b"", True)
-        yield from _pulled(rewriter, threads)
+            job.rewriter.push(chunk, False)
+            yield from _pulled(job.rewriter, threads)
+        job.rewriter.push(b"", True)
+        yield from _pulled(job.rewriter, threads)
     except GcodeError as error:
-        raise GcodeError(source, error.line, error.problem, remedy=error.remedy) from None
+        raise GcodeError(source, error.line, error.problem, remedy=_remedy(job, error.remedy)) from None
+
+
+def _remedy(job: _Job, remedy: str | None) -> str | None:
+    """Name the formulas that have places without a number: what they do there is no matter of tables or tolerance."""
+    told = not_finite_notes(job.corrected, job.at)
+    if not told:
+        return remedy
+    return f"{'; '.join(told)}; correct the formula, or take the effect out with `geoerr remove`"
 
 
 def _pulled(rewriter: _core.GcodeRewriter, threads: int) -> Iterator[bytes]:
@@ -412,4 +418,5 @@ def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tup
             f"smaller than can be told from 0, and corrected all the same: {', '.join(tables)}; tables do not say "
             "what their uncertainties have in common, as a model.json does, of which such errors are left as they are"
         )
+    notes.extend(not_finite_notes(job.corrected, job.at))
     return (*notes, *map(str, job.extrapolated), *(() if benefit is None else benefit.notes))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.model.conditions import OF_MOTION, Conditions, constants_of, refusal
+from geoerr.model.finite import refuse_not_finite
 from geoerr.model.model import Model
 from geoerr.tables import is_temperature
 
@@ -104,7 +105,7 @@ def program_conditions(model: Model, at: Conditions | None, *, extrapolates: boo
     ------
     GeoerrError
         naming every condition that is needed and not given, with the spans of the data, a stated one that the model
-        does not follow, and those that are too far outside.
+        does not follow, those that are too far outside, and a term that gives no finite number under them.
     """
     given = constants_of(model.machine, at)
     refuse_unneeded(given, model.conditions)
@@ -119,6 +120,7 @@ def program_conditions(model: Model, at: Conditions | None, *, extrapolates: boo
             "hint: a formula that holds where it was fitted need not hold there: measure in that state, or ask for "
             f"it (--extrapolate); up to {MOST_SPANS_BEYOND:g} of a span's width is taken with a note"
         )
+    refuse_not_finite(model, given)
     return given
 
 

@@ -74,6 +74,17 @@ def spread_places(spans: Sequence[tuple[float, float]], n_places: int = _N_PLACE
     return np.asarray(low + share * (high - low))
 
 
+def measured_box_mm(model: Model) -> tuple[tuple[float, float], ...]:
+    """Give low and high end of each axis: what was measured, else the axis's range."""
+    return tuple(model.measured_range_mm[axis] or model.machine.axes[axis].range_mm for axis in AXES)
+
+
+def both_motions(n_places: int) -> dict[str, Numbers]:
+    """Give the conditions of motion for places (n,): the two states in turn."""
+    turn = np.arange(n_places) % 2
+    return {name: np.array(_MOTION[name if name in _MOTION else name.partition("_")[0]])[turn] for name in OF_MOTION}
+
+
 def uncertain_terms(model: Model, at: Conditions | None = None, *, threads: int = 0) -> tuple[UncertainTerm, ...]:
     """Name the terms of the machine that are better left out of a correction, in the model's order.
 
@@ -86,15 +97,12 @@ def uncertain_terms(model: Model, at: Conditions | None = None, *, threads: int 
     threads
         0 = all cores.
     """
-    spans = [model.measured_range_mm[axis] or model.machine.axes[axis].range_mm for axis in AXES]
+    spans = measured_box_mm(model)
     if model.record is None or not model.machine_terms or any(low > high for low, high in spans):
         return ()
     places = spread_places(spans)
-    turn = np.arange(len(places)) % 2
-    motion = {
-        name: np.array(_MOTION[name if name in _MOTION else name.partition("_")[0]])[turn] for name in OF_MOTION
-    }
-    moments = model.contribution_moments_mm2(places, at={**motion, "moving": 1.0, **(at or {})}, threads=threads)
+    conditions = {**both_motions(len(places)), "moving": 1.0, **(at or {})}
+    moments = model.contribution_moments_mm2(places, at=conditions, threads=threads)
     left_out = _left_out(*moments)
     return tuple(
         UncertainTerm(
