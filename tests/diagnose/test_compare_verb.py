@@ -225,6 +225,28 @@ def test_the_picture_over_a_variable_shows_the_numbers(scene: Comparison) -> Non
         figures.residual_against(scene, "speed")
 
 
+def test_columns_of_texts_and_columns_with_odd_names_are_colours_too() -> None:
+    rng = np.random.default_rng(30)
+    q = places(rng, 40)
+    lines = ["first" if number < 20 else "<b>second" for number in range(40)]
+    more = {"line": lines, "load <N>": np.arange(40.0), "dir_x": np.tile([1, -1], 20), "note": ["same"] * 40}
+    scene = compare(Model(MACHINE), measured(q, STRETCHED.tool_from_work(q), rng, **more))
+    figure = figures.residual_against(scene, "x", "line")
+    np.testing.assert_array_equal(figure.data[0].marker.color, np.repeat([0.0, 1.0], 20))
+    bar = figure.layout.coloraxis.colorbar
+    assert (bar.tickvals, bar.ticktext) == ((0, 1), ("first", "&lt;b&gt;second"))
+    figure = figures.residual_against(scene, "dir_x", "load <N>")
+    np.testing.assert_array_equal(figure.data[0].x, np.tile([1.0, -1.0], 20))
+    assert figure.layout.coloraxis.colorbar.title.text == "load &lt;N&gt;"
+    with pytest.raises(GeoerrError, match=r"over 'line': no such variable of numbers.*\n.*; for colour also line"):
+        figures.residual_against(scene, "line")
+    with pytest.raises(GeoerrError, match="over 'note'"):
+        figures.residual_against(scene, "x", "note")
+    many = compare(Model(MACHINE), measured(q, q, rng, line=[f"line {number}" for number in range(40)]))
+    with pytest.raises(GeoerrError, match="'line' has 40 different texts"):
+        figures.residual_against(many, "x", "line")
+
+
 def test_strokes_are_magnified_residuals(scene: Comparison) -> None:
     stroke = figures.residual_vectors(scene).data[0]
     factor = float(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from html import escape
 from typing import get_args
 
 import numpy as np
 import plotly.graph_objects as go
+import polars as pl
 from plotly.subplots import make_subplots
 
 from geoerr.diagnose import Comparison, Component
@@ -13,6 +16,7 @@ from geoerr.diagnose.labels import value_label, variable_label
 from geoerr.diagnose.regions import region_name
 from geoerr.diagnose.trends import trend_of, variables_of
 from geoerr.errors import GeoerrError
+from geoerr.fit import Fitted
 from geoerr.machine import AXES
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers, thinned
@@ -22,6 +26,7 @@ _ROW_PX = 230
 _REGION_PX = 440
 _HISTOGRAM_PX = 400
 _MOST_BARS = 60
+_MOST_TEXTS = 30
 _COLORS = {"x": style.BLUE, "y": style.ORANGE, "z": style.GREEN, "radius": style.PURPLE}
 
 
@@ -42,9 +47,9 @@ def residual_against(
     comparison
         What is drawn.
     variable
-        A column of the data, or `d_x`, `s_x`, `v_x`, `row`: as `comparison.trends` names them.
+        A column of numbers, or `d_x`, `s_x`, `v_x`, `row`: as `comparison.trends` names them.
     color_by
-        Another one, as colour: a loop that one variable leaves open closes over the right one.
+        Another one, as colour: a loop that one variable leaves open closes over the right one. Or a column of texts.
     explained_um : (n, 3)
         What an effect would explain of the residual, drawn over it.
     most_points
@@ -61,18 +66,11 @@ def residual_against(
         for a variable that the data do not have, or that never changes, naming those that there are.
     """
     fitted = comparison.points
-    variables = variables_of(fitted)
-    for name in (variable, color_by):
-        if name is not None and name not in variables:
-            raise GeoerrError(
-                f"the residual cannot be drawn over {name!r}: no such variable, or it never changes\n"
-                f"hint: there are {', '.join(variables)}"
-            )
-    values = variables[variable]
-    colors = None if color_by is None else variables[color_by]
+    values = _numbers_of(fitted, variable, variables_of(fitted))
+    colors, color_bar = (None, {}) if color_by is None else _colors_of(fitted, color_by)
     components = comparison.components
     points = go.Scattergl if is_live and has_webgl else go.Scatter
-    place = value_label(variable, "%{x:.6g}")
+    place = value_label(escape(variable), "%{x:.6g}")
     figure = make_subplots(rows=len(components), cols=1, shared_xaxes=True, vertical_spacing=0.05)
     for row, component in enumerate(components, start=1):
         shown = thinned(component.is_known & np.isfinite(values), most_points)
@@ -126,14 +124,14 @@ def residual_against(
                 col=1,
             )
         figure.update_yaxes(title_text=f"{_in_words(component)}, µm", row=row, col=1)
-    figure.update_xaxes(title_text=variable_label(variable), row=len(components), col=1)
+    figure.update_xaxes(title_text=_label(variable), row=len(components), col=1)
     if color_by is not None:
-        bar = {"title": {"text": variable_label(color_by), "side": "right"}, "thickness": 14}
+        bar = {"title": {"text": _label(color_by), "side": "right"}, "thickness": 14, **color_bar}
         figure.update_layout(coloraxis={"colorscale": "Viridis", "colorbar": bar})
-    coloured = "" if color_by is None else f"; colour: {variable_label(color_by)}"
+    coloured = "" if color_by is None else f"; colour: {_label(color_by)}"
     return style.finish(
         figure,
-        f"Residual over {variable_label(variable).partition(',')[0]}",
+        f"Residual over {_label(variable).partition(',')[0]}",
         f"measured minus predicted, base axes{coloured}",
         max(_ROW_PX * len(components) + 110, 380),
         legend=True,
@@ -274,3 +272,52 @@ def _in_words(component: Component) -> str:
 def of_component(moved_um: Numbers, component: Component) -> Numbers:
     """Give one component (n,) of displacements (n, 3); a radius stands in the first."""
     return moved_um[:, AXES.index(component.name) if component.name in AXES else 0]
+
+
+def _numbers_of(fitted: Fitted, name: str, variables: Mapping[str, Numbers]) -> Numbers:
+    """Give a variable (n,), or any other column of numbers that the data have.
+
+    Raises
+    ------
+    GeoerrError
+        where there is none of that name, or it never changes.
+    """
+    if name in variables:
+        return variables[name]
+    values = fitted.sightings.numbers(name)
+    known = values[np.isfinite(values) & fitted.solved.used]
+    if not known.size or float(np.ptp(known)) == 0.0:
+        texts = [column for column in _text_columns(fitted) if column not in variables]
+        colours = f"; for colour also {', '.join(texts)}" if texts else ""
+        raise GeoerrError(
+            f"the residual cannot be drawn over {name!r}: no such variable of numbers, or it never changes\n"
+            f"hint: there are {', '.join(variables)}{colours}"
+        )
+    return values
+
+
+def _colors_of(fitted: Fitted, name: str) -> tuple[Numbers, dict[str, object]]:
+    """Give the colour (n,) of each row, and what its bar shows: of texts each by name, in their order in the data."""
+    if name not in _text_columns(fitted):
+        return _numbers_of(fitted, name, variables_of(fitted)), {}
+    texts = fitted.sightings.texts(name)
+    places = {text: place for place, text in enumerate(dict.fromkeys(texts))}
+    if len(places) > _MOST_TEXTS:
+        raise GeoerrError(
+            f"{name!r} has {len(places)} different texts: nobody tells more than {_MOST_TEXTS} colours apart\n"
+            "hint: colour by a column with fewer"
+        )
+    shown = [escape(text) if text else "(empty)" for text in places]
+    ticks: dict[str, object] = {"tickvals": list(places.values()), "ticktext": shown}
+    return np.array([places[text] for text in texts], dtype=np.float64), ticks
+
+
+def _text_columns(fitted: Fitted) -> tuple[str, ...]:
+    """Name the columns of texts that have more than one."""
+    table = fitted.sightings.table
+    return tuple(name for name in table.columns if table[name].dtype == pl.String and table[name].n_unique() > 1)
+
+
+def _label(name: str) -> str:
+    """Name a variable with its unit; what a file calls its columns is no mark-up."""
+    return variable_label(escape(name))
