@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -249,6 +250,16 @@ def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> N
     assert np.corrcoef(twist[0].ravel(), twist[1].ravel())[0, 1] > 0.95
     figure = figures.unknown_curve(unknown)
     assert np.array_equal(figure.data[0].z, curve.value_um.T)
+    assert (figure.layout.xaxis.title.text, figure.layout.yaxis.title.text) == ("feed, mm/min", "x, mm")
+    in_time = dataclasses.replace(found, depends_on=("t",), curve=dataclasses.replace(curve, variables=("t", "x")))
+    timed = dataclasses.replace(unknown, unknown=in_time)
+    assert figures.unknown_curve(timed).layout.xaxis.title.text == "time, s"
+    seen = unknown.fitted.sightings
+    without_time = dataclasses.replace(seen, table=seen.table.drop("t"))
+    untimed = dataclasses.replace(timed, fitted=dataclasses.replace(unknown.fitted, sightings=without_time))
+    figure = figures.unknown_curve(untimed)
+    assert figure.layout.xaxis.title.text == "number of the row"
+    assert "over row:" in figure.layout.title.text
     document = found.to_document()
     assert np.shape(document["curve"]["value_um"]) == (4, 9)
     held = found.held_out
@@ -265,6 +276,8 @@ def test_nothing_is_said_where_nothing_is(clean: Diagnosis) -> None:
     assert "geoerr add" not in text
     with pytest.raises(GeoerrError, match="no curve without a name"):
         figures.unknown_curve(clean)
+    with pytest.raises(GeoerrError, match=r"no candidate to draw.*\nhint: the verdict is nothing-missing"):
+        figures.diagnosis_bars(dataclasses.replace(clean, candidates=()))
 
 
 def test_bars_show_the_numbers(named: Diagnosis) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
@@ -11,6 +12,7 @@ from plotly.subplots import make_subplots
 from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding
+from geoerr.diagnose.labels import variable_label
 from geoerr.errors import GeoerrError
 from geoerr.fit.empirical import Curve
 from geoerr.report.figures import style
@@ -26,8 +28,18 @@ def diagnosis_bars(diagnosis: Diagnosis) -> go.Figure:
 
     What was found comes first, in the order in which it was added, then the other candidates for the first. Hatched
     bars are the cameras' errors; the dashed line is the noise.
+
+    Raises
+    ------
+    GeoerrError
+        where the diagnosis has no candidate.
     """
     rows = _rows(diagnosis)
+    if not rows:
+        raise GeoerrError(
+            "there is no candidate to draw: nothing was found that could be missing\n"
+            "hint: the verdict is " + diagnosis.verdict
+        )
     names = [name for name, *_ in rows]
     figure = make_subplots(
         rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.04, column_widths=[0.55, 0.45],
@@ -133,17 +145,21 @@ def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
     if unknown is None or unknown.curve is None:
         raise GeoerrError("there is no curve without a name to draw\nhint: the verdict is " + diagnosis.verdict)
     curve = unknown.curve
-    figure = _line(curve) if len(curve.variables) == 1 else _surface(curve)
+    # Where data have no time, what runs from row to row does so by the number of the row.
+    has_time = bool(np.isfinite(diagnosis.fitted.sightings.numbers("t")).any())
+    names = {name: "row" if name == "t" and not has_time else name for name in unknown.depends_on}
+    titles = [variable_label(names.get(name, name)) for name in curve.variables]
+    figure = _line(curve, titles[0]) if len(curve.variables) == 1 else _surface(curve, titles)
     return style.finish(
         figure,
-        f"Along {unknown.component}, over {' and '.join(unknown.depends_on)}: no known effect does this",
+        f"Along {unknown.component}, over {' and '.join(names.values())}: no known effect does this",
         f"An empirical curve, without a cause: worth {style.text_um(unknown.worth_um)} rms.",
         _CURVE_PX if len(curve.variables) == 1 else _SURFACE_PX,
         legend=len(curve.variables) == 1,
     )
 
 
-def _line(curve: Curve) -> go.Figure:
+def _line(curve: Curve, title: str) -> go.Figure:
     at, value_um = curve.at[0], curve.value_um
     figure = go.Figure()
     figure.add_trace(
@@ -159,12 +175,12 @@ def _line(curve: Curve) -> go.Figure:
             hovertemplate="%{x:.6g}: %{y:.2f} µm<extra></extra>",
         )
     )
-    figure.update_xaxes(title_text=curve.variables[0])
+    figure.update_xaxes(title_text=title)
     figure.update_yaxes(title_text=f"{curve.component}, µm")
     return figure
 
 
-def _surface(curve: Curve) -> go.Figure:
+def _surface(curve: Curve, titles: Sequence[str]) -> go.Figure:
     largest = max(float(np.abs(curve.value_um).max()), 1e-9)
     figure = go.Figure(
         go.Contour(
@@ -182,8 +198,8 @@ def _surface(curve: Curve) -> go.Figure:
             hovertemplate="(%{x:.6g}, %{y:.6g}): %{z:.2f} ± %{customdata:.2f} µm<extra></extra>",
         )
     )
-    figure.update_xaxes(title_text=curve.variables[0])
-    figure.update_yaxes(title_text=curve.variables[1])
+    figure.update_xaxes(title_text=titles[0])
+    figure.update_yaxes(title_text=titles[1])
     return figure
 
 
