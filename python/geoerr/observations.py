@@ -18,7 +18,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.drawing import drawn
-from geoerr.errors import InputFileError
+from geoerr.errors import InputFileError, ShapeError
 from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
 from geoerr.tables import RowProblem, Schema, check, read_raw, write_table
 
@@ -151,8 +151,18 @@ class Observations:
         return derived
 
     def select(self, mask: npt.ArrayLike) -> Observations:
-        """Give the rows where `mask` (n,) is true."""
-        return Observations(self.frame.filter(pl.Series(np.asarray(mask, dtype=bool))), self.sources, self.set_aside)
+        """Give the rows where `mask` (n,) is true.
+
+        Raises
+        ------
+        ShapeError
+            for a mask of another length.
+        """
+        kept = np.asarray(mask, dtype=bool)
+        # A single true would otherwise stand for all rows.
+        if kept.shape != (len(self),):
+            raise ShapeError(f"the mask must be ({len(self)},), one for each row, not {kept.shape}")
+        return Observations(self.frame.filter(pl.Series(kept)), self.sources, self.set_aside)
 
     def plot_uncertainty(self) -> go.Figure:
         """Draw the stated standard uncertainty of the points, by target."""
@@ -275,6 +285,12 @@ def observations_from_columns(columns: dict[str, Numbers | list[str]], source: s
     InputFileError
         under the name `source`, as for a file.
     """
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise InputFileError(
+            source, f"its columns differ in length: {told}", remedy="give every column one value for each row"
+        )
     raw = pl.DataFrame({name: pl.Series(name, values) for name, values in columns.items()})
     frame, problems = check(raw, POINT_COLUMNS, source)
     return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from geoerr.errors import InputFileError
+from geoerr.errors import InputFileError, ShapeError
 from geoerr.observations import (
     kind_of,
     observations_from_columns,
@@ -234,6 +234,20 @@ def test_no_words_for_programmers_reach_the_user(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="not a readable table") as error:
         read_observations(write(tmp_path, b"PAR1 is all", "observations.parquet"))
     assert len(str(error.value).splitlines()) == 2
+
+
+def test_columns_of_different_lengths_are_refused_by_name() -> None:
+    columns = {name: np.zeros(3) for name in ("x", "y", "z", "mx", "my")} | {"mz": np.zeros(2)}
+    with pytest.raises(InputFileError, match=r"differ in length: x 3, .*mz 2\nhint: "):
+        observations_from_columns(columns)
+
+
+def test_rows_are_selected_by_one_answer_for_each() -> None:
+    observations = observations_from_columns({name: np.arange(3.0) for name in ("x", "y", "z", "mx", "my", "mz")})
+    assert observations.select([True, False, True]).commanded_mm[:, 0].tolist() == [0.0, 2.0]
+    for mask in ([True], True, [True] * 4):
+        with pytest.raises(ShapeError, match=r"mask must be \(3,\)"):
+            observations.select(mask)
 
 
 def test_the_other_kinds(tmp_path: Path) -> None:
