@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from gcode_machines import printer as table_printer
 from term_models import machine, printer, term
 from typer.testing import CliRunner
 
 from geoerr.cli.main import app
+from geoerr.cli.program_options import conditions
 from geoerr.compensate.program import CompensationOptions, compensate_bytes, compensate_program
 from geoerr.effects import load_effects
 from geoerr.error_functions import ErrorFunction, ErrorFunctions, Squareness
@@ -308,6 +310,12 @@ def test_a_formula_without_a_number_in_a_part_of_the_volume_says_where(tmp_path)
 def test_a_formula_that_is_finite_everywhere_has_no_note(tmp_path, expression):
     model = Model(machine(), None, (own_term(tmp_path, expression),))
     assert compensate_bytes(model, b"G1 X200 Y10 Z5\nG1 X220\n")[1].notes == ()
+
+
+def test_a_condition_that_is_stated_twice_is_wrong_usage():
+    assert conditions(["hum=50", "temp_bed=reference"]) == {"hum": 50.0, "temp_bed": "reference"}
+    with pytest.raises(typer.BadParameter, match=r"hum is stated twice: 50\.0 and 60\.0"):
+        conditions(["hum=50", "hum=60"])
 
 
 def with_record(model: Model, std: float) -> Model:

@@ -97,7 +97,7 @@ def names(text: str | None) -> tuple[str, ...]:
 
 
 def conditions(given: list[str] | None) -> dict[str, float | str]:
-    """Read NAME=VALUE, VALUE a number or `reference`; anything else is wrong usage."""
+    """Read NAME=VALUE, VALUE a number or `reference`; anything else, and a name stated twice, is wrong usage."""
     read: dict[str, float | str] = {}
     for text in given or []:
         name, separator, value = text.partition("=")
@@ -107,6 +107,8 @@ def conditions(given: list[str] | None) -> dict[str, float | str]:
             number = math.nan
         if not name or not separator or (isinstance(number, float) and not math.isfinite(number)):
             raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--at")
+        if name in read:
+            raise typer.BadParameter(f"{name} is stated twice: {read[name]} and {number}", param_hint="--at")
         read[name] = number
     return read
 
