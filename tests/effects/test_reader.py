@@ -132,6 +132,8 @@ def test_short_ways_to_write_an_effect(tmp_path: Path, body: str, axis: str | No
         ("what =", "waht =", "plausible[1]: waht", "did you mean what"),
         ("alpha*T*", "alpha*Tt*", "expression", r"unknown name `Tt` .*`T`.*\n  alpha\*Tt\*.*\n        \^\^\n"),
         ("alpha*T*", "alpha*T*dx*", "expression", r"`dx` .*`d_x`"),
+        ("alpha*T*", "alpha*T*dir_x*", "expression", r"`dir_x` .*`d_x`"),
+        ('unit = "1/K"', f'unit = "{"m" * 5000}"', "unit", r"5000 characters, at most 4000.*\nhint: shorten"),
         ("alpha*T*", "alpha*T*mean_vx*", "expression", r"`mean_vx` .*`mean_v_x`"),
         ('expression = "', 'expression = "q_b*', "expression", "pair"),
         ('expression = "', 'expression = "q_cross*', "expression", "needs_xy"),

@@ -240,8 +240,16 @@ class _Check:
                 raise self.refuse("expression", problem, _FORMULA_HINT)
 
 
+_DIRECTIONS_OF_TABLES = {f"dir_{axis}": f"d_{axis}" for axis in AXES}
+
+
 def _short_name_meant(name: str) -> str | None:
-    """Give the short name (`T`, `q`, `d_x`, ...) that a name is but for case, an underscore or a doubled letter."""
+    """Give the short name (`T`, `q`, `d_x`, ...) that a name is but for case, an underscore or a doubled letter.
+
+    `dir_x` is what tables call `d_x`.
+    """
+    if name in _DIRECTIONS_OF_TABLES:
+        return _DIRECTIONS_OF_TABLES[name]
     single = name[0] if len(name) == 2 and name[0].lower() == name[1].lower() else name
     folded = single.lower().replace("_", "")
     short = sorted(one for one in RESERVED_NAMES if len(one) <= 3)

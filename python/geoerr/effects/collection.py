@@ -63,7 +63,10 @@ class Catalogue:
         if found:
             return f"did you mean {' or '.join(found)}?"
         nearest = difflib.get_close_matches(name, self.effects, n=3, cutoff=0.0)
-        return f"nearest are {', '.join(nearest)}; docs/catalogue.md lists all, --effects FILE adds your own"
+        return (
+            f"nearest are {', '.join(nearest)}; docs/catalogue.md lists all, --effects FILE adds your own, of a farm "
+            "the effects.toml in the machine's folder"
+        )
 
     def resolve(self, reference: str | EffectReference) -> tuple[Effect, EffectReference]:
         """Give the effect of a reference, and the reference as reports write it.

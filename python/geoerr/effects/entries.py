@@ -53,12 +53,11 @@ class Entries:
         value = self.content.get(key, default)
         if value is None:
             raise self.refuse(key, "is missing", f"choose one of {', '.join(choices)}" if choices else "write a text")
-        if not isinstance(value, str) or len(value) > MAX_TEXT:
-            raise self.refuse(
-                key,
-                f"{shortened(value)} is not a text of at most {MAX_TEXT} characters",
-                "write it in quotation marks",
-            )
+        if not isinstance(value, str):
+            raise self.refuse(key, f"{shortened(value)} is not a text", "write it in quotation marks")
+        if len(value) > MAX_TEXT:
+            problem = f"is a text of {len(value)} characters, at most {MAX_TEXT} are read"
+            raise self.refuse(key, problem, "shorten it; a long formula may be several effects")
         if choices and value not in choices:
             raise self.refuse(key, f"{shortened(value)} is not known", f"choose one of {', '.join(choices)}")
         return value
