@@ -139,6 +139,22 @@ def test_verbs_write_what_they_say(observations: Observations, tmp_path: Path) -
     assert runner.invoke(app, ["add", str(first), "backlash:y"]).exit_code == 2
 
 
+@pytest.mark.parametrize(("sign", "is_told"), [("positive", True), ("negative", False), ("any", False)])
+def test_a_sign_that_an_effect_excludes_is_told(
+    observations: Observations, tmp_path: Path, sign: str, is_told: bool
+) -> None:
+    table, model, own = tmp_path / "obs.csv", tmp_path / "model.json", tmp_path / "own.toml"
+    geoerr.write_observations(table, observations)
+    write_model(model, Model(MACHINE))
+    own.write_text(
+        '[[effect]]\nid = "mine"\nchannel = "along"\naxes = ["x"]\nexpression = "k*d_x"\n'
+        f'[effect.coefficients.k]\nunit = "mm"\nsign = "{sign}"\n'
+    )
+    said = CliRunner().invoke(app, ["add", str(model), str(table), "mine:x", "--effects", str(own)])
+    assert said.exit_code == 0, said.output
+    assert ("note: mine:x: k = -0.0" in said.stderr) == is_told
+
+
 @pytest.mark.parametrize("verb", ["add", "remove"])
 def test_rows_that_could_not_be_used_are_named(observations: Observations, tmp_path: Path, verb: str) -> None:
     points, model_path = tmp_path / "points.csv", tmp_path / "model.json"

@@ -21,6 +21,7 @@ from geoerr.cli.options import (
     effects_of,
     examples,
     files_given,
+    note,
 )
 from geoerr.cli.progress import progress_bar
 
@@ -61,6 +62,7 @@ def add(
     """
     from geoerr.cli.change_text import report_change
     from geoerr.diagnose.change import add_effect
+    from geoerr.effects import catalogue
     from geoerr.measurements import read_measurements
     from geoerr.model import load_model
 
@@ -86,6 +88,8 @@ def add(
         )
         advance(2, 2)
     report_change(change, start, measured, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)
+    for sentence in change.sign_notes([*catalogue(), *own]):
+        note(f"note: {sentence}", quiet)
 
 
 def observations_and_reference(arguments: list[str]) -> tuple[list[Path], str]:

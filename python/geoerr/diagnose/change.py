@@ -41,6 +41,9 @@ from geoerr.terms import Term, parse_effect_reference
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
+# A sign is told for certain beyond this many standard errors.
+_CERTAIN_STD = 2.0
+
 
 @dataclass(frozen=True, eq=False)
 class Change:
@@ -57,6 +60,17 @@ class Change:
     result: FitResult
     before: Fitted
     after: Fitted
+
+    def sign_notes(self, effects: Sequence[Effect]) -> tuple[str, ...]:
+        """Say which values of the model have a sign that these effects do not allow, for certain."""
+        signs = {(effect.id, spec.name): spec.sign for effect in effects for spec in effect.coefficients}
+        return tuple(
+            f"{term.id}: {one.name} = {one.value:.3g} ± {one.std:.2g} {one.unit} has the sign that its effect "
+            "excludes: something else is at work, or the formula has the other sign"
+            for term in self.result.model.terms
+            for one in term.coefficients
+            if one.value * signs.get((term.effect or "", one.name), 0) < -_CERTAIN_STD * one.std
+        )
 
     def plot_fall(self) -> go.Figure:
         """Draw how the error fell, up to this change."""
