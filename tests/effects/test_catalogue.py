@@ -315,3 +315,8 @@ def test_every_letter_is_told_in_words_with_its_direction_or_session() -> None:
     assert labels["angular-thermal"][0] == "tilt per kelvin about x k_x"
     assert labels["angular-thermal"][-1] == "lag behind the temperature tau"
     assert labels["homing-offset"] == ["offset in session 2 c_1", "offset in session 3 c_2"]
+
+
+def test_an_id_that_nothing_is_like_is_told_where_effects_of_ones_own_belong() -> None:
+    with pytest.raises(InputFileError, match=r"no effect has this id\nhint: .*--effects FILE .*farm.*effects\.toml"):
+        catalogue()["qqqqqq"]
