@@ -9,12 +9,7 @@ import numpy.typing as npt
 
 from geoerr.error_functions import ErrorFunction, ErrorFunctions
 from geoerr.model import Model
-from geoerr.model.conditions import OF_MOTION
-from geoerr.model.worth import spread_places
-
-# One direction and the other, a long stroke, a usual speed: a program has all of them.
-_APPROACH = {"d": 1.0, "s": 100.0, "v": 20.0}
-_WITH_SIGN = ("d", "v")
+from geoerr.model.worth import both_motions, spread_places
 
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
@@ -65,12 +60,9 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
     """Compare a correction with its uncertainty over a box; None where the model has no record of a fit."""
     if model.record is None or not model.machine_terms or not np.isfinite(box_mm).all():
         return None
-    places = spread_places(box_mm)
-    sign = np.repeat([1.0, -1.0], len(places))
-    places = np.tile(places, (2, 1))
-    approach = {name: _APPROACH.get(name.partition("_")[0], 0.0) for name in OF_MOTION}
-    both = {name: value * sign for name, value in approach.items() if name.partition("_")[0] in _WITH_SIGN}
-    conditions: dict[str, npt.ArrayLike] = {**approach, **both, "moving": 1.0, **at}
+    # A program goes to every place both ways.
+    places = np.repeat(spread_places(box_mm), 2, axis=0)
+    conditions: dict[str, npt.ArrayLike] = {**both_motions(len(places)), "moving": 1.0, **at}
     error_mm = model.error_mm(places, at=conditions, threads=threads)
     covariance = model.prediction_covariance_mm2(places, at=conditions, threads=threads)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
