@@ -146,7 +146,13 @@ class Diagnosis(Answer):
         return f"nothing is missing that these data could show: {chance_words(self.p_value)}"
 
     def plot_worth(self) -> go.Figure:
-        """Draw what each candidate is worth, and the held-out error without it and with it."""
+        """Draw what each candidate is worth, and the held-out error without it and with it.
+
+        Raises
+        ------
+        GeoerrError
+            where there is no candidate.
+        """
         return drawn("diagnosis_bars", self)
 
     def plot_fall(self) -> go.Figure:
