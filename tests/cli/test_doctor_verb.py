@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -99,6 +101,32 @@ def test_a_library_that_is_too_old_or_absent_is_wrong(monkeypatch: pytest.Monkey
     assert found["polars"]["state"] == "wrong"
     assert found["polars"]["hint"] == "pip install 'polars>=1.30'"
     assert found["numpy"]["state"] == "ok"
+
+
+@pytest.mark.parametrize("absent", ["polars", "scipy"])
+def test_without_a_library_the_rest_is_still_looked_at(absent: str, tmp_path: Path) -> None:
+    """In an interpreter that has loaded nothing of it before: it ended with a traceback."""
+    stub = tmp_path / absent / "__init__.py"
+    stub.parent.mkdir()
+    stub.write_text(f"raise ImportError('No module named {absent}')\n", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "geoerr", "doctor", "--json"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1, done.stderr
+    states = {check["name"]: check["state"] for check in json.loads(done.stdout)["installation"]}
+    assert states[absent] == "wrong"
+    assert {name for name, state in states.items() if state == "wrong"} <= {
+        absent,
+        "core",
+        "scipy",
+        "polars",
+        "plotly",
+    }
+    assert states["typer"] == "ok"
 
 
 def test_an_extra_that_is_not_there_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:

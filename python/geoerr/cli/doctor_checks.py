@@ -59,7 +59,11 @@ def installation_checks() -> Iterator[Check]:
     """Look at what geoerr runs on."""
     yield Check("geoerr", "ok", f"{__version__}, in {Path(__file__).parents[1]}")
     yield Check("python", "ok", f"{platform.python_version()} on {platform.system()} {platform.machine()}")
-    yield _core()
+    try:
+        yield _core()
+    except ImportError as error:
+        # What it is made of is looked at below, with what to do.
+        yield Check("core", "wrong", f"cannot be loaded: {error}", f"install geoerr again: {install_command()}")
     yield _threads()
     for distribution, module in LIBRARIES.items():
         yield _library(distribution, module)
