@@ -15,6 +15,14 @@ pytest.importorskip("dash")
 
 from geoerr.workbench.session import Session
 
+# Who runs the tests may ignore a signal, and what is ignored stays so in what is started.
+HEARS_SIGNALS = """
+import runpy, signal
+for name in ("SIGTERM", "SIGHUP"):
+    signal.signal(getattr(signal, name), signal.SIG_DFL)
+runpy.run_module("geoerr", run_name="__main__")
+"""
+
 
 def test_it_goes_with_the_session() -> None:
     session = Session()
@@ -29,7 +37,7 @@ def test_it_goes_with_the_session() -> None:
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_it_goes_when_the_server_is_told_to_end(name: str, tmp_path: Path) -> None:
     with subprocess.Popen(
-        [sys.executable, "-m", "geoerr", "workbench", "--no-open", "--quiet"],
+        [sys.executable, "-c", HEARS_SIGNALS, "workbench", "--no-open", "--quiet"],
         stdout=subprocess.PIPE,
         env={**os.environ, "TMPDIR": str(tmp_path), "PYTHONUNBUFFERED": "1"},
         text=True,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -122,8 +122,7 @@ def _with_pixels(situation: Situation, sightings: Sightings, poses: Poses) -> Si
     table = sightings.table.with_columns(
         *(pl.Series(name, pinhole(seen) @ coefficients) for name, coefficients in situation.pixels.items())
     )
-    values = {name: getattr(sightings, name) for name in Sightings.__dataclass_fields__}
-    return Sightings(**{**values, "table": table})
+    return replace(sightings, table=table)
 
 
 def _own_unknowns(plan: Measurement, sightings: Sightings, poses: Poses, target: np.ndarray) -> Numbers:
