@@ -35,8 +35,9 @@ _AXES = ("x", "y", "z")
 _UNITS = {**dict.fromkeys((*_AXES, "r", "measured"), "mm"), "feed": "mm/min"}
 # A summary names as many, and counts more.
 _MOST_NAMED = 8
-# Positions closer than this are one place, and so are neighbours nearer than this share of their mean distance.
-_SAME_POSITION_MM, _ONE_PLACE = 1e-5, 0.01
+# Positions closer than this are one place: a hundredth of a micrometre is below every command's resolution. So are
+# neighbours nearer than this share of their mean distance.
+SAME_PLACE_MM, ONE_PLACE = 1e-5, 0.01
 
 Numbers = npt.NDArray[np.float64]
 
@@ -304,8 +305,8 @@ def place_numbers(position_mm: Numbers) -> npt.NDArray[np.int64]:
     """
     order = np.argsort(position_mm, kind="stable")
     gap_mm = np.diff(position_mm[order], prepend=position_mm[order][:1])
-    n_distinct = 1 + int((gap_mm > _SAME_POSITION_MM).sum())
-    same_mm = max(_SAME_POSITION_MM, _ONE_PLACE * float(gap_mm.sum()) / n_distinct)
+    n_distinct = 1 + int((gap_mm > SAME_PLACE_MM).sum())
+    same_mm = max(SAME_PLACE_MM, ONE_PLACE * float(gap_mm.sum()) / n_distinct)
     number = np.empty(len(position_mm), dtype=np.int64)
     number[order] = np.cumsum(gap_mm > same_mm)
     return number

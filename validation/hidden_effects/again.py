@@ -10,14 +10,13 @@ those that were run.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Sequence
 from hashlib import sha256
 from pathlib import Path
 
-from validation.hidden_effects.judge import Line, is_alone_but_for_alike, is_right, outcome
+from validation.hidden_effects.judge import RIGHT, Line, is_alone_but_for_alike, is_right, outcome
 from validation.hidden_effects.sets import PARTS, sets_of
-from validation.hidden_effects.study import RESULTS, Task, done, in_processes, run, stop_on_signals, summary
+from validation.hidden_effects.study import RESULTS, Task, done, keep, run, summary
 from validation.hidden_effects.tables import rate, read_lines, table
 
 AGAIN = Path(__file__).parents[1] / "hidden_effects_again.jsonl"
@@ -53,7 +52,7 @@ def tables(before: Sequence[Line], again: Sequence[Line]) -> str:
 
 
 def _is_alone(line: Line) -> bool:
-    return is_alone_but_for_alike(line) if outcome(line) in ("alone", "tied", "second") else is_right(line)
+    return is_alone_but_for_alike(line) if outcome(line) in RIGHT else is_right(line)
 
 
 def _told(line: Line) -> str:
@@ -81,11 +80,7 @@ def main() -> None:
     known = done(given.resume)
     sets = {one.key: one for part in PARTS for one in sets_of(part)}
     tasks = [Task(sets[key], rows[key], True) for key in sample(lines, given.sets) if key not in known]
-    with stop_on_signals(), given.resume.open("a", encoding="utf-8") as file:
-        for line in in_processes(run, tasks, given.jobs):
-            file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
-            file.flush()
-            print(summary(line), flush=True)
+    keep(given.resume, run, tasks, given.jobs, lambda _, line: print(summary(line), flush=True))
 
 
 if __name__ == "__main__":

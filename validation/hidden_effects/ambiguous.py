@@ -13,7 +13,6 @@ projected correlation exceeds 0.95 are one set where none of the former rivals i
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import traceback
 from collections import Counter, defaultdict
@@ -44,7 +43,7 @@ from validation.hidden_effects.log import Log, arms_mm, camera_of, motion_of
 from validation.hidden_effects.noise import draw_noise
 from validation.hidden_effects.plans import Moments, Pass, Plan, Rows
 from validation.hidden_effects.record import OPTIONS, answer_of, finite, truth_of
-from validation.hidden_effects.study import done, in_processes, stop_on_signals
+from validation.hidden_effects.study import done, keep
 from validation.hidden_effects.tables import rate, read_lines, table
 
 from geoerr.diagnose.advice.measurement import Measurement
@@ -292,13 +291,14 @@ def main() -> None:
     asked = [
         one for one in questions(given.seeds, given.rows, is_study=not given.development) if one.key not in known
     ]
-    with stop_on_signals(), given.resume.open("a", encoding="utf-8") as file:
-        for line in in_processes(ask, asked, given.jobs):
-            file.write(json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n")
-            file.flush()
-            told = {key: line[key]["is_broken"] for key in ("advised", "again") if key in line}
-            advice = line.get("advice", {}).get("text", "")
-            print(line["key"], line["failed"] or line["how"], line.get("ties", ""), advice, told, flush=True)
+    keep(given.resume, ask, asked, given.jobs, tell)
+
+
+def tell(_: int, line: dict[str, Any]) -> None:
+    """Say in one line what came out."""
+    told = {key: line[key]["is_broken"] for key in ("advised", "again") if key in line}
+    advice = line.get("advice", {}).get("text", "")
+    print(line["key"], line["failed"] or line["how"], line.get("ties", ""), advice, told, flush=True)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,9 @@ Named = Literal["alone", "tied", "second", "wrong", "unknown", "silent", "failed
 
 Line = dict[str, Any]
 
+# The right name is first, or in the first's tied set.
+RIGHT: tuple[Named, ...] = ("alone", "tied", "second")
+
 
 def alarmed(line: Line) -> bool:
     """Tell whether anything was found."""
@@ -180,4 +183,4 @@ def outcome(line: Line) -> str:
 
 def is_right(line: Line) -> bool:
     """Tell whether that is what a set of its part is to come to: the right name first, or in the first's tied set."""
-    return outcome(line) in ("quiet", "both", "exact", "alone", "tied", "second")
+    return outcome(line) in ("quiet", "both", "exact", *RIGHT)

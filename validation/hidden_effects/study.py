@@ -84,6 +84,24 @@ def _begin(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+def keep(
+    path: Path,
+    run_one: Callable[[T], dict[str, Any]],
+    tasks: Sequence[T],
+    n_jobs: int,
+    tell: Callable[[int, dict[str, Any]], None],
+) -> None:
+    """Run tasks beside each other, and add their lines to a file as they come; `tell` hears of each, with its number.
+
+    Told to end it keeps what is done, and the same call without what is known goes on from there.
+    """
+    with stop_on_signals(), path.open("a", encoding="utf-8") as file:
+        for number, line in enumerate(in_processes(run_one, tasks, n_jobs), start=1):
+            file.write(json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n")
+            file.flush()
+            tell(number, line)
+
+
 @contextmanager
 def stop_on_signals() -> Iterator[None]:
     """End in good order when told to: what is running is dropped, what is done is kept."""
@@ -119,12 +137,12 @@ def main() -> None:
         if one.key not in known and (not given.strength or one.strength_um in given.strength)
     ]
     print(f"{len(tasks)} sets to run, {len(known)} known", flush=True)
-    with stop_on_signals(), given.resume.open("a", encoding="utf-8") as file:
-        for number, line in enumerate(in_processes(run, tasks, given.jobs), start=1):
-            file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
-            file.flush()
-            if given.verbose:
-                print(number, summary(line), flush=True)
+
+    def tell(number: int, line: dict[str, Any]) -> None:
+        if given.verbose:
+            print(number, summary(line), flush=True)
+
+    keep(given.resume, run, tasks, given.jobs, tell)
 
 
 def summary(line: dict[str, Any]) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 from validation.hidden_effects.judge import (
+    RIGHT,
     Line,
     alarmed,
     depends_on,
@@ -34,8 +35,6 @@ from validation.hidden_effects.study import RESULTS
 
 # A plan or chain is said to stand out where chance would do it once in a hundred tables.
 _STANDS_OUT = 0.01
-# The right name is first, or in the first's tied set.
-RIGHT = ("alone", "tied", "second")
 
 
 def read_lines(path: Path) -> list[Line]:

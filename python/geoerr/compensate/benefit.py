@@ -62,7 +62,7 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
         return None
     # A program goes to every place both ways.
     places = np.repeat(spread_places(box_mm), 2, axis=0)
-    conditions: dict[str, npt.ArrayLike] = {**both_motions(len(places)), "moving": 1.0, **at}
+    conditions: dict[str, npt.ArrayLike] = {**both_motions(len(places)), **at}
     error_mm = model.error_mm(places, at=conditions, threads=threads)
     covariance = model.prediction_covariance_mm2(places, at=conditions, threads=threads)
     variance = np.diagonal(covariance, axis1=1, axis2=2)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoerr.diagnose.summary import change_html
+from geoerr.diagnose.words import has_wrong_sign
 from geoerr.effects import Effect, catalogue
 from geoerr.errors import GeoerrError
 from geoerr.fit import (
@@ -41,9 +42,6 @@ from geoerr.terms import Term, parse_effect_reference
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-# A sign is told for certain beyond this many standard errors.
-_CERTAIN_STD = 2.0
-
 
 @dataclass(frozen=True, eq=False)
 class Change:
@@ -69,7 +67,7 @@ class Change:
             "excludes: something else is at work, or the formula has the other sign"
             for term in self.result.model.terms
             for one in term.coefficients
-            if one.value * signs.get((term.effect or "", one.name), 0) < -_CERTAIN_STD * one.std
+            if has_wrong_sign(one, signs.get((term.effect or "", one.name), 0))
         )
 
     def plot_fall(self) -> go.Figure:

@@ -27,6 +27,8 @@ _SMALLEST, _LARGEST = 1e-2, 1e5
 # Probabilities below this say no more by being smaller.
 _LEAST_P = 1e-9
 _FEW_ALIKE = 3
+# A sign is told for certain beyond this many standard errors.
+_CERTAIN_STD = 2.0
 _SURE = ((1e-6, "certain as can be"), (1e-3, "very sure"), (0.025, "sure"), (0.05, "nearly sure"))
 
 
@@ -61,7 +63,7 @@ def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:
     sign
         +1 or −1 where physics allows that sign only.
     """
-    if sign and math.isfinite(parameter.std) and parameter.value * sign < -2.0 * parameter.std:
+    if has_wrong_sign(parameter, sign):
         return f"not physical: it cannot be {'negative' if sign > 0 else 'positive'}"
     if not parameter.plausible or not math.isfinite(parameter.value):
         return None
@@ -73,6 +75,11 @@ def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:
         return "too uncertain to compare with known values"
     nearest = min(parameter.plausible, key=lambda item: abs(item.value - parameter.value))
     return f"no known value: the nearest is {number_words(nearest.value * factor)}, {nearest.what}"
+
+
+def has_wrong_sign(parameter: Parameter, sign: int) -> bool:
+    """Tell whether a value has for certain the sign that physics does not allow; `sign` is 0 where it allows both."""
+    return bool(sign) and math.isfinite(parameter.std) and parameter.value * sign < -_CERTAIN_STD * parameter.std
 
 
 def is_at_an_end(parameter: Parameter) -> bool:

@@ -16,6 +16,7 @@ from geoerr.bases import basis_of
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, is_angular
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES, Machine
+from geoerr.observations import ONE_PLACE
 from geoerr.terms import SQUARENESS_CHANNELS, BasisSpec, Parameter, Part, Term
 
 Components = Literal["21", "12", "none"]
@@ -31,8 +32,6 @@ TANGENT = {
     "EAZ": ("EYZ", -1.0),
 }
 
-# Positions nearer than this share of their mean distance are one.
-_ONE_PLACE = 0.01
 # Splines of one function that any data may be given.
 MOST_FUNCTIONS = 24
 # Positions of which a function may not miss one: what it misses of a few levels of a grid looks like a wave. Of more,
@@ -235,7 +234,7 @@ def positions_by_axis(commanded_mm: Numbers, same_mm: float) -> dict[str, Number
         own = distinct_positions(commanded_mm[:, index], same_mm)
         if len(own) > 2:
             low, high = float(own[0]), float(own[-1])
-            own = distinct_positions(own, max(same_mm, _ONE_PLACE * (high - low) / len(own)))
+            own = distinct_positions(own, max(same_mm, ONE_PLACE * (high - low) / len(own)))
             # What a function is asked for reaches from end to end.
             own[-1] = high
         found[axis] = own

@@ -41,7 +41,7 @@ from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
-from geoerr.fit.undetermined import columns_of, not_determined
+from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
@@ -553,9 +553,11 @@ class Posed:
         positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
         is_determined[list(nothing)] = False
         is_determined[[compiled.n_coefficients + free.index(place) for place in jumps]] = True
+        is_open = np.zeros(len(covariance), dtype=bool)
+        is_open[places] = ~is_determined[:n_model]
         return Fitted(
             machine=self.machine,
-            terms=_with_values(terms, compiled, solved, covariance, is_determined),
+            terms=_with_values(terms, compiled, solved, covariance, is_open),
             sightings=sightings,
             compiled=compiled,
             problem=problem,
@@ -647,7 +649,7 @@ def _scale(solved: Solved, sightings: Sightings, dof: float) -> float:
 
 
 def _with_values(
-    terms: Sequence[Term], compiled: Compiled, solved: Solved, covariance: Numbers, is_determined: np.ndarray
+    terms: Sequence[Term], compiled: Compiled, solved: Solved, covariance: Numbers, is_open: np.ndarray
 ) -> tuple[Term, ...]:
     """Give terms their values and standard errors; an effect's parameter that is not determined has no error.
 
@@ -655,21 +657,19 @@ def _with_values(
     """
     theta, phi = solved.state.coefficients, solved.state.inner
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    std_of_effects = np.where(is_open, np.nan, std)
     result, first, first_inner = [], 0, 0
-    for term, columns in zip(terms, columns_of(terms), strict=True):
+    for term in terms:
         own = slice(first, first + len(term.coefficients))
         own_inner = slice(first_inner, first_inner + len(term.inner))
-        after = compiled.n_coefficients + np.arange(own_inner.start, own_inner.stop)
-        free = [place for place, parameter in enumerate(term.inner) if not parameter.is_fixed]
-        places = np.concatenate([np.arange(own.start, own.stop), after[free]]).astype(np.intp)
-        if term.kind != "classic":
-            std[places[~is_determined[columns]]] = np.nan
+        after = slice(compiled.n_coefficients + own_inner.start, compiled.n_coefficients + own_inner.stop)
+        errors = std if term.kind == "classic" else std_of_effects
         result.append(
             term.with_values(
                 theta[own].tolist(),
                 phi[own_inner].tolist(),
-                coefficients_std=std[own].tolist(),
-                inner_std=std[after].tolist(),
+                coefficients_std=errors[own].tolist(),
+                inner_std=errors[after].tolist(),
             )
         )
         first, first_inner = own.stop, own_inner.stop

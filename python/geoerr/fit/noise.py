@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from geoerr.fit.reversals import may_have_turned
+from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import times_s
-from geoerr.machine import AXES
 from geoerr.observations import CARRIERS, PIXELS
 
 # Covariates are alike where they differ by less than this share of their spread: a twentieth of the spread changes a
@@ -80,10 +79,9 @@ def _known_directions(sightings: Sightings) -> Numbers:
 
     What stands on the base does not ask where an axis came from.
     """
-    turned = may_have_turned(sightings, times_s(sightings))
-    stated = np.column_stack([np.isfinite(sightings.numbers(f"dir_{axis}")) for axis in AXES])
+    turned = unstated_turns(sightings, times_s(sightings))
     on_base = sightings.carrier == CARRIERS.index("base")
-    return np.where(turned & ~stated & ~on_base[:, None], 0.0, sightings.directions)
+    return np.where(turned & ~on_base[:, None], 0.0, sightings.directions)
 
 
 def groups_of(sightings: Sightings) -> np.ndarray:

@@ -11,6 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.machine import AXES
+
+
+def unstated_turns(sightings: Sightings, times: Numbers) -> np.ndarray:
+    """Tell at which rows an axis may have turned and no direction is stated, (n, 3): whoever stated one knew."""
+    stated = np.column_stack([np.isfinite(sightings.numbers(f"dir_{axis}")) for axis in AXES])
+    return np.asarray(may_have_turned(sightings, times) & ~stated)
 
 
 def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:

@@ -18,7 +18,7 @@ import polars as pl
 
 from geoerr.errors import GeometryError
 from geoerr.fit.commanded_circle import on_their_circle
-from geoerr.observations import CARRIERS, CircularTest, Observations
+from geoerr.observations import CARRIERS, SAME_PLACE_MM, CircularTest, Observations
 from geoerr.terms import is_name
 
 Numbers = npt.NDArray[np.float64]
@@ -58,7 +58,7 @@ _SENSES = np.array([1, 3, 9], dtype=np.int64)
 # A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
 _BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
 # Positions closer than this are one position: a hundredth of a micrometre is below every command's resolution.
-SAME_POSITION_MM = 1e-5
+SAME_POSITION_MM = SAME_PLACE_MM
 
 
 @dataclass(frozen=True, eq=False)

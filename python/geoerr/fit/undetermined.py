@@ -70,7 +70,7 @@ def not_determined(
     blocks = _blocks(terms, is_determined, null_space, first_frame_column)
     words = _Words(sightings, machine, never_moved)
     without = {name: _directions_without(rows) for name, rows in blocks.items()}
-    for term, own in zip(terms, columns_of(terms), strict=True):
+    for term, own in zip(terms, _columns_of(terms), strict=True):
         if is_determined[own].all():
             continue
         name = iso_name(term.id)
@@ -79,7 +79,7 @@ def not_determined(
     return tuple(listed)
 
 
-def columns_of(terms: Sequence[Term]) -> list[np.ndarray]:
+def _columns_of(terms: Sequence[Term]) -> list[np.ndarray]:
     """Give the columns of each term's unknowns: of its coefficients, then of its free inner parameters."""
     coefficients, inner = count(), count(sum(len(term.coefficients) for term in terms))
     return [
@@ -100,7 +100,7 @@ def _blocks(
     """Give the rows of the null space by term; those of frames and places together."""
     rows = {
         iso_name(term.id): null_space[own]
-        for term, own in zip(terms, columns_of(terms), strict=True)
+        for term, own in zip(terms, _columns_of(terms), strict=True)
         if not is_determined[own].all() or np.abs(null_space[own]).max(initial=0.0) > _NOTHING
     }
     frames = null_space[first_frame_column:]

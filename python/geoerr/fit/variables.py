@@ -13,7 +13,7 @@ import numpy.typing as npt
 from geoerr import _core
 from geoerr.errors import GeoerrError
 from geoerr.fit.circle_motion import circle_motion
-from geoerr.fit.reversals import may_have_turned
+from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
@@ -201,13 +201,13 @@ def _as_stated(
 ) -> dict[str, Numbers]:
     """Give what depends on directions as the file states them: the core goes by the order of rows."""
     result: dict[str, Numbers] = {}
-    turned = may_have_turned(sightings, times)
+    turned = unstated_turns(sightings, times)
     is_same_place = np.append(False, (np.diff(sightings.commanded_mm, axis=0) == 0.0).all(axis=1))
     is_same_place[sightings.sequences] = False
     for number, axis in enumerate(AXES):
         # Stated as unknown: whoever wrote that knew better than the order of rows, which tells the rest.
         stated = sightings.numbers(f"dir_{axis}")
-        has_turned = np.isnan(stated) & turned[:, number]
+        has_turned = turned[:, number]
         is_unknown = (stated == 0.0) | has_turned
         names = [f"{own}_{axis}" for own in _OF_DIRECTION]
         result |= {name: np.where(is_unknown, np.nan, history[name]) for name in names}

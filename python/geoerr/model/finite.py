@@ -12,7 +12,7 @@ from geoerr.machine import AXES
 from geoerr.model.arrays import Numbers
 from geoerr.model.compile import compile_terms
 from geoerr.model.model import Model
-from geoerr.model.worth import both_motions, measured_box_mm, spread_places
+from geoerr.model.worth import both_motions, spread_places
 from geoerr.terms import Term
 
 # Along an axis a pole lies between two places; each look is at the neighbours of the largest value, this much closer.
@@ -40,7 +40,7 @@ def refuse_not_finite(model: Model, at: Mapping[str, float]) -> None:
         naming term and conditions.
     """
     for term in _by_formula(model):
-        if not _is_finite_at(model, term, spread_places(measured_box_mm(model)), at).any():
+        if not _is_finite_at(model, term, spread_places(model.measured_box_mm), at).any():
             raise GeoerrError(
                 f"{term.id} gives no finite number{_under(model, term, at)}\n"
                 "hint: there its formula divides by zero, or leaves what a root or a logarithm is defined for: state "
@@ -51,7 +51,7 @@ def refuse_not_finite(model: Model, at: Mapping[str, float]) -> None:
 def not_finite_notes(model: Model, at: Mapping[str, float]) -> tuple[str, ...]:
     """Say of each term that has them where in the measured volume it gives no finite number, or has a pole."""
     notes = []
-    box_mm = measured_box_mm(model)
+    box_mm = model.measured_box_mm
     places = spread_places(box_mm)
     for term in _by_formula(model):
         without = ~_is_finite_at(model, term, places, at)
@@ -76,7 +76,7 @@ def _moved_mm(model: Model, term: Term, places: Numbers, at: Mapping[str, float]
     """Give what a term alone moves at places (n, 3) in mm: (n, 3)."""
     alone = Model(model.machine, None, (term,))
     names = alone.conditions
-    conditions: dict[str, npt.ArrayLike] = {**both_motions(len(places)), "moving": 1.0, **at}
+    conditions: dict[str, npt.ArrayLike] = {**both_motions(len(places)), **at}
     return alone.contributions(places, at={name: conditions[name] for name in names if name in conditions})[term.id]
 
 

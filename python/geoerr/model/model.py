@@ -165,6 +165,12 @@ class Model:
         return self.has_values and has_only_terms_in_coefficients and not coefficients.any()
 
     @property
+    def measured_box_mm(self) -> tuple[tuple[float, float], ...]:
+        """Give low and high end of each axis: of `measured_range_mm`, else of the axis."""
+        measured = self.measured_range_mm
+        return tuple(measured[axis] or self.machine.axes[axis].range_mm for axis in AXES)
+
+    @property
     def measured_range_mm(self) -> dict[str, tuple[float, float] | None]:
         """Give for each axis the range that all its error functions cover, None where there are none.
 
@@ -493,11 +499,10 @@ class Model:
         self, offset: Numbers, carrier: Carrier, ends: Sequence[Conditions], directions: Numbers, threads: int
     ) -> npt.NDArray[np.bool_]:
         """Tell which directions (m, k) of the parameters move the measured range, at all ends, other than rigidly."""
-        measured = self.measured_range_mm
-        spans = [measured[axis] or self.machine.axes[axis].range_mm for axis in AXES]
         # Uneven, so that no wave hides between the places.
         shares = (0.0, 0.31, 0.74, 1.0)
-        grids = np.meshgrid(*([low + share * (high - low) for share in shares] for low, high in spans), indexing="ij")
+        places = [[low + share * (high - low) for share in shares] for low, high in self.measured_box_mm]
+        grids = np.meshgrid(*places, indexing="ij")
         grid = np.ascontiguousarray(np.stack([values.ravel() for values in grids], axis=1))
         blocks = [block for at in ends for block in self._columns(grid, offset, carrier, at, threads)]
         columns = np.concatenate(blocks)

@@ -27,7 +27,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.machine import AXES
 from geoerr.model.arrays import Numbers
 from geoerr.model.conditions import OF_MOTION, Conditions
 from geoerr.model.model import Model
@@ -74,15 +73,11 @@ def spread_places(spans: Sequence[tuple[float, float]], n_places: int = _N_PLACE
     return np.asarray(low + share * (high - low))
 
 
-def measured_box_mm(model: Model) -> tuple[tuple[float, float], ...]:
-    """Give low and high end of each axis: what was measured, else the axis's range."""
-    return tuple(model.measured_range_mm[axis] or model.machine.axes[axis].range_mm for axis in AXES)
-
-
 def both_motions(n_places: int) -> dict[str, Numbers]:
-    """Give the conditions of motion for places (n,): the two states in turn."""
+    """Give the conditions of motion for places (n,): the two states in turn, on the move."""
     turn = np.arange(n_places) % 2
-    return {name: np.array(_MOTION[name if name in _MOTION else name.partition("_")[0]])[turn] for name in OF_MOTION}
+    states = {name: _MOTION[name if name in _MOTION else name.partition("_")[0]] for name in OF_MOTION}
+    return {name: np.array(state)[turn] for name, state in states.items()} | {"moving": np.ones(n_places)}
 
 
 def uncertain_terms(model: Model, at: Conditions | None = None, *, threads: int = 0) -> tuple[UncertainTerm, ...]:
@@ -97,11 +92,11 @@ def uncertain_terms(model: Model, at: Conditions | None = None, *, threads: int 
     threads
         0 = all cores.
     """
-    spans = measured_box_mm(model)
+    spans = model.measured_box_mm
     if model.record is None or not model.machine_terms or any(low > high for low, high in spans):
         return ()
     places = spread_places(spans)
-    conditions = {**both_motions(len(places)), "moving": 1.0, **(at or {})}
+    conditions = {**both_motions(len(places)), **(at or {})}
     moments = model.contribution_moments_mm2(places, at=conditions, threads=threads)
     left_out = _left_out(*moments)
     return tuple(

@@ -22,7 +22,16 @@ from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import refuse_unneeded
 from geoerr.observations import CircularTest
 from geoerr.tables import RowProblem
-from geoerr.verify.circle import PLANES, CircleOfCommands, FittedCircle, SetUp, fit_circle, fit_set_up, what_fits
+from geoerr.verify.circle import (
+    PLANES,
+    CircleOfCommands,
+    FittedCircle,
+    SetUp,
+    fit_circle,
+    fit_set_up,
+    plane_of,
+    what_fits,
+)
 from geoerr.verify.circle_motion import conditions_on_circle, followed_on_circle
 from geoerr.verify.circle_runs import FEWEST_ROWS, LEAST_ARC_RAD, runs_of
 from geoerr.verify.remaining import compensate_positions
@@ -588,9 +597,8 @@ def _commanded_circle(frame: pl.DataFrame, path: str) -> tuple[CircleOfCommands,
     commanded = frame.select("x", "y", "z").to_numpy().astype(np.float64)
     row = int(frame["file_row"][0])
     span = np.ptp(commanded, axis=0)
-    third = int(np.argmin(span))
-    plane = next(name for name, axes in PLANES.items() if axes[2] == third)
-    first, second, _ = PLANES[plane]
+    plane = plane_of(commanded)
+    first, second, third = PLANES[plane]
     if span[third] > _OFF_CIRCLE * span[[first, second]].max():
         raise InputFileError(
             path,

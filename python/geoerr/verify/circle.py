@@ -50,6 +50,12 @@ class FittedCircle:
         return float(np.ptp(self.deviation_mm))
 
 
+def plane_of(positions_mm: Numbers) -> str:
+    """Name the plane of positions (n, 3) on a circle: the third axis is the one that moves least."""
+    third = int(np.argmin(np.ptp(positions_mm, axis=0)))
+    return next(name for name, axes in PLANES.items() if axes[2] == third)
+
+
 def fit_circle(points_mm: npt.ArrayLike) -> FittedCircle:
     """Fit the circle with the least sum of squared distances to points (geometric fit).
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.errors import GeometryError
-from geoerr.verify.circle import PLANES, fit_circle
+from geoerr.verify.circle import PLANES, fit_circle, plane_of
 
 Numbers = npt.NDArray[np.float64]
 
@@ -57,8 +57,8 @@ def _by_sense(frame: pl.DataFrame) -> list[pl.DataFrame]:
 def _turned_rad(frame: pl.DataFrame) -> Numbers | None:
     """Give how far the motion has turned about the circle's centre at each row, (n,); None without a circle."""
     commanded = frame.select("x", "y", "z").to_numpy().astype(np.float64)
-    third = int(np.argmin(np.ptp(commanded, axis=0)))
-    in_plane = commanded[:, next(list(axes[:2]) for axes in PLANES.values() if axes[2] == third)]
+    first, second, _ = PLANES[plane_of(commanded)]
+    in_plane = commanded[:, [first, second]]
     try:
         from_centre = in_plane - fit_circle(in_plane).center_mm
     except GeometryError:

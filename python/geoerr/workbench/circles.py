@@ -12,7 +12,7 @@ from geoerr.diagnose.components import is_circle
 from geoerr.errors import GeometryError
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.verify.ballbar import Trace
-from geoerr.verify.circle import PLANES, CircleOfCommands, fit_circle
+from geoerr.verify.circle import PLANES, CircleOfCommands, fit_circle, plane_of
 
 # Centre and radius of the set-up alone take three.
 _FEWEST_ROWS = 4
@@ -79,8 +79,7 @@ def cause_um(diagnosis: CircleDiagnosis, reference: str, sightings: Sightings) -
 def _run(comparison: Comparison, rows: np.ndarray) -> CircleRun:
     sightings = comparison.points.sightings
     q_mm = sightings.commanded_mm[rows]
-    third = int(np.argmin(np.ptp(q_mm, axis=0)))
-    plane = next(name for name, axes in PLANES.items() if axes[2] == third)
+    plane = plane_of(q_mm)
     first, second, _ = PLANES[plane]
     commanded = fit_circle(q_mm[:, [first, second]])
     centre = np.median(q_mm, axis=0)
