@@ -35,8 +35,14 @@ type GroupArrays<'py> = (
     PyReadonlyArray1<'py, i64>,
     usize,
 );
-/// A formula, values of its inner parameters, and which of its variables is which series, if one is.
-type TrialFormula<'py> = (Bound<'py, PyExpression>, Vec<f64>, Option<[usize; 2]>);
+/// Formulas at trial values, one after the other: number of the expression (n,), of the series that it follows, −1 for
+/// none (n,), where its values of inner parameters begin (n + 1,), and all of those.
+type FormulaArrays<'py> = (
+    PyReadonlyArray1<'py, i64>,
+    PyReadonlyArray1<'py, i64>,
+    PyReadonlyArray1<'py, i64>,
+    PyReadonlyArray1<'py, f64>,
+);
 /// Gain, rank and share (n_trials,), and by rank the largest gain of every draw (n_ranks, n_draws), −1 for none.
 type GroupResult<'py> = (
     Bound<'py, PyArray1<f64>>,
@@ -96,7 +102,8 @@ impl PyCandidateScene {
         variables: PyReadonlyArray2<'py, f64>,
         starts: PyReadonlyArray1<'py, i64>,
         t: Option<PyReadonlyArray1<'py, f64>>,
-        formulas: Vec<TrialFormula<'py>>,
+        expressions: Vec<(Bound<'py, PyExpression>, bool)>,
+        formulas: FormulaArrays<'py>,
         series: PyReadonlyArray2<'py, f64>,
         given: PyReadonlyArray2<'py, f64>,
         products: Vec<[usize; 2]>,
@@ -109,13 +116,7 @@ impl PyCandidateScene {
         let starts = places(&starts)?;
         let t = t.as_ref().map(|t| numbers(t, "t")).transpose()?;
         let rows = Rows { variables: &variables, n_rows: self.n_rows, starts: &starts, t };
-        let formulas: Vec<Formula> = (formulas.into_iter())
-            .map(|(expression, inner, series)| Formula {
-                expression: expression.get().core().clone(),
-                inner,
-                series,
-            })
-            .collect();
+        let formulas = formulas_of(&expressions, &formulas, variables.len())?;
         let groups: Vec<Group> = groups.iter().map(group_of).collect::<Result<_, _>>()?;
         let sources =
             Sources { rows, formulas: &formulas, series: &series, given: &given, products: &products };
@@ -125,6 +126,35 @@ impl PyCandidateScene {
         })?;
         scanned.into_iter().map(|one| result_of(py, one)).collect()
     }
+}
+
+/// The formulas; what follows a series has it for its last variable.
+fn formulas_of(
+    expressions: &[(Bound<'_, PyExpression>, bool)],
+    (numbers_of, series, starts, inner): &FormulaArrays<'_>,
+    n_variables: usize,
+) -> Result<Vec<Formula>, CoreError> {
+    let (numbers_of, starts) = (places(numbers_of)?, places(starts)?);
+    let (series, inner) = (named(series, "series of formulas")?, numbers(inner, "inner values")?);
+    if series.len() != numbers_of.len() || starts.len() != numbers_of.len() + 1 {
+        return Err(CoreError::shape(
+            "every formula needs an expression, a series and the place of its values",
+        ));
+    }
+    (numbers_of.iter().zip(series).zip(starts.windows(2)))
+        .map(|((&number, &series), own)| {
+            let (expression, is_proportional) = (expressions.get(number))
+                .ok_or_else(|| CoreError::shape(format!("there is no expression {number}")))?;
+            let inner = (inner.get(own[0]..own[1]))
+                .ok_or_else(|| CoreError::shape("values of inner parameters are missing"))?;
+            Ok(Formula {
+                expression: expression.get().core().clone(),
+                inner: inner.to_vec(),
+                series: usize::try_from(series).ok().map(|series| [n_variables.saturating_sub(1), series]),
+                is_proportional: *is_proportional,
+            })
+        })
+        .collect()
 }
 
 fn rows_of<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> Result<Vec<&'a [f64]>, CoreError> {

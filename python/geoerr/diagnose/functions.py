@@ -15,6 +15,7 @@ import numpy as np
 from geoerr import _core
 from geoerr.diagnose.columns import Columns
 from geoerr.diagnose.gaps import read_columns
+from geoerr.diagnose.trials import Trials
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s
@@ -91,8 +92,7 @@ class Functions:
         self._lags: dict[str, _core.Expression] = {}
         self._series_of: dict[tuple[str, float | None], int] = {}
         self._series = Columns(self.n_rows)
-        self._trials: dict[tuple[int, tuple[float, ...], int | None], int] = {}
-        self._formulas: list[tuple[int, tuple[float, ...], int | None]] = []
+        self._trials = Trials()
         self._proportional: dict[int, bool] = {}
         self._given = Columns(self.n_rows)
         self._products: list[tuple[int, int]] = []
@@ -102,9 +102,10 @@ class Functions:
         whole = self._part(term, part)
         if whole.follows is None:
             return [whole]
+        is_proportional = self._is_proportional(whole, term)
         text, place = whole.follows
         match = _SERIES_TEXT.fullmatch(text)
-        if match is None or not match[2].startswith("temp_") or not self._is_proportional(whole, term):
+        if match is None or not match[2].startswith("temp_") or not is_proportional:
             return [whole]
         if not all(np.isfinite(self.variables[self.names.index(name)]).all() for name in match.groups()):
             # A lag leaves out rows without a value: for a difference those where either has none.
@@ -173,11 +174,8 @@ class Functions:
 
     def formula(self, part: CompiledPart, inner: Sequence[float]) -> list[int]:
         """Give the codes of a part's functions, one for each of its coefficients, at values of the inner ones."""
-        key = (part.expression, tuple(inner[place] for place in part.inner), self._series_number(part, inner))
-        if key not in self._trials:
-            self._trials[key] = len(self._formulas)
-            self._formulas.append(key)
-        first = self._trials[key] * _SLOTS
+        own = tuple([inner[place] for place in part.inner])
+        first = self._trials.number((part.expression, own, self._series_number(part, inner))) * _SLOTS
         return [first + slot for slot in range(len(part.coefficients))]
 
     def _series_number(self, part: CompiledPart, inner: Sequence[float]) -> int | None:
@@ -260,7 +258,7 @@ class Functions:
                 return self._given[-code // 2]
             first, second = self._products[-code // 2 - 1]
             return self._given[first] * self._given[second]
-        number, inner, series = self._formulas[code // _SLOTS]
+        number, inner, series = self._trials[code // _SLOTS]
         expression = self._expressions[number]
         own = np.array(inner, dtype=np.float64)
         values = expression.coefficient_columns(self._variables(series), own, self.starts, self.times, 1)
@@ -273,34 +271,30 @@ class Functions:
         threads: int,
     ) -> list[tuple[Numbers, np.ndarray, Numbers, Numbers]]:
         """Let the core judge groups: codes (n_trials, k), channels, factors, coefficients, number of those."""
-        asked = np.unique(np.concatenate([group[0].ravel() for group in groups])) if groups else np.zeros(0, np.int64)
-        formulas = np.unique(asked[asked >= 0] // _SLOTS)
-        counts = [len(self._expressions[self._formulas[number][0]].coefficients_used) for number in formulas]
-        first = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64)
-        n_given = len(self._given)
-
-        def numbered(codes: np.ndarray) -> np.ndarray:
-            result = np.empty(codes.shape, dtype=np.int64)
-            formula = codes >= 0
-            own = codes[formula]
-            result[formula] = first[np.searchsorted(formulas, own // _SLOTS)] + own % _SLOTS
-            other = -codes[~formula]
-            result[~formula] = first[-1] + np.where(other % 2 == 1, other // 2, n_given + other // 2 - 1)
-            return np.ascontiguousarray(result)
-
-        last = len(self.names)
+        codes = np.concatenate([np.zeros(0, dtype=np.int64), *(group[0].ravel() for group in groups)])
+        own = codes >= 0
+        formulas, place = np.unique(codes[own] // _SLOTS, return_inverse=True)
+        counts = np.array([len(one.coefficients_used) for one in self._expressions], dtype=np.int64)
+        first = np.concatenate([[0], np.cumsum(counts[self._trials.expressions(formulas)])])
+        # By its place among the functions: those of formulas, those given, products.
+        numbers = np.empty(len(codes), dtype=np.int64)
+        numbers[own] = first[place] + codes[own] % _SLOTS
+        other = -codes[~own]
+        numbers[~own] = first[-1] + np.where(other % 2 == 1, other // 2, len(self._given) + other // 2 - 1)
+        ends = np.cumsum([group[0].size for group in groups])
         return scene.scan(
             self._variables(None),
             self.starts,
             self.times,
-            [
-                (self._expressions[number], list(inner), None if series is None else (last, series))
-                for number, inner, series in (self._formulas[f] for f in formulas)
-            ],
+            [(one, self._proportional.get(number, False)) for number, one in enumerate(self._expressions)],
+            self._trials.chosen(formulas),
             self._series.array,
             self._given.array,
             self._products,
-            [(numbered(group[0]), *group[1:]) for group in groups],
+            [
+                (numbers[end - group[0].size : end].reshape(group[0].shape), *group[1:])
+                for end, group in zip(ends, groups, strict=True)
+            ],
             threads,
         )
 

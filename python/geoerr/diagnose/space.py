@@ -26,6 +26,8 @@ from geoerr.terms import Parameter, Part, Term
 
 NumbersOfDraws = npt.NDArray[np.float32]
 _SEED = 20_210_917
+# Numbers of all draws that are drawn at once: what is picked stays in the cache.
+_DRAWN_TOGETHER = 1000
 # A direction of a pass that the rest determines by less than this share is the pass's own, and says nothing.
 _OWN = 1e-3
 # Of the numbers, a share that tails may have: of Student's with three degrees of freedom 1.5 % are winsorised.
@@ -85,9 +87,12 @@ class Space:
         own = 1.0 - np.einsum("ncr,ncr->nc", self.basis, self.basis).reshape(-1)
         residual = self.residual.reshape(-1)[counts] / np.sqrt(np.maximum(own[counts], _OWN))
         rng = np.random.default_rng(_SEED)
-        picked = rng.integers(0, 2 * len(residual), size=(len(residual), n_draws), dtype=np.int32)
+        numbers = np.concatenate([residual, -residual]).astype(np.float32)
         drawn = np.zeros((len(counts), n_draws), dtype=np.float32)
-        drawn[counts] = np.concatenate([residual, -residual]).astype(np.float32)[picked]
+        places = np.flatnonzero(counts)
+        for start in range(0, len(places), _DRAWN_TOGETHER):
+            own = places[start : start + _DRAWN_TOGETHER]
+            drawn[own] = numbers[rng.integers(0, len(numbers), size=(len(own), n_draws))]
         drawn = drawn.reshape(*self.rows.shape, n_draws)
         size = float(np.sqrt((self.residual**2).sum() / max(self.n_numbers - self.basis.shape[2], 1)))
         self.noise.take_off(drawn, self.basis, size=size, threads=threads)

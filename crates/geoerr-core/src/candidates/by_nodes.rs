@@ -12,6 +12,9 @@ use super::sources::{Numbering, Source, Sources};
 use super::tile::{Pair, Piece, Tile, used_channels};
 use crate::least_squares::{Real, add_product_of_rows};
 
+/// Nodes whose operands are summed together, of all channels: rows are read once, and every thread has something to do.
+const NODES: usize = 128;
+
 /// What functions at the nodes of a lattice are multiplied with.
 pub(super) struct NodeOperands<'a, T> {
     lattice: &'a Lattice,
@@ -33,9 +36,11 @@ impl<'a, T: Real> NodeOperands<'a, T> {
     pub(super) fn new(scene: &Scene<T>, lattice: &'a Lattice, groups: &[Group], pieces: &[&Piece]) -> Self {
         let (channels, together) = used_channels(groups, pieces);
         let rows = Moments::of_rows(&scene.runs);
-        let channels = channels
-            .into_par_iter()
-            .map(|channel| (channel, of_channel(scene, lattice, channel, &rows)))
+        let operands = operands(scene, lattice, &channels);
+        let channels = (channels.into_par_iter().zip(operands))
+            .map(|(channel, operand)| {
+                (channel, OfChannel { operand, units: units(scene, lattice, channel, &rows) })
+            })
             .collect();
         let together = (together.into_par_iter())
             .filter_map(|[one, two]| Some(([one, two], diagonals(scene, lattice, [one, two], &rows)?)))
@@ -101,19 +106,48 @@ impl<'a, T: Real> NodeOperands<'a, T> {
     }
 }
 
-fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize, rows: &Moments) -> OfChannel<T> {
-    let (n, width, n_blocks) = (lattice.nodes.len(), scene.width(), scene.noise.n_blocks());
-    let mut operand = vec![T::default(); n * width];
-    let mut of_place = vec![T::default(); width];
-    for (rows, first, weights) in lattice.places() {
-        of_place.fill(T::default());
-        for &row in rows {
-            scene.add_operand(&mut of_place, channel, row);
-        }
-        for (target, &weight) in operand[first * width..].chunks_exact_mut(width).zip(weights) {
-            lanes::add_scaled(target, T::nearest(weight), &of_place);
+/// By channel: `Cᵀ D` times basis, residual and draws.
+fn operands<T: Real>(scene: &Scene<T>, lattice: &Lattice, channels: &[usize]) -> Vec<Vec<T>> {
+    let width = scene.width();
+    let mut operands: Vec<Vec<T>> = vec![vec![T::default(); lattice.nodes.len() * width]; channels.len()];
+    let mut steps: Vec<Vec<&mut [T]>> = Vec::new();
+    steps.resize_with(lattice.nodes.len().div_ceil(NODES), Vec::new);
+    for operand in &mut operands {
+        for (step, part) in steps.iter_mut().zip(operand.chunks_mut(NODES * width)) {
+            step.push(part);
         }
     }
+    let places: Vec<_> = lattice.places().collect();
+    steps.into_par_iter().enumerate().for_each(|(step, mut parts)| {
+        let (start, end) = (step * NODES, (step + 1) * NODES);
+        let mut of_place = vec![T::default(); width];
+        let from = places.partition_point(|place| place.1 + lattice.n_taps() <= start);
+        for &(rows, first, weights) in places[from..].iter().take_while(|place| place.1 < end) {
+            // Taps that lie among the nodes of this step.
+            let own = start.max(first) - first..(end - first).min(weights.len());
+            let at = (first + own.start - start) * width;
+            for (part, &channel) in parts.iter_mut().zip(channels) {
+                of_place.fill(T::default());
+                for &row in rows {
+                    scene.add_operand(&mut of_place, channel, row);
+                }
+                for (target, &weight) in part[at..].chunks_exact_mut(width).zip(&weights[own.clone()]) {
+                    lanes::add_scaled(target, T::nearest(weight), &of_place);
+                }
+            }
+        }
+    });
+    operands
+}
+
+/// By component: what a channel's nodes add to every block of the noise.
+fn units<T: Real>(
+    scene: &Scene<T>,
+    lattice: &Lattice,
+    channel: usize,
+    rows: &Moments,
+) -> [Vec<Vec<(usize, T)>>; 3] {
+    let n_blocks = scene.noise.n_blocks();
     let mut units: [Vec<Vec<(usize, T)>>; 3] = Default::default();
     for c in scene.components(channel) {
         let unit = scene.unit(channel, c, rows, 0..rows.len());
@@ -132,7 +166,7 @@ fn of_channel<T: Real>(scene: &Scene<T>, lattice: &Lattice, channel: usize, rows
         }
         units[c] = blocks;
     }
-    OfChannel { operand, units }
+    units
 }
 
 /// The diagonals of two channels' weights at the nodes; nothing where they share no component.

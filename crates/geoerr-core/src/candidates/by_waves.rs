@@ -49,8 +49,9 @@ impl<T: Real + FftNum> WaveOperands<T> {
         let white = white(scene, family, &harmonics, &pairs);
         let of_channels = (channels.par_iter())
             .map(|&channel| {
-                let products =
-                    spectrum.sums(scene.width(), &harmonics, |own, row| scene.add_operand(own, channel, row));
+                let products = spectrum.sums(scene.width(), &harmonics, |own, row| {
+                    scene.add_operand(own, channel, row);
+                });
                 let own = white.iter().find(|one| one.0 == [channel; 2]);
                 let is_seen = own.map_or(Vec::new(), |(_, squares)| squares.iter().map(seen).collect());
                 (channel, OfChannel { products, is_seen })
@@ -118,17 +119,22 @@ fn white<T: Real + FftNum>(
     let rows = Moments::of_rows(&scene.runs);
     let doubled = Spectrum::new(&family.turns, 2 * family.highest);
     let twice: Vec<usize> = harmonics.iter().map(|harmonic| 2 * harmonic).collect();
-    (pairs.par_iter())
-        .filter_map(|&[one, two]| {
-            let weights = scene.weights(one, two, &rows, 0..rows.len())?;
-            let sums: Vec<T> = doubled.sums(1, &twice, |own, row| own[0] += weights[row]);
+    let weighted: Vec<([usize; 2], Vec<T>)> = (pairs.iter())
+        .filter_map(|&[one, two]| Some(([one, two], scene.weights(one, two, &rows, 0..rows.len())?)))
+        .collect();
+    let sums = doubled.sums(weighted.len(), &twice, |own, row| {
+        own.iter_mut().zip(&weighted).for_each(|(sum, (_, weights))| *sum += weights[row]);
+    });
+    (weighted.iter().enumerate())
+        .map(|(place, (pair, weights))| {
             let known = weights.iter().zip(&family.turns).filter(|(_, turn)| turn.is_finite());
             let all: f64 = known.map(|(weight, _)| weight.double()).sum();
-            let of_kinds = |[cosine, sine]: &[T; 2]| {
+            let of_kinds = |of_harmonic: &[T]| {
+                let (cosine, sine) = (of_harmonic[place], of_harmonic[weighted.len() + place]);
                 let (cosine, sine) = (cosine.double(), sine.double());
                 [0.5 * (all + cosine), 0.5 * sine, 0.5 * sine, 0.5 * (all - cosine)]
             };
-            Some(([one, two], sums.as_chunks::<2>().0.iter().map(of_kinds).collect()))
+            (*pair, sums.chunks_exact(2 * weighted.len()).map(of_kinds).collect())
         })
         .collect()
 }

@@ -6,6 +6,8 @@ use super::scene::Run;
 use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
 
+/// Columns that [`spread`] sums in registers, at a few nodes.
+pub(super) const SPREAD: usize = 8;
 /// Lanes of a sum: one widest register in single precision.
 const LANES: usize = 16;
 
@@ -25,7 +27,68 @@ pub(super) fn add_scaled<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     );
 }
 
-/// The same, in double precision, with what is given in another.
+/// Adds rows to nodes: each, of `stride` numbers (so many [`SPREAD`] of them), times its weights to as many nodes as it
+/// has of those. `taps` has the first node and the weights of each row, nodes rising.
+///
+/// Of the nodes the first [`SPREAD`] columns lie together, node after node, then the next ones.
+/// The sums of nodes that a row touches stay in registers until no more rows do.
+pub(super) fn spread<T: Real, const TAPS: usize>(
+    nodes: &mut [T],
+    rows: &[T],
+    stride: usize,
+    taps: &[(usize, [T; TAPS])],
+) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            let n = SPREAD * (nodes.len() / stride.max(1));
+            for (number, nodes) in nodes.chunks_exact_mut(n.max(1)).enumerate() {
+                spread_here(nodes, rows, stride, taps, number * SPREAD);
+            }
+        },
+    );
+}
+
+/// [`SPREAD`] columns of [`spread`], from one on.
+#[inline(always)]
+fn spread_here<T: Real, const TAPS: usize>(
+    nodes: &mut [T],
+    rows: &[T],
+    stride: usize,
+    taps: &[(usize, [T; TAPS])],
+    at: usize,
+) {
+    let mut sums = [[T::default(); SPREAD]; TAPS];
+    let mut node = taps.first().map_or(0, |one| one.0);
+    for (row, &(first, weights)) in rows.chunks_exact(stride).zip(taps) {
+        for _ in 0..(first - node).min(TAPS) {
+            add_node(nodes, node * SPREAD, &sums[0]);
+            node += 1;
+            sums.copy_within(1.., 0);
+            sums[TAPS - 1] = [T::default(); SPREAD];
+        }
+        node = first;
+        let mut own = [T::default(); SPREAD];
+        own.copy_from_slice(&row[at..at + SPREAD]);
+        for (sums, weight) in sums.iter_mut().zip(weights) {
+            for (sum, value) in sums.iter_mut().zip(own) {
+                *sum += weight * value;
+            }
+        }
+    }
+    for (tap, sums) in sums.iter().enumerate() {
+        add_node(nodes, (node + tap) * SPREAD, sums);
+    }
+}
+
+#[inline(always)]
+fn add_node<T: Real>(nodes: &mut [T], at: usize, sums: &[T; SPREAD]) {
+    for (value, &sum) in nodes[at..at + SPREAD].iter_mut().zip(sums) {
+        *value += sum;
+    }
+}
+
+/// The same as [`add_scaled`], in double precision, with what is given in another.
 pub(super) fn add_as_double<T: Real>(target: &mut [f64], scale: f64, from: &[T]) {
     in_wide_registers(
         #[inline(always)]

@@ -175,9 +175,11 @@ fn levels(
     let mut n_intervals = FEWEST;
     while n_intervals + 2 * MARGIN <= most && !waiting.is_empty() {
         let nodes = spread(low, high, n_intervals);
+        let is_met: Vec<bool> =
+            waiting.par_iter().map(|&formula| is_met(&all[formula], &nodes)).collect::<Result<_, _>>()?;
         let (mut met, mut later) = (Vec::new(), Vec::new());
-        for formula in waiting {
-            if is_met(&all[formula], &nodes)? { met.push(formula) } else { later.push(formula) }
+        for (formula, is_met) in waiting.into_iter().zip(is_met) {
+            if is_met { met.push(formula) } else { later.push(formula) }
         }
         found.push((nodes, met));
         waiting = later;

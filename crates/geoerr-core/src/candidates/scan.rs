@@ -22,7 +22,7 @@ use crate::least_squares::Real;
 /// Functions on channels of one tile: so many that groups which share them seldom sum the same again (a bow about some
 /// centre is tried with every temperature and every difference of two), and few enough for every thread to have tiles to
 /// the end.
-const PAIRS: usize = 1024;
+const PAIRS: usize = 512;
 /// Coarser numbers than these only rank, and need no more digits than nodes give.
 const RANKING: f64 = 1e-10;
 

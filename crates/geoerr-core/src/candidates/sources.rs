@@ -17,6 +17,8 @@ pub struct Formula {
     pub inner: Vec<f64>,
     /// One of its variables that is a series instead: number of the variable, and of the series.
     pub series: Option<[usize; 2]>,
+    /// Whether it is proportional to its series.
+    pub is_proportional: bool,
 }
 
 /// All functions, numbered: those of the formulas, one after the other, then those given, then products of two given.
@@ -123,6 +125,13 @@ pub(super) struct Evaluator<'a, T> {
     whole: Vec<Vec<T>>,
     /// All columns of one formula.
     of_formula: Vec<f64>,
+    /// Formulas whose columns for a series of ones do for all that are proportional to some series.
+    alike: Vec<usize>,
+    /// By function: its place among those, if it is proportional.
+    place_of: Vec<Option<usize>>,
+    /// By place: their columns, of the block.
+    of_ones: Vec<Vec<f64>>,
+    ones: Vec<f64>,
 }
 
 impl<'a, T: Real> Evaluator<'a, T> {
@@ -132,9 +141,19 @@ impl<'a, T: Real> Evaluator<'a, T> {
         functions: &[usize],
     ) -> Result<Self, CandidateError> {
         let functions: Vec<Source> = functions.iter().map(|&function| numbering.source(function)).collect();
-        let mut evaluator = Self { sources, functions, whole: Vec::new(), of_formula: Vec::new() };
-        let mut whole = Vec::with_capacity(evaluator.functions.len());
         let n_rows = sources.rows.n_rows;
+        let (alike, place_of) = alike(sources, &functions);
+        let mut evaluator = Self {
+            sources,
+            functions,
+            whole: Vec::new(),
+            of_formula: Vec::new(),
+            of_ones: vec![Vec::new(); alike.len()],
+            ones: vec![1.0; if alike.is_empty() { 0 } else { n_rows }],
+            alike,
+            place_of,
+        };
+        let mut whole = Vec::with_capacity(evaluator.functions.len());
         let mut known = usize::MAX;
         for &source in &evaluator.functions {
             match source {
@@ -157,8 +176,19 @@ impl<'a, T: Real> Evaluator<'a, T> {
     pub(super) fn set(&mut self, target: &mut Vec<T>, rows: Range<usize>) -> Result<(), CandidateError> {
         let n = rows.len();
         target.clear();
+        for (&formula, columns) in self.alike.iter().zip(&mut self.of_ones) {
+            evaluate_with(self.sources, formula, &self.ones, rows.clone(), columns)?;
+        }
         let mut known = usize::MAX;
-        for (&source, whole) in self.functions.iter().zip(&self.whole) {
+        for ((&source, whole), &place) in self.functions.iter().zip(&self.whole).zip(&self.place_of) {
+            if let (Source::Formula(formula, slot), Some(place)) = (source, place)
+                && let Some([_, series]) = self.sources.formulas[formula].series
+            {
+                let of_one = self.of_ones[place][slot * n..(slot + 1) * n].iter();
+                let series = &self.sources.series[series][rows.clone()];
+                target.extend(of_one.zip(series).map(|(&of_one, &value)| number::<T>(of_one * value)));
+                continue;
+            }
             match source {
                 _ if !whole.is_empty() => target.extend_from_slice(&whole[rows.clone()]),
                 Source::Formula(formula, slot) => {
@@ -184,17 +214,54 @@ impl<'a, T: Real> Evaluator<'a, T> {
     }
 }
 
+/// The formulas that all which are proportional to a series are multiples of, and of each function the place of its own.
+fn alike(sources: &Sources<'_>, functions: &[Source]) -> (Vec<usize>, Vec<Option<usize>>) {
+    let mut found: Vec<usize> = Vec::new();
+    let place_of = (functions.iter())
+        .map(|&source| {
+            let Source::Formula(number, _) = source else { return None };
+            let own = &sources.formulas[number];
+            if own.series.is_none() || !own.is_proportional || own.expression.needs_order() {
+                return None;
+            }
+            let is_alike = |&other: &usize| {
+                let other = &sources.formulas[other];
+                other.expression.is_same(&own.expression)
+                    && other.series.map(|one| one[0]) == own.series.map(|one| one[0])
+                    && other.inner == own.inner
+            };
+            Some(found.iter().position(is_alike).unwrap_or_else(|| {
+                found.push(number);
+                found.len() - 1
+            }))
+        })
+        .collect();
+    (found, place_of)
+}
+
 fn evaluate(
     sources: &Sources<'_>,
     formula: usize,
     rows: Range<usize>,
     values: &mut Vec<f64>,
 ) -> Result<(), CandidateError> {
-    let Formula { expression, inner, series } = &sources.formulas[formula];
+    let series = sources.formulas[formula].series.map_or(&[] as &[f64], |[_, series]| sources.series[series]);
+    evaluate_with(sources, formula, series, rows, values)
+}
+
+/// With these numbers for its series, if it has one.
+fn evaluate_with(
+    sources: &Sources<'_>,
+    formula: usize,
+    followed: &[f64],
+    rows: Range<usize>,
+    values: &mut Vec<f64>,
+) -> Result<(), CandidateError> {
+    let Formula { expression, inner, series, .. } = &sources.formulas[formula];
     values.resize(expression.coefficients().len() * rows.len(), 0.0);
-    if let Some([variable, series]) = *series {
+    if let Some([variable, _]) = *series {
         let mut variables = sources.rows.variables.to_vec();
-        variables[variable] = sources.series[series];
+        variables[variable] = followed;
         let own = Rows { variables: &variables, ..sources.rows };
         expression.coefficient_columns(&own, rows, inner, values)?;
     } else {

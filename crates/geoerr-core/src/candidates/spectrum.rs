@@ -24,6 +24,10 @@ const FEWEST_NODES: usize = 64;
 const NODES: usize = 12;
 /// Columns that are transformed beside each other.
 const BESIDE: usize = 16;
+/// Nodes before the first one and after the last one, for rows near either end: they are of the other end.
+const MARGIN: usize = TAPS.div_ceil(2);
+/// Places whose sums wait in the nearest cache to be spread.
+const WAITING: usize = 32;
 
 /// Places of rows on an even grid around one turn.
 pub(super) struct Spectrum {
@@ -40,6 +44,7 @@ struct Place {
     /// The first of them in `rows`, and the one after the last.
     start: usize,
     end: usize,
+    /// Counted with the nodes before the first one.
     first_node: usize,
     weights: [f64; TAPS],
 }
@@ -64,7 +69,7 @@ impl Spectrum {
                 Place {
                     start: end - own.len(),
                     end,
-                    first_node: (first + n_nodes as f64) as usize % n_nodes,
+                    first_node: (first + MARGIN as f64) as usize,
                     weights: kernel.weights(first - place),
                 }
             })
@@ -84,29 +89,37 @@ impl Spectrum {
     ) -> Vec<T> {
         // Two real columns are one complex one.
         let half = width.div_ceil(2);
-        let mut grid = vec![T::default(); self.n_nodes * 2 * half];
-        let mut own = vec![T::default(); width];
-        for place in &self.places {
-            own.fill(T::default());
-            for &row in &self.rows[place.start..place.end] {
-                add_row(&mut own, row);
+        let stride = (2 * half).next_multiple_of(lanes::SPREAD);
+        let mut grid = vec![T::default(); (self.n_nodes + 2 * MARGIN) * stride];
+        let mut waiting = vec![T::default(); WAITING * stride];
+        for places in self.places.chunks(WAITING) {
+            waiting.fill(T::default());
+            for (place, own) in places.iter().zip(waiting.chunks_exact_mut(stride.max(1))) {
+                for &row in &self.rows[place.start..place.end] {
+                    add_row(&mut own[..width], row);
+                }
             }
-            for (tap, weight) in place.weights.into_iter().enumerate() {
-                let node = (place.first_node + tap) % self.n_nodes;
-                lanes::add_scaled(&mut grid[node * 2 * half..][..width], T::nearest(weight), &own);
-            }
+            let taps = places.iter().map(|place| (place.first_node, place.weights.map(T::nearest)));
+            lanes::spread(&mut grid, &waiting, stride, &taps.collect::<Vec<_>>());
+        }
+        for columns in grid.chunks_exact_mut((self.n_nodes + 2 * MARGIN) * lanes::SPREAD) {
+            self.close(columns);
         }
         let transform = FftPlanner::new().plan_fft_forward(self.n_nodes);
         let nothing = Complex::new(T::default(), T::default());
         let mut columns = vec![nothing; BESIDE * self.n_nodes];
         let mut scratch = vec![nothing; transform.get_inplace_scratch_len()];
-        let scales: Vec<f64> = harmonics.iter().map(|&k| 1.0 / self.kernel_at(k)).collect();
+        let scales: Vec<T> = harmonics.iter().map(|&k| T::nearest(0.5 / self.kernel_at(k))).collect();
         let mut sums = vec![T::default(); harmonics.len() * 2 * width];
         for first in (0..half).step_by(BESIDE) {
             let n_beside = BESIDE.min(half - first);
-            for (node, row) in grid.chunks_exact(2 * half).enumerate() {
-                for (beside, pair) in row[2 * first..].as_chunks::<2>().0.iter().take(n_beside).enumerate() {
-                    columns[beside * self.n_nodes + node] = Complex::new(pair[0], pair[1]);
+            let pairs = columns.chunks_exact_mut(self.n_nodes).take(n_beside).enumerate();
+            for (beside, column) in pairs {
+                let (number, at) =
+                    (2 * (first + beside) / lanes::SPREAD, 2 * (first + beside) % lanes::SPREAD);
+                let own = &grid[(number * (self.n_nodes + 2 * MARGIN) + MARGIN) * lanes::SPREAD..];
+                for (value, row) in column.iter_mut().zip(own.as_chunks::<{ lanes::SPREAD }>().0) {
+                    *value = Complex::new(row[at], row[at + 1]);
                 }
             }
             transform.process_with_scratch(&mut columns[..n_beside * self.n_nodes], &mut scratch);
@@ -114,20 +127,28 @@ impl Spectrum {
                 for beside in 0..n_beside {
                     let own = &columns[beside * self.n_nodes..(beside + 1) * self.n_nodes];
                     let (z, mirrored) = (own[k], own[self.n_nodes - k]);
-                    let [a, b, c, d] =
-                        [z.re, z.im, mirrored.re, mirrored.im].map(|one| 0.5 * scale * one.double());
+                    let [a, b, c, d] = [z.re, z.im, mirrored.re, mirrored.im].map(|one| scale * one);
                     // Sums of the first column a + c and b − d, of the second b + d and c − a, times cosine and −sine.
                     let column = 2 * (first + beside);
-                    sums[column] = T::nearest(a + c);
-                    sums[width + column] = T::nearest(d - b);
+                    sums[column] = a + c;
+                    sums[width + column] = d - b;
                     if column + 1 < width {
-                        sums[column + 1] = T::nearest(b + d);
-                        sums[width + column + 1] = T::nearest(a - c);
+                        sums[column + 1] = b + d;
+                        sums[width + column + 1] = a - c;
                     }
                 }
             }
         }
         sums
+    }
+
+    /// Adds the nodes beyond either end to those of the other end, whose they are.
+    fn close<T: Real>(&self, nodes: &mut [T]) {
+        let (before, rest) = nodes.split_at_mut(MARGIN * lanes::SPREAD);
+        let (own, after) = rest.split_at_mut(self.n_nodes * lanes::SPREAD);
+        let last = own.len() - before.len();
+        own[last..].iter_mut().zip(before).for_each(|(sum, value)| *sum += *value);
+        own.iter_mut().zip(after).for_each(|(sum, value)| *sum += *value);
     }
 
     /// The kernel's transform at a harmonic.

@@ -3,6 +3,8 @@
 //! Of the periods of a screw there are thousands, half of all ways that are tried. Their sums over rows need no values
 //! at nodes: those at all frequencies come from one transform (see `spectrum`).
 
+use rayon::prelude::*;
+
 use super::error::CandidateError;
 use super::nodes::evaluated;
 use super::sources::{Formula, Sources};
@@ -49,8 +51,9 @@ pub(super) struct Family {
 /// Finds the families of waves among all formulas, and of each formula its wave.
 pub(super) fn families(sources: &Sources<'_>) -> Result<(Vec<Family>, Vec<Option<Wave>>), CandidateError> {
     let mut by_variable: Vec<Vec<(usize, f64, Vec<Kind>)>> = vec![Vec::new(); sources.rows.variables.len()];
-    for (number, formula) in sources.formulas.iter().enumerate() {
-        if let Some((variable, kinds)) = recognised(formula)? {
+    let found: Vec<_> = sources.formulas.par_iter().map(recognised).collect::<Result<_, _>>()?;
+    for (number, (formula, found)) in sources.formulas.iter().zip(found).enumerate() {
+        if let Some((variable, kinds)) = found {
             by_variable[variable].push((number, 1.0 / formula.inner[0], kinds));
         }
     }
@@ -75,7 +78,7 @@ pub(super) fn families(sources: &Sources<'_>) -> Result<(Vec<Family>, Vec<Option
 
 /// The variable and the kinds of a formula `A sin(2πv/P) + B cos(2πv/P)`, in whatever words, with P its inner parameter.
 fn recognised(formula: &Formula) -> Result<Option<(usize, Vec<Kind>)>, CandidateError> {
-    let Formula { expression, inner, series } = formula;
+    let Formula { expression, inner, series, .. } = formula;
     let (&[variable], &[period]) = (expression.variable_indices(), &inner[..]) else { return Ok(None) };
     let may_be_wave = series.is_none() && !expression.needs_order() && expression.is_smooth() && period > 0.0;
     if !may_be_wave {

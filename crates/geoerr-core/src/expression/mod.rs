@@ -167,6 +167,11 @@ struct Compiled {
 }
 
 impl Expression {
+    /// Whether two are copies of one.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shared, &other.shared)
+    }
+
     /// Parses a formula.
     ///
     /// Where coefficients are declared, at least one must be used, unless the formula is 0; without any, a formula is a

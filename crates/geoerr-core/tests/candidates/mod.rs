@@ -51,9 +51,9 @@ proptest! {
         let wave = formula("a*sin(x/p) + b*cos(x/p)", &["a", "b"]);
         let follows = formula("a*followed*x*p", &["a"]);
         let formulas = [
-            Formula { expression: wave.clone(), inner: vec![0.2], series: None },
-            Formula { expression: wave, inner: vec![0.1], series: None },
-            Formula { expression: follows, inner: vec![2.0], series: Some([2, 0]) },
+            Formula { expression: wave.clone(), inner: vec![0.2], series: None, is_proportional: false },
+            Formula { expression: wave, inner: vec![0.1], series: None, is_proportional: false },
+            Formula { expression: follows, inner: vec![2.0], series: Some([2, 0]), is_proportional: false },
         ];
         let empty = vec![0.0; n_rows];
         let rows = Rows { variables: &[&x, &empty, &empty], n_rows, starts: &[], t: Some(&t) };
@@ -111,11 +111,21 @@ fn coarse_and_exact(x: &[f64], drawn: &Drawn, wave: &Expression, periods: Vec<f6
     let jump = formula("a*step(clock - p)", &["a"]);
     let mut formulas = Vec::new();
     for period in periods {
-        formulas.push(Formula { expression: wave.clone(), inner: vec![period], series: None });
+        formulas.push(Formula {
+            expression: wave.clone(),
+            inner: vec![period],
+            series: None,
+            is_proportional: false,
+        });
     }
     for trial in 0..n_trials {
         let moment = (trial + 1) as f64 / (n_trials + 1) as f64 * n_rows as f64;
-        formulas.push(Formula { expression: jump.clone(), inner: vec![moment], series: None });
+        formulas.push(Formula {
+            expression: jump.clone(),
+            inner: vec![moment],
+            series: None,
+            is_proportional: false,
+        });
     }
     let empty = vec![0.0; n_rows];
     let rows = Rows { variables: &[x, &clock, &empty], n_rows, starts: &[], t: None };
@@ -199,7 +209,12 @@ fn a_harmonic_that_is_0_at_all_places_is_not_measured() {
     let wave = formula("a*sin(2*pi*x/p)", &["a"]);
     let clock: Vec<f64> = (0..600).map(f64::from).collect();
     let formulas: Vec<Formula> = (1..=100)
-        .map(|k| Formula { expression: wave.clone(), inner: vec![20.0 / f64::from(k)], series: None })
+        .map(|k| Formula {
+            expression: wave.clone(),
+            inner: vec![20.0 / f64::from(k)],
+            series: None,
+            is_proportional: false,
+        })
         .collect();
     let empty = vec![0.0; 600];
     let rows = Rows { variables: &[&x, &clock, &empty], n_rows: 600, starts: &[], t: None };
@@ -215,7 +230,12 @@ fn what_is_not_there_is_refused() {
     let empty = vec![0.0; 20];
     let rows = Rows { variables: &[&empty, &empty, &empty], n_rows: 20, starts: &[], t: None };
     let follows = |series| {
-        [Formula { expression: formula("a*followed", &["a"]), inner: vec![0.0], series: Some(series) }]
+        [Formula {
+            expression: formula("a*followed", &["a"]),
+            inner: vec![0.0],
+            series: Some(series),
+            is_proportional: false,
+        }]
     };
     let refused = |formulas: &[Formula], groups: &[Group]| {
         let sources = Sources { rows, formulas, series: &[&empty], given: &[], products: &[] };
