@@ -127,10 +127,7 @@ fn operands<T: Real>(scene: &Scene<T>, lattice: &Lattice, channels: &[usize]) ->
             let own = start.max(first) - first..(end - first).min(weights.len());
             let at = (first + own.start - start) * width;
             for (part, &channel) in parts.iter_mut().zip(channels) {
-                of_place.fill(T::default());
-                for &row in rows {
-                    scene.add_operand(&mut of_place, channel, row);
-                }
+                scene.set_sum(&mut of_place, channel, rows.iter().copied());
                 for (target, &weight) in part[at..].chunks_exact_mut(width).zip(&weights[own.clone()]) {
                     lanes::add_scaled(target, T::nearest(weight), &of_place);
                 }

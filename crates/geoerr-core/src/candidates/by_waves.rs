@@ -49,8 +49,8 @@ impl<T: Real + FftNum> WaveOperands<T> {
         let white = white(scene, family, &harmonics, &pairs);
         let of_channels = (channels.par_iter())
             .map(|&channel| {
-                let products = spectrum.sums(scene.width(), &harmonics, |own, row| {
-                    scene.add_operand(own, channel, row);
+                let products = spectrum.sums(scene.width(), &harmonics, |own, rows| {
+                    scene.set_sum(own, channel, rows.iter().copied());
                 });
                 let own = white.iter().find(|one| one.0 == [channel; 2]);
                 let is_seen = own.map_or(Vec::new(), |(_, squares)| squares.iter().map(seen).collect());
@@ -122,8 +122,11 @@ fn white<T: Real + FftNum>(
     let weighted: Vec<([usize; 2], Vec<T>)> = (pairs.iter())
         .filter_map(|&[one, two]| Some(([one, two], scene.weights(one, two, &rows, 0..rows.len())?)))
         .collect();
-    let sums = doubled.sums(weighted.len(), &twice, |own, row| {
-        own.iter_mut().zip(&weighted).for_each(|(sum, (_, weights))| *sum += weights[row]);
+    let sums = doubled.sums(weighted.len(), &twice, |own, rows| {
+        for (sum, (_, weights)) in own.iter_mut().zip(&weighted) {
+            *sum = T::default();
+            rows.iter().for_each(|&row| *sum += weights[row]);
+        }
     });
     (weighted.iter().enumerate())
         .map(|(place, (pair, weights))| {

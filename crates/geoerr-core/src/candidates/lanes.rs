@@ -124,25 +124,39 @@ fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
 pub(super) fn add_combined<T: Real>(target: &mut [T], scaled: &[(T, &[T])]) {
     in_wide_registers(
         #[inline(always)]
-        || match *scaled {
-            [] => {}
-            [(s, a), (t, b)] => {
-                for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
-                    *value += s * a + t * b;
-                }
+        || combine(target, scaled, |value, sum| *value += sum),
+    );
+}
+
+/// Sets `target` to it.
+pub(super) fn set_combined<T: Real>(target: &mut [T], scaled: &[(T, &[T])]) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            if scaled.is_empty() {
+                target.fill(T::default());
             }
-            [(s, a), (t, b), (u, c)] => {
-                for (((value, &a), &b), &c) in target.iter_mut().zip(a).zip(b).zip(c) {
-                    *value += s * a + t * b + u * c;
-                }
-            }
-            _ => {
-                for &(scale, from) in scaled {
-                    add_scaled_here(target, scale, from);
-                }
-            }
+            combine(target, scaled, |value, sum| *value = sum);
         },
     );
+}
+
+#[inline(always)]
+fn combine<T: Real>(target: &mut [T], scaled: &[(T, &[T])], take: impl Fn(&mut T, T)) {
+    match *scaled {
+        [(s, a)] => target.iter_mut().zip(a).for_each(|(value, &a)| take(value, s * a)),
+        [(s, a), (t, b)] => {
+            for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
+                take(value, s * a + t * b);
+            }
+        }
+        [(s, a), (t, b), (u, c)] => {
+            for (((value, &a), &b), &c) in target.iter_mut().zip(a).zip(b).zip(c) {
+                take(value, s * a + t * b + u * c);
+            }
+        }
+        _ => {}
+    }
 }
 
 /// Adds to the sums of blocks what a column and weights give in each run of rows.

@@ -31,6 +31,8 @@ const ROWS_OF_LEVEL: usize = 6;
 const FEWEST: usize = 64;
 /// Nodes beyond either end: the filter forgets its ends by a factor of 0.43 a node.
 const MARGIN: usize = 14;
+/// Formulas that are evaluated at once to see where they change: smooth ones change everywhere, and a few tell.
+const TOGETHER: usize = 16;
 /// Places where interpolation is tried.
 const TRIED: usize = 16;
 /// And where it is tried first.
@@ -227,12 +229,17 @@ fn cells(
     let n = values.len();
     let mut starts = vec![false; n];
     starts[0] = true;
-    for &formula in formulas {
-        for column in evaluated(&all[formula], values)?.chunks_exact(n) {
-            for (start, pair) in starts[1..].iter_mut().zip(column.windows(2)) {
-                *start |= pair[0].to_bits() != pair[1].to_bits();
-            }
-        }
+    for some in formulas.chunks(TOGETHER) {
+        let changes: Vec<Vec<usize>> = (some.par_iter())
+            .map(|&formula| {
+                let columns = evaluated(&all[formula], values)?;
+                let changes = |column: &[f64]| {
+                    (1..n).filter(|&at| column[at].to_bits() != column[at - 1].to_bits()).collect::<Vec<_>>()
+                };
+                Ok(columns.chunks_exact(n).flat_map(changes).collect())
+            })
+            .collect::<Result<_, CandidateError>>()?;
+        changes.into_iter().flatten().for_each(|at| starts[at] = true);
         if starts.iter().filter(|&&start| start).count() > most {
             return Ok(None);
         }

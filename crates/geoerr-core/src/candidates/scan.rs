@@ -77,20 +77,24 @@ pub fn scan<T: Real + FftNum>(
         };
         place_of(functions, &numbering, place, at_moments.as_ref())
     });
-    let at_nodes: Vec<NodeOperands<'_, T>> = (lattices.par_iter().enumerate())
-        .map(|(number, lattice)| {
-            NodeOperands::new(scene, lattice, groups, &pieces_on(&tiles, Place::Nodes(number)))
-        })
-        .collect();
-    let of_waves: Vec<WaveOperands<T>> = (families.par_iter().enumerate())
-        .map(|(number, family)| {
-            let pieces = pieces_on(&tiles, Place::Waves(number));
-            WaveOperands::new(scene, family, harmonics_of(number, &wave_of), groups, &pieces)
-        })
-        .collect();
-    let found: Vec<Vec<Judged>> = tiles
-        .par_iter()
-        .map(|(place, pieces)| {
+    let (at_nodes, of_waves): (Vec<NodeOperands<'_, T>>, Vec<WaveOperands<T>>) = rayon::join(
+        || {
+            let operands = |(number, lattice)| {
+                NodeOperands::new(scene, lattice, groups, &pieces_on(&tiles, Place::Nodes(number)))
+            };
+            lattices.par_iter().enumerate().map(operands).collect()
+        },
+        || {
+            let operands = |(number, family)| {
+                let pieces = pieces_on(&tiles, Place::Waves(number));
+                WaveOperands::new(scene, family, harmonics_of(number, &wave_of), groups, &pieces)
+            };
+            families.par_iter().enumerate().map(operands).collect()
+        },
+    );
+    // From one queue: halves of a list, as threads share it otherwise, are not equally long.
+    let mut found: Vec<(usize, Vec<Judged>)> = (tiles.iter().enumerate().par_bridge())
+        .map(|(number, (place, pieces))| {
             let mut tile = Tile::laid_out(scene, groups, pieces);
             match place {
                 Place::Waves(family) => of_waves[*family].sum(&mut tile, &numbering, &wave_of),
@@ -100,9 +104,10 @@ pub fn scan<T: Real + FftNum>(
                 })?,
                 Place::Rows => by_rows::sum(&mut tile, sources, &numbering, &rows)?,
             }
-            Ok(tile.judged(groups, pieces))
+            Ok((number, tile.judged(groups, pieces)))
         })
         .collect::<Result<_, CandidateError>>()?;
+    found.sort_unstable_by_key(|one| one.0);
     let mut scanned: Vec<Scanned> = (groups.iter())
         .map(|group| Scanned {
             gain: vec![0.0; group.n_trials()],
@@ -111,7 +116,7 @@ pub fn scan<T: Real + FftNum>(
             largest: vec![Vec::new(); group.n_coefficients + 1],
         })
         .collect();
-    for ((_, pieces), judged) in tiles.iter().zip(found) {
+    for ((_, pieces), (_, judged)) in tiles.iter().zip(found) {
         let places = pieces.iter().flat_map(|piece| piece.trials.iter().map(|&trial| (piece.group, trial)));
         for ((group, trial), one) in places.zip(judged) {
             let scanned = &mut scanned[group];
@@ -134,14 +139,14 @@ pub fn scan<T: Real + FftNum>(
 /// Where a trial is summed.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
-    /// In the spectra of a family of waves.
-    Waves(usize),
-    /// At the nodes of a lattice.
-    Nodes(usize),
+    /// Over all rows: what takes longest comes first, so that no thread waits for it in the end.
+    Rows,
     /// Over moments.
     Moments,
-    /// Over all rows.
-    Rows,
+    /// At the nodes of a lattice.
+    Nodes(usize),
+    /// In the spectra of a family of waves.
+    Waves(usize),
 }
 
 fn pieces_on(tiles: &[(Place, Vec<Piece>)], here: Place) -> Vec<&Piece> {

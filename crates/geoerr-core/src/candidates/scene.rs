@@ -151,17 +151,29 @@ impl<T: Real> Scene<T> {
         here: Range<usize>,
     ) {
         let width = self.width();
-        target.clear();
         target.resize(here.len() * width, T::default());
         for (moment, target) in here.zip(target.chunks_exact_mut(width)) {
-            for row in moments.rows(moment) {
-                self.add_operand(target, channel, row);
-            }
+            self.set_sum(target, channel, moments.rows(moment));
         }
+    }
+
+    /// Sets a target to what some rows of a channel give to that.
+    pub(super) fn set_sum(&self, target: &mut [T], channel: usize, rows: impl IntoIterator<Item = usize>) {
+        let mut rows = rows.into_iter();
+        match rows.next() {
+            Some(first) => self.with_scaled(channel, first, |scaled| lanes::set_combined(target, scaled)),
+            None => target.fill(T::default()),
+        }
+        rows.for_each(|row| self.add_operand(target, channel, row));
     }
 
     /// Adds what a row gives to that.
     pub(super) fn add_operand(&self, target: &mut [T], channel: usize, row: usize) {
+        self.with_scaled(channel, row, |scaled| lanes::add_combined(target, scaled));
+    }
+
+    /// Calls with what a row has on the components of a channel, and with what it is scaled.
+    fn with_scaled(&self, channel: usize, row: usize, call: impl FnOnce(&[(T, &[T])])) {
         let width = self.width();
         let mut scaled = [(T::default(), &[] as &[T]); 3];
         let mut n_scaled = 0;
@@ -172,7 +184,7 @@ impl<T: Real> Scene<T> {
                 n_scaled += 1;
             }
         }
-        lanes::add_combined(target, &scaled[..n_scaled]);
+        call(&scaled[..n_scaled]);
     }
 }
 

@@ -80,12 +80,12 @@ impl Spectrum {
 
     /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
     ///
-    /// `add_row` adds the numbers of a row.
+    /// `set_sum` sets what some rows sum up to.
     pub(super) fn sums<T: Real + FftNum>(
         &self,
         width: usize,
         harmonics: &[usize],
-        mut add_row: impl FnMut(&mut [T], usize),
+        set_sum: impl Fn(&mut [T], &[usize]),
     ) -> Vec<T> {
         // Two real columns are one complex one.
         let half = width.div_ceil(2);
@@ -93,11 +93,8 @@ impl Spectrum {
         let mut grid = vec![T::default(); (self.n_nodes + 2 * MARGIN) * stride];
         let mut waiting = vec![T::default(); WAITING * stride];
         for places in self.places.chunks(WAITING) {
-            waiting.fill(T::default());
             for (place, own) in places.iter().zip(waiting.chunks_exact_mut(stride.max(1))) {
-                for &row in &self.rows[place.start..place.end] {
-                    add_row(&mut own[..width], row);
-                }
+                set_sum(&mut own[..width], &self.rows[place.start..place.end]);
             }
             let taps = places.iter().map(|place| (place.first_node, place.weights.map(T::nearest)));
             lanes::spread(&mut grid, &waiting, stride, &taps.collect::<Vec<_>>());

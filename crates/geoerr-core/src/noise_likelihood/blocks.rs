@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::dual::Number;
 use super::error::{NoiseError, length};
-use super::filter::Filter;
+use super::filter::{Filter, Places};
 use super::sums::Logs;
 use crate::arithmetic::in_wide_registers;
 
@@ -14,6 +14,8 @@ pub struct Blocks {
     of_row: Vec<usize>,
     sessions: Vec<Range<usize>>,
     pass_number: Vec<i64>,
+    /// By session: of the passes of its blocks.
+    places: Vec<Places>,
     time: Vec<f64>,
     /// Rows, block by block, and where each block begins.
     rows: Vec<usize>,
@@ -63,7 +65,8 @@ impl Blocks {
             rows[next[block]] = row;
             next[block] += 1;
         }
-        Ok(Self { of_row, sessions, pass_number, time, rows, first })
+        let places = sessions.iter().map(|own| Places::new(&pass_number[own.clone()])).collect();
+        Ok(Self { of_row, sessions, pass_number, places, time, rows, first })
     }
 
     /// Number of rows.
@@ -134,6 +137,6 @@ impl Blocks {
     /// `I + K` of one session, factorized. `reach` is the root of the sum of squared weights of each block.
     pub(super) fn filter<N: Number>(&self, session: usize, reach: &[f64], logs: Logs) -> Option<Filter<N>> {
         let own = self.sessions[session].clone();
-        Filter::new(&self.pass_number[own.clone()], &self.time[own.clone()], &reach[own], logs)
+        Filter::new(&self.places[session], &self.time[own.clone()], &reach[own], logs)
     }
 }

@@ -29,6 +29,7 @@ use super::error::{NoiseError, length};
 use super::filter::Filter;
 use super::fit::LONGEST_MEMORY;
 use super::sums::{Logs, reach_of};
+use crate::least_squares::Real;
 
 /// What an offset or a drift adds to the variance of the mean that shows it, in units of what scatter leaves there.
 const COARSE: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
@@ -92,13 +93,17 @@ impl Blocks {
         for own in sums {
             length("sums of draws", own.len(), self.len() * n_draws)?;
         }
-        let mut changes = sums.map(|own| vec![0.0; own.len()]);
-        let used = (0..3).filter(|&c| weights.iter().any(|weight| weight[c] > 0.0));
-        for c in used.filter(|_| n_draws > 0) {
-            let component = Component::new(self, reach_of(self, c, weights), logs[c], sums[c], n_draws);
-            let whole = component.ok_or(NoiseError::NotDefinite { component: c })?;
-            let best = whole.best(shortest_memory).ok_or(NoiseError::NotDefinite { component: c })?;
-            changes[c] = whole.changes(&best, sums[c]).ok_or(NoiseError::NotDefinite { component: c })?;
+        let of_component = |c: usize| {
+            if n_draws == 0 || !weights.iter().any(|weight| weight[c] > 0.0) {
+                return Some(vec![0.0; sums[c].len()]);
+            }
+            let whole = Component::new(self, reach_of(self, c, weights), logs[c], sums[c], n_draws)?;
+            whole.changes(&whole.best(shortest_memory)?, sums[c])
+        };
+        let found: Vec<Option<Vec<f64>>> = (0..3).into_par_iter().map(of_component).collect();
+        let mut changes: [Vec<f64>; 3] = Default::default();
+        for ((component, found), change) in found.into_iter().enumerate().zip(&mut changes) {
+            *change = found.ok_or(NoiseError::NotDefinite { component })?;
         }
         Ok(changes)
     }
@@ -122,8 +127,8 @@ impl<'a> Component<'a> {
     }
 
     /// Squares of `width` columns, whitened.
-    fn whitened_squares(&self, logs: Logs, rows: &[f64], width: usize) -> Option<Vec<f64>> {
-        let mut squares = vec![0.0; width];
+    fn whitened_squares<T: Real>(&self, logs: Logs, rows: &[T], width: usize) -> Option<Vec<T>> {
+        let mut squares = vec![T::default(); width];
         for (session, own) in self.blocks.sessions().iter().enumerate() {
             let filter: Filter = self.blocks.filter(session, &self.reach, logs)?;
             filter.add_squares(&rows[own.start * width..own.end * width], &mut squares);
@@ -163,9 +168,10 @@ impl<'a> Component<'a> {
         let mut traced = self.traced.clone();
         filtered(self.blocks, &self.reach, alone, &mut traced, self.n_traced, Filter::unwhiten)?;
         let width = self.n_draws + self.n_traced;
-        let both: Vec<f64> = (self.coloured.chunks_exact(self.n_draws))
+        // In single precision: which trial value is the best for a draw is asked thousands of times.
+        let both: Vec<f32> = (self.coloured.chunks_exact(self.n_draws))
             .zip(traced.chunks_exact(self.n_traced))
-            .flat_map(|(drawn, traced)| drawn.iter().chain(traced).copied())
+            .flat_map(|(drawn, traced)| drawn.iter().chain(traced).map(|&value| value as f32))
             .collect();
         let mut best = vec![Best { minus_twice_ln: f64::INFINITY, logs: alone }; self.n_draws];
         for (number, memory) in self.memories(shortest_memory).into_iter().enumerate() {
@@ -175,9 +181,11 @@ impl<'a> Component<'a> {
             for drift in drifts.into_iter().filter(|drift| number == 0 || drift.value > 0.0) {
                 let logs = [0.0, alone[1], drift.value.ln(), memory.ln()];
                 let squares = self.whitened_squares(logs, &both, width)?;
-                let left = squares[self.n_draws..].iter().sum::<f64>() / self.n_traced as f64;
+                let left = squares[self.n_draws..].iter().copied().map(f64::from).sum::<f64>()
+                    / self.n_traced as f64;
                 let charge = charge.up_to(drift.value, self.traced_square - left);
-                for (best, square) in best.iter_mut().zip(&squares).filter(|_| drift.is_tried) {
+                for (best, &square) in best.iter_mut().zip(&squares).filter(|_| drift.is_tried) {
+                    let square = f64::from(square);
                     if charge + square < best.minus_twice_ln {
                         *best = Best { minus_twice_ln: charge + square, logs };
                     }

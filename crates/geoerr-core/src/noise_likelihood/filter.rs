@@ -16,6 +16,8 @@
 //! Anderson & Moore, *Optimal Filtering* (1979), ch. 3 and 7; de Jong, *A cross-validation filter for time series models*,
 //! Biometrika 75 (1988), for the inverse.
 
+use std::collections::HashMap;
+
 use super::dual::Number;
 use super::lanes::{add_scaled, dot};
 use super::sums::Logs;
@@ -54,22 +56,33 @@ struct Step {
     keep: f64,
 }
 
-/// Places of the offsets of passes in a state, whether a block begins and ends its pass, and how many places there are:
-/// those of passes that are over are used again.
-fn places(passes: &[i64]) -> (Vec<(usize, bool, bool)>, usize) {
-    let mut open: Vec<Option<i64>> = Vec::new();
-    let mut found = Vec::with_capacity(passes.len());
-    for (block, &pass) in passes.iter().enumerate() {
-        let known = open.iter().position(|&one| one == Some(pass));
-        let place = known.or_else(|| open.iter().position(Option::is_none)).unwrap_or_else(|| {
-            open.push(None);
-            open.len() - 1
-        });
-        let ends = !passes[block + 1..].contains(&pass);
-        open[place] = (!ends).then_some(pass);
-        found.push((place, known.is_none(), ends));
+/// Where a state has the offsets of passes: places of those that are over are used again.
+#[derive(Clone, Debug)]
+pub(super) struct Places {
+    /// By block: the place of its pass, and whether it begins and ends its pass.
+    of_block: Vec<(usize, bool, bool)>,
+    n_offsets: usize,
+}
+
+impl Places {
+    /// Of blocks in the order of time.
+    pub fn new(passes: &[i64]) -> Self {
+        let last: HashMap<i64, usize> =
+            passes.iter().enumerate().map(|(block, &pass)| (pass, block)).collect();
+        let mut open: Vec<Option<i64>> = Vec::new();
+        let mut of_block = Vec::with_capacity(passes.len());
+        for (block, &pass) in passes.iter().enumerate() {
+            let known = open.iter().position(|&one| one == Some(pass));
+            let place = known.or_else(|| open.iter().position(Option::is_none)).unwrap_or_else(|| {
+                open.push(None);
+                open.len() - 1
+            });
+            let ends = last[&pass] == block;
+            open[place] = (!ends).then_some(pass);
+            of_block.push((place, known.is_none(), ends));
+        }
+        Self { of_block, n_offsets: open.len() }
     }
-    (found, open.len())
 }
 
 /// The covariance of what is not known of a state: offsets, then the drift.
@@ -114,18 +127,18 @@ impl<N: Number> Unknown<N> {
 impl<N: Number> Filter<N> {
     /// Of blocks in the order of time, `reach` the root of the sum of squared weights of each; `None` where a variance
     /// is not finite.
-    pub fn new(passes: &[i64], time: &[f64], reach: &[f64], logs: Logs) -> Option<Self> {
+    pub fn new(places: &Places, time: &[f64], reach: &[f64], logs: Logs) -> Option<Self> {
         let [offset2, drift2, memory] = [logs[1], logs[2], logs[3]].map(f64::exp);
         let of_offset = N::depending(offset2, 0, offset2);
         let of_drift = N::depending(drift2, 1, drift2);
-        let (places, n_offsets) = places(passes);
+        let n_offsets = places.n_offsets;
         let (drift, width) = (n_offsets, n_offsets + 1);
         let mut unknown = Unknown { values: vec![N::default(); width * width], width };
         unknown.reset(drift, of_drift);
         let mut ln_determinant = N::default();
         let mut steps = Vec::with_capacity(time.len());
         let mut shared = vec![N::default(); width];
-        for (block, &(offset, begins, ends)) in places.iter().enumerate() {
+        for (block, &(offset, begins, ends)) in places.of_block.iter().enumerate() {
             if begins {
                 unknown.reset(offset, of_offset);
             }
@@ -201,7 +214,7 @@ impl<N: Number> Filter<N> {
     }
 
     /// Adds the squares of the columns of `T B` to `squares`: as `whiten`, of which only that is wanted.
-    pub fn add_squares(&self, rows: &[f64], squares: &mut [f64]) {
+    pub fn add_squares<T: Real>(&self, rows: &[T], squares: &mut [T]) {
         in_wide_registers(
             #[inline(always)]
             || self.squares_beyond(rows, squares),
@@ -209,25 +222,27 @@ impl<N: Number> Filter<N> {
     }
 
     #[inline(always)]
-    fn squares_beyond(&self, rows: &[f64], squares: &mut [f64]) {
+    fn squares_beyond<T: Real>(&self, rows: &[T], squares: &mut [T]) {
         let width = squares.len();
-        let [mut drift, mut beyond] = [vec![0.0; width], vec![0.0; width]];
-        let mut offsets = vec![vec![0.0; width]; self.n_offsets];
+        let [mut drift, mut beyond] = [vec![T::default(); width], vec![T::default(); width]];
+        let mut offsets = vec![vec![T::default(); width]; self.n_offsets];
         for (own, step) in rows.chunks_exact(width.max(1)).zip(&self.steps) {
             let offset = &mut offsets[step.offset];
             if step.begins {
-                offset.fill(0.0);
+                offset.fill(T::default());
             }
-            let per_variance = 1.0 / step.variance;
+            let per_variance = T::nearest(1.0 / step.variance);
+            let [reach, keep, drift_gain, offset_gain] = step.numbers::<T>();
             let state = drift.iter_mut().zip(offset).zip(&mut beyond);
-            for ((value, square), ((drift, offset), beyond)) in own.iter().zip(&mut *squares).zip(state) {
-                *beyond = value - step.reach * (*drift + *offset);
+            for ((&value, square), ((drift, offset), beyond)) in own.iter().zip(&mut *squares).zip(state) {
+                *beyond = value - reach * (*drift + *offset);
                 *square += per_variance * *beyond * *beyond;
-                *drift = step.keep * (*drift + step.drift_gain * *beyond);
-                *offset += step.offset_gain * *beyond;
+                *drift = keep * (*drift + drift_gain * *beyond);
+                *offset += offset_gain * *beyond;
             }
             for &(place, gain) in &step.others {
-                offsets[place].iter_mut().zip(&beyond).for_each(|(offset, value)| *offset += gain * value);
+                let gain = T::nearest(gain);
+                offsets[place].iter_mut().zip(&beyond).for_each(|(offset, &value)| *offset += gain * value);
             }
         }
     }

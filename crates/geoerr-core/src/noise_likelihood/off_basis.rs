@@ -49,10 +49,9 @@ impl Blocks {
         let unit = [0, 1, 2].map(|c| units_of(self, c, weights, &reach_of(self, c, weights)));
         let of_blocks: Vec<OfBlocks> = (unit.par_iter().enumerate())
             .map(|(c, unit)| {
-                let mut own = OfBlocks {
-                    basis: self.sums(c, unit, basis, r),
-                    draws: self.sums(c, unit, drawn, n_draws),
-                };
+                let (basis, draws) =
+                    rayon::join(|| self.sums(c, unit, basis, r), || self.sums(c, unit, &*drawn, n_draws));
+                let mut own = OfBlocks { basis, draws };
                 add_product_by_rows(&mut own.draws, &own.basis, &inside, self.len(), -1.0);
                 let per_size = 1.0 / size.max(f64::MIN_POSITIVE);
                 own.draws.iter_mut().for_each(|sum| *sum *= per_size);
