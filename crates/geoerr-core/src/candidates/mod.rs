@@ -33,6 +33,7 @@ mod sources;
 mod spectrum;
 mod tile;
 mod wave_blocks;
+mod wave_sums;
 mod waves;
 
 pub use error::CandidateError;

@@ -7,11 +7,12 @@ use rayon::prelude::*;
 use super::lanes;
 use super::moments::Moments;
 use super::scene::Scene;
-use super::waves::{Family, LANES, set_waves};
-use crate::least_squares::{Real, add_product_of_rows};
+use super::wave_sums::{LANES, Turning, set_sums_of_waves};
+use super::waves::Family;
+use crate::least_squares::Real;
 
 /// Harmonics of one step: their sums over all blocks stay in the cache.
-const HARMONICS: usize = 16 * LANES;
+const HARMONICS: usize = 32 * LANES;
 
 /// Cosine and cosine, cosine and sine, sine and cosine, sine and sine of two channels at one harmonic.
 pub(super) type OfKinds = [f64; 4];
@@ -35,11 +36,13 @@ pub(super) fn beyond_white<T: Real>(
     let moments = Moments::of_column(&family.turns, &scene.runs);
     let components: Vec<OfComponent<T>> =
         (0..3).map(|c| OfComponent::new(scene, &moments, channels, c)).collect();
+    let places: Vec<Turning> =
+        moments.first_rows().iter().map(|&row| Turning::new(family.turns[row])).collect();
     let firsts: Vec<usize> = harmonics.clone().step_by(HARMONICS).collect();
     let steps: Vec<Vec<Vec<OfKinds>>> = (firsts.par_iter())
         .map(|&first| {
             let n = (harmonics.end - first).min(HARMONICS).next_multiple_of(LANES);
-            let sums = sums_by_block(scene, family, &moments, &components, first, 2 * n);
+            let sums = sums_by_block(scene, &places, &moments, &components, first, 2 * n);
             let mut products = vec![vec![T::default(); 4 * n]; together.len()];
             for (own, sums) in components.iter().zip(&sums) {
                 own.add_products(&mut products, scene, sums, together, n);
@@ -59,7 +62,7 @@ pub(super) fn beyond_white<T: Real>(
 /// By component: block after block, channel after channel, cosines of so many harmonics and then sines.
 fn sums_by_block<T: Real>(
     scene: &Scene<T>,
-    family: &Family,
+    places: &[Turning],
     moments: &Moments,
     components: &[OfComponent<T>],
     first: usize,
@@ -68,19 +71,21 @@ fn sums_by_block<T: Real>(
     let mut sums: Vec<Vec<T>> = (components.iter())
         .map(|own| vec![T::default(); scene.noise.n_blocks() * own.channels.len() * n])
         .collect();
-    let (mut values, mut weights) = (Vec::new(), Vec::new());
+    let n_columns: usize = components.iter().map(|own| own.channels.len()).sum();
+    let mut of_run = vec![T::default(); n_columns * n];
+    let (mut waves, mut weights) = (Vec::new(), Vec::new());
     for run in &moments.runs {
-        let turns: Vec<f64> =
-            moments.first_rows()[run.start..run.end].iter().map(|&row| family.turns[row]).collect();
-        values.resize(turns.len() * n, T::default());
-        set_waves(&mut values, &turns, first);
+        weights.clear();
+        for of_channel in components.iter().flat_map(|own| own.weights.chunks_exact(moments.len())) {
+            weights.extend_from_slice(&of_channel[run.start..run.end]);
+        }
+        set_sums_of_waves(&mut of_run, &weights, &places[run.start..run.end], first, &mut waves);
+        let mut rest = &of_run[..];
         for (own, sums) in components.iter().zip(&mut sums) {
-            let size = own.channels.len() * n;
-            weights.clear();
-            for of_channel in own.weights.chunks_exact(moments.len()) {
-                weights.extend_from_slice(&of_channel[run.start..run.end]);
-            }
-            add_product_of_rows(&mut sums[run.block * size..][..size], &weights, &values, turns.len());
+            let (of_component, later) = rest.split_at(own.channels.len() * n);
+            let sums = &mut sums[run.block * of_component.len()..][..of_component.len()];
+            sums.iter_mut().zip(of_component).for_each(|(sum, &value)| *sum += value);
+            rest = later;
         }
     }
     sums

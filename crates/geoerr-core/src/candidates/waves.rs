@@ -8,8 +8,6 @@ use rayon::prelude::*;
 use super::error::CandidateError;
 use super::nodes::evaluated;
 use super::sources::{Formula, Sources};
-use crate::arithmetic::in_wide_registers;
-use crate::least_squares::Real;
 
 /// Fewest waves of a variable for which a transform is worth its making.
 const WORTHWHILE: usize = 64;
@@ -126,62 +124,4 @@ fn multiples(frequencies: &[f64], range: f64) -> Option<(f64, Vec<usize>)> {
 fn range(column: &[f64]) -> f64 {
     let finite = || column.iter().copied().filter(|value| value.is_finite());
     finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min)
-}
-
-/// Waves that are evaluated beside each other.
-pub(super) const LANES: usize = 16;
-
-/// Sets, for each place in turns, cosines and then sines at harmonics one after the other: as many [`LANES`] of each as
-/// `target` has room for. Of a place that is no number both are 0.
-///
-/// Each is turned on from the one so many before it, which is wrong by a rounding more.
-pub(super) fn set_waves<T: Real>(target: &mut [T], turns: &[f64], first: usize) {
-    let n = target.len() / turns.len().max(1);
-    in_wide_registers(
-        #[inline(always)]
-        || {
-            for (target, &turns) in target.chunks_exact_mut(n.max(1)).zip(turns) {
-                if turns.is_finite() {
-                    set_waves_of_place(target, turns, first);
-                } else {
-                    target.fill(T::default());
-                }
-            }
-        },
-    );
-}
-
-#[inline(always)]
-fn set_waves_of_place<T: Real>(target: &mut [T], turns: f64, first: usize) {
-    let at = |harmonic: usize| {
-        let turn = turns * harmonic as f64;
-        let (sine, cosine) = (std::f64::consts::TAU * (turn - turn.round_ties_even())).sin_cos();
-        (cosine, sine)
-    };
-    let times = |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
-    let mut lanes = [at(first); LANES];
-    // The first 1, 2, 4, 8 turned on by as many steps are the next ones.
-    let mut step = at(1);
-    let mut known = 1;
-    while known < LANES {
-        for lane in 0..known {
-            lanes[known + lane] = times(lanes[lane], step);
-        }
-        known *= 2;
-        step = times(step, step);
-    }
-    let mut cosine = lanes.map(|one| T::nearest(one.0));
-    let mut sine = lanes.map(|one| T::nearest(one.1));
-    let (step_cosine, step_sine) = (T::nearest(step.0), T::nearest(step.1));
-    let (cosines, sines) = target.split_at_mut(target.len() / 2);
-    for (cosines, sines) in
-        cosines.as_chunks_mut::<LANES>().0.iter_mut().zip(sines.as_chunks_mut::<LANES>().0)
-    {
-        (*cosines, *sines) = (cosine, sine);
-        for lane in 0..LANES {
-            let (c, s) = (cosine[lane], sine[lane]);
-            cosine[lane] = c * step_cosine + T::nearest(-1.0) * (s * step_sine);
-            sine[lane] = s * step_cosine + c * step_sine;
-        }
-    }
 }
