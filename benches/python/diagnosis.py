@@ -1,6 +1,6 @@
 """What a diagnosis costs: candidates laid out, the space of a fit, the ranking, one search; and adding a find.
 
-    python benches/python/diagnosis.py [--points 10000] [--threads 1 2] [--repeats 3]
+    python benches/python/diagnosis.py [--points 10000] [--threads 1 2] [--repeats 7]
 
 The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three
 temperatures. Nothing is hidden in them, but where something is added. `ranking` is one look at everything: all
@@ -137,7 +137,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--points", type=int, nargs="+", default=[10_000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=7)
     arguments = parser.parse_args()
     print("| points | threads | step | wall s | CPU s |\n| --- | --- | --- | --- | --- |")
     for n_points in arguments.points:

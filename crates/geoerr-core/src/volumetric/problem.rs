@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::shared_bases::SharedBases;
 use super::term::{Shape, VolumetricModel};
-use super::values::check_parameters;
-use super::{ChannelValues, Frame, Rows, VolumetricError, channel_values};
+use super::values::{channel_values_of_bases, check_parameters};
+use super::{ChannelValues, Frame, Rows, VolumetricError};
 use crate::kinematics::{Channel, ChannelColumns, Displacements, rig_displacement};
 
 /// Observed rows of a block of the design: large against the columns of a usual model, so that the triangles of blocks
@@ -158,7 +158,9 @@ impl Problem {
     pub fn residuals(&self, state: &State) -> Result<Vec<[f64; 3]>, VolumetricError> {
         self.check(state)?;
         let rows = &self.sightings.rows;
-        let values = channel_values(&self.model, rows, &state.coefficients, &state.inner)?;
+        self.bases.keep(&rows.q_mm);
+        let State { coefficients, inner, .. } = state;
+        let values = channel_values_of_bases(&self.model, &self.bases, rows, coefficients, inner)?;
         Ok((0..rows.len())
             .into_par_iter()
             .with_min_len(BLOCK_ROWS)
@@ -288,6 +290,7 @@ impl Problem {
     pub fn blocks<'a>(&'a self, state: &'a State) -> Result<Block<'a>, VolumetricError> {
         self.check(state)?;
         let rows = &self.sightings.rows;
+        self.bases.keep(&rows.q_mm);
         let views = rows.variable_views();
         let expression_rows = rows.expression_rows(&views);
         let parts: Vec<_> = self.model.parts().collect();
@@ -399,13 +402,14 @@ impl Block<'_> {
     /// that, and their place among `rows`.
     pub(super) fn by_cell(&self, rows: &[usize]) -> Vec<(u64, usize)> {
         let Sightings { rows: known, session, .. } = &self.problem.sightings;
+        let functions = self.problem.bases.at_rows(rows, &known.q_mm);
         let mut cells: Vec<(u64, usize)> = rows
             .par_iter()
             .with_min_len(BLOCK_ROWS)
             .enumerate()
-            .map(|(at, &row)| (self.problem.bases.cell_of(&known.q_mm[row], session[row]), at))
+            .map(|(at, &row)| (functions.cell(row, at, session[row]), at))
             .collect();
-        cells.sort_unstable();
+        cells.par_sort_unstable();
         cells
     }
 
@@ -480,7 +484,7 @@ impl Block<'_> {
         let model = &self.problem.model;
         let rows = &self.problem.sightings.rows;
         let n_rows = rows.len();
-        let supports = self.problem.bases.supports(places.iter().map(|&row| &rows.q_mm[row]));
+        let functions = self.problem.bases.at_rows(places, &rows.q_mm);
         for (number, (term, part)) in model.parts().enumerate() {
             let directions: Vec<[f64; 3]> =
                 sights.iter().map(|sight| sight.direction(part.channel, part.factor)).collect();
@@ -492,10 +496,10 @@ impl Block<'_> {
             };
             match &part.shape {
                 Shape::Basis { .. } => {
-                    let own = &supports[self.problem.bases.of_part(number)];
-                    for (at, direction) in directions.iter().enumerate() {
-                        let (begin, functions) = own.at(at);
-                        visit(first + begin, at, direction, functions);
+                    let basis = self.problem.bases.of_part(number);
+                    for (at, (direction, &row)) in directions.iter().zip(places).enumerate() {
+                        let (begin, values) = functions.of(basis, row, at);
+                        visit(first + begin, at, direction, values);
                     }
                 }
                 Shape::Expression { coefficients, inner, .. } => {

@@ -2,9 +2,17 @@
 //!
 //! Error functions of one axis often have the same basis, whatever they move: of eighteen there are three to eight kinds.
 
+use std::sync::{Arc, OnceLock};
+
+use rayon::prelude::*;
+
+use super::problem::BLOCK_ROWS;
 use super::term::{Part, Shape};
 use crate::bases::Basis;
 use crate::kinematics::Axis;
+
+/// Numbers of functions that are kept for all rows: 128 MB of them. Of more rows they are made again each time.
+const MOST_KEPT: usize = 1 << 24;
 
 /// The different bases of a model's parts, with their axes.
 #[derive(Debug, Clone, Default)]
@@ -12,6 +20,8 @@ pub(super) struct SharedBases {
     bases: Vec<(Axis, Basis)>,
     /// Place among the bases by part; a formula's is of no meaning.
     of_part: Vec<usize>,
+    /// Of all rows, once they were asked for: positions stay where they are, and a fit asks for them a dozen times.
+    of_rows: Arc<OnceLock<Vec<Supports>>>,
 }
 
 impl SharedBases {
@@ -41,50 +51,89 @@ impl SharedBases {
         self.of_part[part]
     }
 
-    /// A number that positions have in common where every basis has the same functions there, of one session; others
-    /// rarely.
-    pub(super) fn cell_of(&self, q_mm: &[f64; 3], session: usize) -> u64 {
-        let mut functions = Vec::new();
-        self.bases.iter().fold(session as u64, |cell, (axis, basis)| {
-            functions.resize(basis.most_support().max(functions.len()), 0.0);
-            let (begin, _) = basis.support(q_mm[axis.index()], &mut functions);
-            // Neighbours in the order of numbers share the functions of the first bases.
-            cell.wrapping_mul(basis.len() as u64).wrapping_add(begin as u64)
-        })
+    /// Keeps the functions at all rows, unless they are too many.
+    ///
+    /// Two threads that ask for them at once both make them: none waits for another.
+    pub(super) fn keep(&self, positions_mm: &[[f64; 3]]) {
+        let width: usize = self.bases.iter().map(|(_, basis)| basis.most_support()).sum();
+        if self.of_rows.get().is_none() && width * positions_mm.len() <= MOST_KEPT {
+            // Those of the other thread are the same.
+            let _ = self.of_rows.set(self.supports(positions_mm));
+        }
     }
 
-    /// The functions of every basis at some positions of the machine.
-    pub(super) fn supports<'a>(
-        &self,
-        positions_mm: impl ExactSizeIterator<Item = &'a [f64; 3]> + Clone,
-    ) -> Vec<Supports> {
-        self.bases.iter().map(|(axis, basis)| Supports::of(*axis, basis, positions_mm.clone())).collect()
+    /// The functions of every basis at some rows: of those that are kept, or made of these alone.
+    ///
+    /// `positions_mm` are those of all rows, always the same.
+    pub(super) fn at_rows<'a>(&'a self, rows: &[usize], positions_mm: &[[f64; 3]]) -> AtRows<'a> {
+        let known = self.of_rows.get().map(Vec::as_slice);
+        let made = known.map_or_else(
+            || self.supports(&rows.iter().map(|&row| positions_mm[row]).collect::<Vec<_>>()),
+            |_| Vec::new(),
+        );
+        AtRows { known, made }
+    }
+
+    fn supports(&self, positions_mm: &[[f64; 3]]) -> Vec<Supports> {
+        self.bases.iter().map(|(axis, basis)| Supports::of(*axis, basis, positions_mm)).collect()
+    }
+}
+
+/// The functions of every basis at some rows.
+pub(super) struct AtRows<'a> {
+    /// Of all rows.
+    known: Option<&'a [Supports]>,
+    /// Of these rows.
+    made: Vec<Supports>,
+}
+
+impl AtRows<'_> {
+    /// The first function of a basis and the values from there on, at a row, whose place is `at`.
+    pub(super) fn of(&self, basis: usize, row: usize, at: usize) -> (usize, &[f64]) {
+        match self.known {
+            Some(known) => known[basis].at(row),
+            None => self.made[basis].at(at),
+        }
+    }
+
+    /// A number that rows of one session have in common where every basis has the same functions there; others rarely.
+    pub(super) fn cell(&self, row: usize, at: usize, session: usize) -> u64 {
+        let (supports, place) = self.known.map_or((&self.made[..], at), |known| (known, row));
+        supports.iter().fold(session as u64, |cell, own| {
+            // Neighbours in the order of numbers share the functions of the first bases.
+            cell.wrapping_mul(own.n_functions as u64).wrapping_add(own.at(place).0 as u64)
+        })
     }
 }
 
 /// Functions of one basis that may be other than 0 at some positions.
+#[derive(Debug)]
 pub(super) struct Supports {
+    n_functions: usize,
     /// Numbers that each position has room for.
     width: usize,
     values: Vec<f64>,
     /// The first function at each position, and how many there are.
-    begins: Vec<(usize, usize)>,
+    begins: Vec<(u32, u32)>,
 }
 
 impl Supports {
-    fn of<'a>(axis: Axis, basis: &Basis, positions_mm: impl ExactSizeIterator<Item = &'a [f64; 3]>) -> Self {
+    fn of(axis: Axis, basis: &Basis, positions_mm: &[[f64; 3]]) -> Self {
         let width = basis.most_support();
         let mut values = vec![0.0; width * positions_mm.len()];
-        let begins = positions_mm
-            .zip(values.chunks_exact_mut(width))
-            .map(|(q_mm, functions)| basis.support(q_mm[axis.index()], functions))
+        let begins = (positions_mm.par_iter().zip(values.par_chunks_exact_mut(width)))
+            .with_min_len(BLOCK_ROWS)
+            .map(|(q_mm, functions)| {
+                let (begin, count) = basis.support(q_mm[axis.index()], functions);
+                (begin as u32, count as u32)
+            })
             .collect();
-        Self { width, values, begins }
+        Self { n_functions: basis.len(), width, values, begins }
     }
 
     /// The first function's number at a position, and the values from there on.
-    pub(super) fn at(&self, position: usize) -> (usize, &[f64]) {
+    fn at(&self, position: usize) -> (usize, &[f64]) {
         let (begin, count) = self.begins[position];
-        (begin, &self.values[self.width * position..][..count])
+        (begin as usize, &self.values[self.width * position..][..count as usize])
     }
 }

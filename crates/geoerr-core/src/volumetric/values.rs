@@ -44,13 +44,25 @@ pub fn channel_values(
     coefficients: &[f64],
     inner: &[f64],
 ) -> Result<ChannelValues, VolumetricError> {
+    let shared = SharedBases::of(model.parts().map(|(_, part)| part));
+    channel_values_of_bases(model, &shared, rows, coefficients, inner)
+}
+
+/// The same with the model's bases, of which the functions at all rows may be known.
+pub(super) fn channel_values_of_bases(
+    model: &VolumetricModel,
+    shared: &SharedBases,
+    rows: &Rows,
+    coefficients: &[f64],
+    inner: &[f64],
+) -> Result<ChannelValues, VolumetricError> {
     rows.check()?;
     check_parameters(model, coefficients, inner)?;
     let views = rows.variable_views();
     let expression_rows = rows.expression_rows(&views);
     let channels = model.channels().to_vec();
     let parts: Vec<_> = model.parts().collect();
-    let of_bases = sums_of_bases(model, rows, coefficients);
+    let of_bases = sums_of_bases(model, shared, rows, coefficients);
     let values = channels
         .par_iter()
         .enumerate()
@@ -80,28 +92,31 @@ pub fn channel_values(
 }
 
 /// What the parts that are bases give to every channel, by blocks of rows.
-fn sums_of_bases(model: &VolumetricModel, rows: &Rows, coefficients: &[f64]) -> Vec<Vec<Vec<f64>>> {
-    let shared = SharedBases::of(model.parts().map(|(_, part)| part));
-    let of_block = |positions_mm: &[[f64; 3]]| {
-        let supports = shared.supports(positions_mm.iter());
-        let mut sums = vec![vec![0.0; positions_mm.len()]; model.channels().len()];
+fn sums_of_bases(
+    model: &VolumetricModel,
+    shared: &SharedBases,
+    rows: &Rows,
+    coefficients: &[f64],
+) -> Vec<Vec<Vec<f64>>> {
+    let of_block = |places: &[usize]| {
+        let at_rows = shared.at_rows(places, &rows.q_mm);
+        let mut sums = vec![vec![0.0; places.len()]; model.channels().len()];
         for (number, (term, part)) in model.parts().enumerate() {
             let is_own = |channel: &Channel| *channel == part.channel;
             let (Shape::Basis { .. }, Some(place)) = (&part.shape, model.channels().iter().position(is_own))
             else {
                 continue;
             };
-            let (support, own) =
-                (&supports[shared.of_part(number)], &coefficients[model.first_coefficient(term)..]);
-            for (at, total) in sums[place].iter_mut().enumerate() {
-                let (first, functions) = support.at(at);
+            let (basis, own) = (shared.of_part(number), &coefficients[model.first_coefficient(term)..]);
+            for (at, (total, &row)) in sums[place].iter_mut().zip(places).enumerate() {
+                let (first, functions) = at_rows.of(basis, row, at);
                 let value: f64 = functions.iter().zip(&own[first..]).map(|(f, c)| f * c).sum();
                 *total += part.factor * value;
             }
         }
         sums
     };
-    rows.q_mm.par_chunks(BLOCK_ROWS).map(of_block).collect()
+    (0..rows.len()).collect::<Vec<_>>().par_chunks(BLOCK_ROWS).map(of_block).collect()
 }
 
 /// Displacement of every row's point, actual minus nominal, by the exact chain and without the rig, mm.
