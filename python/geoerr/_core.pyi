@@ -224,7 +224,8 @@ class CandidateScene:
         variables: npt.NDArray[np.float64],
         starts: npt.NDArray[np.int64],
         t: npt.NDArray[np.float64] | None,
-        formulas: list[tuple[Expression, list[float], tuple[int, int] | None]],
+        expressions: list[tuple[Expression, bool]],
+        formulas: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64]],
         series: npt.NDArray[np.float64],
         given: npt.NDArray[np.float64],
         products: list[tuple[int, int]],
@@ -234,7 +235,14 @@ class CandidateScene:
         threads: int,
     ) -> list[
         tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
-    ]: ...
+    ]:
+        """Judge groups of columns at all their trials: gain, rank and share of each, and by rank the largest of draws.
+
+        `expressions`: each with whether it is proportional to the last of its variables, which is the series that it
+        follows. `formulas`: the number of each one's expression, of its series (−1: none), where its inner values
+        begin, and those.
+        """
+        ...
 
 @final
 class Expression:

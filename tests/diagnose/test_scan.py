@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
 from numpy_scan import judge
@@ -19,7 +21,7 @@ from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import OWNED, Scanner, all_channels, estimate, off_model
 from geoerr.diagnose.space import Channels, Space, space_of
 from geoerr.effects import catalogue
-from geoerr.effects.collection import Catalogue
+from geoerr.effects.collection import Catalogue, load_effects
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.model.compile import core_part
 
@@ -119,6 +121,34 @@ def test_shared_columns_make_what_the_formula_says(name: str) -> None:
                         size = float(np.abs(column).max())
                         assert found[part.channel, place] == pytest.approx(factor * column, rel=1e-9, abs=1e-9 * size)
     assert n_differences > 0 or name != "thermal-bending"
+
+
+def test_what_only_grows_with_a_temperature_is_not_proportional_to_it(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(
+        '[[effect]]\nid = "mine"\nchannel = "along"\naxes = ["x"]\nexpression = "k*abs(T)*x"\ncovariates = ["temp"]\n'
+        '[effect.coefficients.k]\nunit = "1/K"\n'
+    )
+    rng = np.random.default_rng(5)
+    plan = Plan(n_sessions=2, n_lines=16, n_points=12)
+    observations = measure(rng, motion(rng, plan), Noise(offset=3.0), plan=plan)
+    temperatures = [name for name in observations.frame.columns if name.startswith("temp_")]
+    # On both sides of the 20 °C from which a temperature is counted.
+    colder = observations.frame.with_columns(
+        (pl.col(name) - pl.col(name).mean() + 20.0).alias(name) for name in temperatures
+    )
+    fitted = fit_terms(machine(), [replace(observations, frame=colder)], options=FitOptions(threads=1))
+    space = space_of(fitted)
+    candidates, _, functions = candidates_of(fitted, Catalogue({one.id: one for one in load_effects(own)}))
+    shapes = [shapes for one in candidates for shapes in one.shapes]
+    channels = Channels(fitted, space.rows)
+    scanner = Scanner(space, channels, functions, names=all_channels(shapes), n_draws=N_DRAWS, threads=1)
+    draws = space.draws(N_DRAWS).astype(np.float64)
+    assert shapes
+    for one, quick in zip(shapes, scanner.scan(shapes), strict=True):
+        for trial in range(len(one.trials)):
+            expected = judge(space, channels, one, functions.values(one.codes[trial]), draws)
+            assert quick.gain[trial] == pytest.approx(expected.gain, rel=1e-3, abs=1e-3)
 
 
 def test_probes_are_judged_alike() -> None:

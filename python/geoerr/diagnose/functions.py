@@ -31,8 +31,8 @@ _LAGGED = re.compile(r"\s*lag\((.*),\s*([A-Za-z_]\w*)\s*\)\s*")
 # What formulas call that column.
 _SERIES = "followed_series"
 _NO_STARTS = np.zeros(0, dtype=np.int64)
-# A formula is proportional to the column if it is at these multiples of it.
-_MULTIPLES, _PROPORTIONAL = (0.0, 2.0, 3.0), 1e-9
+# A formula is proportional to the column if it is at these multiples of it: of either sign, for `abs` and `max` tell them.
+_MULTIPLES, _PROPORTIONAL = (-1.0, 0.0, 2.0, 3.0), 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +127,13 @@ class Functions:
                 return expression.coefficient_columns(variables, inner, np.zeros(0, dtype=np.int64), None, 1)
 
             once = at(1.0)
-            self._proportional[part.expression] = not expression.needs_order and all(
-                np.allclose(at(multiple), multiple * once, rtol=_PROPORTIONAL, atol=0.0, equal_nan=True)
-                for multiple in _MULTIPLES
+            self._proportional[part.expression] = (
+                not expression.needs_order
+                and bool(np.isfinite(once).any())
+                and all(
+                    np.allclose(at(multiple), multiple * once, rtol=_PROPORTIONAL, atol=0.0, equal_nan=True)
+                    for multiple in _MULTIPLES
+                )
             )
         return self._proportional[part.expression]
 

@@ -46,7 +46,7 @@ class Trials:
 
     def expressions(self, numbers: np.ndarray) -> np.ndarray:
         """Give the expressions of some, (n,)."""
-        return np.array(self._expressions, dtype=np.int64)[numbers]
+        return np.asarray(np.array(self._expressions, dtype=np.int64)[numbers])
 
     def chosen(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Numbers]:
         """Give some of them, (n,).
