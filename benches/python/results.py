@@ -76,10 +76,10 @@ AIMS = (
     (10_000, "add thermal-expansion:y@temp_bed", 0.3),
 )
 IN_A_RANKING = (
-    "Of one thread's time three tenths are products of columns that follow a temperature, at hundreds of values of "
-    "their inner parameters, with basis, residual and draws: 11 GFLOP in single precision at 10,000 points, of which "
-    "multiplying alone is the limit. A quarter are waves at 1,600 frequencies of each axis, spread on a grid and "
-    "transformed, with their sums by block; a sixth is chance, drawn and whitened by its own noise; a tenth judges."
+    "Of one thread's time a third are products of columns that follow a temperature, at hundreds of values of their "
+    "inner parameters, with basis, residual and draws: 11 GFLOP in single precision at 10,000 points, of which "
+    "multiplying alone is the limit. A fifth are waves at 1,600 frequencies of each axis, spread on a grid and "
+    "transformed, with their sums by block; a seventh is chance, drawn and whitened by its own noise; a tenth judges."
 )
 
 

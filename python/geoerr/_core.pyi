@@ -236,7 +236,7 @@ class CandidateScene:
     ) -> list[
         tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
     ]:
-        """Judge groups of columns at all their trials: gain, rank and share of each, and by rank the largest of draws.
+        """Judge groups of columns at all their trials: gain, rank, share, and by rank the largest of draws.
 
         `expressions`: each with whether it is proportional to the last of its variables, which is the series that it
         follows. `formulas`: the number of each one's expression, of its series (−1: none), where its inner values

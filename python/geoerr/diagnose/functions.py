@@ -31,7 +31,7 @@ _LAGGED = re.compile(r"\s*lag\((.*),\s*([A-Za-z_]\w*)\s*\)\s*")
 # What formulas call that column.
 _SERIES = "followed_series"
 _NO_STARTS = np.zeros(0, dtype=np.int64)
-# A formula is proportional to the column if it is at these multiples of it: of either sign, for `abs` and `max` tell them.
+# A formula is proportional to the column if it is at these multiples of it, of either sign for the sake of `abs`.
 _MULTIPLES, _PROPORTIONAL = (-1.0, 0.0, 2.0, 3.0), 1e-9
 
 
