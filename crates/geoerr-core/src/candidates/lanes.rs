@@ -143,6 +143,7 @@ pub(super) fn set_combined<T: Real>(target: &mut [T], scaled: &[(T, &[T])]) {
 
 #[inline(always)]
 fn combine<T: Real>(target: &mut [T], scaled: &[(T, &[T])], take: impl Fn(&mut T, T)) {
+    debug_assert!(scaled.len() <= 3, "a row has three components");
     match *scaled {
         [(s, a)] => target.iter_mut().zip(a).for_each(|(value, &a)| take(value, s * a)),
         [(s, a), (t, b)] => {
