@@ -137,3 +137,30 @@ impl Supports {
         (begin as usize, &self.values[self.width * position..][..count as usize])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn functions_that_are_kept_are_those_that_are_made() {
+        let basis = Basis::bspline(vec![0.0, 40.0, 100.0], 3).unwrap();
+        let other = Basis::polynomial(0.0, 100.0, 2).unwrap();
+        let bases = vec![(Axis::X, basis), (Axis::Z, other)];
+        let shared = SharedBases { bases, ..SharedBases::default() };
+        let positions_mm: Vec<[f64; 3]> =
+            (0..30).map(|i| [f64::from(i * 37 % 101), 0.0, 3.0 * f64::from(i)]).collect();
+        let rows = [7, 0, 29, 7];
+        let made = shared.at_rows(&rows, &positions_mm);
+        assert!(made.known.is_none());
+        shared.keep(&positions_mm);
+        let known = shared.at_rows(&rows, &positions_mm);
+        assert!(known.known.is_some() && known.made.is_empty());
+        for (at, &row) in rows.iter().enumerate() {
+            for basis in 0..2 {
+                assert_eq!(known.of(basis, row, at), made.of(basis, row, at));
+            }
+            assert_eq!(known.cell(row, at, 1), made.cell(row, at, 1));
+        }
+    }
+}
