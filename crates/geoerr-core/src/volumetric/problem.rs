@@ -402,13 +402,14 @@ impl Block<'_> {
     /// that, and their place among `rows`.
     pub(super) fn by_cell(&self, rows: &[usize]) -> Vec<(u64, usize)> {
         let Sightings { rows: known, session, .. } = &self.problem.sightings;
-        let functions = self.problem.bases.at_rows(rows, &known.q_mm);
-        let mut cells: Vec<(u64, usize)> = rows
-            .par_iter()
-            .with_min_len(BLOCK_ROWS)
-            .enumerate()
-            .map(|(at, &row)| (functions.cell(row, at, session[row]), at))
-            .collect();
+        // Some rows at a time: of very many their functions are not kept.
+        let of_some = |(step, rows): (usize, &[usize])| {
+            let functions = self.problem.bases.at_rows(rows, &known.q_mm);
+            let cell = |(at, &row)| (functions.cell(row, at, session[row]), step * BLOCK_ROWS + at);
+            rows.iter().enumerate().map(cell).collect::<Vec<_>>()
+        };
+        let mut cells: Vec<(u64, usize)> =
+            rows.par_chunks(BLOCK_ROWS).enumerate().flat_map_iter(of_some).collect();
         cells.par_sort_unstable();
         cells
     }

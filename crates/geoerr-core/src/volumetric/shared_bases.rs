@@ -90,19 +90,22 @@ pub(super) struct AtRows<'a> {
 impl AtRows<'_> {
     /// The first function of a basis and the values from there on, at a row, whose place is `at`.
     pub(super) fn of(&self, basis: usize, row: usize, at: usize) -> (usize, &[f64]) {
-        match self.known {
-            Some(known) => known[basis].at(row),
-            None => self.made[basis].at(at),
-        }
+        let (supports, place) = self.supports(row, at);
+        supports[basis].at(place)
     }
 
     /// A number that rows of one session have in common where every basis has the same functions there; others rarely.
     pub(super) fn cell(&self, row: usize, at: usize, session: usize) -> u64 {
-        let (supports, place) = self.known.map_or((&self.made[..], at), |known| (known, row));
+        let (supports, place) = self.supports(row, at);
         supports.iter().fold(session as u64, |cell, own| {
             // Neighbours in the order of numbers share the functions of the first bases.
             cell.wrapping_mul(own.n_functions as u64).wrapping_add(own.at(place).0 as u64)
         })
+    }
+
+    /// The functions of every basis, and a row's place in them.
+    fn supports(&self, row: usize, at: usize) -> (&[Supports], usize) {
+        self.known.map_or((&self.made, at), |known| (known, row))
     }
 }
 
