@@ -8,6 +8,7 @@ from numpy.polynomial import Chebyshev
 from geoerr.bases import basis_of
 from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.notes import notes_of
 from geoerr.fit import FitOptions, fit_model
 from geoerr.fit.classic import spline
 from geoerr.fit.wavy import _still_falls, without_waves
@@ -16,10 +17,12 @@ from geoerr.observations import Observations
 PERIOD_MM = LENGTH_MM / 6.3
 
 
-def observed(wave_um: float) -> Observations:
+def observed(wave_um: float, *, second_um: float = 0.0, period_mm: float = PERIOD_MM) -> Observations:
     rng = np.random.default_rng(8)
     moved = motion(rng, Plan())
-    hidden = np.outer(wave_um * np.sin(2.0 * np.pi * moved.q[:, 0] / PERIOD_MM + 0.4), [1.0, 0.0, 0.0])
+    phase = 2.0 * np.pi * moved.q[:, 0] / period_mm
+    wave = wave_um * np.sin(phase + 0.4) + second_um * np.sin(2.0 * phase - 1.1)
+    hidden = np.outer(wave, [1.0, 0.0, 0.0])
     hidden[:, 0] += 15.0 * np.sin(2.0 * np.pi * moved.q[:, 0] / (0.75 * LENGTH_MM) + 1.0)
     return measure(rng, moved, Noise(white=(3.0, 3.0, 4.0)), hidden)
 
@@ -71,3 +74,27 @@ def test_waves_that_knots_follow_are_named_and_added_with_few_knots() -> None:
         assert period.value == pytest.approx(PERIOD_MM, abs=4.0 * period.std)
         assert period.std < 0.01 * PERIOD_MM
     assert {term.id: len(term.coefficients) for term in change.after.terms}["EXX"] == fewer["EXX"]
+
+
+def test_a_large_wave_with_a_second_harmonic_is_named_at_its_period() -> None:
+    """Few knots and a wave of one frequency would not do; with its second harmonic they do."""
+    observations = observed(80.0, second_um=40.0)
+    found = diagnose(fit_model(machine(), observations, options=FitOptions(threads=1)).fitted, threads=1).found
+    assert [str(one.reference) for one in found] == ["periodic:x"]
+    assert {parameter.name for parameter in found[0].term.coefficients} == {"A", "B", "A2", "B2"}
+    (period,) = found[0].term.inner
+    assert period.value == pytest.approx(PERIOD_MM, abs=4.0 * period.std)
+
+
+def test_a_wave_that_even_few_knots_follow_is_no_silence() -> None:
+    """Five turns and a half are half followed by eleven functions, and no wave is named beside them."""
+    observations = observed(80.0, second_um=40.0, period_mm=LENGTH_MM / 5.5)
+    fitted = fit_model(machine(), observations, options=FitOptions(threads=1)).fitted
+    (said,) = notes_of(fitted, None, has_found=False)
+    assert "held-out rows are off by" in said
+    assert notes_of(fitted, None, has_found=True) == ()
+
+
+def test_nothing_is_said_of_held_out_rows_where_nothing_is_hidden() -> None:
+    fitted = fit_model(machine(), observed(0.0), options=FitOptions(threads=1)).fitted
+    assert notes_of(fitted, None, has_found=False) == ()

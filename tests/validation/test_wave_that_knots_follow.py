@@ -1,6 +1,9 @@
 """A wave of a few centimetres, which many knots follow, too: it is the wave's whole, and as sure as it can be."""
 
+import pytest
 from validation.hidden_effects.bound import inner_bounds
+from validation.hidden_effects.cases import development_seed
+from validation.hidden_effects.generate import Hidden, generate
 from validation.hidden_effects.record import OPTIONS
 from validation.hidden_effects.sets import single_set
 
@@ -38,3 +41,16 @@ def test_of_a_wave_with_harmonics_the_first_counts() -> None:
     # Beside many knots half of it is left: the second harmonic.
     assert abs(period.value - case.truth[0].parameters["P"]) < 4.0 * period.std
     assert period.value > 40.0
+
+
+@pytest.mark.parametrize("number", [2, 14])
+def test_a_large_wave_with_harmonics_is_told_at_its_period(number: int) -> None:
+    """Sought about the period of one frequency alone, the first was silent, and the second 41 standard errors off."""
+    hidden = [Hidden("periodic-harmonics")]
+    case = generate(development_seed(10_000 + number), None, "nine-lines", "offsets-3", hidden, 30.0, 10_000)
+    fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
+    _, searched = searched_whole(fitted, Catalogue({"periodic": catalogue()["periodic"]}), threads=1)
+    (found,) = searched.found
+    assert found.settled.term is not None
+    (period,) = found.settled.term.inner
+    assert abs(period.value - case.truth[0].parameters["P"]) < 4.0 * period.std

@@ -1,36 +1,55 @@
-"""A search beside few knots, where many may have followed a wave; it counts where it names one.
+"""A fit with few knots, where many may have followed a wave; it counts where it names one.
 
 That knots follow a wave is told by the fit alone, which knows nothing of offsets, drifts and missing effects: what it
-takes for a wave may be any of these. Only the search can say; where a first look at waves sees none, it is not made.
+takes for a wave may be any of these. Only a search can say; where a first look at waves sees none, it is not made.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from geoerr.diagnose.candidates import Candidate, n_waves_in_some_form
-from geoerr.diagnose.search import Searched, search, waves_seen
-from geoerr.diagnose.steps import RoundSteps, Steps
+from geoerr.diagnose.search import Searched, waves_seen
+from geoerr.diagnose.steps import Steps
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted, refit
 from geoerr.fit.wavy import MANY_WAVES, may_be_followed, without_waves
 from geoerr.terms import Term
 
 
-def searched_beside_few_knots(
+@dataclass(frozen=True)
+class FewKnots:
+    """A fit with few knots where many may have followed a wave.
+
+    Attributes
+    ----------
+    fitted
+        With few knots.
+    changed
+        Errors of the axes that had many, as they were.
+    """
+
+    fitted: Fitted
+    changed: tuple[Term, ...]
+
+    def is_named_in(self, searched: Searched) -> bool:
+        """Tell whether a search beside few knots names a wave that the many followed."""
+        return _is_followed(self.changed, _waves_found(searched))
+
+
+def with_few_knots(
     fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), steps: Steps, threads: int = 0
-) -> tuple[Fitted, Searched] | None:
-    """Give the fit with few knots and what a search finds beside it; None where it names no wave of the knots."""
+) -> FewKnots | None:
+    """Fit with few knots; None where many follow no wave, or a first look at waves sees none beside few."""
     plain = without_waves(fitted)
     if plain is None:
         return None
     steps.next("whether the model's curves follow waves")
     few = refit(fitted, plain)
-    changed = [before for before, after in zip(fitted.terms, plain, strict=True) if after != before]
-    if not _is_followed(changed, waves_seen(few, known, present=present, threads=threads)):
-        return None
-    searched = search(few, known, present=present, steps=RoundSteps(steps), threads=threads)
-    return (few, searched) if _is_followed(changed, _waves_found(searched)) else None
+    changed = tuple(before for before, after in zip(fitted.terms, plain, strict=True) if after != before)
+    seen = waves_seen(few, known, present=present, threads=threads)
+    return FewKnots(few, changed) if _is_followed(changed, seen) else None
 
 
 def _is_followed(changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -> bool:

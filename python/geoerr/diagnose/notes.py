@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from geoerr.diagnose.answer import held_out_um
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.gaps import gaps_of, unread_rows
@@ -19,6 +22,10 @@ _DAY_S = 86_400.0
 _LONGEST_S, _FASTEST_MM_S = 14.0 * _DAY_S, 2000.0
 # Lines that a sentence names.
 _SPOKEN = 3
+# A held-out error is far off from this many of what a right model would have: by repeats, so many standard errors of
+# their scatter beyond; and by stated uncertainties, which say nothing of what drifts.
+_FAR_OFF, _STANDARD_ERRORS = 1.25, 3.0
+_FAR_OFF_AS_STATED = 2.0
 
 
 def notes_of(
@@ -38,6 +45,7 @@ def notes_of(
         Whether an effect of the cameras is among it.
     """
     said = []
+    is_held = comparison is not None and comparison.freedom == "held"
     if is_without_errors(fitted, comparison):
         said.append(
             "the 21 geometric errors were never fitted, as geoerr fit does: the model is a machine without errors, "
@@ -48,18 +56,22 @@ def notes_of(
             "the fit has not settled, so that what it leaves is not only what the model lacks: leave out the term "
             "that runs away, or measure what would hold it"
         )
-    if has_found and comparison is not None and comparison.freedom == "held" and all_terms(comparison.model):
+    if has_found and is_held and comparison is not None and all_terms(comparison.model):
         said.append(
             "the model's numbers come from other data: where the cause acted there already they hold a part of it, "
             "and its image is what is seen here; --refit fits them to these data"
         )
     if blames_cameras and fitted.shared is None and set(PIXELS) <= set(fitted.sightings.table.columns):
-        is_held = comparison is not None and comparison.freedom == "held"
         said.append(
             "an effect of the cameras may be no more than what their calibration does not know, which took no part: "
             f"--rig rig.json{' --refit' if is_held else ''} lets it"
         )
-    said += [*fitted.sightings.notes, *_odd_times(fitted.sightings), *_gaps(fitted.sightings)]
+    said += [
+        *([] if has_found or is_held else _not_carried_over(fitted)),
+        *fitted.sightings.notes,
+        *_odd_times(fitted.sightings),
+        *_gaps(fitted.sightings),
+    ]
     broken = interrupted_lines(fitted)
     if broken:
         names = [*broken[:_SPOKEN], *([f"{len(broken) - _SPOKEN} more"] if len(broken) > _SPOKEN else [])]
@@ -68,6 +80,26 @@ def notes_of(
             "back to, and both visits count as one pass: number them in the column repeat"
         )
     return tuple(said)
+
+
+def _not_carried_over(fitted: Fitted) -> list[str]:
+    """Say where nothing was found, and yet held-out rows are off by far more than repeats and the fit allow.
+
+    What knots follow is neither in a residual nor named: rows that they never saw show that it is no smooth error.
+    """
+    split, expected_um, is_um = fitted.split, fitted.expected_held_out_um, held_out_um(fitted)
+    if expected_um is None or is_um is None:
+        return []
+    allowed, by = _FAR_OFF_AS_STATED, "by the stated uncertainties"
+    if split.is_from_repeats:
+        allowed, by = _FAR_OFF * (1.0 + _STANDARD_ERRORS / math.sqrt(2.0 * split.dof[1])), "as repeats scatter"
+    if is_um < allowed * expected_um:
+        return []
+    return [
+        f"held-out rows are off by {is_um:.3g} µm where a right model would be by {expected_um:.3g}, {by}: "
+        "the errors' curves follow what is no smooth error of an axis, or the rows have too few places to hold them; "
+        "measure at more places, also between these"
+    ]
 
 
 def is_without_errors(fitted: Fitted, comparison: Comparison | None) -> bool:

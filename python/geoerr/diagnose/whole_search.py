@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoerr.diagnose.few_knots import searched_beside_few_knots
+from geoerr.diagnose.few_knots import with_few_knots
 from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import Found, Searched, search
 from geoerr.diagnose.second_order import second_order
@@ -51,9 +51,18 @@ def searched_whole(
         Told what is done next.
     """
     steps = steps or Steps()
-    few = searched_beside_few_knots(fitted, known, present=present, steps=steps, threads=threads)
+    few = with_few_knots(fitted, known, present=present, steps=steps, threads=threads)
     if few is not None:
-        return few
+        beside_few = _searched(few.fitted, known, present, steps, threads)
+        if few.is_named_in(beside_few[1]):
+            return beside_few
+    return _searched(fitted, known, present, steps, threads)
+
+
+def _searched(
+    fitted: Fitted, known: Catalogue, present: Sequence[str], steps: Steps, threads: int
+) -> tuple[Fitted, Searched]:
+    """Search, and search again beside what was large; give the last search and the fit that it was of."""
     again, explained, beside_large = fitted, None, list[str]()
     rounds = RoundSteps(steps)
     searched: Searched | None = None

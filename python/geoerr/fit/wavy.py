@@ -6,9 +6,9 @@ covariance,
 
     χ²(B) = min_α (f − B α)ᵀ V⁺ (f − B α),   score = χ² + ln n · (free numbers)   (Schwarz)
 
-for the knots as they are, for few knots, and for few knots with a wave of any period that the many could follow. Of a
-large wave many knots make something that is only nearly one, so that a wave that does nearly all of what few knots
-leave is enough, too.
+for the knots as they are, for few knots, and for few knots with a wave of any period that the many could follow: one
+of a single frequency, or with its second harmonic, as screws, belts and encoders have it. Of a large wave many knots
+make something that is only nearly one, so that a wave that does nearly all of what few knots leave is enough, too.
 
 What few knots leave of a large smooth error goes up and down with the knots, and looks like a wave. But it falls with
 every knot more, where a wave stays until there are two knots to each turn: what still falls is no wave.
@@ -17,7 +17,7 @@ every knot more, where a wave stays until there are two knots to each turn: what
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -91,14 +91,19 @@ def _is_wave(
 
     smooth = basis_of(plain).evaluate(places)
     alone, rank = by(smooth)
-    waves = list(_waves(places, basis))
-    if not waves or _still_falls(by_splines, plain):
+    counts = _counts(basis)
+    if not len(counts) or _still_falls(by_splines, plain):
         return False
-    # A period is one number more.
-    best, rank_with = min(by(np.concatenate([smooth, wave], axis=1)) for wave in waves)
-    with_wave = best + price * (rank_with + 1) + 2.0 * math.log(len(waves))
-    is_as_good = with_wave + _CLEARLY < price * len(target) or best < _NEARLY_ALL * alone
-    return is_as_good and with_wave + _CLEARLY < alone + price * rank
+
+    def is_enough(multiples: tuple[int, ...]) -> bool:
+        waves = (_wave(places, count, multiples) for count in counts)
+        best, rank_with = min(by(np.concatenate([smooth, wave], axis=1)) for wave in waves)
+        # A period is one number more.
+        with_wave = best + price * (rank_with + 1) + 2.0 * math.log(len(counts))
+        is_as_good = with_wave + _CLEARLY < price * len(target) or best < _NEARLY_ALL * alone
+        return is_as_good and with_wave + _CLEARLY < alone + price * rank
+
+    return is_enough((1,)) or is_enough((1, 2))
 
 
 def _still_falls(left_by: Callable[[int], float], plain: BasisSpec) -> bool:
@@ -107,9 +112,13 @@ def _still_falls(left_by: Callable[[int], float], plain: BasisSpec) -> bool:
     return few > _STILL_FALLS * more
 
 
-def _waves(places_mm: Numbers, basis: BasisSpec) -> Iterator[Numbers]:
-    """Give cosine and sine (n, 2) of every number of waves that knots could follow."""
+def _counts(basis: BasisSpec) -> Numbers:
+    """Give every number of waves over the axis that is many, and that the knots could follow."""
+    return np.arange(MANY_WAVES, 0.5 * (basis.n_functions - 3) + 1.0, _STEP)
+
+
+def _wave(places_mm: Numbers, count: float, multiples: tuple[int, ...]) -> Numbers:
+    """Give cosine and sine (n, 2 · multiples) of so many waves over the places, and of multiples of it."""
     turns = (places_mm - places_mm[0]) / np.ptp(places_mm)
-    for count in np.arange(MANY_WAVES, 0.5 * (basis.n_functions - 3) + 1.0, _STEP):
-        phase = 2.0 * np.pi * count * turns
-        yield np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    phases = [2.0 * np.pi * count * multiple * turns for multiple in multiples]
+    return np.stack([wave(phase) for phase in phases for wave in (np.cos, np.sin)], axis=1)
