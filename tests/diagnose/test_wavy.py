@@ -10,8 +10,8 @@ from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.diagnose.notes import notes_of
 from geoerr.fit import FitOptions, fit_model
-from geoerr.fit.classic import spline
-from geoerr.fit.wavy import _still_falls, without_waves
+from geoerr.fit.classic import on_basis, spline
+from geoerr.fit.wavy import _still_falls, follows_waves, without_waves
 from geoerr.observations import Observations
 
 PERIOD_MM = LENGTH_MM / 6.3
@@ -74,6 +74,16 @@ def test_waves_that_knots_follow_are_named_and_added_with_few_knots() -> None:
         assert period.value == pytest.approx(PERIOD_MM, abs=4.0 * period.std)
         assert period.std < 0.01 * PERIOD_MM
     assert {term.id: len(term.coefficients) for term in change.after.terms}["EXX"] == fewer["EXX"]
+
+
+def test_knots_follow_long_waves_and_of_few_places_any() -> None:
+    fitted = fit_model(machine(), observed(8.0), options=FitOptions(threads=1)).fitted
+    (own,) = [term for term in fitted.terms if term.id == "EXX"]
+    for n_places, is_followed in ((200, {5.0: True, 10.0: True, 30.0: False, 150.0: False}), (26, {150.3: True})):
+        places = np.sort(np.random.default_rng(0).uniform(0.0, LENGTH_MM, n_places))
+        many = on_basis(own, spline("x", places, 24))
+        for count, expected in is_followed.items():
+            assert follows_waves(many, count, {"x": places}) == expected
 
 
 def test_a_large_wave_with_a_second_harmonic_is_named_at_its_period() -> None:

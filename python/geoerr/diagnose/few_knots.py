@@ -14,7 +14,9 @@ from geoerr.diagnose.search import Searched, waves_seen
 from geoerr.diagnose.steps import Steps
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted, refit
-from geoerr.fit.wavy import MANY_WAVES, may_be_followed, without_waves
+from geoerr.fit.classic import positions_by_axis
+from geoerr.fit.sightings import SAME_POSITION_MM
+from geoerr.fit.wavy import MANY_WAVES, follows_waves, may_be_followed, without_waves
 from geoerr.terms import Term
 
 
@@ -35,7 +37,7 @@ class FewKnots:
 
     def is_named_in(self, searched: Searched) -> bool:
         """Tell whether a search beside few knots names a wave that the many followed."""
-        return _is_followed(self.changed, _waves_found(searched))
+        return _is_followed(self.fitted, self.changed, _waves_found(searched))
 
 
 def with_few_knots(
@@ -49,12 +51,17 @@ def with_few_knots(
     few = refit(fitted, plain)
     changed = tuple(before for before, after in zip(fitted.terms, plain, strict=True) if after != before)
     seen = waves_seen(few, known, present=present, threads=threads)
-    return FewKnots(few, changed) if _is_followed(changed, seen) else None
+    return FewKnots(few, changed) if _is_followed(few, changed, seen) else None
 
 
-def _is_followed(changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -> bool:
+def _is_followed(fitted: Fitted, changed: Sequence[Term], waves: Iterable[tuple[Term, float]]) -> bool:
     """Tell whether a wave is one that knots may have followed, and too many for a smooth error to be like it."""
-    return any(count >= MANY_WAVES and any(may_be_followed(own, wave) for own in changed) for wave, count in waves)
+    positions = positions_by_axis(fitted.sightings.commanded_mm, SAME_POSITION_MM)
+    return any(
+        count >= MANY_WAVES
+        and any(may_be_followed(own, wave) and follows_waves(own, count, positions) for own in changed)
+        for wave, count in waves
+    )
 
 
 def _waves_found(searched: Searched) -> list[tuple[Term, float]]:

@@ -17,7 +17,7 @@ every knot more, where a wave stays until there are two knots to each turn: what
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -38,6 +38,8 @@ _STEP = 0.125
 _CLEARLY = 6.0
 # Of what few knots leave, a wave that leaves less than this does nearly all.
 _NEARLY_ALL = 0.1
+# Share of a wave's square that knots that follow it do at least: with two knots to a turn they do four tenths.
+_FOLLOWED = 1.0 / 3.0
 # With two functions more, what is left falls by more than this: so it does of a smooth error not yet followed.
 # Of waves of five turns and more it falls 1.9 times at most, of whatever phase.
 _STILL_FALLS = 3.0
@@ -62,6 +64,25 @@ def may_be_followed(own: Term, effect: Term) -> bool:
     """Tell whether an error of an axis has many knots and acts where an effect of its position alone does."""
     basis = _many_knots(own)
     return basis is not None and set(effect.variables) == {basis.axis} and bool({*own.channels} & {*effect.channels})
+
+
+def follows_waves(own: Term, n_waves: float, positions_mm: Mapping[str, Numbers]) -> bool:
+    """Tell whether the knots of an error of an axis follow so many waves over its positions.
+
+    Where these are few, a wave of any period is one that they follow; where they are many, only a long one.
+
+    Parameters
+    ----------
+    positions_mm
+        Distinct positions of each axis.
+    """
+    basis = _many_knots(own)
+    if basis is None:
+        return False
+    places = positions_mm[basis.axis]
+    wave, columns = _wave(places, n_waves, (1,)), basis_of(basis).evaluate(places)
+    left = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
+    return float((left**2).sum()) < (1.0 - _FOLLOWED) * float((wave**2).sum())
 
 
 def _many_knots(term: Term) -> BasisSpec | None:
