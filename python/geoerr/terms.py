@@ -57,6 +57,17 @@ RAW_VARIABLES = frozenset(
         CLOCK_NAME,
     }
 )
+
+
+def is_motion(name: str, *kinds: str) -> bool:
+    """Tell whether a variable says how an axis moves, in one of these ways of `HISTORY_NAMES`.
+
+    `v_x` is a speed; `v_left`, a row of a picture, and a user's column `a_room` are no motion.
+    """
+    kind, _, axis = name.rpartition("_")
+    return kind in kinds and axis in AXES
+
+
 FUNCTIONS = frozenset(
     {
         *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
@@ -439,7 +450,7 @@ class Part:
                 seen[name] = None
         names = [name for name in seen if name not in definitions]
         # Inside lag() a speed is the mean speed since the previous row.
-        means = [f"mean_{name}" for name in names if has_lag and name.startswith("v_") and name in RAW_VARIABLES]
+        means = [f"mean_{name}" for name in names if has_lag and is_motion(name, "v")]
         return tuple(dict.fromkeys(names + means))
 
     def to_document(self) -> dict[str, Any]:

@@ -19,9 +19,10 @@ from fitted_models import (
 from model_machines import CHAINS, drawn_errors, machine
 
 from geoerr.errors import ExpressionError, GeoerrError, GeometryError, NotDeterminedError, ShapeError
+from geoerr.machine import AXES
 from geoerr.model import Model, compile_terms
 from geoerr.model.tables import terms_of_errors
-from geoerr.terms import BasisSpec, Parameter, Part, Term
+from geoerr.terms import HISTORY_NAMES, RAW_VARIABLES, BasisSpec, Parameter, Part, Term, is_motion
 
 OFFSET = (3.0, -20.0, 55.0)
 AT = {"temp_bed": 60.0, "d_y": 1.0}
@@ -225,3 +226,12 @@ class TestRefusals:
     def test_an_unknown_carrier(self) -> None:
         with pytest.raises(GeoerrError, match="'bed' carries no target"):
             fitted().displacement_mm(points(), carrier="bed", at=AT)
+
+
+def test_a_row_of_a_picture_and_a_column_of_the_user_are_no_motion() -> None:
+    motion = [name for name in RAW_VARIABLES if is_motion(name, *HISTORY_NAMES)]
+    assert sorted(motion) == sorted(f"{kind}_{axis}" for kind in HISTORY_NAMES for axis in AXES)
+    assert is_motion("v_x", "v")
+    assert not is_motion("v_x", "a", "mean_v")
+    for name in ("v_left", "v_right", "a_room", "d_sensor", "s", "v_xy", "t_rev", "temp_x"):
+        assert not is_motion(name, *HISTORY_NAMES)

@@ -26,7 +26,7 @@ from geoerr.fit.noise import NOT_CONDITIONS
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s, variable_columns
 from geoerr.machine import AXES
-from geoerr.terms import RAW_VARIABLES
+from geoerr.terms import RAW_VARIABLES, is_motion
 
 Kind = Literal["position", "direction", "condition", "time"]
 MOST_DEGREES = 8
@@ -113,7 +113,7 @@ def _kind(name: str) -> Kind:
         return "position"
     if name == "t":
         return "time"
-    return "direction" if name.startswith("d_") else "condition"
+    return "direction" if is_motion(name, "d") else "condition"
 
 
 def _variable(sightings: Sightings, name: str, kind: Kind, values: Numbers, known: np.ndarray) -> Variable:
@@ -134,7 +134,7 @@ def _variable(sightings: Sightings, name: str, kind: Kind, values: Numbers, know
             other_ways.append(_polynomials(own, known, 3))
         elif alike < _QUITE_EVEN:
             alone = _polynomials(own, known, 3)
-        if name.startswith("a_"):
+        if is_motion(name, "a"):
             other_ways.append(np.sign(np.where(known, values, 0.0))[None])
     is_remembered = name.startswith("temp") and known.all() and n_levels > _FEW_VALUES
     widths = PLAYS if is_remembered else ()

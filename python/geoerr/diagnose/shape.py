@@ -9,6 +9,7 @@ import numpy as np
 from geoerr.diagnose.words import listed
 from geoerr.fit.empirical import Curve
 from geoerr.fit.sightings import Numbers
+from geoerr.terms import is_motion
 
 # A rise against the trend that is smaller than this share of the whole, or than so many standard errors, is none.
 _RIPPLE, _RIPPLE_STD = 0.1, 2.0
@@ -27,7 +28,7 @@ def shape_words(curve: Curve) -> str:
 
 def _one(name: str, at: Numbers, value_um: Numbers, std_um: Numbers) -> str:
     swing = float(np.ptp(value_um))
-    if name.startswith("d_") and len(at) == 2:
+    if is_motion(name, "d") and len(at) == 2:
         up = _signed(float(value_um[1] - value_um[0]))
         return f"flips by {swing:.1f} µm with the direction of {name[2:]} ({up} µm on the way up)"
     ways = _ways(value_um, std_um)

@@ -14,7 +14,7 @@ from geoerr.diagnose.words import number_words
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
-from geoerr.terms import CLOCK_NAME, RAW_VARIABLES, Term
+from geoerr.terms import CLOCK_NAME, RAW_VARIABLES, Term, is_motion
 
 UM_PER_MM = 1e3
 _PARTS = ("low", "middle", "high")
@@ -128,7 +128,7 @@ def variables_of_term(term: Term, columns: Sequence[str]) -> tuple[str, ...]:
     """Give what a term depends on and a place can be told by: positions, time and conditions that are columns."""
     named = [name for name in term.variables if name in AXES or name in _TIMES or name not in RAW_VARIABLES]
     named += [part.basis.axis for part in term.parts if part.basis is not None]
-    if any(name.startswith(("v_", "mean_v_", "a_")) for name in term.variables) and "feed" in columns:
+    if any(is_motion(name, "v", "mean_v", "a") for name in term.variables) and "feed" in columns:
         named.append("feed")
     return tuple(
         dict.fromkeys(

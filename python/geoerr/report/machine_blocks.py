@@ -12,6 +12,7 @@ from geoerr.diagnose.words import plausibility_words, value_words
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.fit_words import FIGURES, fit_sentences
+from geoerr.observations import PIXELS
 from geoerr.report.page import Block, Paragraph, Table, as_sentence
 
 _FRAMES = {
@@ -75,7 +76,7 @@ def data_blocks(comparison: Comparison) -> tuple[Block, ...]:
         (variable_label(name), f"{np.nanmin(values):.4g}", f"{np.nanmean(values):.4g}", f"{np.nanmax(values):.4g}")
         for name in sightings.free_columns
         for values in [sightings.numbers(name)]
-        if not name.startswith(("u_", "v_", "t_")) and name != "t"
+        if name not in (*PIXELS, "t")
     ]
     if conditions:
         blocks.append(Table("Conditions", ("condition", "lowest", "mean", "highest"), tuple(conditions)))

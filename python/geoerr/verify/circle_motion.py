@@ -9,6 +9,7 @@ from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions, constants_of
+from geoerr.terms import is_motion
 from geoerr.verify.circle import CircleOfCommands
 
 Numbers = npt.NDArray[np.float64]
@@ -40,7 +41,7 @@ def conditions_on_circle(
     """
     given = {} if at is None else dict(at)
     needed = [name for name in model.conditions if name not in given]
-    speeds = [name for name in needed if name.startswith("v_")]
+    speeds = [name for name in needed if is_motion(name, "v")]
     if speeds and "feed" not in given:
         raise GeoerrError(
             f"the model follows {', '.join(speeds)}: a circle has speeds only with a feed\n"
@@ -54,7 +55,7 @@ def conditions_on_circle(
 def followed_on_circle(*models: Model) -> set[str]:
     """Name the conditions that any of the models follows on a circle; the feed, where that makes their speeds."""
     follows = {name for model in models for name in model.conditions}
-    if any(name.startswith("v_") for name in follows):
+    if any(is_motion(name, "v") for name in follows):
         follows.add("feed")
     return follows
 

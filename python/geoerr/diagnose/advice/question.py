@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoerr.machine import AXES
-from geoerr.terms import CLOCK_NAME, Term
+from geoerr.terms import CLOCK_NAME, Term, is_motion
 
-# What names of variables begin with that change with the feed, with the travel since a reversal, with the direction.
-_SPEED = ("v_", "a_", "mean_v_", "t_rev_")
-_TRAVEL = ("s_", "t_rev_", "d_")
-_DIRECTION = ("d_", "s_", "t_rev_", "v_")
+# Motion that changes with the feed, with the travel since a reversal, with the direction.
+_SPEED = ("v", "a", "mean_v", "t_rev")
+_TRAVEL = ("s", "t_rev", "d")
+_DIRECTION = ("d", "s", "t_rev", "v")
 # Channels that a static target would see too, those whose size a bar tells, and those fixed to the cameras' view.
 _POSE = ("rig-t", "rig-r", "rig-scale")
 _SCALE = ("rig-scale", "rig-depth", "rig-disparity")
@@ -44,7 +44,7 @@ class Question:
     @property
     def follows_acceleration(self) -> bool:
         """Whether ramps change something."""
-        return self._has(("a_",))
+        return self._has(("a",))
 
     @property
     def follows_travel(self) -> bool:
@@ -64,7 +64,7 @@ class Question:
     @property
     def follows_use(self) -> bool:
         """Whether running an axis hard changes something."""
-        return "duty" in self.variables or self._has(("mean_v_",))
+        return "duty" in self.variables or self._has(("mean_v",))
 
     @property
     def turns(self) -> bool:
@@ -91,8 +91,8 @@ class Question:
         """Whether something stays in the picture when the cameras are moved."""
         return any(name.startswith(_VIEW) for name in self.channels)
 
-    def _has(self, stems: tuple[str, ...]) -> bool:
-        return any(name.startswith(stems) for name in self.variables)
+    def _has(self, kinds: tuple[str, ...]) -> bool:
+        return any(is_motion(name, *kinds) for name in self.variables)
 
 
 def question_of(terms: Sequence[Term]) -> Question:

@@ -19,6 +19,7 @@ from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import settle
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
+from geoerr.terms import is_motion
 
 # Functions of time, which a drift can swallow, are judged with the drift estimated anew: so many of the best, and
 # such as would be a surprise if nothing drifted.
@@ -34,7 +35,7 @@ _FEW_LIKE_DRIFT = 10.0
 # (variances) hide nothing.
 _STRONG = 1.0
 # How an axis moves, which a pass at one feed shares from its first row to its last: direction and speed.
-_OF_MOTION = ("d_", "v_", "mean_v_")
+_OF_MOTION = ("d", "v", "mean_v")
 # What a plan that goes both ways is made to show (ISO 230-2), and so is asked for by itself.
 _ASKED_FOR = "backlash"
 # An exponent beyond which a ratio of likelihoods says no more by being larger.
@@ -145,7 +146,7 @@ def _is_slow(what: Candidate | Probe) -> bool:
 
 def _is_of_motion(what: Candidate | Probe) -> bool:
     terms = [shapes.term for shapes in what.shapes if shapes.term is not None]
-    return any(name.startswith(_OF_MOTION) for term in terms for name in term.variables)
+    return any(is_motion(name, *_OF_MOTION) for term in terms for name in term.variables)
 
 
 def _is_asked_for(what: Candidate | Probe) -> bool:

@@ -24,6 +24,7 @@ from geoerr.diagnose.search.uneven import Uneven, columns_along, explained_by, m
 from geoerr.diagnose.where import displacement_um
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
+from geoerr.terms import HISTORY_NAMES, is_motion
 
 # A name that explains this share of what the best probe does is the name of it, if not all of it.
 _MOST_OF_IT = 0.8
@@ -41,7 +42,6 @@ _PROBED_AS |= {f"mean_v_{axis}": f"v_{axis}" for axis in AXES} | {f"t_rev_{axis}
 # leaves of itself is less than this share, and follows how the axis moves.
 _REMAINDER = 0.3
 _MOTION_OF_ALL = ("feed", "moving")
-_OF_MOTION = ("a_", "v_", "mean_v_", "d_", "s_", "t_rev_")
 
 
 def is_a_remainder(found: Sequence[Found], settled: Settled) -> bool:
@@ -50,7 +50,7 @@ def is_a_remainder(found: Sequence[Found], settled: Settled) -> bool:
     assert term is not None
     axes = {name[-1] for name in term.variables}
     larger = (one for one in found if settled.visible_um < _REMAINDER * one.settled.visible_um)
-    return all(name.startswith(_OF_MOTION) for name in term.variables) and any(
+    return all(is_motion(name, *HISTORY_NAMES) for name in term.variables) and any(
         axes <= own for one in larger if (own := _accelerated(one))
     )
 
@@ -76,12 +76,12 @@ def without_remainders(found: Sequence[Found], probes: Sequence[Judged]) -> tupl
 def _accelerated(found: Found) -> set[str]:
     """Give the axes of whose acceleration something is an effect."""
     term = found.settled.term
-    return set() if term is None else {name[-1] for name in term.variables if name.startswith("a_")}
+    return set() if term is None else {name[-1] for name in term.variables if is_motion(name, "a")}
 
 
 def _follows_motion(names: set[str]) -> bool:
     """Tell whether variables are how, and where, axes move."""
-    motion = {name for name in names if name.startswith(_OF_MOTION) or name in _MOTION_OF_ALL}
+    motion = {name for name in names if is_motion(name, *HISTORY_NAMES) or name in _MOTION_OF_ALL}
     return bool(motion) and names - motion <= set(AXES)
 
 
@@ -121,7 +121,7 @@ def _is_of_another_formula(settled: Settled, name: Judged, probe: Judged) -> boo
     if not _is_probe_of(probe, _as_probed(term.variables)) or component_of(probe) not in _components_of(settled):
         return False
     # An acceleration is not known exactly, and an effect of it leaves that much of itself.
-    share = _REMAINDER**2 if any(one.startswith("a_") for one in term.variables) else _BENT_SHARE
+    share = _REMAINDER**2 if any(is_motion(one, "a") for one in term.variables) else _BENT_SHARE
     return probe.gain - name.gain >= share * name.gain and probe.evidence - name.evidence >= _BENT
 
 
