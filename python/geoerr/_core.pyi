@@ -606,6 +606,13 @@ class FitProblem:
         row_scale: npt.NDArray[np.float64],
         threads: int,
     ) -> npt.NDArray[np.float64]: ...
+    def times(
+        self,
+        state: FitState,
+        matrix: npt.NDArray[np.float64],
+        row_scale: npt.NDArray[np.float64],
+        threads: int,
+    ) -> npt.NDArray[np.float64]: ...
     def first_order_mm(
         self, state: FitState, correction: npt.NDArray[np.float64], threads: int
     ) -> npt.NDArray[np.float64]: ...

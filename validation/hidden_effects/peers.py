@@ -55,7 +55,6 @@ from geoerr.diagnose.search.look import look
 from geoerr.diagnose.space import orthonormal
 from geoerr.effects import catalogue
 from geoerr.fit import Fitted, fit_terms
-from geoerr.fit.held_out import projected_rows
 
 # Trial values of one form that a peer is given; of a wave's period more.
 _MOST_TRIALS, _MOST_PERIODS = 24, 110
@@ -102,9 +101,7 @@ def problem_of(looked: Round, fitted: Fitted, *, with_noise_model: bool) -> Prob
     if with_noise_model:
         basis, residual, whiten = space.basis, space.residual, space.noise.whiten
     else:
-        raw = projected_rows(
-            fitted.problem, solved.state, solved.solution.covariance_root, solved.used.astype(float), 1
-        )
+        raw = fitted.problem.times(solved.state, solved.solution.covariance_root, solved.used.astype(float), 1)
         basis = orthonormal(raw.reshape(-1, raw.shape[2])).reshape(*space.rows.shape, -1)
         residual, whiten = solved.whitened * space.rows, lambda columns: columns * space.rows[:, :, None]
     flat = basis.reshape(-1, basis.shape[2])

@@ -228,6 +228,14 @@ fn the_gram_matrix_is_that_of_the_design() {
                 );
             }
         }
+        // The rows themselves times a matrix.
+        let moved = block.times(&directions, &scale);
+        for (row, along) in (0..3 * n_rows).flat_map(|row| (0..d).map(move |along| (row, along))) {
+            let entries = || (0..n).map(|column| columns[column][row] * directions[(column, along)]);
+            let (expected, sizes): (f64, f64) = (entries().sum(), entries().map(f64::abs).sum());
+            assert!((moved[row * d + along] - expected).abs() <= 1e-14 * sizes, "{chain} {row} {along}");
+        }
+        assert!(block.times(&Matrix::zeros(n, 0), &scale).is_empty());
         // Of some rows alone, and what each of them makes of a direction and of a matrix.
         let some: Vec<usize> = (0..n_rows).rev().step_by(3).collect();
         let numbers: Vec<[f64; 3]> = some.iter().map(|_| [(); 3].map(|()| draws.symmetric())).collect();

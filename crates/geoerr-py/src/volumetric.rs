@@ -474,6 +474,28 @@ impl PyFitProblem {
         Ok(from_numbers(py, gradient))
     }
 
+    /// `A F` (n, 3, r) of the whitened design at a state for a matrix F (n_columns, r).
+    fn times<'py>(
+        &self,
+        py: Python<'py>,
+        state: &PyFitState,
+        matrix: PyReadonlyArray2<'py, f64>,
+        row_scale: PyReadonlyArray1<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (problem, state) = (&self.problem, &state.state);
+        let (matrix, row_scale) = (matrix_of(&matrix), numbers(&row_scale, "row_scale")?);
+        if matrix.n_rows() != problem.n_columns() || row_scale.len() != problem.n_rows() {
+            return Err(CoreError::shape("a design is multiplied by a row for each of its columns").into());
+        }
+        let products = enter_core(py, threads, || {
+            Ok::<_, geoerr_core::volumetric::VolumetricError>(
+                problem.blocks(state)?.times(&matrix, row_scale),
+            )
+        })?;
+        products.into_pyarray(py).reshape([problem.n_rows(), 3, matrix.n_columns()])
+    }
+
     /// How a correction of all unknowns moves the measured points, to first order, mm (n, 3).
     fn first_order_mm<'py>(
         &self,

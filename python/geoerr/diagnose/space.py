@@ -18,7 +18,6 @@ from scipy import linalg
 from geoerr import _core
 from geoerr.diagnose.noise import WINSOR, NoiseModel, NoiseSums, blocks_of
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
 from geoerr.model.compile import compile_terms
@@ -148,7 +147,7 @@ def freedom_of(fitted: Fitted, used: np.ndarray, *, threads: int = 0) -> Numbers
     own[held] = 0.0
     # The rest of the model, and each of those unknowns by itself.
     wanted = np.concatenate([own, np.eye(len(root))[:, held]], axis=1)
-    raw = projected_rows(fitted.problem, solved.state, wanted, scale, threads).reshape(3 * len(scale), -1)
+    raw = fitted.problem.times(solved.state, wanted, scale, threads).reshape(3 * len(scale), -1)
     basis = orthonormal(raw[:, : own.shape[1]], threads=threads)
     if len(held):
         columns = raw[:, own.shape[1] :]

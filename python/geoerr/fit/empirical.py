@@ -28,7 +28,6 @@ from geoerr import _core
 from geoerr.effects.definitions import number_text
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.held_out import projected_rows
 from geoerr.fit.inner import directions
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import variable_columns
@@ -237,12 +236,8 @@ class _Design:
         unit = Term(EMPIRICAL, "", "empirical", None, None, None, (Part(channel, "u"),), (Parameter("u", "mm"),))
         scale = known.astype(np.float64)
         direction = directions(fitted, unit, scale, fitted.threads)[0]
-        spread = projected_rows(
-            fitted.problem,
-            solved.state,
-            solved.solution.covariance_root,
-            solved.used.astype(np.float64),
-            fitted.threads,
+        spread = fitted.problem.times(
+            solved.state, solved.solution.covariance_root, solved.used.astype(np.float64), fitted.threads
         )
         flat = spread.reshape(-1, spread.shape[2])
         self.degrees = self._all_degrees()

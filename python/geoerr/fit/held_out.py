@@ -128,20 +128,6 @@ def leave_out(
     )
 
 
-def projected_rows(
-    problem: _core.FitProblem, state: _core.FitState, root: Numbers, scale: Numbers, threads: int
-) -> Numbers:
-    """Give A F (n, 3, r), A the whitened design and F the root of the covariance: H = (A F)(A F)ᵀ."""
-    n_rows = len(scale)
-    result = np.empty((n_rows, 3, root.shape[1]))
-    step = 2048
-    for first in range(0, n_rows, step):
-        last = min(first + step, n_rows)
-        design = problem.design(state, scale, first, last, threads)
-        result[first:last] = (design @ root).reshape(last - first, 3, -1)
-    return result
-
-
 def _own_unknowns(
     sightings: Sightings, rows: np.ndarray, used: np.ndarray, acts: np.ndarray, n_acting: np.ndarray
 ) -> int:

@@ -26,7 +26,6 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.held_out import projected_rows
 from geoerr.fit.jumps import Gaps, is_jump_in_time
 from geoerr.fit.periods import alike_periods, is_wave, likeliest, place_of_period
 from geoerr.fit.sightings import Numbers
@@ -406,7 +405,7 @@ class _Beyond:
     def __init__(self, fitted: Fitted, candidate: _Candidate, threads: int) -> None:
         solved = fitted.solved
         scale = solved.used.astype(np.float64)
-        spread = projected_rows(fitted.problem, solved.state, solved.solution.covariance_root, scale, threads)
+        spread = fitted.problem.times(solved.state, solved.solution.covariance_root, scale, threads)
         directions = candidate.directions
         weight = np.einsum("pnc,qnc->npq", directions, directions)
         pull = np.einsum("pnc,nc->np", directions, solved.whitened * scale[:, None])

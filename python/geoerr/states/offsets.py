@@ -27,7 +27,6 @@ import numpy.typing as npt
 from scipy import linalg, optimize
 
 from geoerr.fit import Fitted
-from geoerr.fit.held_out import projected_rows
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s
 from geoerr.states.functions import Estimate
@@ -202,8 +201,8 @@ def _sums(fitted: Fitted, block: Integers, n_blocks: int) -> tuple[Numbers, Numb
     sightings, solved = fitted.sightings, fitted.solved
     used = solved.used
     whitening, own_block = sightings.whitening[used], block[used]
-    columns = projected_rows(
-        fitted.problem, solved.state, solved.solution.covariance_root, used.astype(np.float64), fitted.threads
+    columns = fitted.problem.times(
+        solved.state, solved.solution.covariance_root, used.astype(np.float64), fitted.threads
     )[used]
     own = np.zeros((n_blocks, 3, 3))
     np.add.at(own, own_block, whitening.transpose(0, 2, 1) @ whitening)

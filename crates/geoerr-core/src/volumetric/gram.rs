@@ -103,6 +103,33 @@ impl Block<'_> {
         )
     }
 
+    /// `A F` of the whitened design for a matrix F (n, r): for each sighting three rows of r numbers, one after the other.
+    pub fn times(&self, matrix: &Matrix, row_scale: &[f64]) -> Vec<f64> {
+        let width = matrix.n_columns();
+        let mut products = vec![0.0; NUMBERS_OF_A_ROW * width * row_scale.len()];
+        let of_chunk = |(chunk, out): (usize, &mut [f64])| {
+            let rows: Vec<usize> =
+                (SIGHTINGS * chunk..).take(out.len() / (NUMBERS_OF_A_ROW * width)).collect();
+            self.each_together(&self.by_cell(&rows), &rows, row_scale, |together| {
+                let Together { columns, places, design } = together;
+                let own = Matrix::from_fn(columns.len(), width, |i, j| matrix[(columns[i], j)]);
+                let moved = product(design, &own);
+                for (number, &at) in places.iter().enumerate() {
+                    for c in 0..NUMBERS_OF_A_ROW {
+                        let row = &mut out[(NUMBERS_OF_A_ROW * at + c) * width..][..width];
+                        for (j, value) in row.iter_mut().enumerate() {
+                            *value = moved[(NUMBERS_OF_A_ROW * number + c, j)];
+                        }
+                    }
+                }
+            });
+        };
+        if width > 0 {
+            products.par_chunks_mut(NUMBERS_OF_A_ROW * width * SIGHTINGS).enumerate().for_each(of_chunk);
+        }
+        products
+    }
+
     /// Sums of so many numbers over sightings, to which `add` adds what some of them together have.
     fn summed(
         &self,
