@@ -17,6 +17,7 @@ from geoerr.machine import write_machine
 from geoerr.verify.path import compare_paths
 from geoerr.verify.path_trace import trace_paths
 
+SMALL = {"EXX": lambda q: 1e-4 * q}
 PROGRAM = """G28
 G1 X20 Y20 Z5 F3000
 ;LAYER:1
@@ -252,3 +253,47 @@ def test_standard_output_and_input(files):
     assert run("compensate", errors, program, "-o", "-", "--json").exit_code == 2
     assert run("compensate", errors, program, "-o", errors).exit_code == 1
     assert run("compensate", errors, program, "-o", program).exit_code == 1
+
+
+def test_what_was_not_compared_is_not_proved(tmp_path):
+    errors = tmp_path / "errors.json"
+    write_errors(errors, model(SMALL).errors)
+    program = written(tmp_path, "G91\nG1 X50 Y50 Z10\n")
+    failed = run("verify", "path", errors, program, program, "--tolerance", "0.001")
+    assert failed.exit_code == 1
+    assert "nothing is proved" in str(failed.exception)
+    assert run("verify", "path", errors, program, program).exit_code == 0
+
+
+def test_another_extrusion_is_no_proof(tmp_path):
+    errors = tmp_path / "errors.json"
+    write_errors(errors, model({}).errors)
+    program = written(tmp_path, "G1 X0 Y0 Z0\nG1 X10 E10\n")
+    other = written(tmp_path, "G1 X0 Y0 Z0\nG1 X10 E100\n", "other.gcode")
+    failed = run("verify", "path", errors, program, other, "--tolerance", "0.001")
+    assert failed.exit_code == 1
+    assert "extrude another length" in str(failed.exception)
+
+
+@pytest.mark.parametrize(
+    ("line", "firmware", "is_compared"),
+    [
+        ("M01 G0 X60", None, True),
+        ("M01 G0 X60", "reprapfirmware", True),
+        ("M64 P1 X60", None, False),
+        ("M64 P1 X60", "klipper", True),
+        ("M622 J1", None, False),
+        ("G10 L2 P0 X60", None, False),
+        ("G28 O", "marlin", False),
+        ("G80", "marlin", False),
+        ("G91 G1 Z5", "klipper", False),
+    ],
+)
+def test_what_a_controller_may_do_is_not_known(tmp_path, line, firmware, is_compared):
+    """Behind such a line one move begins at a place that is known, or none does."""
+    program = written(tmp_path, f"G1 X0 Y0 Z0\n{line}\nG1 F100 X50\n")
+    result = compare_paths(model(SMALL), program, program, firmware=firmware)
+    end = "M01 G0" in line and firmware is None
+    assert result.moves_compared == is_compared + end
+    if end:
+        assert result.path_mm == pytest.approx(60.0 + 10.0)

@@ -51,7 +51,9 @@ def path(
     tolerance: Annotated[
         float | None,
         typer.Option(
-            "--tolerance", callback=positive, help="Fail (exit status 1) where the path of OUT is further off, mm."
+            "--tolerance",
+            callback=positive,
+            help="Fail (exit status 1) where the path of OUT is further off, mm, or extrudes another length.",
         ),
     ] = None,
     as_json: JsonFlag = False,
@@ -115,7 +117,19 @@ def _report(result: PathResult) -> str:
 
 
 def _check(result: PathResult, tolerance_mm: float | None) -> None:
-    if tolerance_mm is not None and not result.max_error_um_after <= tolerance_mm * 1e3:
+    if tolerance_mm is None:
+        return
+    if not result.moves_compared:
+        raise GeoerrError(
+            "no move of the program could be compared, so that nothing is proved\n"
+            "hint: say where it begins, as with --home, and write arcs as straight moves"
+        )
+    if result.moves_with_other_extrusion:
+        raise GeoerrError(
+            f"{result.moves_with_other_extrusion} moves extrude another length than before\n"
+            "hint: name the firmware, --firmware marlin, klipper or reprapfirmware: it decides how E is read"
+        )
+    if not result.max_error_um_after <= tolerance_mm * 1e3:
         raise GeoerrError(
             f"the corrected path is up to {result.max_error_um_after:.3f} µm off"
             f" (line {result.max_error_line_after}), {tolerance_mm * 1e3:g} µm were asked for"

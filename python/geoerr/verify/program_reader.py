@@ -120,6 +120,10 @@ class _Modes:
     has_saved_place: bool = False
     system: int = 1
 
+    def read_as(self) -> tuple[float, bool, int]:
+        """Give what says how words are read."""
+        return self.unit_mm, self.is_relative, self.system
+
 
 class ProgramReader:
     """Follows a program line by line.
@@ -158,6 +162,8 @@ class ProgramReader:
         self._n_tape_marks = 0
         self._is_numbered = False
         self._is_lost = False
+        # What held where a branch of a printer began.
+        self._branches: list[tuple[object, ...]] = []
 
     @property
     def extrusion(self) -> int:
@@ -190,7 +196,13 @@ class ProgramReader:
         plain = _PLAIN_MOVE.fullmatch(body)
         if plain is not None and not self._modes.transforms and not self._modes.is_inverse_time:
             return self._plain_move(plain)
-        statement = read_statement(body)
+        return self._take(read_statement(body, is_for_printer=self._firmware is not None))
+
+    def _take(self, statement: Statement) -> Move | None:
+        if self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1:
+            # These run the first code alone.
+            self._lose()
+            return None
         match statement.kind:
             case Kind.STILL:
                 pass
@@ -370,6 +382,10 @@ class ProgramReader:
 
     def _take_motion(self, code: float) -> bool:
         motion = _motion_of(code)
+        if code == 80.0 and self._firmware == "marlin":
+            # Prusa's Marlin measures the bed.
+            self._forget()
+            return True
         if motion is not None:
             self._modes.motion = None if motion == "none" else motion
             self._modes.is_rapid = code == 0.0
@@ -402,7 +418,8 @@ class ProgramReader:
             else:
                 self._settings(words)
         elif code == 28.0 and statement.is_readable:
-            self._home([letter in words for letter in _LETTERS])
+            # With O Marlin stays where it is if it is at home already.
+            self._home([letter in words for letter in _LETTERS], is_sure=b"O" not in words)
         elif code == 28.0:
             self._lose_zero()
         elif code not in _OWN_WORDS:
@@ -435,10 +452,11 @@ class ProgramReader:
             and not self._modes.is_relative
             and b"R" not in words
             and system is not None
-            and 0.0 <= system <= 9.0
+            # P0 is the system that holds, or one that is added to all of them.
+            and 1.0 <= system <= 9.0
         )
         if kind == 2.0 and is_plain and system is not None:
-            number = int(system) or self._modes.system
+            number = int(system)
             place = list(self._systems.get(number, _UNKNOWN))
             for axis, letter in enumerate(_LETTERS):
                 word = words.get(letter)
@@ -449,11 +467,11 @@ class ProgramReader:
         elif kind in (2.0, 20.0) or (has_axes and kind not in (1.0, 10.0, 11.0)):
             self._lose_zero()
 
-    def _home(self, named: list[bool]) -> None:
+    def _home(self, named: list[bool], *, is_sure: bool) -> None:
         place, shift = list(self._place), list(self._shift)
         for axis in range(3):
             if named[axis] or not any(named):
-                place[axis] = None if self._home_mm is None else self._home_mm[axis]
+                place[axis] = self._home_mm[axis] if is_sure and self._home_mm is not None else None
                 if self._firmware is not None:
                     shift[axis] = 0.0
         self._place = (place[0], place[1], place[2])
@@ -466,7 +484,18 @@ class ProgramReader:
             self._extruder.set_own(code == 83.0)
         elif code in (6.0, 48.0):
             self._forget()
-        elif code in (98.0, 99.0):
+        elif code in (98.0, 99.0, 198.0):
+            self._lose()
+        elif code in (622.0, 623.0):
+            self._branch(begins=code == 622.0)
+
+    def _branch(self, *, begins: bool) -> None:
+        """Begin or end lines that may not run: behind them words must be read as before."""
+        holds = (self._modes.read_as(), self._shift, self._extruder.axes_relative, self._extruder.own_relative)
+        self._forget()
+        if begins:
+            self._branches.append(holds)
+        elif not self._branches or self._branches.pop() != holds:
             self._lose()
 
     def _forget_named(self, words: dict[bytes, float | None]) -> None:

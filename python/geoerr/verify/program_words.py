@@ -21,14 +21,16 @@ _WORDS = re.compile(rb"(?:[ \t]*%b)*[ \t]*" % _WORD.pattern)
 _NAME = re.compile(rb"[A-Za-z_]{2}\w*|[A-Za-z]\d[\d.]*_\w*")
 _PLACEHOLDER = re.compile(rb"\{[a-z][a-z0-9_]*\}")
 
-# M codes whose line is text, not words.
-_TEXT_CODES = frozenset(
-    (0, 1, 16, *range(20, 34), 36, 37, 38, 39, 117, 118, 486, 550, 551, 552, 553, 586, 587, 588, 589, 862, 928, 929)
-)
+# M codes whose line is text, not words; and those that have text on printers, and moves on machine tools.
+_TEXT_CODES = frozenset((117, 118, 486, 550, 551, 552, 553, 586, 587, 588, 589, 862, 928, 929, 1002))
+_TEXT_OF_PRINTERS = frozenset((0, 1, 16, *range(20, 34), 36, 37, 38, 39))
+# M codes below this stand before moves on machine tools, but for those by which printers set motors and parking.
+_FIRST_OF_PRINTERS = 100
+_SETTINGS_OF_PRINTERS = frozenset((17, 18, 25, 48, 84, 92))
 # M codes that may share their line with a move (machining programs).
 _MACHINING_CODES = frozenset(range(2, 10))
 # M codes and names that decide which line comes next.
-_BRANCHING_CODES = frozenset((97, 98, 99, 808))
+_BRANCHING_CODES = frozenset((97, 98, 99, 198, 808))
 _BRANCHING_NAMES = re.compile(rb"if|elif|else|while|break|continue|abort|goto\d*|then|do\d+|end\d+", re.IGNORECASE)
 # `O1234 (PART)`: the number of a program, or where a subprogram begins.
 _PROGRAM_NUMBER = re.compile(rb"[oO]\s*\d+\s*(?:[(;].*)?$")
@@ -95,8 +97,8 @@ _TAPE = Statement(Kind.TAPE)
 _NUMBER = Statement(Kind.NUMBER)
 
 
-def read_statement(body: bytes) -> Statement:
-    """Take a line (without its end) apart."""
+def read_statement(body: bytes, *, is_for_printer: bool = False) -> Statement:
+    """Take a line (without its end) apart, as a printer's firmware reads it or as any controller may."""
     body = body.removeprefix(_BYTE_ORDER_MARK)
     begin = _BEGIN.match(body)
     is_skipped = begin is not None and begin.group(1) == b"/"
@@ -110,7 +112,7 @@ def read_statement(body: bytes) -> Statement:
         return _named(name.group())
     if rest[:1] in b"oO":
         return _NUMBER if _PROGRAM_NUMBER.match(rest) else _BRANCH
-    return _worded(rest, is_skipped)
+    return _worded(rest, is_skipped, is_for_printer=is_for_printer)
 
 
 def _named(name: bytes) -> Statement:
@@ -119,13 +121,13 @@ def _named(name: bytes) -> Statement:
     return _STILL if _STILL_NAMES.fullmatch(name) else _ANYWHERE
 
 
-def _worded(rest: bytes, is_skipped: bool) -> Statement:
+def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement:
     if rest[:1] in b"mM":
         first = _WORD.match(rest)
         code = int(float(first.group(2))) if first is not None and first.group(2) else -1
         if code in _BRANCHING_CODES:
             return _BRANCH
-        if code in _TEXT_CODES:
+        if code in _TEXT_CODES or (is_for_printer and code in _TEXT_OF_PRINTERS):
             return _STILL
     text, has_checksum = rest, False
     if b";" in rest or b"(" in rest or b"*" in rest:
@@ -142,11 +144,20 @@ def _worded(rest: bytes, is_skipped: bool) -> Statement:
         statement = replace(statement, has_placeholder=filled != text, has_checksum=has_checksum)
     if not pairs:
         return _STILL if statement.is_readable else _ANYWHERE
+    if statement.kind is Kind.M_CODE and not is_for_printer and _may_move(statement):
+        return _ANYWHERE
     has_axes = bool({b"X", b"Y", b"Z"} & (statement.words or {}).keys())
     if statement.kind is Kind.WORDS and is_skipped and (statement.codes or has_axes):
         # Whether it runs is decided at the machine; a mode that may not hold spoils everything behind it.
         return _ANYWHERE if all(code in (0.0, 1.0) for code in statement.codes) else _BRANCH
     return statement
+
+
+def _may_move(statement: Statement) -> bool:
+    """Tell whether an M code may stand before a move: it has places, and machine tools have codes of its number."""
+    code, words = statement.m_codes[0], statement.words or {}
+    has_places = any(words.get(letter) is not None for letter in (b"X", b"Y", b"Z"))
+    return has_places and code < _FIRST_OF_PRINTERS and code not in _SETTINGS_OF_PRINTERS
 
 
 def _sorted(pairs: list[tuple[bytes, bytes]], *, is_readable: bool) -> Statement:

@@ -165,7 +165,7 @@ impl BlockReader {
                         Step::Correct => {
                             work += 1 + self.crossings(map);
                             let reader = &self.reader;
-                            let comments_in_parentheses = reader.has_parenthesis && !reader.has_semicolon;
+                            let comments_in_parentheses = reader.comments_in_parentheses();
                             ItemStep::Correct { comments_in_parentheses }
                         }
                     };

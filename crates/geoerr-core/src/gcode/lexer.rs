@@ -104,6 +104,8 @@ pub struct Line {
     pub has_semicolon: bool,
     /// Whether it has a comment in parentheses.
     pub has_parenthesis: bool,
+    /// Whether it begins with an M code behind which printers read text, and machine tools words.
+    pub is_text_on_printers: bool,
 }
 
 impl Line {
@@ -127,6 +129,12 @@ impl Line {
             return;
         }
         self.words(body, at);
+    }
+
+    /// Leaves what stands behind the first word unread.
+    pub fn keep_first(&mut self) {
+        self.words.truncate(1);
+        (self.has_checksum, self.has_parameter, self.unreadable) = (false, false, None);
     }
 
     fn words(&mut self, body: &[u8], mut at: usize) {
@@ -218,8 +226,12 @@ impl Line {
         }
         self.head = Head::Words;
         self.words.push(Word { letter, value, span: Span::new(start, end) });
-        if is_first && letter == b'M' && self.words[0].code10().is_some_and(takes_text) {
-            return None;
+        if is_first && letter == b'M' {
+            let code10 = self.words[0].code10();
+            self.is_text_on_printers = code10.is_some_and(takes_text_on_printers);
+            if code10.is_some_and(takes_text) {
+                return None;
+            }
         }
         Some(end)
     }
@@ -284,8 +296,14 @@ fn name(body: &[u8], start: usize) -> Span {
 fn takes_text(code10: u32) -> bool {
     matches!(
         code10 / 10,
-        0 | 1 | 16 | 20..=33 | 36..=39 | 98 | 99 | 117 | 118 | 486 | 550..=553 | 586..=589 | 808 | 862 | 928 | 929
+        98 | 99 | 117 | 118 | 486 | 550..=553 | 586..=589 | 808 | 862 | 928 | 929 | 1002
     )
+}
+
+/// M codes (times ten) whose line is text for printers alone: `M0` with a message, `M23` with a file. Machine tools have
+/// words behind them: a move on the line of an optional stop, a rigid tapping cycle behind `M29`.
+fn takes_text_on_printers(code10: u32) -> bool {
+    matches!(code10 / 10, 0 | 1 | 16 | 20..=33 | 36..=39)
 }
 
 /// A bare lower-case name, as slicers' templates have. What RepRapFirmware computes has a point, a bracket or an
@@ -359,6 +377,13 @@ mod tests {
     #[test]
     fn text_of_messages_is_not_read() {
         assert_eq!(shown("M117 G1 X10"), "M=117");
+        assert_eq!(shown("M1002 judge_flag timelapse_record_flag"), "M=1002");
+        // Whether it is one, the firmware says.
+        assert_eq!(shown("M29 S800 G84 X10."), "M=29 S=800 G=84 X=10");
+        let mut line = lexed("M0 X (");
+        assert!(line.is_text_on_printers && line.unreadable.is_some() && !lexed("M3").is_text_on_printers);
+        line.keep_first();
+        assert!(line.words.len() == 1 && line.unreadable.is_none());
         assert_eq!(shown("M862.3 P \"MINI\" G1 X1"), "M=862.3");
         assert_eq!(shown("M3 S1000 G0 X5"), "M=3 S=1000 G=0 X=5");
     }

@@ -150,6 +150,15 @@ pub enum Unsupported {
         "it takes up saved modes again (G90, M82, G20, G54, G92 ...), which are not those that hold here"
     )]
     RestoredState,
+    /// `M64 X5` where no firmware is named.
+    #[error("M{code} with axis words: printers have settings there, machine tools move")]
+    AxisWordsOfM {
+        /// Code.
+        code: u32,
+    },
+    /// `G91 G1 Z5` for Klipper or Marlin.
+    #[error("several codes on one line, of which the firmware that was named runs the first alone")]
+    SeveralCodes,
     /// A G code with axis words that geoerr does not know.
     #[error("geoerr does not know {}", code(.code10))]
     UnknownCode {
@@ -209,7 +218,12 @@ impl Unsupported {
                 "take it out, or use --on-unsupported pass if it does not move the axes"
             }
             Self::NoMotionCode => "write G0 or G1 on the line",
-            Self::TwoMotionCodes | Self::TwoOwners => "write the codes on lines of their own",
+            Self::AxisWordsOfM { .. } => {
+                "write the move on a line of its own, or name the firmware of the printer: --firmware marlin, klipper or reprapfirmware"
+            }
+            Self::TwoMotionCodes | Self::TwoOwners | Self::SeveralCodes => {
+                "write the codes on lines of their own"
+            }
             Self::BlockSkip => "take the / away, or the line",
             Self::Checksum => {
                 "strip line numbers and checksums; the host adds them when it sends the program"
@@ -249,6 +263,7 @@ impl Unsupported {
             | Self::NoMotionCode
             | Self::TwoMotionCodes
             | Self::BlockSkip
+            | Self::AxisWordsOfM { .. }
             | Self::UnknownCode { .. } => After::Somewhere,
             Self::ToolPoint { .. }
             | Self::OtherToolLength { .. }
@@ -256,7 +271,7 @@ impl Unsupported {
             | Self::BareShift
             | Self::TwoOwners
             | Self::HomingAfterShift => After::ZeroLost,
-            Self::FlowControl | Self::RestoredState => After::EverythingLost,
+            Self::FlowControl | Self::RestoredState | Self::SeveralCodes => After::EverythingLost,
         }
     }
 }

@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 57] = [
+    let cases: [(&str, Unsupported); 64] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -42,6 +42,14 @@ fn every_unsupported_line_has_its_reason() {
         ("G92.1", Unsupported::ZeroShift { code10: 921 }),
         ("G10 L20 P1 X0", Unsupported::ZeroShift { code10: 100 }),
         ("G10 P0 X5", Unsupported::ZeroShift { code10: 100 }),
+        // The system that holds, or one that is added to all.
+        ("G10 L2 P0 X0", Unsupported::ZeroShift { code10: 100 }),
+        ("M29 S800 G84 X10 Z2 R5", Unsupported::CannedCycle { code10: 840 }),
+        ("M64 P1 Z5", Unsupported::AxisWordsOfM { code: 64 }),
+        ("M01 X[#1]", Unsupported::AxisWordsOfM { code: 1 }),
+        ("M198 P100", Unsupported::FlowControl),
+        ("M623", Unsupported::FlowControl),
+        ("M622 J1\nG91\nM623", Unsupported::FlowControl),
         ("G10 L2 P1 R45", Unsupported::ZeroShift { code10: 100 }),
         ("G91\nG10 L2 P1 X1", Unsupported::ZeroShift { code10: 100 }),
         ("G92 X", Unsupported::ZeroShift { code10: 920 }),

@@ -154,3 +154,50 @@ fn other_tools_and_zero_shifts_are_pointed_out() {
     let outcome = run(scaled(), options(), "T0\nT1\nSET_GCODE_OFFSET Z=0.05\nM206 X1\n").unwrap();
     assert_eq!(outcome.warning_names(), ["other-tool", "zero-moves"]);
 }
+
+#[test]
+fn a_move_stands_behind_the_code_of_a_stop_where_no_printer_reads_text_there() {
+    let program = "G1 X0 Y0 Z0\nM01 G00 X100.1\n";
+    assert_eq!(rewritten(scaled(), options(), program)[1], "M01 G00 X100.0000 Y0.0000 Z0.0000");
+    let printer = Options { firmware: Some(Firmware::RepRapFirmware), ..options() };
+    assert_eq!(rewritten(scaled(), printer, program)[1], "M01 G00 X100.1");
+    let text = "G1 X100.1 Y0 Z0\nM0 Click (to\nM23 GEAR2.GCO\nM92 X80 Y80\nM84 X Y\nG1 Y99.8\n";
+    assert_eq!(rewritten(scaled(), options(), text)[5], "G1 Y100.0000");
+}
+
+#[test]
+fn behind_a_branch_of_a_printer_nothing_is_known() {
+    let program = "M83\nG1 X100.1 Y0 Z0\nM622 J1\nG1 X0\nM623\nG1 Y99.8\nG1 X100.1 Z0 E1\n";
+    let outcome = run(scaled(), options(), program).unwrap();
+    let lines = outcome.lines();
+    assert_eq!(lines[5], "G1 Y99.8");
+    assert_eq!(lines[6], "G1 X100.0000 Z0 Y100.0000 E1", "all three are known again");
+    // Another code, which sets what a branch does by default.
+    assert!(run(scaled(), options(), "M622.1 S1\nG1 X100.1 Y0 Z0\n").unwrap().warnings.is_empty());
+}
+
+#[test]
+fn some_firmwares_run_the_first_code_of_a_line_alone() {
+    let program = "G1 X100.1 Y0 Z0\nG91 G1 Z5\n";
+    for firmware in [Firmware::Klipper, Firmware::Marlin] {
+        let named = Options { firmware: Some(firmware), ..options() };
+        let refused = run(scaled(), named.clone(), program).unwrap_err().to_string();
+        assert!(refused.contains("several codes"), "{refused}");
+        run(scaled(), named, "G1 X100.1 Y0 Z0\nM204 S500\nG4 P5\n").unwrap();
+    }
+    let named = Options { firmware: Some(Firmware::RepRapFirmware), ..options() };
+    run(scaled(), named, program).unwrap();
+}
+
+#[test]
+fn what_measures_the_bed_or_may_not_home_leaves_the_place_unknown() {
+    let home = Options { home_mm: Some([0.0; 3]), firmware: Some(Firmware::Marlin), ..options() };
+    let behind = |line: &str, options: Options| {
+        rewritten(scaled(), options, &format!("G28\n{line}\nG1 X100.1\n"))[2].clone()
+    };
+    assert_eq!(behind("G28", home.clone()), "G1 X100.0000 Y0.0000 Z0.0000");
+    assert_eq!(behind("G28 O", home.clone()), "G1 X100.1");
+    assert_eq!(behind("G80", home.clone()), "G1 X100.1", "Prusa's mesh levelling");
+    let mill = Options { firmware: None, ..home };
+    assert_eq!(behind("G80\nG1 F5", mill)[..], "G1 F5"[..]);
+}

@@ -8,9 +8,9 @@ mod saved;
 use super::codes::{Code, Macro};
 use super::course::{Course, Past};
 use super::error::GcodeError;
-use super::extrusion::{Extrusion, Share};
+use super::extrusion::{Extrusion, Firmware, Share};
 use super::frame::{ALL, Effects, Frame, Known, Mask, Motion, Place, Shift, either};
-use super::lexer::{Head, Line, Span};
+use super::lexer::{Head, Line, Span, Word};
 use super::options::{OnUnsupported, Options, unit_mm};
 use super::plain::PlainMove;
 use super::report::{Summary, WarningKind, Warnings, excerpt};
@@ -108,9 +108,9 @@ pub struct Reader {
     is_numbered: bool,
     is_lost: bool,
     /// Whether a comment with `;` was met.
-    pub has_semicolon: bool,
+    has_semicolon: bool,
     /// Whether a comment in parentheses was met.
-    pub has_parenthesis: bool,
+    has_parenthesis: bool,
     /// What the user should know.
     pub warnings: Warnings,
     /// Counts.
@@ -188,6 +188,11 @@ impl Reader {
         }
     }
 
+    /// How the program comments: as its own comments are, or as tapes have them.
+    pub fn comments_in_parentheses(&self) -> bool {
+        !self.has_semicolon && (self.has_parenthesis || self.n_percent > 0 || self.is_numbered)
+    }
+
     /// Reads the next line, without its end.
     ///
     /// # Errors
@@ -201,6 +206,9 @@ impl Reader {
         }
         let mut line = std::mem::take(&mut self.line);
         line.lex(body);
+        if line.is_text_on_printers && self.options.firmware.is_some() {
+            line.keep_first();
+        }
         self.has_semicolon |= line.has_semicolon;
         self.has_parenthesis |= line.has_parenthesis;
         let words = Words::of(&line);
@@ -349,12 +357,21 @@ impl Reader {
     }
 
     fn words_line(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
-        let has_code = line.words.iter().any(|word| word.letter == b'G');
         let Some(first) = line.words.first() else {
             return Ok(Step::pass(self.may_move(body)));
         };
+        // Text behind M0 or M23 has letters, and seldom numbers.
+        let is_code =
+            |word: &&Word| word.letter == b'G' && (!line.is_text_on_printers || word.number().is_some());
+        let has_code = line.words.iter().any(|word| is_code(&word));
+        if self.runs_first_alone() {
+            let n_codes = line.words.iter().filter(|word| matches!(word.letter, b'G' | b'M')).count();
+            if n_codes > 1 {
+                return Err(Unsupported::SeveralCodes);
+            }
+        }
         if first.letter == b'M' && !has_code && !first.code10().is_some_and(is_machining_code) {
-            return self.owned_by_m(first.code10(), body);
+            return self.owned_by_m(first.code10(), words, body);
         }
         if line.has_parameter {
             return Err(Unsupported::Expression);
@@ -405,6 +422,11 @@ impl Reader {
             None if moves => Ok(self.motion(line, words, body)),
             None => Ok(Step::pass(Effects { forget: self.asked.forget, ..Effects::default() })),
         }
+    }
+
+    /// Whether the firmware is one that runs the first code of a line, and takes what follows for its parameters.
+    fn runs_first_alone(&self) -> bool {
+        matches!(self.options.firmware, Some(Firmware::Klipper | Firmware::Marlin))
     }
 
     /// Refuses an unsupported line, or says what is known after it has passed through.

@@ -2,6 +2,7 @@
 
 use super::Reader;
 use crate::gcode::codes::Code;
+use crate::gcode::extrusion::Firmware;
 use crate::gcode::frame::{ALL, all_known};
 use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::{After, Unsupported};
@@ -14,6 +15,8 @@ impl Reader {
         let code = match Code::of(code10) {
             // Fanuc's G50 with axis words sets the zero.
             Code::TransformOff if words.has_axes() && code10 == 500 => Code::Unknown,
+            // Of Prusa's Marlin it measures the bed.
+            Code::NoMotion if self.options.firmware == Some(Firmware::Marlin) => Code::MovesItself,
             code => code,
         };
         match code {
@@ -126,7 +129,7 @@ impl Reader {
             Some(60) => self.asked.forget = ALL,
             Some(820) => self.extrusion.set_extruder_relative(false),
             Some(830) => self.extrusion.set_extruder_relative(true),
-            Some(970 | 980 | 990) => self.asked.refuse(Unsupported::FlowControl),
+            Some(970 | 980 | 990 | 1980) => self.asked.refuse(Unsupported::FlowControl),
             Some(code10 @ (700 | 720 | 1200 | 1210)) => {
                 if let Err(what) = self.saved_by_m(code10 / 10) {
                     self.asked.refuse(what);

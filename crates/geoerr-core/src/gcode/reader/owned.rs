@@ -3,7 +3,7 @@
 use super::Reader;
 use crate::gcode::codes::Code;
 use crate::gcode::frame::{ALL, Effects, Place, Shift, either};
-use crate::gcode::lexer::Line;
+use crate::gcode::lexer::{Line, Value};
 use crate::gcode::options::unit_mm;
 use crate::gcode::reader::Step;
 use crate::gcode::report::WarningKind;
@@ -12,13 +12,32 @@ use crate::gcode::words::Words;
 
 impl Reader {
     /// A line that belongs to the M code that it begins with.
-    pub(super) fn owned_by_m(&mut self, code10: Option<u32>, body: &[u8]) -> Result<Step, Unsupported> {
+    pub(super) fn owned_by_m(
+        &mut self,
+        code10: Option<u32>,
+        words: &Words,
+        body: &[u8],
+    ) -> Result<Step, Unsupported> {
         let mut effects = Effects::default();
-        match code10.map(|code10| code10 / 10) {
+        let code = code10.map(|code10| code10 / 10);
+        let has_places = words.axes.iter().flatten().any(|word| word.value != Value::Missing);
+        if let Some(code) = code
+            && has_places
+            && self.options.firmware.is_none()
+            && may_be_of_a_machine_tool(code)
+        {
+            return Err(Unsupported::AxisWordsOfM { code });
+        }
+        match code {
             Some(82) => self.extrusion.set_extruder_relative(false),
             Some(83) => self.extrusion.set_extruder_relative(true),
-            Some(97 | 98 | 99 | 808) => return Err(Unsupported::FlowControl),
+            Some(97 | 98 | 99 | 198 | 808) => return Err(Unsupported::FlowControl),
             Some(code @ (70 | 72 | 120 | 121)) => self.saved_by_m(code)?,
+            // A branch of a printer: whether its lines run is decided there.
+            Some(code @ (622 | 623)) if code10 == Some(10 * code) => {
+                self.branched_by_m(code)?;
+                effects = self.may_move(body);
+            }
             Some(206 | 290 | 428) => self.warn(WarningKind::ZeroMoves, body),
             Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
             // Marlin's repeatability test of the probe.
@@ -40,7 +59,7 @@ impl Reader {
         let mut effects = Effects::default();
         match code {
             Code::MovesItself => {
-                if (290..300).contains(&code10) {
+                if (290..300).contains(&code10) || code10 == 800 {
                     self.firmware_corrects(body);
                 } else {
                     self.warn(WarningKind::MayMove, body);
@@ -77,7 +96,7 @@ impl Reader {
                 }
                 let Ok(offset_mm) = words.axes_mm(unit_mm(self.modes.is_inch)) else { return refuse };
                 let system = match words.p.map(|word| word.code10()) {
-                    Some(Some(0)) => self.modes.system,
+                    // The system that holds for one controller, for another what is added to all of them: P0 is refused.
                     Some(Some(p @ (10 | 20 | 30 | 40 | 50 | 60))) => p as usize / 10 - 1,
                     // G59.1 to G59.3, whose selection is refused.
                     Some(Some(70 | 80 | 90)) => return Ok(()),
@@ -108,7 +127,8 @@ impl Reader {
             effects.shift = Shift::Clear(mask);
             self.modes.shifted = std::array::from_fn(|axis| self.modes.shifted[axis] && !mask[axis]);
         }
-        match self.options.home_mm {
+        // Marlin's `O`: only where it is not at home already.
+        match self.options.home_mm.filter(|_| words.odd != Some(b'O')) {
             Some(home_mm) => effects.place = Place::Home(mask, home_mm),
             None => effects.forget = mask,
         }
@@ -131,4 +151,10 @@ impl Reader {
         }
         Ok(())
     }
+}
+
+/// Whether an M code may stand before a move of a machine tool: those of printers that take axis words have other numbers,
+/// but for these.
+fn may_be_of_a_machine_tool(code: u32) -> bool {
+    code < 100 && !matches!(code, 17 | 18 | 25 | 48 | 84 | 92)
 }

@@ -25,6 +25,8 @@ pub(super) struct Saved {
     modal: Option<State>,
     /// `M120`, for `M121` (RepRapFirmware).
     pushed: Vec<State>,
+    /// `M622`, for `M623` (Bambu).
+    branched: Vec<State>,
     /// `SAVE_GCODE_STATE`, for `RESTORE_GCODE_STATE` (Klipper), by name.
     named: HashMap<Vec<u8>, State>,
 }
@@ -73,6 +75,22 @@ impl Reader {
             _ => self.saved.pushed.pop(),
         };
         if kept.is_none_or(|kept| self.reads_as(&kept)) { Ok(()) } else { Err(Unsupported::RestoredState) }
+    }
+
+    /// `M622` and `M623`, between which lines run or do not: behind them what was read is read as before, or nothing is
+    /// known.
+    pub(super) fn branched_by_m(&mut self, code: u32) -> Result<(), Unsupported> {
+        if code == 622 {
+            let state = self.state();
+            self.saved.branched.push(state);
+            return Ok(());
+        }
+        let kept = self.saved.branched.pop().ok_or(Unsupported::FlowControl)?;
+        if !self.reads_as(&kept) || self.frame.shift_mm != kept.shift_mm {
+            return Err(Unsupported::FlowControl);
+        }
+        self.extrusion.lose_position();
+        Ok(())
     }
 
     pub(super) fn save_named(&mut self, body: &[u8]) {
