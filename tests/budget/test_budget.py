@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from budget_scenes import fit_of_nine_lines
+from fit_scenes import CUBICS
 from fitted_models import backlash, expansion
 from fitted_models import fitted as drawn_model
 from scipy import stats
@@ -28,7 +29,7 @@ from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit import FitOptions, FitResult, fit_terms, result_of
 from geoerr.model import Model
-from geoerr.observations import observations_from_columns
+from geoerr.observations import Observations, observations_from_columns
 from geoerr.vision.rig import Rig
 
 PLACES = {"a": (400.0, 400.0, 400.0), "b": (200.0, 100.0, 300.0), "c": (400.0, 0.0, 100.0)}
@@ -198,6 +199,35 @@ def test_what_is_not_determined_is_no_number() -> None:
     assert found.to_document()["places"][0]["prediction"]["std_length_um"] is None
     with pytest.raises(NotDeterminedError, match="at no place"):
         found.worst()
+
+
+@pytest.mark.parametrize("moved", ["XY", "XYZ"])
+def test_the_worst_place_is_one_that_is_known(moved: str) -> None:
+    """A plane was measured: the worst place is in it, and not the first point, where the error is 0 by convention."""
+    laser = plane_at_100_mm(np.random.default_rng(5))
+    bases = {name: basis for name, basis in CUBICS.items() if name[2] in moved}
+    fit = result_of(fit_terms(machine_of("wbXYZt"), [laser], options=FitOptions(bases=bases)))
+    assert fit.model.record is not None
+    assert fit.model.record.stood_mm == {"z": 100.0}
+    budget = uncertainty_budget(fit)
+    is_in_plane = budget.q_mm[:, 2] == 100.0
+    assert is_in_plane.sum() == 1
+    assert np.array_equal(is_in_plane, budget.is_determined.all(axis=1))
+    place, std_um = budget.worst()
+    assert place[2] == 100.0
+    assert std_um > 0.1
+
+
+def plane_at_100_mm(rng: np.random.Generator) -> Observations:
+    """Three targets in the plane of X and Y, 1 µm."""
+    grid = np.array([(x, y, 100.0) for x in np.linspace(0.0, 400.0, 4) for y in np.linspace(0.0, 400.0, 4)])
+    targets = np.array([(0.0, 0.0, -80.0), (60.0, 0.0, -80.0), (0.0, 60.0, -40.0)])
+    q, offset = np.repeat(grid, len(targets), axis=0), np.tile(targets, (len(grid), 1))
+    measured = q + offset + rng.normal(0.0, 1e-3, q.shape)
+    columns: dict[str, object] = {"line": [f"y{y:g}" for y in q[:, 1]], "carrier": ["relative"] * len(q)}
+    for heads, numbers in ((("x", "y", "z"), q), (("tx", "ty", "tz"), offset), (("mx", "my", "mz"), measured)):
+        columns |= dict(zip(heads, numbers.T, strict=True))
+    return observations_from_columns(columns | {name: np.full(len(q), 1e-3) for name in ("sx", "sy", "sz")})
 
 
 def test_a_component_that_is_not_determined_hides_no_other() -> None:

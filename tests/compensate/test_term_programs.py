@@ -18,7 +18,7 @@ from geoerr.cli.main import app
 from geoerr.cli.program_options import conditions
 from geoerr.compensate.program import CompensationOptions, compensate_bytes, compensate_program
 from geoerr.effects import load_effects
-from geoerr.error_functions import ErrorFunction, ErrorFunctions, Squareness
+from geoerr.error_functions import ErrorFunction, ErrorFunctions, NotDetermined, Squareness
 from geoerr.errors import GeoerrError
 from geoerr.model import FitRecord, Model, write_model
 from geoerr.terms import Term
@@ -334,6 +334,19 @@ def test_a_correction_is_shown_beside_its_uncertainty():
     assert not sure.notes
     with pytest.raises(GeoerrError, match="the data had temp_bed 20 to 80"):
         compensate_bytes(with_record(model, 1e-4), program)
+
+
+def test_a_correction_that_is_determined_nowhere_has_no_uncertainty():
+    """The machine was measured at z = 0 only, and the program runs 5 mm above."""
+    model = Model(machine("wbXYZt"), None, (term(machine("wbXYZt"), "thermal-drift:z@temp_bed", k=1e-3),))
+    open_above = tuple(NotDetermined(f"E{error}Z", "the z axis never moved") for error in "XYZ")
+    record = FitRecord(1e-8 * np.eye(1), np.zeros((1, 0)), open_above, stood_mm={"z": 0.0})
+    _, result = compensate_bytes(
+        dataclasses.replace(model, record=record), b"G1 X10 Y10 Z5\nG1 X20\n", at={"temp_bed": 70.0}
+    )
+    assert result.correction_rms_um == pytest.approx(50.0)
+    assert result.correction_std_um is None
+    assert "not determine the correction in 100%" in result.notes[0]
 
 
 def test_a_harmful_correction_is_told_by_what_is_determined_of_it():

@@ -7,11 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 from fitted_models import all_terms, classic_terms, drawn_record, expansion, fitted, spline, values_of
+from fitted_models import squareness as squareness_term
 from model_machines import CHAINS, machine
 
 from geoerr.error_functions import ALL_NAMES, LI_SQUARENESS, NotDetermined, is_angular, read_errors, write_errors
 from geoerr.errors import ShapeError
 from geoerr.model import FitRecord, Model
+from geoerr.model.document import document_of, model_from_document
 from geoerr.model.gauge import least_squares_slope
 from geoerr.report.error_tables import error_function_table
 from geoerr.terms import Term
@@ -135,6 +137,42 @@ class TestDetermined:
         assert model.is_determined_at(q, [0.0, 30.0, 0.0]).all(axis=1).tolist() == [False, False]
         # The turn about z moves nothing along z.
         assert model.is_determined_at(q, [0.0, 30.0, 0.0])[:, 2].all()
+
+    def test_an_axis_that_stood_is_unknown_elsewhere(self) -> None:
+        plane = self.on_a_plane("EXZ", "EYZ", "EZZ", "EAZ", "EBZ", "ECZ")
+        q = np.array([[0.0, 0.0, 100.0], [300.0, 200.0, 100.0], [0.0, 0.0, 300.0], [300.0, 200.0, 0.0]])
+        assert plane.is_determined_at(q).all(axis=1).tolist() == [True, True, False, False]
+        covariance = plane.prediction_covariance_mm2(q)
+        assert np.isfinite(covariance[:2]).all()
+        assert np.isnan(covariance[2:]).all()
+
+    def test_absent_functions_leave_open_what_they_move(self) -> None:
+        q = [[300.0, 200.0, 300.0]]
+        assert self.on_a_plane("EXZ").is_determined_at(q).tolist() == [[False, True, True]]
+        # A turn about z without an arm along z moves no z, and one about x no x.
+        assert self.on_a_plane("EAZ").is_determined_at(q, [0.0, 30.0, -80.0]).tolist() == [[True, False, False]]
+        assert self.on_a_plane().is_determined_at(q).all()
+
+    def test_a_squareness_with_an_axis_that_stood_shifts_the_plane(self) -> None:
+        """It is the set-up where the axis stood; on the way from there it is open."""
+        plane = self.on_a_plane("EZZ", free="S_xz.S")
+        q = [[300.0, 200.0, 100.0], [300.0, 200.0, 300.0]]
+        assert plane.is_determined_at(q).tolist() == [[True, True, True], [False, True, False]]
+
+    def on_a_plane(self, *absent: str, free: str | None = None) -> Model:
+        """Measured at z = 100 mm, without these functions of z."""
+        terms = (spline("EXX", np.zeros(6)), spline("EYY", np.zeros(6)), squareness_term("S_xz", 0.0))
+        of = machine("wbXYZt")
+        names = Model(of, None, terms).parameter_names
+        null_space = np.array([[float(name == free)] for name in names])
+        record = FitRecord(
+            np.eye(len(names)) * 1e-6,
+            null_space[:, null_space.any(axis=0)],
+            tuple(NotDetermined(name, "the z axis never moved") for name in absent),
+            range_mm={"x": (0.0, 400.0), "y": (0.0, 400.0)},
+            stood_mm={"z": 100.0},
+        )
+        return model_from_document(document_of(Model(of, None, terms, record)), "model.json")
 
     def test_nothing_free_is_all_determined(self) -> None:
         assert fitted().is_determined_at(points(), at=AT).all()

@@ -27,6 +27,7 @@ from geoerr.budget.sources import (
 from geoerr.drawing import drawn
 from geoerr.errors import NotDeterminedError, ShapeError
 from geoerr.fit import FitResult, Fitted
+from geoerr.machine import AXES
 from geoerr.model import GROUPS, Model
 from geoerr.model.arrays import Numbers, points
 from geoerr.model.conditions import Conditions
@@ -44,6 +45,7 @@ _UM_PER_MM = 1e3
 _SEARCHED = 9
 # A variance below that of a picometre is rounding: at the first point of the range the error is 0 by convention.
 _NOTHING_MM2 = 1e-18
+_NOTHING_UM = 1e-6
 _ALWAYS_SILENT = (
     "where the work is clamped: the error counts from the first point of the range, up to the work's rigid set-up",
     "what stayed the same in all the data: air, lenses beyond their model, targets that are not flat, wear",
@@ -195,14 +197,20 @@ class Budget:
     def worst(self, of: Quantity = "prediction") -> tuple[Numbers, float]:
         """Give the place (3,) of a grid over the volume with the largest standard uncertainty (length), and it in µm.
 
+        An axis that never moved in the data stays where it stood: elsewhere nothing is known of it.
+
         Raises
         ------
         NotDeterminedError
-            where the error is determined nowhere.
+            where the error is determined nowhere, or at the first point only, where it is 0 by convention.
         """
-        places = grid_of(*grid_axes_mm(self.model, _SEARCHED))
+        axes = zip(AXES, grid_axes_mm(self.model, _SEARCHED), strict=True)
+        stood = self.model.stood_mm
+        x_mm, y_mm, z_mm = (np.array([stood[axis]]) if axis in stood else along for axis, along in axes)
+        places = grid_of(x_mm, y_mm, z_mm)
         std_um = self.at_places(places).standard_length_um(of)
-        if not np.isfinite(std_um).any():
+        is_known = np.isfinite(std_um)
+        if not (is_known & ((std_um > _NOTHING_UM) | is_known.all())).any():
             raise NotDeterminedError("the data determine the error at no place of the volume")
         number = int(np.nanargmax(std_um))
         return places[number], float(std_um[number])

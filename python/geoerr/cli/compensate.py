@@ -134,8 +134,10 @@ def _report(result: CompensationResult) -> str:
         + (f", line {result.largest_correction_line}" if result.largest_correction_line else ""),
     ]
     if result.correction_rms_um is not None:
-        std = f"{result.correction_std_um:.1f}"
-        lines.append(f"typically {result.correction_rms_um:.1f} ± {std} µm over the box of the program's moves")
+        std = result.correction_std_um
+        size = f"typically {result.correction_rms_um:.1f}" + ("" if std is None else f" ± {std:.1f}")
+        unknown = "; not determined there" if std is None else ""
+        lines.append(f"{size} µm over the box of the program's moves{unknown}")
     untouched = {
         "moves before the position is known": result.untouched_position_unknown,
         "lines that are not corrected": result.untouched_unsupported,

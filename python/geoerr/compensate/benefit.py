@@ -23,7 +23,8 @@ class Benefit:
     rms_um
         Root mean square of the correction's length.
     determined_rms_um, std_um
-        The same of what is determined of it, and of its standard uncertainty: each component's own mean.
+        The same of what is determined of it, and of its standard uncertainty: each component's own mean. `std_um` is
+        None where no component is determined anywhere.
     is_worth
         Whether the mean square of the correction, where it is determined, is above twice its variance: below, what it
         takes away is less than what it adds.
@@ -34,7 +35,7 @@ class Benefit:
 
     rms_um: float
     determined_rms_um: float
-    std_um: float
+    std_um: float | None
     is_worth: bool
     share_not_determined: float
 
@@ -42,7 +43,7 @@ class Benefit:
     def notes(self) -> tuple[str, ...]:
         """What the user should know, in sentences."""
         notes = []
-        if not self.is_worth:
+        if not self.is_worth and self.std_um is not None:
             where = " where the data determine it" if self.share_not_determined > 0.0 else ""
             notes.append(
                 f"in the box of this program the correction is typically {self.determined_rms_um:.3g} µm{where}, "
@@ -74,7 +75,7 @@ def benefit_of(model: Model, box_mm: Box, at: dict[str, float], threads: int = 0
     return Benefit(
         rms_um=1e3 * float(np.sqrt(np.mean(np.sum(error_mm**2, axis=1)))),
         determined_rms_um=1e3 * float(np.sqrt(mean_square)),
-        std_um=1e3 * float(np.sqrt(mean_variance)),
+        std_um=1e3 * float(np.sqrt(mean_variance)) if is_determined.any() else None,
         is_worth=mean_square >= 2.0 * mean_variance or not mean_square > 0.0,
         share_not_determined=float(np.mean(~is_determined.all(axis=1))),
     )

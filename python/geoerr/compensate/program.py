@@ -126,7 +126,7 @@ class CompensationResult:
         Net extruded length.
     correction_rms_um, correction_std_um
         Typical correction over the box of the program's moves, and its own standard uncertainty; None where the model
-        has no record of a fit.
+        has no record of a fit, the uncertainty also where the data determine no part of the correction.
     left_out
         Terms of the measuring rig, by id: they explain measurements, and the machine does not have them.
     uncertain_left_out

@@ -14,7 +14,7 @@ import polars as pl
 
 from geoerr.fit.fit import refit
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
 from geoerr.model.summary import model_html
@@ -103,6 +103,11 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         for axis, values in zip(AXES, sightings.commanded_mm.T, strict=True)
         if np.ptp(values) > 0.0
     }
+    stood = {
+        axis: float(np.median(values))
+        for axis, values in zip(AXES, sightings.commanded_mm.T, strict=True)
+        if np.ptp(values) <= SAME_POSITION_MM
+    }
     needed = {name for term in fitted.terms for name in term.variables if name not in RAW_VARIABLES}
     spans = {
         name: (float(np.nanmin(values)), float(np.nanmax(values)))
@@ -121,6 +126,7 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         noise=_numbers(_scatter(fitted) | _calibration(fitted)),
         figures=_numbers({name: value for name, value in figures_document(fitted).items() if _is_plain(value)}),
         history=tuple(history),
+        stood_mm=stood,
     )
     return FitResult(Model(fitted.machine, terms=fitted.terms, record=record), fitted)
 

@@ -55,6 +55,7 @@ def document_of(model: Model) -> dict[str, Any]:
                 "n_rows": record.n_rows,
                 "n_outliers": record.n_outliers,
                 "range_mm": {axis: list(span) for axis, span in record.range_mm.items()},
+                "stood_mm": dict(record.stood_mm),
                 "covariate_spans": {name: list(span) for name, span in record.covariate_spans.items()},
             },
             "noise": _numbers_of(record.noise),
@@ -140,6 +141,7 @@ def _record(document: dict[str, Any], n_parameters: int, path: str | Path) -> Fi
             noise=_figures(document.get("noise", {}), "noise", path),
             figures=_figures(document.get("figures", {}), "figures", path),
             history=tuple(history),
+            stood_mm=_figures(data.get("stood_mm", {}), "data.stood_mm", path),
         ),
     )
 

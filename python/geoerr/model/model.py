@@ -51,6 +51,10 @@ AnyMachine: TypeAlias = _core.MachineModel | _core.TermMachine
 # Products of parameters and columns cancel to about this part of their sizes where a direction has no effect: the
 # null space is known to the square root of the rounding, times the condition that still counts as determined.
 _NO_EFFECT = 1e-6
+# An axis this near to where it stood stands there: no error function differs over a micrometre.
+_SAME_POSITION_MM = 1e-3
+# A lever below this, or a part of a shift, is rounding.
+_NO_LEVER_MM = 1e-9
 # Rows whose derivatives by some hundred parameters are held at a time: a few megabytes.
 _BLOCK_ROWS = 1024
 # Rows that are predicted at a time: enough for many threads, some ten megabytes of numbers on channels.
@@ -166,9 +170,15 @@ class Model:
 
     @property
     def measured_box_mm(self) -> tuple[tuple[float, float], ...]:
-        """Give low and high end of each axis: of `measured_range_mm`, else of the axis."""
-        measured = self.measured_range_mm
-        return tuple(measured[axis] or self.machine.axes[axis].range_mm for axis in AXES)
+        """Give low and high end of each axis: where it stood, of `measured_range_mm`, else of the axis."""
+        measured, stood = self.measured_range_mm, self.stood_mm
+        still = {axis: (position, position) for axis, position in stood.items()}
+        return tuple(still.get(axis) or measured[axis] or self.machine.axes[axis].range_mm for axis in AXES)
+
+    @property
+    def stood_mm(self) -> Mapping[str, float]:
+        """Give where each axis stood that never moved in the data of the fit."""
+        return {} if self.record is None else self.record.stood_mm
 
     @property
     def measured_range_mm(self) -> dict[str, tuple[float, float] | None]:
@@ -462,7 +472,8 @@ class Model:
 
         It is determined where no direction of the null space moves the point along it. A direction that moves all
         points as one rigid body is the set-up of the work: where that stands no measurement of the machine tells, and
-        every part is set up anew. It does not count.
+        every part is set up anew. It does not count. Away from where an axis stood that never moved in the data,
+        nothing is determined that the errors of this axis move.
 
         Raises
         ------
@@ -490,18 +501,60 @@ class Model:
         # Rigid motions are told on a grid, under the least and the most of every condition: what moves all points one
         # way here and another way there, as play does, is no set-up.
         ends = [_end_of(at or {}, end) for end in (np.min, np.max)]
-        for own in np.unique(offset[open_rows], axis=0):
-            rows_of_offset = open_rows & (offset == own).all(axis=1)
-            still[rows_of_offset] |= ~self._bends(own, carrier, ends, null_space, threads)
-        return np.asarray(still.all(axis=2))
+        is_away = self._is_away(rows)
+        # A squareness with an axis that stood shifts the plane that was measured as a whole, and shears the volume.
+        for away, box_mm in ((False, self.measured_box_mm), (True, self._box_beyond_mm)):
+            asked = open_rows & (is_away == away)
+            for own in np.unique(offset[asked], axis=0):
+                rows_of_offset = asked & (offset == own).all(axis=1)
+                still[rows_of_offset] |= ~self._bends(box_mm, own, carrier, ends, null_space, threads)
+        result = np.asarray(still.all(axis=2))
+        result[is_away] &= ~self._moved_by_unknown(rows[is_away], offset[is_away], carrier, threads)
+        return result
+
+    @property
+    def _box_beyond_mm(self) -> tuple[tuple[float, float], ...]:
+        """The measured box, as wide as the machine along axes that stood."""
+        box_mm = zip(AXES, self.measured_box_mm, strict=True)
+        return tuple(self.machine.axes[axis].range_mm if axis in self.stood_mm else span for axis, span in box_mm)
+
+    def _is_away(self, rows: Numbers) -> npt.NDArray[np.bool_]:
+        """Tell which places (n,) have an axis away from where it stood in all the data."""
+        off = [np.abs(rows[:, AXES.index(axis)] - stood) > _SAME_POSITION_MM for axis, stood in self.stood_mm.items()]
+        return np.asarray(np.any([np.zeros(len(rows), dtype=np.bool_), *off], axis=0))
+
+    def _moved_by_unknown(
+        self, rows: Numbers, offset: Numbers, carrier: Carrier, threads: int
+    ) -> npt.NDArray[np.bool_]:
+        """Tell which components (n, 3) are moved by error functions of an axis that never moved, away from there.
+
+        The record names them: mostly they are no terms, and no direction of the null space has a part in them.
+        """
+        moved = np.zeros((len(rows), 3), dtype=np.bool_)
+        unknown = {item.name for item in self._checked_record().not_determined}
+        carriers = np.full(len(rows), _core.CARRIERS.index(carrier), dtype=np.uint8)
+        columns = _core.channel_columns(
+            self.machine.chain, carriers, contiguous(rows), contiguous(offset), self.machine.tool_offset_mm, threads
+        )
+        for axis, stood in self.stood_mm.items():
+            is_away = np.abs(rows[:, AXES.index(axis)] - stood) > _SAME_POSITION_MM
+            own = [n for n, name in enumerate(JOINT_CHANNELS) if name in unknown and name[2].lower() == axis]
+            moved |= is_away[:, None] & (np.abs(columns[:, own]) > _NO_LEVER_MM).any(axis=1)
+        return moved
 
     def _bends(
-        self, offset: Numbers, carrier: Carrier, ends: Sequence[Conditions], directions: Numbers, threads: int
+        self,
+        box_mm: Sequence[tuple[float, float]],
+        offset: Numbers,
+        carrier: Carrier,
+        ends: Sequence[Conditions],
+        directions: Numbers,
+        threads: int,
     ) -> npt.NDArray[np.bool_]:
-        """Tell which directions (m, k) of the parameters move the measured range, at all ends, other than rigidly."""
+        """Tell which directions (m, k) of the parameters move a box, at all ends, other than rigidly."""
         # Uneven, so that no wave hides between the places.
         shares = (0.0, 0.31, 0.74, 1.0)
-        places = [[low + share * (high - low) for share in shares] for low, high in self.measured_box_mm]
+        places = [[low + share * (high - low) for share in shares] for low, high in box_mm]
         grids = np.meshgrid(*places, indexing="ij")
         grid = np.ascontiguousarray(np.stack([values.ravel() for values in grids], axis=1))
         blocks = [block for at in ends for block in self._columns(grid, offset, carrier, at, threads)]

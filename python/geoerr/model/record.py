@@ -83,6 +83,8 @@ class FitRecord:
         Rows that took part, and rows that the fit named as outliers.
     range_mm
         Axis to the commanded range of the data, for axes that moved.
+    stood_mm
+        Axis to its position in all the data, for axes that never moved: of what they do elsewhere nothing is known.
     covariate_spans
         Covariate to its smallest and largest value in the data.
     noise, figures
@@ -109,6 +111,7 @@ class FitRecord:
     noise: Mapping[str, float] = field(default_factory=dict)
     figures: Mapping[str, float] = field(default_factory=dict)
     history: tuple[HistoryEntry, ...] = ()
+    stood_mm: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check everything, and make the covariance symmetric to the last bit."""
@@ -127,6 +130,9 @@ class FitRecord:
                 _require(good, f"{name} of {key} is {span!r}, not from low to high")
         _check_numbers("noise", self.noise)
         _check_numbers("figures", self.figures)
+        _check_numbers("stood_mm", self.stood_mm)
+        stands = set(self.stood_mm) <= set(AXES) and not any(map(math.isnan, self.stood_mm.values()))
+        _require(stands, f"stood_mm is {dict(self.stood_mm)!r}, not positions of axes")
 
     def _repr_html_(self) -> str:
         """Show data, figures, what is not determined and the history, for a notebook."""
