@@ -29,6 +29,7 @@ from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit import FitOptions, FitResult, fit_terms, result_of
 from geoerr.model import Model
+from geoerr.model.document import document_of, model_from_document
 from geoerr.observations import Observations, observations_from_columns
 from geoerr.vision.rig import Rig
 
@@ -292,3 +293,32 @@ def test_what_one_axis_alone_was_measured_for_is_off_along_it() -> None:
     (misfit,) = (source for source, _ in budget.chosen("prediction") if source.name == "misfit")
     assert misfit.everywhere_mm is not None
     assert misfit.everywhere_mm[0, 0] == pytest.approx(5e-3, rel=0.05)
+    # The file holds it as well.
+    of_file = uncertainty_budget(read_again(fit.model), {"a": (200.0, 0.0, 0.0)})
+    assert of_file.expanded_um() == pytest.approx(budget.expanded_um(), rel=1e-6)
+    assert of_file.dof() == pytest.approx(budget.dof(), rel=1e-6)
+
+
+@pytest.mark.parametrize("stated_mm", [None, 0.4e-3, 4e-3])
+def test_a_file_is_as_sure_as_the_fit(stated_mm: float | None) -> None:
+    """Four points and a scale: k of two degrees of freedom, where the scatter tells and not what is stated."""
+    x = np.linspace(0.0, 400.0, 4)
+    noise_mm = 1e-3 * np.random.default_rng(1).normal(size=4)
+    columns = {"x": x, "y": np.zeros(4), "z": np.zeros(4), "mx": x + noise_mm, "dir_x": np.ones(4)}
+    if stated_mm is not None:
+        columns["sx"] = np.full(4, stated_mm)
+    machine, options = machine_of("wbXYZt"), FitOptions(components="none")
+    scale = catalogue()["scale"].term("x", None, machine)
+    fit = result_of(fit_terms(machine, [observations_from_columns(columns)], effects=[scale], options=options))
+    model = read_again(fit.model)
+    of_fit, of_file = (uncertainty_budget(one, {"end": (400.0, 0.0, 0.0)}) for one in (fit, model))
+    assert of_file.expanded_um()[0, 0] == pytest.approx(of_fit.expanded_um()[0, 0], rel=1e-9)
+    assert of_file.dof()[0, 0] == pytest.approx(of_fit.dof()[0, 0], rel=1e-9)
+    assert model.record is not None
+    older = dataclasses.replace(model, record=dataclasses.replace(model.record, figures={}))
+    told = uncertainty_budget(older, {"end": (400.0, 0.0, 0.0)}).not_counted
+    assert any("count as infinite" in sentence for sentence in told) == (fit.fitted.scale > 1.0 or stated_mm is None)
+
+
+def read_again(model: Model) -> Model:
+    return model_from_document(json.loads(json.dumps(document_of(model))), "model.json")

@@ -19,8 +19,8 @@ from geoerr.budget.source import Source
 from geoerr.budget.sources import (
     Stage,
     conditions_of,
-    source_of_record,
     sources_of_fit,
+    sources_of_record,
     stages_of,
     stages_of_parameters,
 )
@@ -321,8 +321,9 @@ def uncertainty_budget(
     Parameters
     ----------
     fit
-        A fit; or a model that was read from a file, whose record holds no more than the parameters' covariance: all
-        data are then one source, and misfit and repeatability are the figures that it states.
+        A fit; or a model that was read from a file, whose record holds no more than the parameters' covariance and
+        the fit's figures: noise and calibration are then one source, misfit and degrees of freedom are what the file
+        states, and repeatability is not known.
     q_mm : (n, 3)
         Places, or places by name; None: corners, centre and the worst place of the volume.
     offset_mm : (3,)
@@ -363,8 +364,8 @@ def uncertainty_budget(
         )
     predictor = Predictor(model, offset_mm, at)
     if fitted is None:
-        estimator, sources, silent, stages = None, [source_of_record(model.record.covariance)], [], []
-        silent.append("misfit and repeatability: a model file does not hold the data that would tell")
+        estimator, stages = None, []
+        sources, silent = sources_of_record(model.record)
     else:
         estimator = Estimator(fitted)
         sources, silent = sources_of_fit(fitted, estimator, rig, calibration_dof)

@@ -13,7 +13,8 @@ from geoerr.budget.estimator import Estimator, root_of
 from geoerr.budget.repeatability import repeatability_source
 from geoerr.budget.source import Piece, Source
 from geoerr.fit import Fitted
-from geoerr.model import GROUPS, Model
+from geoerr.fit.result import components_of_a_row
+from geoerr.model import GROUPS, FitRecord, Model
 from geoerr.model.arrays import Numbers
 from geoerr.model.conditions import Conditions
 from geoerr.vision.rig import Rig
@@ -49,7 +50,7 @@ def sources_of_fit(
     if smoothness.shape[1]:
         what = "curvature of the functions where the points do not hold it"
         sources.append(Source("smoothness", what, "A", "normal", math.nan, "", by_parameter=smoothness))
-    for found in (_misfit(fitted), repeatability_source(fitted)):
+    for found in (_misfit_of_fit(fitted), repeatability_source(fitted)):
         if isinstance(found, Source):
             sources.append(found)
         else:
@@ -119,10 +120,35 @@ def conditions_of(at_std: Mapping[str, float]) -> Iterator[Source]:
         )
 
 
-def source_of_record(covariance: Numbers) -> Source:
-    """Give the parameters' covariance as one source: a model file does not say what it is made of."""
+def sources_of_record(record: FitRecord) -> tuple[list[Source], list[str]]:
+    """Give the sources that a model file tells of, and sentences about what is not counted.
+
+    The parameters' covariance is one source, for the file does not say what it is made of. Where the points scatter
+    beyond what they state the excess is a source of its own: only that has the fit's degrees of freedom.
+    """
+    figures, scale = record.figures, record.noise.get("scale", 1.0)
+    dof, silent = max(figures.get("dof", math.nan), 1.0), []
+    if "dof" not in figures and not ("scale" in record.noise and scale <= 1.0):
+        dof = math.inf
+        silent.append("degrees of freedom of the data: the model file does not hold them, and they count as infinite")
+    root = root_of(record.covariance)
+    is_stated = "scatter_um" not in record.noise
+    sources = [_of_covariance(root / max(scale, 1.0), math.inf if is_stated and "scale" in record.noise else dof)]
+    if scale > 1.0:
+        beyond = math.sqrt(1.0 - 1.0 / scale**2)
+        what = "scatter of the points beyond their stated covariances"
+        sources.append(Source("scatter", what, "A", "normal", math.nan, "", dof, by_parameter=beyond * root))
+    found = _misfit_of_record(record)
+    if isinstance(found, Source):
+        sources.append(found)
+    else:
+        silent.append(found)
+    return sources, [*silent, "repeatability of the machine: a model file does not hold the data that would tell"]
+
+
+def _of_covariance(root: Numbers, dof: float) -> Source:
     what = "measured points and calibration, as the record holds them"
-    return Source("data", what, "A", "normal", math.nan, "", by_parameter=root_of(covariance))
+    return Source("data", what, "A", "normal", math.nan, "", dof, by_parameter=root)
 
 
 def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
@@ -156,29 +182,43 @@ def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
         )
 
 
-def _components_of_a_row(fitted: Fitted) -> float:
-    """Give how many components a row has in the mean: a lack of fit is a sum over those that were measured.
-
-    What a laser along one axis sees is all of that axis; the others are taken for as much, for nothing tells.
-    """
-    return float(fitted.sightings.is_measured[fitted.solved.used].sum(axis=1).mean())
-
-
-def _misfit(fitted: Fitted) -> Source | str:
-    """Give lack of fit as an error of every place: what is not in the model does not average out."""
+def _misfit_of_fit(fitted: Fitted) -> Source | str:
     split = fitted.split
-    if split.lack_of_fit_um is None or split.lack_of_fit_p is None:
+    dof = split.dof[0] - split.dof[1]
+    return _misfit(split.lack_of_fit_um, split.lack_of_fit_p, dof, components_of_a_row(fitted))
+
+
+def _misfit_of_record(record: FitRecord) -> Source | str:
+    figures = record.figures
+    size_um, p_value = (figures.get(name, math.nan) for name in ("lack_of_fit_um", "lack_of_fit_p"))
+    if "lack_of_fit_p" not in figures:
+        return "misfit of the model: the model file does not hold it"
+    # A file that does not say how many components a row has may be of a device that sees one: all is along it.
+    return _misfit(
+        None if math.isnan(size_um) else size_um,
+        None if math.isnan(p_value) else p_value,
+        figures.get("lack_of_fit_dof", math.inf),
+        figures.get("components_per_row", 1.0),
+    )
+
+
+def _misfit(size_um: float | None, p_value: float | None, dof: float, n_components: float) -> Source | str:
+    """Give lack of fit as an error of every place: what is not in the model does not average out.
+
+    It is a sum over the components that a row has, `n_components` in the mean. What a laser along one axis sees is
+    all of that axis; the others are taken for as much, for nothing tells.
+    """
+    if size_um is None or p_value is None:
         return "misfit of the model: neither repeats nor stated uncertainties tell it from noise"
-    if split.lack_of_fit_p > _SIGNIFICANCE:
-        return f"misfit of the model: none is seen (p = {split.lack_of_fit_p:.2g})"
-    dof = float(max(split.dof[0] - split.dof[1], 1))
+    if p_value > _SIGNIFICANCE:
+        return f"misfit of the model: none is seen (p = {p_value:.2g})"
     return Source(
         "misfit",
         "what the model does not hold (lack of fit)",
         "A",
         "normal",
-        split.lack_of_fit_um,
+        size_um,
         "µm",
-        dof,
-        everywhere_mm=np.eye(3) * split.lack_of_fit_um / _UM_PER_MM / math.sqrt(_components_of_a_row(fitted)),
+        float(max(dof, 1)),
+        everywhere_mm=np.eye(3) * size_um / _UM_PER_MM / math.sqrt(max(n_components, 1.0)),
     )

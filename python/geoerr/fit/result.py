@@ -124,7 +124,9 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         range_mm=moved,
         covariate_spans=spans,
         noise=_numbers(_scatter(fitted) | _calibration(fitted)),
-        figures=_numbers({name: value for name, value in figures_document(fitted).items() if _is_plain(value)}),
+        figures=_numbers(
+            {name: value for name, value in figures_document(fitted).items() if _is_plain(value)} | _freedom(fitted)
+        ),
         history=tuple(history),
         stood_mm=stood,
     )
@@ -142,6 +144,21 @@ def _calibration(fitted: Fitted) -> dict[str, float]:
         0 if fitted.prior is None else int(fitted.prior[:, fitted.problem.first_shared_column :].any(axis=1).sum())
     )
     return {CALIBRATION_UNKNOWNS: float(count)} if count else {}
+
+
+def _freedom(fitted: Fitted) -> dict[str, float]:
+    """Give what tells how sure the figures are: degrees of freedom, and how many components a row has in the mean."""
+    residual_dof, noise_dof = fitted.split.dof
+    return {
+        "dof": float(fitted.dof),
+        "lack_of_fit_dof": float(residual_dof - noise_dof),
+        "components_per_row": components_of_a_row(fitted),
+    }
+
+
+def components_of_a_row(fitted: Fitted) -> float:
+    """Give how many components a row has in the mean: a lack of fit is a sum over those that were measured."""
+    return float(fitted.sightings.is_measured[fitted.solved.used].sum(axis=1).mean())
 
 
 def figures_document(fitted: Fitted) -> dict[str, Any]:

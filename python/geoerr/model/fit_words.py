@@ -19,8 +19,19 @@ FIGURES = {
     "within_pass_floor_um": "noise floor within a pass",
     "noise_um": "noise (repeats, or as stated)",
 }
-# Figures that stand in the sentences, or count rows.
-_IN_SENTENCES = frozenset({"lack_of_fit_um", "lack_of_fit_p", "held_out_not_computable", "n", "n_radial"})
+# Figures that stand in the sentences, or count rows and degrees of freedom.
+_IN_SENTENCES = frozenset(
+    {
+        "lack_of_fit_um",
+        "lack_of_fit_p",
+        "lack_of_fit_dof",
+        "held_out_not_computable",
+        "n",
+        "n_radial",
+        "dof",
+        "components_per_row",
+    }
+)
 
 
 def other_figures(figures: Mapping[str, float]) -> list[str]:
