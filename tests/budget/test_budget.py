@@ -181,6 +181,22 @@ def test_conditions_count_by_their_own_slope() -> None:
         uncertainty_budget(model, places, at={"d_y": 1.0})
 
 
+def test_a_place_outside_the_measured_range_is_said() -> None:
+    at = {"temp_bed": 50.0, "d_y": 1.0}
+    places = {"inside": (400.0, 0.0, 100.0), "below": (100.0, -30.0, 80.0), "far": (450.0, -60.0, 80.0)}
+    found = uncertainty_budget(drawn_model(), places, at=at)
+    assert [one for one in found.not_counted if "measured range" in one] == [
+        "far: x = 450 is extrapolated: 50 mm outside the measured range (0 to 400 mm): "
+        "whether the errors go on like that",
+        "far (and 1 more): y = -60 is extrapolated: 60 mm outside the measured range (0 to 400 mm): "
+        "whether the errors go on like that",
+    ]
+    assert "y = -60 is extrapolated" in budget_text(found)
+    assert found.to_document()["not_counted"][0] == found.not_counted[0]
+    # It follows the places.
+    assert not any("measured range" in one for one in found.at_places([places["inside"]]).not_counted)
+
+
 def test_a_model_file_is_enough_for_what_it_holds() -> None:
     model = drawn_model()
     at = {"temp_bed": 50.0, "d_y": 1.0}

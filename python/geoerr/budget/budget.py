@@ -14,7 +14,7 @@ from geoerr.budget.columns import Predictor, owners_of
 from geoerr.budget.combine import effective_dof, expanded, expanded_length
 from geoerr.budget.estimator import Estimator
 from geoerr.budget.implementation import Implementation
-from geoerr.budget.places import grid_axes_mm, grid_of, stated_places
+from geoerr.budget.places import grid_axes_mm, grid_of, outside_measured, stated_places
 from geoerr.budget.source import Source
 from geoerr.budget.sources import (
     Stage,
@@ -94,8 +94,8 @@ class Budget:
         Each once.
     stages
         What is uncertain before the prediction: corner, point, parameters.
-    not_counted
-        Sentences: what is in none of the numbers.
+    not_counted_anywhere
+        Sentences: what is in none of the numbers, at any place.
     """
 
     model: Model
@@ -104,11 +104,16 @@ class Budget:
     is_determined: npt.NDArray[np.bool_]
     sources: tuple[Source, ...]
     stages: tuple[Stage, ...]
-    not_counted: tuple[str, ...]
+    not_counted_anywhere: tuple[str, ...]
     predictor: Predictor
     estimator: Estimator | None
     rig: Rig | None
     roots_mm: tuple[Numbers, ...]
+
+    @property
+    def not_counted(self) -> tuple[str, ...]:
+        """Sentences: what is in none of the numbers, at these places and at any."""
+        return (*outside_measured(self.model, self.place_names, self.q_mm), *self.not_counted_anywhere)
 
     def at_places(self, q_mm: npt.ArrayLike, names: Sequence[str] | None = None) -> Budget:
         """Give the same budget at other places (n, 3)."""

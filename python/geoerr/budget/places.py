@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from geoerr.errors import GeometryError
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.arrays import Numbers
+
+# A place this near to the end of a range is at it.
+_AT_THE_END_MM = 1e-6
 
 
 def volume_mm(model: Model) -> tuple[Numbers, Numbers]:
@@ -46,3 +50,27 @@ def grid_axes_mm(model: Model, n: int | tuple[int, int, int]) -> tuple[Numbers, 
 def grid_of(x_mm: Numbers, y_mm: Numbers, z_mm: Numbers) -> Numbers:
     """Give all places (n, 3) of a grid; z changes fastest."""
     return np.stack(np.meshgrid(x_mm, y_mm, z_mm, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def outside_measured(model: Model, names: Sequence[str], q_mm: Numbers) -> tuple[str, ...]:
+    """Say of each axis which places (n, 3) are outside the measured range, and how far: nothing where none is.
+
+    An axis that stood is left out: away from there nothing is determined, and no number is stated.
+    """
+    sentences = []
+    for axis, along_mm in zip(AXES, q_mm.T, strict=True):
+        measured = None if axis in model.stood_mm else model.measured_range_mm[axis]
+        if measured is None:
+            continue
+        low, high = measured
+        beyond_mm = np.maximum(low - along_mm, along_mm - high)
+        outside = np.flatnonzero(beyond_mm > _AT_THE_END_MM)
+        if outside.size:
+            farthest = outside[np.argmax(beyond_mm[outside])]
+            more = f" (and {outside.size - 1} more)" if outside.size > 1 else ""
+            sentences.append(
+                f"{names[farthest]}{more}: {axis} = {along_mm[farthest]:g} is extrapolated: "
+                f"{beyond_mm[farthest]:.3g} mm outside the measured range ({low:g} to {high:g} mm): whether the "
+                "errors go on like that"
+            )
+    return tuple(sentences)
