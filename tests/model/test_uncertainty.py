@@ -80,6 +80,18 @@ class TestPredictionCovariance:
         assert model.is_determined_at(q, at=at).shape == (2500, 3)
         assert model.prediction_covariance_mm2(q[:0], at={"temp_bed": 20.0, "d_y": 1.0}).shape == (0, 3, 3)
 
+    def test_rounding_below_0_is_0(self) -> None:
+        """The sum of two terms that are −1 correlated, but for one part in 10¹⁶."""
+        first, second = spline("EXX", np.zeros(6)), dataclasses.replace(spline("EXX", np.zeros(6)), id="again:x")
+        root = np.random.default_rng(3).normal(size=(6, 6)) * 1e-3
+        both = np.vstack([root, -root])
+        model = Model(machine(), None, (first, second), FitRecord(both @ both.T, np.zeros((12, 0))))
+        covariance = model.prediction_covariance_mm2(points(200))
+        assert np.array_equal(covariance, covariance.transpose(0, 2, 1))
+        assert np.diagonal(covariance, axis1=1, axis2=2).min() >= 0.0
+        assert np.linalg.eigvalsh(covariance).min() >= -1e-30
+        assert covariance.max() < 1e-20
+
     def test_symmetric_and_positive(self) -> None:
         covariance = fitted().prediction_covariance_mm2(points(50), at=AT)
         assert np.abs(covariance - covariance.transpose(0, 2, 1)).max() < 1e-15

@@ -441,7 +441,8 @@ class Model:
     ) -> Numbers:
         """Give the covariance of the predicted displacement, (n, 3, 3): J C Jᵀ, J first order at each row.
 
-        Row and column of a component that the data do not determine are NaN: see `is_determined_at`.
+        Row and column of a component that the data do not determine are NaN: see `is_determined_at`. Symmetric and
+        positive semidefinite: what rounding leaves below 0, where the error is 0 by convention, is 0.
 
         Raises
         ------
@@ -454,7 +455,7 @@ class Model:
         for columns in self._columns(rows, offset, carrier, at, threads):
             covariances.append((columns @ record.covariance) @ columns.transpose(0, 2, 1))
             still.append(_leaves_still(columns, record.null_space))
-        result = np.concatenate(covariances)
+        result = _without_negative(np.concatenate(covariances))
         is_open = ~self._determined(still, rows, offset, carrier, at, threads)
         result[is_open[:, :, None] | is_open[:, None, :]] = np.nan
         return result
@@ -928,6 +929,16 @@ def _leaves_still(columns: Numbers, directions: Numbers) -> npt.NDArray[np.bool_
     """Tell which directions (m, k) of the parameters leave which components still, (n, 3, k)."""
     reach = np.abs(columns) @ np.abs(directions)
     return np.asarray(np.abs(columns @ directions) <= _NO_EFFECT * reach)
+
+
+def _without_negative(covariances: Numbers) -> Numbers:
+    """Give covariances (n, 3, 3) symmetric, and those with a negative variance in some direction with 0 in it."""
+    symmetric = np.asarray(0.5 * (covariances + covariances.transpose(0, 2, 1)))
+    is_negative = np.linalg.eigvalsh(symmetric).min(axis=1, initial=0.0) < 0.0
+    variance, axes = np.linalg.eigh(symmetric[is_negative])
+    root = axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :]
+    symmetric[is_negative] = root @ root.transpose(0, 2, 1)
+    return symmetric
 
 
 def _end_of(at: Conditions, end: Callable[[Numbers], float]) -> Conditions:
