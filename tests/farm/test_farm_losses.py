@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -75,6 +75,38 @@ def test_a_pool_that_breaks_is_an_outcome_for_what_it_had(farm: Path, right_byte
     assert any("its process died" in text for text in told)
     assert all("\nhint: " in text for text in told)
     assert contents(farm.parent / "out").items() <= right_bytes.items()
+
+
+class Odd:
+    """An executor whose first future is an odd one."""
+
+    def __init__(self, fill: Callable[[Future[Any]], None]) -> None:
+        self.fill: Callable[[Future[Any]], None] | None = fill
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        fill, self.fill = self.fill, None
+        if fill is None:
+            future.set_result(fn(*args))
+        else:
+            fill(future)
+        return future
+
+
+@pytest.mark.parametrize(
+    ("fill", "why"),
+    [
+        (lambda future: future.set_exception(SystemExit(3)), "SystemExit: 3"),
+        (lambda future: future.set_result(None), "no results but NoneType"),
+        (lambda future: future.set_result([1, 2]), "no results but list"),
+    ],
+)
+def test_an_odd_future_is_one_failure(farm: Path, fill: Callable[[Future[Any]], None], why: str) -> None:
+    machines = [farm / "mill-0", farm / "mill-1"]
+    done = geoerr.run_farm(machines, farm.parent / "out", replace(RECIPE, steps=("fit",)), executor=Odd(fill))
+    failed, good = done.outcomes
+    assert why in str(failed.error)
+    assert (good.machine, good.error) == ("mill-1", None)
 
 
 def test_another_version_is_refused_by_the_worker() -> None:

@@ -112,6 +112,34 @@ def test_an_old_model_in_the_results_corrects_nothing(farm: Path) -> None:
     assert [one.step for one in done.failures] == ["fit", "compensate"]
 
 
+def put(files: dict[str, bytes], folder: Path) -> None:
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
+def test_results_of_an_earlier_run_do_not_stand_beside_a_failure(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    put(right_bytes, farm.parent / "out")
+    others = {name: b"mine" for name in ("mill-0/notes.txt", "mill-0/rig.json", "mill-0/programs/other.gcode")}
+    put(others, farm.parent / "out")
+    (farm / "mill-0/observations.csv").write_text("line,x\n")
+    (farm / "mill-1/machine.toml").write_text("[machine\n")
+    (farm / "mill-2/programs/corner.gcode").write_text("G21\nG90\nG0 X10 Y10 Z10\nG2 X90 Y90 I40 J40\n")
+    (farm / "mill-3/observations.csv").unlink()
+    done, written = results(farm)
+    assert {one.machine for one in done.failures} == {"mill-0", "mill-1", "mill-2", "mill-3"}
+    kept = {name: right_bytes[name] for name in ("mill-2/model.json", "mill-2/diagnosis.json")}
+    assert written == kept | others
+
+
+def test_steps_that_were_not_asked_for_leave_earlier_results(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    put({name: right_bytes[name] for name in right_bytes if name.startswith("mill-0/")}, farm / "out")
+    (farm / "mill-0/observations.csv").write_text("line,x\n")
+    done, written = results(farm / "mill-0", replace(RECIPE, steps=("diagnose",)))
+    assert done.failures
+    assert set(written) == {"mill-0/model.json", "mill-0/programs/corner.gcode"}
+
+
 def test_errors_of_points_are_identified(farm: Path) -> None:
     done, written = results(farm / "mill-0", Recipe(steps=("identify",)))
     assert set(written) == {"mill-0/errors.json"}

@@ -19,7 +19,7 @@ from geoerr.farm.outcome import StepResult
 MOST_CARRIED_BYTES = 1 << 30
 
 # What became of a job: its results, or why there are none.
-Finished = list[StepResult] | Exception
+Finished = list[StepResult] | BaseException
 
 
 class FarmFuture(Protocol):
@@ -74,11 +74,20 @@ def finished_by(
         job, done = ready.get()
         n_jobs -= 1
         n_bytes -= job.n_bytes
-        try:
-            finished: Finished = done.result()
-        except Exception as error:
-            finished = error
-        yield job, finished
+        yield job, _result_of(done)
+
+
+def _result_of(done: FarmFuture) -> Finished:
+    """Give what a future has: what a worker raised, or an executor has instead of results, is that job's alone."""
+    try:
+        results = done.result()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # A worker that was told to exit is no Exception.
+        return error
+    if not isinstance(results, list) or not all(isinstance(one, StepResult) for one in results):
+        return TypeError(f"the executor has no results but {type(results).__name__}")
+    return results
 
 
 def _put(ready: SimpleQueue[tuple[Job, FarmFuture]], job: Job, future: FarmFuture) -> None:

@@ -15,7 +15,7 @@ PROGRAMS = (".gcode", ".gco", ".g", ".nc", ".ngc", ".tap", ".cnc")
 MODELS = ("model.json", "errors.json")
 # What belongs to the pictures of a session, and is no measurement.
 _OF_SESSION = ("frames.csv",)
-_OTHERS = ("machine.toml", "rig.json", "effects.toml")
+INPUTS = ("machine.toml", "rig.json", "effects.toml")
 
 
 @dataclass(frozen=True)
@@ -79,18 +79,13 @@ def read_folder(path: Path) -> FarmFolder:
         for a folder that is none, or has nothing of a machine.
     """
     files = sorted(one.name for one in _listed(path) if one.is_file() and not one.name.startswith("."))
-    beneath = path / "programs"
-    below = sorted(one.name for one in _listed(beneath) if one.is_file()) if beneath.is_dir() else []
     tables = tuple(name for name in files if name.lower().endswith(TABLES) and name not in _OF_SESSION)
     folder = FarmFolder(
         path,
-        tuple(name for name in _OTHERS if name in files),
+        tuple(name for name in INPUTS if name in files),
         next((name for name in MODELS if name in files), None),
         tables,
-        (
-            *(name for name in files if name.lower().endswith(PROGRAMS)),
-            *(f"programs/{name}" for name in below if not name.startswith(".")),
-        ),
+        programs_in(path),
         is_session="session.toml" in files and not tables,
     )
     if folder.model is None and not folder.tables and not folder.is_session:
@@ -100,6 +95,23 @@ def read_folder(path: Path) -> FarmFolder:
             remedy="put machine.toml and measurements (.csv, .parquet), session.toml, or model.json there",
         )
     return folder
+
+
+def programs_in(path: Path) -> tuple[str, ...]:
+    """Give the programs of a machine's folder: those in it by their suffix, and all in its folder `programs`.
+
+    Raises
+    ------
+    InputFileError
+        for a folder that cannot be listed.
+    """
+    own = sorted(one.name for one in _listed(path) if one.is_file() and one.name.lower().endswith(PROGRAMS))
+    beneath = path / "programs"
+    below = sorted(one.name for one in _listed(beneath) if one.is_file()) if beneath.is_dir() else []
+    return (
+        *(name for name in own if not name.startswith(".")),
+        *(f"programs/{name}" for name in below if not name.startswith(".")),
+    )
 
 
 def machine_paths(farm: Path) -> list[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -42,3 +42,19 @@ class Recipe:
         unknown = [step for step in self.steps if step not in STEPS]
         if unknown:
             raise GeoerrError(f"there is no step {unknown[0]!r}\nhint: the steps are {', '.join(STEPS)}")
+
+
+# What each step writes, but `compensate`: that has the program's name.
+_RESULTS: Mapping[Step, tuple[str, ...]] = {
+    "measure": ("observations.csv", "rig.json"),
+    "identify": ("errors.json",),
+    "fit": ("model.json",),
+    "diagnose": ("diagnosis.json",),
+    "compensate": (),
+}
+
+
+def results_of(steps: Iterable[Step], given: Collection[str], program: str | None = None) -> list[str]:
+    """Name the files that steps write; a rig that is `given` is not made."""
+    names = [name for step in steps for name in _RESULTS[step] if not (name == "rig.json" and name in given)]
+    return names if program is None else [*names, program]

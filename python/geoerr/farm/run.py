@@ -8,10 +8,10 @@ from pathlib import Path
 
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.farm.engine import FarmExecutor, Finished, finished_by, finished_here
-from geoerr.farm.folders import MODELS, FarmFolder, bytes_of, machine_paths, read_folder
+from geoerr.farm.folders import INPUTS, MODELS, FarmFolder, bytes_of, machine_paths, programs_in, read_folder
 from geoerr.farm.job import Job
 from geoerr.farm.outcome import Farm, Outcome
-from geoerr.farm.recipe import STEPS, Recipe, Step
+from geoerr.farm.recipe import STEPS, Recipe, Step, results_of
 from geoerr.files import whole_or_absent
 
 # Called with what is done and the total: machines and programs.
@@ -41,7 +41,8 @@ def run_farm(
         `errors.json` in it is taken as it is, `rig.json` and `effects.toml` (the user's own effects) take part.
     output
         Folder for the results, a folder each: `observations.csv`, `rig.json`, `errors.json`, `model.json`,
-        `diagnosis.json`, and programs under their own names. Each file is whole or absent.
+        `diagnosis.json`, and programs under their own names. Each file is whole or absent: where a step fails or is
+        not reached, what an earlier call wrote in its place is removed.
     recipe
         What is done with each; None for everything that its folder has something for.
     executor
@@ -116,7 +117,8 @@ class _Run:
         try:
             folder = read_folder(path)
         except GeoerrError as error:
-            self.outcomes[name, None] = [Outcome(name, "read", error=str(error))]
+            failed = [Outcome(name, "read", error=str(error))]
+            self.outcomes[name, None] = self._without_earlier(failed, name, None, self._results_of(path))
             return None
         self.outcomes |= {(name, program): [] for program in self._programs(folder)}
         return folder
@@ -144,7 +146,7 @@ class _Run:
             for program in self._programs(folder):
                 model = self.models.get(folder.name)
                 if model is None:
-                    self._ended(folder.name, program, [_without_model(folder, program)])
+                    self._ended(folder.name, program, [_without_model(folder, program)], [program])
                     continue
                 yield from self._job(folder, ("compensate",), (program,), program)
 
@@ -162,7 +164,8 @@ class _Run:
         try:
             carried = bytes_of(files)
         except (GeoerrError, OSError) as error:
-            self._ended(folder.name, program, [Outcome(folder.name, steps[0], program, error=str(error))])
+            failed = [Outcome(folder.name, steps[0], program, error=str(error))]
+            self._ended(folder.name, program, failed, results_of(steps, files, program))
             return
         session = str(folder.path.resolve()) if steps[0] == "measure" else None
         yield Job(folder.name, str(folder.path), steps, self.recipe, carried, program, session)
@@ -170,16 +173,21 @@ class _Run:
     def _do(self, jobs: Iterator[Job]) -> None:
         finished = finished_here(jobs, self.workers) if self.executor is None else finished_by(self.executor, jobs)
         for job, became in finished:
-            self._ended(job.machine, job.program, self._written(job, became))
+            outcomes = self._written(job, became)
+            written = {name for one in outcomes for name in one.files}
+            wanted = results_of(job.steps, job.files, job.program)
+            missed = [name for name in wanted if f"{job.machine}/{name}" not in written]
+            self._ended(job.machine, job.program, outcomes, missed)
 
-    def _ended(self, machine: str, program: str | None, outcomes: list[Outcome]) -> None:
-        self.outcomes[machine, program] = outcomes
+    def _ended(self, machine: str, program: str | None, outcomes: list[Outcome], missed: Iterable[str] = ()) -> None:
+        """Keep outcomes; `missed` are files that this run should have written and did not."""
+        self.outcomes[machine, program] = self._without_earlier(outcomes, machine, program, missed)
         self.n_done += 1
         self.on_progress(self.n_done, self.n_all)
 
     def _written(self, job: Job, became: Finished) -> list[Outcome]:
         """Write what a job brought; give what became of it."""
-        if isinstance(became, Exception):
+        if isinstance(became, BaseException):
             return [Outcome(job.machine, job.steps[0], job.program, error=_lost(job, became))]
         outcomes = []
         for result in became:
@@ -197,6 +205,32 @@ class _Run:
                 self.models[job.machine] = self.output / job.machine / model
         return outcomes
 
+    def _results_of(self, path: Path) -> list[str]:
+        """Name all that a machine's folder that cannot be used would have given."""
+        try:
+            programs = programs_in(path) if "compensate" in self.recipe.steps else ()
+            there = [name for name in INPUTS if (path / name).is_file()]
+        except (GeoerrError, OSError):
+            programs, there = (), []
+        return [*results_of(self.recipe.steps, there), *programs]
+
+    def _without_earlier(
+        self, outcomes: list[Outcome], machine: str, program: str | None, missed: Iterable[str]
+    ) -> list[Outcome]:
+        """Remove what an earlier run wrote where this one has no result: it would be taken for this one's.
+
+        Gives the outcomes, and one for each file that cannot be removed.
+        """
+        step, found = outcomes[-1].step if outcomes else "read", list(outcomes)
+        for path in (self.output / machine / name for name in missed):
+            try:
+                if path.is_file() or path.is_symlink():
+                    path.unlink()
+            except OSError as error:
+                told = f"{path}: is of an earlier run, and cannot be removed: {error.strerror}\nhint: remove it"
+                found.append(Outcome(machine, step, program, error=told))
+        return found
+
     def _write(self, machine: str, name: str, content: bytes) -> str:
         path = self.output / machine / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -213,7 +247,7 @@ def _without_model(folder: FarmFolder, program: str) -> Outcome:
     return Outcome(folder.name, "compensate", program, error=error)
 
 
-def _lost(job: Job, error: Exception) -> str:
+def _lost(job: Job, error: BaseException) -> str:
     """Say why a job has no results."""
     about = job.folder if job.program is None else f"{job.folder}/{job.program}"
     why = "its process died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
