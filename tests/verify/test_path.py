@@ -281,6 +281,8 @@ def test_another_extrusion_is_no_proof(tmp_path):
         ("M01 G0 X60", None, True),
         ("M01 G0 X60", "reprapfirmware", True),
         ("M64 P1 X60", None, False),
+        ("M64 P1 X[30*2]", None, False),
+        ("M0 Click to eXit", None, True),
         ("M64 P1 X60", "klipper", True),
         ("M622 J1", None, False),
         ("G10 L2 P0 X60", None, False),

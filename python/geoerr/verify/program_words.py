@@ -144,7 +144,8 @@ def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement
         statement = replace(statement, has_placeholder=filled != text, has_checksum=has_checksum)
     if not pairs:
         return _STILL if statement.is_readable else _ANYWHERE
-    if statement.kind is Kind.M_CODE and not is_for_printer and _may_move(statement):
+    is_computed = b"[" in filled or b"#" in filled or filled != text
+    if statement.kind is Kind.M_CODE and not is_for_printer and _may_move(statement, is_computed=is_computed):
         return _ANYWHERE
     has_axes = bool({b"X", b"Y", b"Z"} & (statement.words or {}).keys())
     if statement.kind is Kind.WORDS and is_skipped and (statement.codes or has_axes):
@@ -153,10 +154,14 @@ def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement
     return statement
 
 
-def _may_move(statement: Statement) -> bool:
-    """Tell whether an M code may stand before a move: it has places, and machine tools have codes of its number."""
+def _may_move(statement: Statement, *, is_computed: bool) -> bool:
+    """Tell whether an M code may stand before a move: it has places, and machine tools have codes of its number.
+
+    A place is a number, or may be one where something `is_computed` on the line.
+    """
     code, words = statement.m_codes[0], statement.words or {}
-    has_places = any(words.get(letter) is not None for letter in (b"X", b"Y", b"Z"))
+    named = [words[letter] for letter in (b"X", b"Y", b"Z") if letter in words]
+    has_places = any(number is not None or is_computed for number in named)
     return has_places and code < _FIRST_OF_PRINTERS and code not in _SETTINGS_OF_PRINTERS
 
 
