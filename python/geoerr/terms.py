@@ -57,17 +57,6 @@ RAW_VARIABLES = frozenset(
         CLOCK_NAME,
     }
 )
-
-
-def is_motion(name: str, *kinds: str) -> bool:
-    """Tell whether a variable says how an axis moves, in one of these ways of `HISTORY_NAMES`.
-
-    `v_x` is a speed; `v_left`, a row of a picture, and a user's column `a_room` are no motion.
-    """
-    kind, _, axis = name.rpartition("_")
-    return kind in kinds and axis in AXES
-
-
 FUNCTIONS = frozenset(
     {
         *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
@@ -102,6 +91,15 @@ REFERENCE_AXES: tuple[str, ...] = (
     *(f"work-{axis}" for axis in AXES),
 )
 _REFERENCE_HINT = "write ID[:AXIS][@COVARIATE], for example thermal-expansion:x@temp_bed"
+
+
+def is_motion(name: str, *kinds: str) -> bool:
+    """Tell whether a variable says how an axis moves, in one of these ways of `HISTORY_NAMES`.
+
+    `v_x` is a speed; `v_left`, a row of a picture, and a user's column `a_room` are no motion.
+    """
+    kind, _, axis = name.rpartition("_")
+    return kind in kinds and axis in AXES
 
 
 def is_rig_channel(channel: str) -> bool:
