@@ -502,7 +502,7 @@ class Model:
         # Rigid motions are told on a grid, under the least and the most of every condition: what moves all points one
         # way here and another way there, as play does, is no set-up.
         ends = [_end_of(at or {}, end) for end in (np.min, np.max)]
-        is_away = self._is_away(rows)
+        is_away = np.any([np.zeros(len(rows), dtype=np.bool_), *self._away(rows).values()], axis=0)
         # A squareness with an axis that stood shifts the plane that was measured as a whole, and shears the volume.
         for away, box_mm in ((False, self.measured_box_mm), (True, self._box_beyond_mm)):
             asked = open_rows & (is_away == away)
@@ -519,10 +519,12 @@ class Model:
         box_mm = zip(AXES, self.measured_box_mm, strict=True)
         return tuple(self.machine.axes[axis].range_mm if axis in self.stood_mm else span for axis, span in box_mm)
 
-    def _is_away(self, rows: Numbers) -> npt.NDArray[np.bool_]:
-        """Tell which places (n,) have an axis away from where it stood in all the data."""
-        off = [np.abs(rows[:, AXES.index(axis)] - stood) > _SAME_POSITION_MM for axis, stood in self.stood_mm.items()]
-        return np.asarray(np.any([np.zeros(len(rows), dtype=np.bool_), *off], axis=0))
+    def _away(self, rows: Numbers) -> dict[str, npt.NDArray[np.bool_]]:
+        """Tell of each axis that stood in all the data which places (n,) have it elsewhere."""
+        return {
+            axis: np.abs(rows[:, AXES.index(axis)] - stood) > _SAME_POSITION_MM
+            for axis, stood in self.stood_mm.items()
+        }
 
     def _moved_by_unknown(
         self, rows: Numbers, offset: Numbers, carrier: Carrier, threads: int
@@ -537,8 +539,7 @@ class Model:
         columns = _core.channel_columns(
             self.machine.chain, carriers, contiguous(rows), contiguous(offset), self.machine.tool_offset_mm, threads
         )
-        for axis, stood in self.stood_mm.items():
-            is_away = np.abs(rows[:, AXES.index(axis)] - stood) > _SAME_POSITION_MM
+        for axis, is_away in self._away(rows).items():
             own = [n for n, name in enumerate(JOINT_CHANNELS) if name in unknown and name[2].lower() == axis]
             moved |= is_away[:, None] & (np.abs(columns[:, own]) > _NO_LEVER_MM).any(axis=1)
         return moved

@@ -17,7 +17,7 @@ from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, settle, settle_as
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import Parameter, Term
+from geoerr.terms import Term
 
 # What was found with one harmonic may be the first of two, or the second.
 _MULTIPLES = (1.0, 2.0)
@@ -108,7 +108,7 @@ def _refined(space: Space, scanner: Scanner, judged: Judged, plain: Term, term: 
         (place,), own = free, known[term.inner[free[0]].name]
         low, high = term.inner[place].low or 0.0, term.inner[place].high or np.inf
         starts = [times for times in _MULTIPLES if low <= times * own.value <= high]
-        beside = _beside_trial(judged, plain, own)
+        beside = neighbours(judged.shapes, judged.trial, plain.inner.index(own))
         found = []
         for times in starts:
             inner = [one.value for one in term.inner]
@@ -121,13 +121,6 @@ def _refined(space: Space, scanner: Scanner, judged: Judged, plain: Term, term: 
     trial = int(np.argmax(scanner.exact(shapes).gain))
     bounds = {place: neighbours(shapes, trial, place) for place in free}
     return settle_as(space, scanner, term, list(shapes.trials[trial]), bounds), len(shapes.trials)
-
-
-def _beside_trial(judged: Judged, plain: Term, own: Parameter) -> tuple[float, float]:
-    """Give the trials on both sides of the one that was judged, of an inner parameter of the plain form."""
-    if judged.is_settled:
-        return own.value, own.value
-    return neighbours(judged.shapes, judged.trial, plain.inner.index(own))
 
 
 def _more_evidence(space: Space, plain: Settled, refined: Settled, n_ways: int) -> float:

@@ -362,13 +362,11 @@ impl Reader {
         };
         // Text behind M0 or M23 has letters, and seldom numbers.
         let is_code =
-            |word: &&Word| word.letter == b'G' && (!line.is_text_on_printers || word.number().is_some());
-        let has_code = line.words.iter().any(|word| is_code(&word));
-        if self.runs_first_alone() {
-            let n_codes = line.words.iter().filter(|word| matches!(word.letter, b'G' | b'M')).count();
-            if n_codes > 1 {
-                return Err(Unsupported::SeveralCodes);
-            }
+            |word: &Word| word.letter == b'G' && (!line.is_text_on_printers || word.number().is_some());
+        let has_code = line.words.iter().any(is_code);
+        let mut codes = line.words.iter().filter(|word| matches!(word.letter, b'G' | b'M'));
+        if self.runs_first_alone() && codes.nth(1).is_some() {
+            return Err(Unsupported::SeveralCodes);
         }
         if first.letter == b'M' && !has_code && !first.code10().is_some_and(is_machining_code) {
             return self.owned_by_m(first.code10(), words, body);
