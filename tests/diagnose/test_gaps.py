@@ -6,7 +6,8 @@ import numpy as np
 import polars as pl
 
 from geoerr.diagnose.gaps import Gaps, between_readings, gaps_of, read_columns, unread_rows
-from geoerr.fit.sightings import Sightings, sightings_of
+from geoerr.fit.joined import sightings_of
+from geoerr.fit.sightings import Sightings
 from geoerr.observations import Observations
 
 NAN = float("nan")

@@ -10,7 +10,8 @@ from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.fit.aliases import Determined, simplified
 from geoerr.fit.classic import classic_terms, positions_by_axis, spline, tells_noise
-from geoerr.fit.sightings import SAME_POSITION_MM, sightings_of
+from geoerr.fit.joined import sightings_of
+from geoerr.fit.sightings import SAME_POSITION_MM
 from geoerr.machine import Machine
 from geoerr.observations import Observations, observations_from_columns
 from geoerr.terms import BasisSpec

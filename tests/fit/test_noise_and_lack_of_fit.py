@@ -13,8 +13,8 @@ from virtual_machine import machine_of
 
 from geoerr.effects import catalogue
 from geoerr.fit import Fitted
+from geoerr.fit.joined import sightings_of
 from geoerr.fit.noise import groups_of
-from geoerr.fit.sightings import sightings_of
 from geoerr.observations import CircularTest, Observations, observations_from_columns
 
 MACHINE = machine_of("wZbXYt")

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from geoerr.fit.sightings import sightings_of
+from geoerr.fit.joined import sightings_of
 from geoerr.fit.variables import clock_span_s, variable_columns
 from geoerr.observations import CircularTest, Observations
 

@@ -31,11 +31,12 @@ from geoerr.fit.classic import (
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.free_directions import concerned, held_smallest, limits_of
 from geoerr.fit.inner import has_unknown_inner, started
+from geoerr.fit.joined import sightings_of
 from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
 from geoerr.fit.rich import determined_bases
-from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings, sightings_of
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing

@@ -1,0 +1,269 @@
+"""Tables of measurements as one set of sightings: rows in order, sessions one after the other, weights of each.
+
+Points state up to three components with their covariances, circular tests one radius with its `sr`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from geoerr.errors import GeometryError
+from geoerr.fit.commanded_circle import on_their_circle
+from geoerr.fit.passes import passes_of
+from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
+from geoerr.observations import CARRIERS, CircularTest, Observations
+from geoerr.terms import is_name
+
+# A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
+_LEAST_STD_MM = 1e-7
+# A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
+_BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
+
+
+def sightings_of(*tables: Observations | CircularTest) -> Sightings:
+    """Join measurements of points and circular tests.
+
+    A circular test states the uncertainty of its radii in a column `sr` (mm), if at all. One that does not is weighed
+    like the other tables' components, and a note says so.
+
+    Raises
+    ------
+    GeometryError
+        where nothing is measured, or some tables of points state uncertainties and others do not.
+    """
+    parts = [_of_points(table) if isinstance(table, Observations) else _of_circle(table) for table in tables]
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
+    joined = parts[0] if len(parts) == 1 else _joined(parts)
+    odd = [name for name in columns_of_numbers(joined.table) if not is_name(name)]
+    if not odd:
+        return joined
+    told = (
+        f"no effect can follow {', '.join(map(repr, odd))}: formulas name columns by letters a to z, digits and "
+        "underscores; rename what one may follow"
+    )
+    return replace(joined, notes=(*joined.notes, told))
+
+
+def _of_points(observations: Observations) -> Sightings:
+    is_measured = np.isfinite(observations.measured_mm)
+    used = is_measured.any(axis=1)
+    left_out = {"nothing measured": int((~used).sum())} if not used.all() else {}
+    believable = _has_positive_covariance(observations.covariance_mm2, is_measured)
+    if (used & believable).any() and not believable[used].all():
+        left_out["its covariance is not positive"] = int((used & ~believable).sum())
+        used &= believable
+    kept = observations.select(used)
+    names = kept.texts("session")
+    sessions = tuple(dict.fromkeys(names))
+    number_of = {name: number for number, name in enumerate(sessions)}
+    session = np.array([number_of[name] for name in names], dtype=np.int64)
+    order = np.argsort(session, kind="stable")
+    kept = Observations(kept.frame[order], kept.sources, kept.set_aside)
+    session = session[order]
+    is_measured = is_measured[used][order]
+    whitening, is_stated, notes = _whitening(kept.covariance_mm2, is_measured)
+    directions = kept.directions
+    frames = tuple(
+        "free" if bool(is_measured[session == number].all(axis=1).any()) else "parallel"
+        for number in range(len(sessions))
+    )
+    commanded = kept.commanded_mm
+    sightings = Sightings(
+        table=kept.frame,
+        commanded_mm=commanded,
+        offset_mm=kept.target_offset_mm,
+        measured_mm=np.where(is_measured, np.nan_to_num(kept.measured_mm), 0.0),
+        is_measured=is_measured,
+        whitening=whitening,
+        is_stated=is_stated,
+        carrier=np.array([CARRIERS.index(name) for name in kept.texts("carrier")], dtype=np.uint8),
+        session=session,
+        sessions=sessions,
+        frames=frames,
+        pass_number=passes_of(session, kept.texts("line"), kept.numbers("repeat")[:, 0], commanded, directions),
+        directions=directions,
+        source_row=np.flatnonzero(used)[order].astype(np.int64),
+        left_out=left_out,
+        notes=notes,
+    )
+    is_near = _near_the_others(sightings)
+    if is_near.all():
+        return sightings
+    return sightings.select(is_near, "measured far from any place that the machine reaches")
+
+
+def _near_the_others(sightings: Sightings) -> np.ndarray:
+    """Tell which rows (n,) are measured where the machine can have been: a lost decimal point turns a whole frame."""
+    is_near = np.ones(len(sightings), dtype=bool)
+    moves = sightings.carrier != CARRIERS.index("base")
+    for number in range(len(sightings.sessions)):
+        rows = np.flatnonzero((sightings.session == number) & moves)
+        if len(rows) < 3:
+            continue
+        travel, offsets = (_farthest_mm(own[rows]) for own in (sightings.commanded_mm, sightings.offset_mm))
+        seen, measured = sightings.is_measured[rows], sightings.measured_mm[rows]
+        columns = zip(measured.T, seen.T, strict=True)
+        middle = [np.median(own[is_seen]) if is_seen.any() else 0.0 for own, is_seen in columns]
+        distance = np.linalg.norm(np.where(seen, measured - middle, 0.0), axis=1)
+        is_near[rows] = distance <= _BEYOND_REACH * (travel + offsets) + _BEYOND_REACH_MM
+    return is_near
+
+
+def _farthest_mm(points_mm: Numbers) -> float:
+    return float(np.linalg.norm(points_mm - np.median(points_mm, axis=0), axis=1).max())
+
+
+def _of_circle(test: CircularTest) -> Sightings:
+    """Rows of a circular test: the tool seen from the work, one radius each.
+
+    Every line of a session has one set-up of the bar; a pass is what was run once, in one sense at one feed.
+    """
+    frame = test.frame
+    n_rows = frame.height
+    session_names = frame["session"].cast(pl.String).to_list() if "session" in frame.columns else ["0"] * n_rows
+    lines = frame["line"].cast(pl.String).to_list() if "line" in frame.columns else [""] * n_rows
+    runs = [f"circle {line or ''}/{session or ''}" for line, session in zip(lines, session_names, strict=True)]
+    names = tuple(dict.fromkeys(runs))
+    number_of = {name: number for number, name in enumerate(names)}
+    session = np.array([number_of[run] for run in runs], dtype=np.int64)
+    order = np.argsort(session, kind="stable")
+    frame, session = frame[order], session[order]
+    commanded = np.column_stack([frame[name].cast(pl.Float64).to_numpy() for name in ("x", "y", "z")])
+    measured = np.zeros((n_rows, 3))
+    measured[:, 0] = frame["r"].cast(pl.Float64).to_numpy()
+    is_measured = np.zeros((n_rows, 3), dtype=bool)
+    is_measured[:, 0] = True
+    repeat = frame["repeat"].cast(pl.Float64).to_numpy() if "repeat" in frame.columns else np.zeros(n_rows)
+    sense = frame["dir"].cast(pl.Float64).to_numpy() if "dir" in frame.columns else np.zeros(n_rows)
+    directions = Observations(frame.with_columns(pl.Series("session", session.astype(str)))).directions
+    feed = frame["feed"].cast(pl.Float64).to_numpy() if "feed" in frame.columns else np.zeros(n_rows)
+    _, pass_number = np.unique(
+        np.column_stack([session, *(np.nan_to_num(column) for column in (repeat, feed, sense))]),
+        axis=0,
+        return_inverse=True,
+    )
+    commanded = np.ascontiguousarray(commanded, dtype=np.float64)
+    for number in range(int(pass_number.max(initial=-1)) + 1):
+        rows = pass_number.ravel() == number
+        commanded[rows] = on_their_circle(commanded[rows])
+    std_mm = frame["sr"].cast(pl.Float64).to_numpy() if "sr" in frame.columns else np.full(n_rows, np.nan)
+    is_stated = bool((np.isfinite(std_mm) & (std_mm >= _LEAST_STD_MM)).all())
+    whitening = np.zeros((n_rows, 3, 3))
+    whitening[:, 0, 0] = 1.0 / std_mm if is_stated else 1.0
+    return Sightings(
+        table=frame,
+        commanded_mm=commanded,
+        offset_mm=np.zeros((n_rows, 3)),
+        measured_mm=measured,
+        is_measured=is_measured,
+        whitening=whitening,
+        is_stated=is_stated,
+        carrier=np.full(n_rows, CARRIERS.index("relative"), dtype=np.uint8),
+        session=session,
+        sessions=names,
+        frames=("circle",) * len(names),
+        pass_number=pass_number.astype(np.int64).ravel(),
+        directions=directions,
+        source_row=order.astype(np.int64),
+        left_out={},
+        notes=(),
+    )
+
+
+def _joined(parts: Sequence[Sightings]) -> Sightings:
+    parts = _with_weights_of_circles(parts)
+    if len({part.is_stated for part in parts}) > 1:
+        raise GeometryError(
+            "some measurements state their uncertainty and others do not, so that they cannot be weighed together\n"
+            "hint: give sx, sy, sz (mm) in every file, or in none"
+        )
+    session_offsets = np.cumsum([0, *(len(part.sessions) for part in parts[:-1])])
+    pass_offsets = np.cumsum([0, *(part.n_passes for part in parts[:-1])])
+    left_out: dict[str, int] = {}
+    for part in parts:
+        for why, count in part.left_out.items():
+            left_out[why] = left_out.get(why, 0) + count
+    return Sightings(
+        table=pl.concat([part.table for part in parts], how="diagonal_relaxed"),
+        commanded_mm=np.concatenate([part.commanded_mm for part in parts]),
+        offset_mm=np.concatenate([part.offset_mm for part in parts]),
+        measured_mm=np.concatenate([part.measured_mm for part in parts]),
+        is_measured=np.concatenate([part.is_measured for part in parts]),
+        whitening=np.concatenate([part.whitening for part in parts]),
+        is_stated=parts[0].is_stated,
+        carrier=np.concatenate([part.carrier for part in parts]),
+        session=np.concatenate([p.session + start for p, start in zip(parts, session_offsets, strict=True)]),
+        sessions=tuple(name for part in parts for name in part.sessions),
+        frames=tuple(kind for part in parts for kind in part.frames),
+        pass_number=np.concatenate([p.pass_number + start for p, start in zip(parts, pass_offsets, strict=True)]),
+        directions=np.concatenate([part.directions for part in parts]),
+        source_row=np.concatenate([part.source_row for part in parts]),
+        left_out=left_out,
+        notes=tuple(sentence for part in parts for sentence in part.notes),
+    )
+
+
+def _with_weights_of_circles(parts: Sequence[Sightings]) -> Sequence[Sightings]:
+    """Weigh radii that state no uncertainty like the components of the tables that do."""
+    stated = [part for part in parts if part.is_stated]
+    if not stated:
+        return parts
+    variances = [(part.unwhitening**2).sum(axis=2)[part.is_measured] for part in stated]
+    std_mm = float(np.sqrt(np.concatenate(variances).mean()))
+    note = f"a circular test states no uncertainty (column sr, mm): its radii got that of the points, {std_mm:.2g} mm"
+    return [
+        replace(part, whitening=part.whitening / std_mm, is_stated=True, notes=(*part.notes, note))
+        if not part.is_stated and set(part.frames) == {"circle"}
+        else part
+        for part in parts
+    ]
+
+
+def _has_positive_covariance(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]) -> np.ndarray:
+    """Tell which rows have a covariance that a measurement can have, (n,); one that is not stated is no obstacle."""
+    if covariance_mm2 is None:
+        return np.ones(len(is_measured), dtype=bool)
+    needed = is_measured[:, :, None] & is_measured[:, None, :]
+    stated = (np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2))
+    padded = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
+    padded = padded + np.eye(3) * (~is_measured)[:, None, :]
+    return np.asarray(~stated | (np.linalg.eigvalsh(padded)[:, 0] >= _LEAST_STD_MM**2))
+
+
+def _whitening(
+    covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]
+) -> tuple[Numbers, bool, tuple[str, ...]]:
+    """Give W (n, 3, 3) with W C Wᵀ = 1 on the measured components; rows without a covariance get the mean one."""
+    unit = np.asarray(np.eye(3) * is_measured[:, None, :].astype(np.float64))
+    if covariance_mm2 is None:
+        return unit, False, ()
+    needed = is_measured[:, :, None] & is_measured[:, None, :]
+    stated = (np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2))
+    if not stated.any():
+        return unit, False, ("no row states the uncertainty of its position: the columns are empty",)
+    notes: tuple[str, ...] = ()
+    filled = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
+    if not stated.all():
+        mean = filled[stated].sum(axis=0) / np.maximum(needed[stated].sum(axis=0), 1)
+        filled[~stated] = np.where(needed[~stated], mean, 0.0)
+        notes = (f"{int((~stated).sum())} rows state no uncertainty: they were given the mean of the others",)
+    # A component that was not measured gets variance 1 of its own, and its row of W is then taken out.
+    padded = filled + np.eye(3) * (~is_measured)[:, None, :]
+    value, vector = np.linalg.eigh(padded)
+    too_small = value < _LEAST_STD_MM**2
+    if too_small.any():
+        row = int(np.flatnonzero(too_small.any(axis=1))[0])
+        raise GeometryError(
+            f"the covariance of measured row {row + 1} is not positive: its smallest eigenvalue is "
+            f"{value[row].min():.3g} mm²\nhint: state the standard uncertainties in millimetres"
+        )
+    # W = V diag(1/√λ) Vᵀ: symmetric, and with a component taken out it never mixes it with the others.
+    whitening = np.einsum("nik,nk,njk->nij", vector, 1.0 / np.sqrt(value), vector)
+    return np.ascontiguousarray(np.where(needed, whitening, 0.0)), True, notes
