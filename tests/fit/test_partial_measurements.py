@@ -360,3 +360,16 @@ def test_a_row_or_two_are_too_few_and_that_is_said(n_rows: int) -> None:
     few = points(q_mm, np.zeros_like(q_mm), q_mm + 0.01, covariance_mm2=None, carrier=["relative"] * n_rows)
     with pytest.raises(GeometryError, match=f"in {n_rows} rows? leave nothing over"):
         fitted(machine_of("wZbXYt"), few, bases=None)
+
+
+def test_what_is_given_twice_is_said_to_count_twice() -> None:
+    rng = np.random.default_rng(3)
+    _, first = nine_lines_seen(rng, MACHINE)
+    again = replaced(first, session=["again"] * len(first))
+    other = measured_again(again, rng.normal(size=(len(first), 3)) * 1e-3)
+    twice = [note for note in sightings_of(first, again).notes if "counts twice" in note]
+    assert twice == [
+        "sessions 0 and again hold the same readings, digit for digit: one measurement counts twice, and all seems "
+        "surer than it is; leave one out"
+    ]
+    assert not any("counts twice" in note for note in sightings_of(first, other).notes)

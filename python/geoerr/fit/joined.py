@@ -5,7 +5,8 @@ Points state up to three components with their covariances, circular tests one r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from geoerr.errors import GeometryError
 from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
+from geoerr.fit.weights import weighed
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import is_name
 
@@ -23,13 +25,16 @@ from geoerr.terms import is_name
 _LEAST_STD_MM = 1e-7
 # A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
 _BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
+# So many rows are not the same by chance.
+_LEAST_TO_BE_THE_SAME = 6
 
 
 def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     """Join measurements of points and circular tests.
 
-    A circular test states the uncertainty of its radii in a column `sr` (mm), if at all. One that does not is weighed
-    like the other tables' components, and a note says so.
+    Where no uncertainty is stated rows are weighed by their own scatter, where that tells devices or components apart
+    (`weights`), and a note says so. A circular test states the uncertainty of its radii in a column `sr` (mm), if at
+    all; beside points that state theirs one that does not has that of its scatter, or else of the points.
 
     Raises
     ------
@@ -40,15 +45,36 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     parts = [part for part in parts if len(part)]
     if not parts:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
+    parts = weighed(parts)
     joined = parts[0] if len(parts) == 1 else _joined(parts)
-    odd = [name for name in columns_of_numbers(joined.table) if not is_name(name)]
-    if not odd:
-        return joined
-    told = (
-        f"no effect can follow {', '.join(map(repr, odd))}: formulas name columns by letters a to z, digits and "
-        "underscores; rename what one may follow"
-    )
-    return replace(joined, notes=(*joined.notes, told))
+    told = (*_counted_twice(joined), *_without_name(joined))
+    return replace(joined, notes=(*joined.notes, *told)) if told else joined
+
+
+def _without_name(sightings: Sightings) -> Iterator[str]:
+    odd = [name for name in columns_of_numbers(sightings.table) if not is_name(name)]
+    if odd:
+        yield (
+            f"no effect can follow {', '.join(map(repr, odd))}: formulas name columns by letters a to z, digits and "
+            "underscores; rename what one may follow"
+        )
+
+
+def _counted_twice(sightings: Sightings) -> Iterator[str]:
+    """Name sessions that hold what another one holds, digit for digit: no two measurements come out so."""
+    ends = [*sightings.starts[1:].tolist(), len(sightings)]
+    first: dict[bytes, str] = {}
+    for name, start, end in zip(sightings.sessions, sightings.starts.tolist(), ends, strict=True):
+        rows = [own[start:end] for own in (sightings.commanded_mm, sightings.offset_mm, sightings.measured_mm)]
+        if end - start < _LEAST_TO_BE_THE_SAME:
+            continue
+        digest = hashlib.sha256(b"".join(np.ascontiguousarray(own).tobytes() for own in rows)).digest()
+        other = first.setdefault(digest, name)
+        if other != name:
+            yield (
+                f"sessions {other} and {name} hold the same readings, digit for digit: one measurement counts twice, "
+                "and all seems surer than it is; leave one out"
+            )
 
 
 def _of_points(observations: Observations) -> Sightings:
@@ -178,7 +204,6 @@ def _of_circle(test: CircularTest) -> Sightings:
 
 
 def _joined(parts: Sequence[Sightings]) -> Sightings:
-    parts = _with_weights_of_circles(parts)
     if len({part.is_stated for part in parts}) > 1:
         raise GeometryError(
             "some measurements state their uncertainty and others do not, so that they cannot be weighed together\n"
@@ -208,22 +233,6 @@ def _joined(parts: Sequence[Sightings]) -> Sightings:
         left_out=left_out,
         notes=tuple(sentence for part in parts for sentence in part.notes),
     )
-
-
-def _with_weights_of_circles(parts: Sequence[Sightings]) -> Sequence[Sightings]:
-    """Weigh radii that state no uncertainty like the components of the tables that do."""
-    stated = [part for part in parts if part.is_stated]
-    if not stated:
-        return parts
-    variances = [(part.unwhitening**2).sum(axis=2)[part.is_measured] for part in stated]
-    std_mm = float(np.sqrt(np.concatenate(variances).mean()))
-    note = f"a circular test states no uncertainty (column sr, mm): its radii got that of the points, {std_mm:.2g} mm"
-    return [
-        replace(part, whitening=part.whitening / std_mm, is_stated=True, notes=(*part.notes, note))
-        if not part.is_stated and set(part.frames) == {"circle"}
-        else part
-        for part in parts
-    ]
 
 
 def _has_positive_covariance(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]) -> np.ndarray:

@@ -1,0 +1,86 @@
+"""What rows that state no uncertainty are weighed by, among themselves and beside those that do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from geoerr.fit.scatter import Scatter, are_apart, scatter_of
+from geoerr.fit.sightings import Numbers, Sightings
+
+_UM_PER_MM = 1e3
+# A note that names more is not read.
+_MOST_NAMED = 4
+
+
+def weighed(tables: Sequence[Sightings]) -> list[Sightings]:
+    """Give tables whose rows that state no uncertainty have weights by their own scatter, and notes that say so."""
+    if any(table.is_stated for table in tables):
+        return [table if table.is_stated else _beside(table, tables) for table in tables]
+    scatters = [scatter_of(table) for table in tables]
+    told = [one for one in scatters if one is not None]
+    if len(told) < len(tables):
+        return [*_not_told(tables)] if len(tables) > 1 else list(tables)
+    is_told = [one.n_told_by > 0.0 for one in told]
+    n_told_by, std_mm = (
+        np.concatenate([getattr(one, name)[own] for one, own in zip(told, is_told, strict=True)])
+        for name in ("n_told_by", "std_mm")
+    )
+    if not are_apart(std_mm, n_told_by):
+        return list(tables)
+    by_row = [one.std_mm[one.device] for one in told]
+    # The scale of a fit stays what a component scatters in the mean.
+    mean_mm = _root_mean_square([own[table.is_measured] for own, table in zip(by_row, tables, strict=True)])
+    return [
+        replace(_with_std(table, own / mean_mm), notes=(*table.notes, _note(one)))
+        for table, own, one in zip(tables, by_row, told, strict=True)
+    ]
+
+
+def _not_told(tables: Sequence[Sightings]) -> Iterator[Sightings]:
+    note = (
+        "no uncertainty is stated (columns sx, sy, sz and sr, mm), and too few rows were measured again to tell it: "
+        "all are weighed alike, whatever device they are from"
+    )
+    for number, table in enumerate(tables):
+        yield table if number else replace(table, notes=(*table.notes, note))
+
+
+def _beside(table: Sightings, tables: Sequence[Sightings]) -> Sightings:
+    """Weigh radii beside points that state their uncertainty: by their scatter, or else like the points."""
+    if set(table.frames) != {"circle"}:
+        return table
+    scatter = scatter_of(table)
+    if scatter is None:
+        stated = [one for one in tables if one.is_stated]
+        std_mm = _root_mean_square([np.sqrt((one.unwhitening**2).sum(axis=2))[one.is_measured] for one in stated])
+    else:
+        std_mm = float(scatter.std_mm[0, 0])
+    whose = "that of the points" if scatter is None else "what they scatter from row to row"
+    note = f"a circular test states no uncertainty (column sr, mm): its radii got {whose}, {std_mm:.2g} mm"
+    weighed_table = _with_std(table, np.full((len(table), 3), std_mm))
+    return replace(weighed_table, is_stated=True, notes=(*table.notes, note))
+
+
+def _note(scatter: Scatter) -> str:
+    """Say what rows of a table are weighed by, µm."""
+    devices = [
+        f"{name} " + ", ".join(f"{value * _UM_PER_MM:.3g}" for value in std_mm[told])
+        for name, std_mm, told in zip(scatter.names, scatter.std_mm, scatter.n_told_by > 0, strict=True)
+    ]
+    named = "; ".join(devices[:_MOST_NAMED]) + (
+        f"; and {len(devices) - _MOST_NAMED} more" * (len(devices) > _MOST_NAMED)
+    )
+    return f"no uncertainty is stated: rows are weighed by how they scatter from row to row, µm by component: {named}"
+
+
+def _root_mean_square(values: Sequence[Numbers]) -> float:
+    return float(np.sqrt((np.concatenate(values) ** 2).mean()))
+
+
+def _with_std(table: Sightings, std: Numbers) -> Sightings:
+    """Give the table with a standard deviation (n, 3) of each component that is measured."""
+    by_component = np.where(table.is_measured, 1.0 / np.where(table.is_measured, std, 1.0), 0.0)
+    return replace(table, whitening=np.ascontiguousarray(np.eye(3) * by_component[:, None, :]))
