@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import polars as pl
 
+from geoerr.fit.alike import numbers_of_alike
 from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import times_s
@@ -108,11 +108,7 @@ def groups_of(sightings: Sightings) -> np.ndarray:
     if "target" in sightings.table.columns:
         names = np.asarray(sightings.texts("target"))
         keys.append(np.unique(names, return_inverse=True)[1].reshape(-1, 1).astype(np.float64))
-    rows = pl.DataFrame(np.column_stack(keys)).with_row_index("row")
-    alike = rows.group_by(pl.exclude("row"), maintain_order=True).agg("row")["row"]
-    group = np.empty(len(sightings), dtype=np.int64)
-    group[alike.explode().to_numpy()] = np.repeat(np.arange(len(alike)), alike.list.len().to_numpy())
-    return group
+    return numbers_of_alike(keys)
 
 
 def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> Repeats:

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoerr.fit.alike import numbers_of_alike
 from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
 
 # A median of fewer numbers tells nothing.
@@ -157,8 +158,7 @@ class _Left:
 def _windows(table: Sightings, size: int) -> list[_Window]:
     """Give all runs of so many neighbours; of three only in passes that have no five."""
     place = np.round(table.offset_mm / SAME_POSITION_MM)
-    _, series = np.unique(np.column_stack([table.pass_number, table.carrier, place]), axis=0, return_inverse=True)
-    series = series.ravel()
+    series = numbers_of_alike([table.pass_number, table.carrier, place])
     # In a pass rows stand as they were measured.
     order = np.argsort(series, kind="stable")
     count = np.bincount(series)[series[order]]
@@ -200,8 +200,7 @@ def _visits(table: Sightings) -> Integers:
     place = np.round(np.hstack([table.commanded_mm, table.offset_mm]) / SAME_POSITION_MM)
     sense = np.nan_to_num(table.numbers("dir"))
     target = np.unique(names, return_inverse=True)[1]
-    keys = np.column_stack([place, table.directions, table.carrier, table.session, sense, target])
-    return np.asarray(np.unique(keys, axis=0, return_inverse=True)[1]).ravel()
+    return numbers_of_alike([place, table.directions, table.carrier, table.session, sense, target])
 
 
 def _repeated(table: Sightings, windows: Sequence[_Window]) -> list[_Left]:
@@ -213,13 +212,14 @@ def _repeated(table: Sightings, windows: Sequence[_Window]) -> list[_Left]:
         count = np.bincount(visit[seen], minlength=len(table))[visit]
         total = np.bincount(visit[seen], weights=table.measured_mm[seen, component], minlength=len(table))[visit]
         is_repeat = seen & (count > 1)
-        _, of_visit, which = np.unique(np.where(seen, visit, -1), return_index=True, return_inverse=True)
-        first = table.measured_mm[of_visit[which.ravel()], component]
+        # Of each visit the last row that is written stays: any of them serves.
+        another = np.zeros(len(table))
+        another[visit[seen]] = table.measured_mm[seen, component]
         mean = total / np.maximum(count, 1)
         value = np.where(is_repeat, table.measured_mm[:, component] - mean, np.nan)
         # A mean has its share of every row: what is left of one scatters less.
         variance = 1.0 - 1.0 / np.maximum(count, 2)
-        apart = np.where(is_repeat, table.measured_mm[:, component] - first, 0.0)
+        apart = np.where(is_repeat, table.measured_mm[:, component] - another[visit], 0.0)
         found += [_left(component, value, variance, apart, one) for one in windows]
     return found
 
