@@ -534,6 +534,7 @@ class FitState:
     def translations_mm(self) -> npt.NDArray[np.float64]: ...
     @property
     def excess_mm(self) -> npt.NDArray[np.float64]: ...
+    def in_frames_of(self, other: FitState) -> FitState: ...
 
 @final
 class FitSolution:
@@ -598,6 +599,8 @@ class FitProblem:
         constraints: npt.NDArray[np.float64],
         prior: npt.NDArray[np.float64] | None,
         threads: int,
+        known: FitTriangle | None = None,
+        changed: npt.NDArray[np.int64] | None = None,
     ) -> FitTriangle: ...
     def gradient(
         self,
@@ -624,6 +627,7 @@ class FitProblem:
         order: npt.NDArray[np.int64],
         starts: npt.NDArray[np.int64],
         own: npt.NDArray[np.int64],
+        weights: npt.NDArray[np.float64],
         threads: int,
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], list[bool]]: ...
     def design(

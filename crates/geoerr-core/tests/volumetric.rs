@@ -236,26 +236,28 @@ fn the_gram_matrix_is_that_of_the_design() {
             assert!((moved[row * d + along] - expected).abs() <= 1e-14 * sizes, "{chain} {row} {along}");
         }
         assert!(block.times(&Matrix::zeros(n, 0), &scale).is_empty());
-        // Of some rows alone, and what each of them makes of a direction and of a matrix.
+        // Of some rows alone, and what each of them makes of a direction.
         let some: Vec<usize> = (0..n_rows).rev().step_by(3).collect();
         let numbers: Vec<[f64; 3]> = some.iter().map(|_| [(); 3].map(|()| draws.symmetric())).collect();
-        let (own, products) = block.gram_and_products(&some, &numbers, &scale);
-        let forms = block.forms_of(&some, &scale, directions.column(0), &gram);
-        let mut expected = (Matrix::zeros(n, n), vec![0.0; n]);
+        let weights: Vec<f64> = (0..3 * some.len()).map(|number| 0.5 + (number % 7) as f64).collect();
+        let (own, weighted, products) = block.sums_of(&some, &numbers, Some(&weights), &scale);
+        let weighted = weighted.unwrap();
+        assert_eq!(block.sums_of(&some, &numbers, None, &scale), (own.clone(), None, products.clone()));
+        let first_order = block.first_order(&some, &scale, directions.column(0));
+        let mut expected = (Matrix::zeros(n, n), vec![0.0; n], Matrix::zeros(n, n));
         for (at, row) in some.iter().enumerate() {
             for c in 0..3 {
                 let a: Vec<f64> = columns.iter().map(|column| column[3 * row + c]).collect();
                 for one in 0..n {
                     expected.1[one] += a[one] * numbers[at][c];
-                    (0..n).for_each(|two| expected.0[(one, two)] += a[one] * a[two]);
+                    for two in 0..n {
+                        expected.0[(one, two)] += a[one] * a[two];
+                        expected.2[(one, two)] += weights[3 * at + c] * a[one] * a[two];
+                    }
                 }
                 let along: f64 = a.iter().zip(directions.column(0)).map(|(a, x)| a * x).sum();
                 let sizes: f64 = a.iter().zip(directions.column(0)).map(|(a, x)| (a * x).abs()).sum();
-                assert!((forms.along[3 * at + c] - along).abs() <= 1e-13 * sizes, "{chain} {row} {c}");
-                let pairs = || (0..n).flat_map(|one| (0..n).map(move |two| (one, two)));
-                let square: f64 = pairs().map(|(one, two)| a[one] * gram[(one, two)] * a[two]).sum();
-                let sizes: f64 = pairs().map(|(one, two)| (a[one] * gram[(one, two)] * a[two]).abs()).sum();
-                assert!((forms.squares[3 * at + c] - square).abs() <= 1e-13 * sizes, "{chain} {row} {c}");
+                assert!((first_order[at][c] - along).abs() <= 1e-13 * sizes, "{chain} {row} {c}");
             }
         }
         for one in 0..n {
@@ -263,9 +265,21 @@ fn the_gram_matrix_is_that_of_the_design() {
             assert!((products[one] - expected.1[one]).abs() <= 1e-12 * size, "{chain} {one}");
             for two in 0..n {
                 let size = size * gram[(two, two)].sqrt();
+                for (found, expected, largest) in [(&own, &expected.0, 1.0), (&weighted, &expected.2, 6.5)] {
+                    let difference = (found[(one, two)] - expected[(one, two)]).abs();
+                    assert!(difference <= 1e-13 * largest * size, "{chain} {one} {two}");
+                }
+            }
+        }
+        // Some columns alone.
+        let some_columns = [n - 1, 0, n / 2];
+        let own = block.gram_columns(&some_columns, &scale);
+        for (k, &column) in some_columns.iter().enumerate() {
+            for row in 0..n {
+                let size = (gram[(row, row)] * gram[(column, column)]).sqrt();
                 assert!(
-                    (own[(one, two)] - expected.0[(one, two)]).abs() <= 1e-13 * size,
-                    "{chain} {one} {two}"
+                    (own[(row, k)] - gram[(row, column)]).abs() <= 1e-14 * size,
+                    "{chain} {row} {column}"
                 );
             }
         }

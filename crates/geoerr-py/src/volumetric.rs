@@ -252,6 +252,11 @@ impl PyFitState {
         from_numbers(py, self.state.shared.clone())
     }
 
+    /// The same coefficients, inner parameters and shared unknowns in the frames of another state.
+    fn in_frames_of(&self, other: &Self) -> Self {
+        Self { state: State { frames: other.state.frames.clone(), ..self.state.clone() } }
+    }
+
     /// measured_from_base of every session (s, 3, 3); the identity for circles.
     #[getter]
     fn rotations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
@@ -429,7 +434,10 @@ impl PyFitProblem {
     }
 
     /// The triangle of the whitened design at a state, for solutions x with `C x = 0`: C (k, n) the `constraints`.
-    /// `prior` (p, n) are further rows that hold unknowns near 0.
+    /// `prior` (p, n) are further rows that hold unknowns near 0. `known`, a triangle with the same `row_scale` at another
+    /// state, is where to begin if but the columns `changed` (k,) differ there.
+    #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
+    #[pyo3(signature = (state, row_scale, constraints, prior, threads, known=None, changed=None))]
     fn triangle<'py>(
         &self,
         py: Python<'py>,
@@ -438,20 +446,28 @@ impl PyFitProblem {
         constraints: PyReadonlyArray2<'py, f64>,
         prior: Option<PyReadonlyArray2<'py, f64>>,
         threads: usize,
+        known: Option<&PyFitTriangle>,
+        changed: Option<PyReadonlyArray1<'py, i64>>,
     ) -> PyResult<PyFitTriangle> {
         let (problem, state) = (&self.problem, &state.state);
         let row_scale = numbers(&row_scale, "row_scale")?;
         let constraints = matrix_of(&constraints);
         let prior = prior.map(|prior| matrix_of(&prior));
-        let triangle = enter_core(py, threads, || {
+        let changed = changed.map(|changed| places(&changed, "changed")).transpose()?;
+        let (triangle, gram) = enter_core(py, threads, || {
             let design = WhitenedDesign::without_residuals(problem, state, row_scale)?;
+            let gram = match (known, &changed) {
+                (Some(known), Some(changed)) => design.changed_gram(known.gram.clone(), changed)?,
+                _ => design.own_gram(),
+            };
+            let design = design.with_gram(gram.clone());
             let mut triangle = Triangle::for_rank_within(&design, PRACTICAL_RANK, &constraints)?;
             if let Some(prior) = &prior {
                 triangle.append(prior)?;
             }
-            Ok::<_, geoerr_core::volumetric::VolumetricError>(triangle)
+            Ok::<_, geoerr_core::volumetric::VolumetricError>((triangle, gram))
         })?;
-        Ok(PyFitTriangle { triangle, constraints })
+        Ok(PyFitTriangle { triangle, constraints, gram })
     }
 
     /// `Aᵀ r` (n_columns,) of the whitened design at a state.
@@ -513,7 +529,8 @@ impl PyFitProblem {
     }
 
     /// Leaves blocks of rows out in turn. `order` are the rows block by block, `starts` where blocks begin in it, `own`
-    /// how many unknowns belong to each block alone. Rows of the answer are in that order.
+    /// how many unknowns belong to each block alone, `weights` (n, 3) what the variances of its prediction are multiplied
+    /// with, in the order of rows. Rows of the answer are in that of `order`, variances are summed by block.
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
     fn leave_out<'py>(
         &self,
@@ -524,23 +541,28 @@ impl PyFitProblem {
         order: PyReadonlyArray1<'py, i64>,
         starts: PyReadonlyArray1<'py, i64>,
         own: PyReadonlyArray1<'py, i64>,
+        weights: PyReadonlyArray2<'py, f64>,
         threads: usize,
     ) -> PyResult<LeftOutArrays<'py>> {
         let (problem, state, solution) = (&self.problem, &state.state, &solution.solution);
         let residuals_mm = rows(&residuals_mm, "residuals_mm")?;
         let (order, starts) = (places(&order, "order")?, places(&starts, "starts")?);
         let own = places(&own, "own")?;
+        let weights: &[[f64; 3]] = rows(&weights, "weights")?;
+        if weights.len() != problem.n_rows() {
+            return Err(CoreError::shape("every sighting has three weights").into());
+        }
         let left = enter_core(py, threads, || {
             let row_scale = vec![1.0; problem.n_rows()];
+            let in_order: Vec<f64> =
+                order.iter().filter_map(|&row| weights.get(row)).copied().flatten().collect();
             let design = WhitenedDesign::in_order(problem, state, residuals_mm, &row_scale, order)?;
             let blocks = design.blocks_at(&starts)?;
-            leave_blocks_out_of_residuals(&design, solution, &blocks, &own)
+            leave_blocks_out_of_residuals(&design, solution, &blocks, &own, Some(&in_order))
         })?;
-        let by_row = |values: Vec<f64>| {
-            let n = values.len() / 3;
-            values.into_pyarray(py).reshape([n, 3])
-        };
-        Ok((by_row(left.held_out)?, by_row(left.prediction_variance)?, left.is_determined))
+        let n = left.held_out.len() / 3;
+        let held_out = left.held_out.into_pyarray(py).reshape([n, 3])?;
+        Ok((held_out, from_numbers(py, left.prediction_variance), left.is_determined))
     }
 
     /// The whitened design of rows `first` to `last` (3 (last − first), n_columns), in NumPy's order.
@@ -570,9 +592,9 @@ impl PyFitProblem {
     }
 }
 
-/// Residuals against the other blocks, whitened (n, 3); variance of their prediction (n, 3); whether each block is
-/// determined by the others.
-type LeftOutArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<bool>);
+/// Residuals against the other blocks, whitened (n, 3); of each block the weighted variances of its prediction, and whether
+/// it is determined by the others.
+type LeftOutArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Vec<bool>);
 
 /// Columns of norm 1 that cancel to this are not told apart by measurements: noise in that direction is 100,000 times
 /// that of a single number, and what came out would be no estimate of anything.
@@ -584,6 +606,8 @@ pub struct PyFitTriangle {
     triangle: Triangle,
     /// Those that every solution keeps (k, n).
     constraints: Matrix,
+    /// `AᵀA` of the whitened design.
+    gram: Matrix,
 }
 
 fn matrix_of(array: &PyReadonlyArray2<'_, f64>) -> Matrix {

@@ -96,7 +96,6 @@ def leave_out(
         Derivative of measured points by shared unknowns; one that acts in a single fold is that fold's own.
     """
     held = np.full((len(sightings), 3), np.nan)
-    variance = np.zeros((len(sightings), 3))
     order = np.flatnonzero(used)
     order = np.ascontiguousarray(order[np.argsort(fold[order], kind="stable")], dtype=np.int64)
     numbers, starts = np.unique(fold[order], return_index=True)
@@ -107,13 +106,22 @@ def leave_out(
     own = [
         _own_unknowns(sightings, np.flatnonzero((fold == number) & used), used, acts, n_acting) for number in numbers
     ]
-    whitened, spread, is_determined = problem.leave_out(
-        design_state, solution, residual_mm, order, starts.astype(np.int64), np.array(own, dtype=np.int64), threads
-    )
     # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
-    unwhitening = sightings.unwhitening[order]
-    held[order] = np.einsum("nij,nj->ni", unwhitening, whitened)
-    variance[order] = np.einsum("nij,nj->ni", unwhitening**2, spread)
+    unwhitening = sightings.unwhitening
+    weights_mm2 = (unwhitening**2).sum(axis=1)
+    # What was not measured has no variance, whatever its weight; one weight of all is the quickest.
+    weights_mm2 = np.where(weights_mm2 > 0.0, weights_mm2, weights_mm2.max(initial=0.0))
+    whitened, spread_mm2, is_determined = problem.leave_out(
+        design_state,
+        solution,
+        residual_mm,
+        order,
+        starts.astype(np.int64),
+        np.array(own, dtype=np.int64),
+        weights_mm2,
+        threads,
+    )
+    held[order] = np.einsum("nij,nj->ni", unwhitening[order], whitened)
     base = problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held)))
     computable = used & np.isfinite(held).all(axis=1)
     base[~computable] = np.nan
@@ -124,7 +132,7 @@ def leave_out(
         figures,
         folds,
         int((used & ~computable).sum()),
-        float(variance[computable].sum()) / max(int(computable.sum()), 1),
+        float(np.nansum(spread_mm2)) / max(int(computable.sum()), 1),
     )
 
 

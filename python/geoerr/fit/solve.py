@@ -30,6 +30,8 @@ _SHORTER = 0.3
 # those with which every step is so much shorter than the one before: that is how far their products are off.
 _OF_THE_MINIMUM, _ALIKE = 0.03, 0.01
 _MAX_STEPS = 40
+# A column of the products is this many times its share of a triangle.
+_COST_OF_A_COLUMN = 16
 # As many steps cost as much as a triangle.
 _STEPS_WITH_ANOTHER = 4
 _MAX_ROUNDS = 12
@@ -70,9 +72,12 @@ class Ranges:
 
     def leaving(self, state: _core.FitState, step: Numbers) -> np.ndarray:
         """Tell which are at an end and would step beyond it, (k,)."""
-        value, own = self._values(state), step[self.column]
-        near = _AT_AN_END * (self.high - self.low)
-        return np.asarray(((value - self.low <= near) & (own < 0.0)) | ((self.high - value <= near) & (own > 0.0)))
+        (is_low, is_high), own = self._at_ends(state), step[self.column]
+        return np.asarray((is_low & (own < 0.0)) | (is_high & (own > 0.0)))
+
+    def lost(self, state: _core.FitState, solution: _core.FitSolution) -> np.ndarray:
+        """Tell which are at an end where nothing tells them, (k,): rounding would decide which way they step."""
+        return np.asarray(np.any(self._at_ends(state), axis=0) & ~np.asarray(solution.is_determined)[self.column])
 
     def share_inside(self, state: _core.FitState, step: Numbers) -> float:
         """Give the share of a step, at most 1, that ends where the first of them meets its end."""
@@ -80,6 +85,10 @@ class Ranges:
         room = np.where(own > 0.0, self.high - value, value - self.low)
         moves = own != 0.0
         return float(np.min(room[moves] / np.abs(own[moves]), initial=1.0))
+
+    def _at_ends(self, state: _core.FitState) -> tuple[np.ndarray, np.ndarray]:
+        value, near = self._values(state), _AT_AN_END * (self.high - self.low)
+        return value - self.low <= near, self.high - value <= near
 
     def _values(self, state: _core.FitState) -> Numbers:
         return np.asarray(np.clip(state.inner[self.inner], self.low, self.high))
@@ -274,8 +283,9 @@ def _gauss_newton(
     """
     state = design_state = start
     residual = problem.residuals(state, threads)
+    triangles = _Triangles(problem, row_scale, gauge, prior, threads)
     if of_all is None:
-        triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
+        triangle, made_at = triangles.at(state)
         unheld = triangle.solve(None, threads)
     else:
         triangle, unheld, made_at = of_all.triangle, of_all.solution, of_all.design_state
@@ -293,10 +303,10 @@ def _gauss_newton(
             design_state = state
             is_at_rest = moved < settled and not is_there
             if is_at_rest or followed > most_followed:
-                triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
+                triangle, made_at = triangles.near((triangle, made_at), state, ranges)
                 unheld, since = triangle.solve(None, threads), _StepsSince()
         elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
-            triangle, made_at = problem.triangle(design_state, row_scale, gauge, prior, threads), design_state
+            triangle, made_at = triangles.at(state)
             solution = unheld = triangle.solve(None, threads)
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
@@ -328,6 +338,39 @@ def _gauss_newton(
     return _Iterated(state, solution, triangle, made_at, residual, problem.whitened(residual), converged, steps)
 
 
+@dataclass(frozen=True, eq=False)
+class _Triangles:
+    """Triangles of one problem and weighing, at one state or another; each with the state that it is made at."""
+
+    problem: _core.FitProblem
+    row_scale: Numbers
+    gauge: Numbers
+    prior: Numbers | None
+    threads: int
+
+    def at(self, state: _core.FitState) -> tuple[_core.FitTriangle, _core.FitState]:
+        """Give the triangle of the design at a state."""
+        return self.problem.triangle(state, self.row_scale, self.gauge, self.prior, self.threads), state
+
+    def near(
+        self, known: tuple[_core.FitTriangle, _core.FitState], state: _core.FitState, ranges: Ranges | None
+    ) -> tuple[_core.FitTriangle, _core.FitState]:
+        """Give the same from a known one.
+
+        Of a design only columns that follow inner parameters change along the way, and those of frames by no more
+        than a linear model's, which stay. So where few follow, frames stay, and the rest of the triangle with them.
+        """
+        triangle, made_at = known
+        changed = np.arange(self.problem.n_columns) if ranges is None else np.flatnonzero(ranges.is_followed)
+        if len(changed) * _COST_OF_A_COLUMN >= self.problem.n_columns:
+            return self.at(state)
+        at = state.in_frames_of(made_at)
+        return (
+            self.problem.triangle(at, self.row_scale, self.gauge, self.prior, self.threads, triangle, changed),
+            at,
+        )
+
+
 class _StepsSince:
     """Steps since a triangle was made, in standard errors of what its columns follow."""
 
@@ -355,11 +398,13 @@ def _step_inside(
     if ranges is None:
         return solution, step
     stays = np.zeros(len(ranges.column), dtype=bool)
-    while (leaving := ranges.leaving(state, step) & ~stays).any():
+    leaving = ranges.lost(state, solution) | ranges.leaving(state, step)
+    while leaving.any():
         stays |= leaving
         solution = triangle.solve(np.eye(len(step))[ranges.column[stays]], threads)
         step = held_smallest(solution.step(gradient), solution.null_space, limits)
         step[ranges.column[stays]] = 0.0
+        leaving = ranges.leaving(state, step) & ~stays
     return solution, step
 
 

@@ -52,14 +52,14 @@ pub trait Design: Sync {
         None
     }
 
-    /// What some rows sum up to, where the design knows such a way to it; not finite where an entry is not.
-    fn sums_of(&self, _rows: Range<usize>) -> Option<Sums> {
+    /// What some rows sum up to, where the design knows such a way to it; not finite where an entry is not. `weights` (rows)
+    /// are those of [`Sums::weighted`].
+    fn sums_of(&self, _rows: Range<usize>, _weights: Option<&[f64]>) -> Option<Sums> {
         None
     }
 
-    /// Of each of some rows `aᵀx` for a direction x (n) and `aᵀ M a` for a symmetric M (n, n), where the design knows
-    /// such a way to them.
-    fn forms_of(&self, _rows: Range<usize>, _direction: &[f64], _matrix: &Matrix) -> Option<Forms> {
+    /// `aᵀx` of each of some rows for a direction x (n), where the design knows such a way to it.
+    fn times_of(&self, _rows: Range<usize>, _direction: &[f64]) -> Option<Vec<f64>> {
         None
     }
 
@@ -74,19 +74,12 @@ pub trait Design: Sync {
 pub struct Sums {
     /// `AᵀA`, both triangles.
     pub gram: Matrix,
+    /// The same with every row's products times its weight, where there are weights.
+    pub weighted: Option<Matrix>,
     /// `Aᵀb` (n, k).
     pub products: Matrix,
     /// b (rows, k).
     pub rhs: Matrix,
-}
-
-/// What rows of A make of a direction and of a symmetric matrix, one number for each row.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Forms {
-    /// `aᵀx`.
-    pub along: Vec<f64>,
-    /// `aᵀ M a`.
-    pub squares: Vec<f64>,
 }
 
 /// Where the rows of a system are cut.

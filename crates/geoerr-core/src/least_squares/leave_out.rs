@@ -51,16 +51,16 @@ pub struct LeftOut {
     pub held_out: Vec<f64>,
     /// Whether the other blocks determine what the block would measure.
     pub is_determined: Vec<bool>,
-    /// Variance of the prediction of every row by the other blocks, for residuals of variance 1: the diagonal of
-    /// `H_bb (I − H_bb)⁻¹`.
+    /// Of every block the variances of the prediction of its rows by the other blocks, for residuals of variance 1, each
+    /// times the row's weight and summed: of weights of 1 the trace of `H_bb (I − H_bb)⁻¹`. NaN where it is not determined.
     pub prediction_variance: Vec<f64>,
 }
 
 impl LeftOut {
     /// Of one block about which the rest says too little.
     pub(super) fn not_determined(residual: Vec<f64>) -> Self {
-        let nothing = vec![f64::NAN; residual.len()];
-        Self { residual, held_out: nothing.clone(), is_determined: vec![false], prediction_variance: nothing }
+        let held_out = vec![f64::NAN; residual.len()];
+        Self { residual, held_out, is_determined: vec![false], prediction_variance: vec![f64::NAN] }
     }
 
     fn append(&mut self, mut other: Self) {
@@ -85,27 +85,31 @@ pub fn leave_blocks_out<D: Design + ?Sized>(
     rhs: usize,
 ) -> Result<LeftOut, D::Error> {
     let x = solution.unknowns(rhs)?;
-    left_out(design, solution, blocks, rhs, Some(x), &vec![0; blocks.len()])
+    left_out(design, solution, blocks, rhs, Some(x), &vec![0; blocks.len()], None)
 }
 
 /// The same for a design whose right-hand side holds the residuals themselves, as after the last step of an iteration.
 ///
 /// `own` gives for every block how many unknowns are its own (the pose of an instrument that measured nothing else, say):
 /// as many directions in which the rest says nothing are left at their best, instead of making the block not determined.
+/// `weights` (rows), 1 where there are none, are those of [`LeftOut::prediction_variance`].
 ///
 /// # Errors
-/// As [`leave_blocks_out`], and where `own` is not as long as there are blocks.
+/// As [`leave_blocks_out`], and where `own` is not as long as there are blocks, or `weights` as there are rows.
 pub fn leave_blocks_out_of_residuals<D: Design + ?Sized>(
     design: &D,
     solution: &Solution,
     blocks: &Blocks,
     own: &[usize],
+    weights: Option<&[f64]>,
 ) -> Result<LeftOut, D::Error> {
-    if own.len() != blocks.len() {
-        let (expected, found) = (blocks.len(), own.len());
-        return Err(LeastSquaresError::RowsDiffer { expected, found }.into());
+    let n_weights = weights.map_or(blocks.n_rows(), <[f64]>::len);
+    for (expected, found) in [(blocks.len(), own.len()), (blocks.n_rows(), n_weights)] {
+        if expected != found {
+            return Err(LeastSquaresError::RowsDiffer { expected, found }.into());
+        }
     }
-    left_out(design, solution, blocks, 0, None, own)
+    left_out(design, solution, blocks, 0, None, own, weights)
 }
 
 fn left_out<D: Design + ?Sized>(
@@ -115,6 +119,7 @@ fn left_out<D: Design + ?Sized>(
     rhs: usize,
     x: Option<&[f64]>,
     own: &[usize],
+    weights: Option<&[f64]>,
 ) -> Result<LeftOut, D::Error> {
     let n_columns = solution.scale.len();
     if design.n_columns() != n_columns {
@@ -142,6 +147,7 @@ fn left_out<D: Design + ?Sized>(
         rhs,
         x: x.as_ref(),
         limit: limit_at(error_of_sums),
+        weights,
     };
     let of_group = |group: &Range<usize>| -> Result<LeftOut, D::Error> {
         let rows = blocks.rows(group.start).start..blocks.rows(group.end - 1).end;
@@ -155,7 +161,8 @@ fn left_out<D: Design + ?Sized>(
             let mut result = LeftOut::default();
             for block in group.clone() {
                 let at = blocks.rows(block).start - rows.start..blocks.rows(block).end - rows.start;
-                result.append(of_block(&w, &residual[at.clone()], at, limit, own[block])?);
+                let weights = weights.map(|weights| &weights[blocks.rows(block)]);
+                result.append(of_block(&w, &residual[at.clone()], at, limit, own[block], weights)?);
             }
             Ok(result)
         })
@@ -195,6 +202,7 @@ fn of_block(
     rows: Range<usize>,
     limit: f64,
     own: usize,
+    weights: Option<&[f64]>,
 ) -> Result<LeftOut, LeastSquaresError> {
     let (height, rank) = (rows.len(), w.n_columns());
     let part = Matrix::from_fn(rank, height, |j, row| w[(rows.start + row, j)]);
@@ -204,15 +212,23 @@ fn of_block(
         Some(known) => Some(known),
         None => by_directions(&part, &inside, &right, limit, own)?,
     };
-    let is_determined = known.is_some();
-    let (held_out, prediction_variance) =
-        known.unwrap_or_else(|| (vec![f64::NAN; height], vec![f64::NAN; height]));
+    let Some((held_out, variances)) = known else {
+        return Ok(LeftOut::not_determined(residual.to_vec()));
+    };
     Ok(LeftOut {
         residual: residual.to_vec(),
         held_out,
-        is_determined: vec![is_determined],
-        prediction_variance,
+        is_determined: vec![true],
+        prediction_variance: vec![weighted_sum(&variances, weights)],
     })
+}
+
+/// The sum of some numbers, each times its weight.
+pub(super) fn weighted_sum(values: &[f64], weights: Option<&[f64]>) -> f64 {
+    match weights {
+        Some(weights) => values.iter().zip(weights).map(|(value, weight)| value * weight).sum(),
+        None => values.iter().sum(),
+    }
 }
 
 /// Residuals of a block against the rest, and variances of its prediction.

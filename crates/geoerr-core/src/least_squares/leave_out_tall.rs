@@ -17,7 +17,7 @@ use super::blocks::{Design, Spares, Sums, check_finite};
 use super::definite::Definite;
 use super::dense;
 use super::error::LeastSquaresError;
-use super::leave_out::{LeftOut, ROWS_AT_ONCE, residuals};
+use super::leave_out::{LeftOut, ROWS_AT_ONCE, residuals, weighted_sum};
 use super::matrix::Matrix;
 use super::triangle::columns_in_use;
 
@@ -31,6 +31,8 @@ pub(super) struct Tall<'a, D: ?Sized> {
     pub x: Option<&'a Matrix>,
     /// Eigenvalue from which on the rest determines nothing.
     pub limit: f64,
+    /// Of all rows, as in [`leave_blocks_out_of_residuals`](super::leave_blocks_out_of_residuals).
+    pub weights: Option<&'a [f64]>,
 }
 
 impl<D: Design + ?Sized> Tall<'_, D> {
@@ -44,8 +46,11 @@ impl<D: Design + ?Sized> Tall<'_, D> {
 
     /// What the design itself knows of the rows, if they hold the residuals and everything is finite.
     fn sums_of(&self, rows: Range<usize>) -> Option<Sums> {
-        let sums = self.x.is_none().then(|| self.design.sums_of(rows)).flatten()?;
-        let is_finite = [&sums.gram, &sums.products].iter().all(|sum| sum.first_non_finite().is_none());
+        // One weight of all rows is a factor of their sum.
+        let weights = self.weights_of(&rows).filter(|weights| weights.windows(2).any(|two| two[0] != two[1]));
+        let sums = self.x.is_none().then(|| self.design.sums_of(rows, weights)).flatten()?;
+        let all = [Some(&sums.gram), Some(&sums.products), sums.weighted.as_ref()];
+        let is_finite = all.into_iter().flatten().all(|sum| sum.first_non_finite().is_none());
         is_finite.then_some(sums)
     }
 
@@ -57,11 +62,26 @@ impl<D: Design + ?Sized> Tall<'_, D> {
         };
         let products = Matrix::from_column(sums.products.column(self.rhs).to_vec());
         let correction = dense::product(&without, &products);
-        let Some(forms) = self.design.forms_of(rows.clone(), correction.as_slice(), &without) else {
+        let Some(more) = self.design.times_of(rows.clone(), correction.as_slice()) else {
             return self.left_out_by_chunks(rows, own);
         };
-        let held_out = residual.iter().zip(&forms.along).map(|(r, more)| r + more).collect();
-        Ok(LeftOut { residual, held_out, is_determined: vec![true], prediction_variance: forms.squares })
+        let held_out = residual.iter().zip(&more).map(|(r, more)| r + more).collect();
+        // Σ w aᵀ P a is the sum of products of the entries of P and of Σ w a aᵀ.
+        let (sum, factor) = match (&sums.weighted, self.weights_of(&rows)) {
+            (Some(weighted), _) => (weighted, 1.0),
+            (None, weights) => (&sums.gram, weights.and_then(<[f64]>::first).copied().unwrap_or(1.0)),
+        };
+        let variance: f64 = without.as_slice().iter().zip(sum.as_slice()).map(|(p, g)| p * g).sum();
+        Ok(LeftOut {
+            residual,
+            held_out,
+            is_determined: vec![true],
+            prediction_variance: vec![factor * variance],
+        })
+    }
+
+    fn weights_of(&self, rows: &Range<usize>) -> Option<&[f64]> {
+        self.weights.map(|weights| &weights[rows.clone()])
     }
 
     fn left_out_by_chunks(&self, rows: Range<usize>, own: usize) -> Result<LeftOut, D::Error> {
@@ -82,7 +102,8 @@ impl<D: Design + ?Sized> Tall<'_, D> {
         let without = self.covariance_without(&inside, own)?;
         let correction = without.as_ref().map(|without| dense::product(without, &products));
         let mut left = LeftOut { is_determined: vec![without.is_some()], ..LeftOut::default() };
-        self.each_chunk(rows, |in_use, part, residual| {
+        let mut variances = Vec::new();
+        self.each_chunk(rows.clone(), |in_use, part, residual| {
             left.residual.extend_from_slice(residual.as_slice());
             if let (Some(without), Some(correction)) = (&without, &correction) {
                 let n = in_use.len();
@@ -91,10 +112,14 @@ impl<D: Design + ?Sized> Tall<'_, D> {
                 let more = dense::product(part, &along);
                 left.held_out
                     .extend(residual.as_slice().iter().zip(more.as_slice()).map(|(r, more)| r + more));
-                left.prediction_variance.extend(quadratic_forms(part, &own));
+                variances.extend(quadratic_forms(part, &own));
             }
         })?;
-        Ok(if without.is_none() { LeftOut::not_determined(left.residual) } else { left })
+        if without.is_none() {
+            return Ok(LeftOut::not_determined(left.residual));
+        }
+        left.prediction_variance.push(weighted_sum(&variances, self.weights_of(&rows)));
+        Ok(left)
     }
 
     /// P, the covariance of the unknowns by the other rows, of `Fᵀ G F`; `None` where they do not determine the block.

@@ -23,7 +23,7 @@ mod solution;
 mod strided;
 mod triangle;
 
-pub use blocks::{Blocks, Design, FnDesign, Forms, StoredDesign, Sums, design_fn};
+pub use blocks::{Blocks, Design, FnDesign, StoredDesign, Sums, design_fn};
 pub use definite::Definite;
 pub use dense::{add_lower_outer, add_lower_product, set_rows_times_upper, symmetric_eigen};
 pub(crate) use dense::{lower_gram, product, transposed_product};

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::problem::{Block, NUMBERS_OF_A_ROW};
 use super::{Problem, State, VolumetricError};
-use crate::least_squares::{Blocks, Design, Forms, Matrix, Sums};
+use crate::least_squares::{Blocks, Design, Matrix, Sums};
 
 /// A block has at least so many rows for each of its columns: merging triangles then costs a fifth of making them.
 const BLOCK_WIDTHS: usize = 4;
@@ -22,6 +22,8 @@ pub struct WhitenedDesign<'a> {
     row_scale: &'a [f64],
     /// Order of the sightings in the system.
     order: Vec<usize>,
+    /// `AᵀA`, where it is known.
+    gram: Option<Matrix>,
 }
 
 impl<'a> WhitenedDesign<'a> {
@@ -38,7 +40,13 @@ impl<'a> WhitenedDesign<'a> {
         if found != needed {
             return Err(VolumetricError::Length { what: "row_scale", found, needed });
         }
-        Ok(Self { block: problem.blocks(state)?, whitened: None, row_scale, order: (0..needed).collect() })
+        Ok(Self {
+            block: problem.blocks(state)?,
+            whitened: None,
+            row_scale,
+            order: (0..needed).collect(),
+            gram: None,
+        })
     }
 
     /// The system of some sightings in another order, for leaving blocks of them out.
@@ -65,7 +73,44 @@ impl<'a> WhitenedDesign<'a> {
         for (row, scale) in whitened.iter_mut().zip(row_scale) {
             *row = row.map(|value| value * scale);
         }
-        Ok(Self { block: problem.blocks(state)?, whitened: Some(whitened), row_scale, order })
+        Ok(Self { block: problem.blocks(state)?, whitened: Some(whitened), row_scale, order, gram: None })
+    }
+
+    /// `AᵀA`, from the entries that are not 0; of a system in its own order.
+    #[must_use]
+    pub fn own_gram(&self) -> Matrix {
+        self.block.gram(self.row_scale)
+    }
+
+    /// `AᵀA` where that of another state is known, and some columns of A alone are others here.
+    ///
+    /// # Errors
+    /// [`VolumetricError::Length`] for a matrix of another size, or a column that there is not.
+    pub fn changed_gram(&self, mut known: Matrix, columns: &[usize]) -> Result<Matrix, VolumetricError> {
+        let needed = self.block.n_columns();
+        let last = columns.iter().max().map_or(0, |last| last + 1);
+        for (what, found) in [("gram", known.n_rows()), ("gram", known.n_columns())] {
+            if found != needed {
+                return Err(VolumetricError::Length { what, found, needed });
+            }
+        }
+        if last > needed {
+            return Err(VolumetricError::Length { what: "columns", found: last, needed });
+        }
+        let made = self.block.gram_columns(columns, self.row_scale);
+        for (k, &column) in columns.iter().enumerate() {
+            for (row, &value) in made.column(k).iter().enumerate() {
+                known[(row, column)] = value;
+                known[(column, row)] = value;
+            }
+        }
+        Ok(known)
+    }
+
+    /// The same system, of which `AᵀA` is known.
+    #[must_use]
+    pub fn with_gram(self, gram: Matrix) -> Self {
+        Self { gram: Some(gram), ..self }
     }
 
     /// Cuts of the system after so many sightings each.
@@ -115,26 +160,27 @@ impl Design for WhitenedDesign<'_> {
         Ok(())
     }
 
-    /// From the entries that are not 0; of a system in its own order without residuals.
+    /// Of a system in its own order without residuals.
     fn gram(&self) -> Option<Matrix> {
-        self.whitened.is_none().then(|| self.block.gram(self.row_scale))
+        self.whitened.is_none().then(|| self.gram.clone().unwrap_or_else(|| self.own_gram()))
     }
 
     fn along(&self, directions: &Matrix) -> Option<(Matrix, Matrix)> {
         self.whitened.is_none().then(|| self.block.along(directions, self.row_scale))
     }
 
-    fn sums_of(&self, rows: Range<usize>) -> Option<Sums> {
+    fn sums_of(&self, rows: Range<usize>, weights: Option<&[f64]>) -> Option<Sums> {
         let sightings = self.sightings(rows);
         let whitened = self.whitened.as_ref()?;
         let own: Vec<[f64; 3]> = sightings.iter().map(|&row| whitened[row]).collect();
-        let (gram, products) = self.block.gram_and_products(sightings, &own, self.row_scale);
+        let (gram, weighted, products) = self.block.sums_of(sightings, &own, weights, self.row_scale);
         let rhs = Matrix::from_column(own.into_iter().flatten().collect());
-        Some(Sums { gram, products: Matrix::from_column(products), rhs })
+        Some(Sums { gram, weighted, products: Matrix::from_column(products), rhs })
     }
 
-    fn forms_of(&self, rows: Range<usize>, direction: &[f64], matrix: &Matrix) -> Option<Forms> {
-        Some(self.block.forms_of(self.sightings(rows), self.row_scale, direction, matrix))
+    fn times_of(&self, rows: Range<usize>, direction: &[f64]) -> Option<Vec<f64>> {
+        let times = self.block.first_order(self.sightings(rows), self.row_scale, direction);
+        Some(times.into_iter().flatten().collect())
     }
 
     /// Whole sightings in every block, and each block large against its width.

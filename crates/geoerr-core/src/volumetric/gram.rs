@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::problem::{Block, NUMBERS_OF_A_ROW};
-use crate::least_squares::{Forms, Matrix, lower_gram, product, transposed_product};
+use crate::least_squares::{Matrix, lower_gram, product, transposed_product};
 
 /// Sightings of one sum, at least, and sums at most: each is a matrix. They are added up in their order, whatever thread
 /// made them.
@@ -27,56 +27,40 @@ impl Block<'_> {
     ///
     /// An entry that is not finite leaves a sum that is not. The bytes do not depend on the number of threads.
     pub fn gram(&self, row_scale: &[f64]) -> Matrix {
-        self.gram_and_products(&all_rows(row_scale), &[], row_scale).0
+        let n = self.n_columns();
+        let half = self.summed(&all_rows(row_scale), row_scale, n * n, |sum, together| {
+            add_half_of_gram(sum, n, &together.columns, &together.design);
+        });
+        with_transposed(&half, n)
     }
 
-    /// The same of some sightings alone, and `Aᵀ b` (n) with three numbers b of each of them, where there are any.
-    pub fn gram_and_products(
+    /// The same of some sightings alone, again with their products times `weights` (three a sighting) where there are
+    /// any, and `Aᵀ b` (n) with three numbers b of each of them.
+    pub fn sums_of(
         &self,
         rows: &[usize],
         numbers: &[[f64; 3]],
+        weights: Option<&[f64]>,
         row_scale: &[f64],
-    ) -> (Matrix, Vec<f64>) {
+    ) -> (Matrix, Option<Matrix>, Vec<f64>) {
         let n = self.n_columns();
-        let total = self.summed(rows, row_scale, n * n + n, |sum, together| {
-            let (gram, products) = sum.split_at_mut(n * n);
-            add_half_of_gram(gram, n, together);
-            if !numbers.is_empty() {
-                let b = Matrix::from_column(together.places.iter().flat_map(|&at| numbers[at]).collect());
-                let own = transposed_product(&together.design, &b);
-                for (&column, product) in together.columns.iter().zip(own.as_slice()) {
-                    products[column] += product;
-                }
-            }
-        });
-        let (gram, products) = total.split_at(n * n);
-        (with_transposed(gram, n), products.to_vec())
-    }
-
-    /// Of each of the three numbers of some sightings, `a` a row of the whitened design, `aᵀx` for a direction x (n) and
-    /// `aᵀ M a` for a symmetric M (n, n).
-    pub fn forms_of(&self, rows: &[usize], row_scale: &[f64], direction: &[f64], matrix: &Matrix) -> Forms {
-        let none = vec![0.0; NUMBERS_OF_A_ROW * rows.len()];
-        let mut forms = Forms { along: none.clone(), squares: none };
-        self.each_together(&self.by_cell(rows), rows, row_scale, |together| {
+        let n_of_weighted = if weights.is_some() { n * n } else { 0 };
+        let total = self.summed(rows, row_scale, n * n + n_of_weighted + n, |sum, together| {
             let Together { columns, places, design } = together;
-            let k = columns.len();
-            let x = Matrix::from_column(columns.iter().map(|&column| direction[column]).collect());
-            let own = Matrix::from_fn(k, k, |i, j| matrix[(columns[i], columns[j])]);
-            let (along, turned) = (product(design, &x), product(design, &own));
-            let mut squares = vec![0.0; design.n_rows()];
-            for column in 0..k {
-                let pairs = design.column(column).iter().zip(turned.column(column));
-                squares.iter_mut().zip(pairs).for_each(|(square, (a, b))| *square += a * b);
+            let (gram, rest) = sum.split_at_mut(n * n);
+            let (weighted, products) = rest.split_at_mut(n_of_weighted);
+            add_half_of_gram(gram, n, columns, design);
+            if let Some(weights) = weights {
+                add_half_of_gram(weighted, n, columns, &with_roots(design, places, weights));
             }
-            for (number, &at) in places.iter().enumerate() {
-                let from = NUMBERS_OF_A_ROW * number..NUMBERS_OF_A_ROW * (number + 1);
-                let to = NUMBERS_OF_A_ROW * at..NUMBERS_OF_A_ROW * (at + 1);
-                forms.along[to.clone()].copy_from_slice(&along.as_slice()[from.clone()]);
-                forms.squares[to].copy_from_slice(&squares[from]);
-            }
+            let b = Matrix::from_column(places.iter().flat_map(|&at| numbers[at]).collect());
+            let own = transposed_product(design, &b);
+            columns.iter().zip(own.as_slice()).for_each(|(&column, product)| products[column] += product);
         });
-        forms
+        let (gram, rest) = total.split_at(n * n);
+        let (weighted, products) = rest.split_at(n_of_weighted);
+        let weighted = weights.map(|_| with_transposed(weighted, n));
+        (with_transposed(gram, n), weighted, products.to_vec())
     }
 
     /// `AᵀA x` (n, d) and `xᵀAᵀA x` (d, d) of the whitened design for some directions x (n, d).
@@ -162,44 +146,65 @@ impl Block<'_> {
         row_scale: &[f64],
         mut visit: impl FnMut(&Together),
     ) {
-        let mut slots = vec![usize::MAX; self.n_columns()];
+        let mut room = Room { slots: vec![NONE; self.n_columns()], values: Vec::new() };
         for range in cuts(cells) {
             let places: Vec<usize> = cells[range].iter().map(|&(_, at)| at).collect();
-            visit(&self.together(places, rows, row_scale, &mut slots));
+            let together = self.together(places, rows, row_scale, &mut room);
+            visit(&together);
+            room.values = together.design.into_values();
         }
     }
 
-    /// The design of some sightings over the columns that they have; `slots`, where columns begin, are free, and so again.
-    fn together(
-        &self,
-        places: Vec<usize>,
-        rows: &[usize],
-        row_scale: &[f64],
-        slots: &mut [usize],
-    ) -> Together {
+    /// The design of some sightings over the columns that they have.
+    fn together(&self, places: Vec<usize>, rows: &[usize], row_scale: &[f64], room: &mut Room) -> Together {
         let own: Vec<usize> = places.iter().map(|&at| rows[at]).collect();
         let height = NUMBERS_OF_A_ROW * own.len();
         let mut columns = Vec::new();
-        let mut values = Vec::new();
+        let slots = &mut room.slots;
+        let mut values = std::mem::take(&mut room.values);
+        values.clear();
         self.each_run(&own, row_scale, |first, at, direction, run| {
             // Unknowns that rows share are asked of all of them.
             if *direction == [0.0; 3] {
                 return;
             }
-            for (column, value) in (first..).zip(run) {
-                if slots[column] == usize::MAX {
-                    slots[column] = values.len();
+            let slots = &mut slots[first..first + run.len()];
+            for (slot, column) in slots.iter_mut().zip(first..) {
+                if *slot == NONE {
+                    *slot = columns.len();
                     columns.push(column);
                     values.resize(values.len() + height, 0.0);
                 }
-                let entry = &mut values[slots[column] + NUMBERS_OF_A_ROW * at..][..NUMBERS_OF_A_ROW];
+            }
+            let add = |column: &mut [f64], value: f64| {
+                let entry = &mut column[NUMBERS_OF_A_ROW * at..][..NUMBERS_OF_A_ROW];
                 entry.iter_mut().zip(direction).for_each(|(entry, along)| *entry += along * value);
+            };
+            // Columns of a run mostly came together, and stand together.
+            if slots.windows(2).all(|pair| pair[1] == pair[0] + 1) {
+                let from_first =
+                    values[slots.first().map_or(0, |slot| slot * height)..].chunks_exact_mut(height);
+                from_first.zip(run).for_each(|(column, &value)| add(column, value));
+            } else {
+                for (slot, &value) in slots.iter().zip(run) {
+                    add(&mut values[slot * height..][..height], value);
+                }
             }
         });
-        columns.iter().for_each(|&column| slots[column] = usize::MAX);
+        columns.iter().for_each(|&column| room.slots[column] = NONE);
         let design = Matrix::from_columns(height, columns.len(), values).unwrap_or_default();
         Together { places, columns, design }
     }
+}
+
+/// A column that no sighting has had yet.
+const NONE: usize = usize::MAX;
+
+/// What sightings are laid out in, one lot after the other.
+struct Room {
+    /// Where each column stands among those that there are; all free between two lots.
+    slots: Vec<usize>,
+    values: Vec<f64>,
 }
 
 /// Some sightings, by their places among those that were asked for, and their whitened design over the columns in which
@@ -229,15 +234,26 @@ fn cuts(cells: &[(u64, usize)]) -> Vec<Range<usize>> {
 
 /// Adds to H (n, n), by columns, the lower triangle of the products over the columns that there are, and a half of their
 /// squares: `H + Hᵀ` is the sum, in whatever order columns come.
-fn add_half_of_gram(half: &mut [f64], n: usize, together: &Together) {
-    let own = lower_gram(&together.design);
-    for (j, &column) in together.columns.iter().enumerate() {
+fn add_half_of_gram(half: &mut [f64], n: usize, columns: &[usize], design: &Matrix) {
+    let own = lower_gram(design);
+    for (j, &column) in columns.iter().enumerate() {
         let target = &mut half[n * column..][..n];
         target[column] += 0.5 * own[(j, j)];
-        for (&row, value) in together.columns.iter().zip(own.column(j)).skip(j + 1) {
+        for (&row, value) in columns.iter().zip(own.column(j)).skip(j + 1) {
             target[row] += value;
         }
     }
+}
+
+/// The design of some sightings with each of their numbers times the root of its weight.
+fn with_roots(design: &Matrix, places: &[usize], weights: &[f64]) -> Matrix {
+    let three = |&at: &usize| weights[NUMBERS_OF_A_ROW * at..][..NUMBERS_OF_A_ROW].iter().map(|w| w.sqrt());
+    let roots: Vec<f64> = places.iter().flat_map(three).collect();
+    let mut weighted = design.clone();
+    for column in 0..weighted.n_columns() {
+        weighted.column_mut(column).iter_mut().zip(&roots).for_each(|(value, root)| *value *= root);
+    }
+    weighted
 }
 
 /// `H + Hᵀ` (n, n) of a square H, tile by tile: what is read across its columns stays in the cache.

@@ -7,6 +7,7 @@ use super::term::{Shape, VolumetricModel};
 use super::values::{channel_values_of_bases, check_parameters};
 use super::{ChannelValues, Frame, Rows, VolumetricError};
 use crate::kinematics::{Channel, ChannelColumns, Displacements, rig_displacement};
+use crate::least_squares::Matrix;
 
 /// Observed rows of a block of the design: large against the columns of a usual model, so that the triangles of blocks
 /// cost little to merge.
@@ -230,7 +231,8 @@ impl Problem {
                 std::array::from_fn(|c| f64::from(u8::from(r == c && whitening[r][r] != 0.0)))
             });
         }
-        Ok(plain.blocks(state)?.first_order(correction))
+        let rows: Vec<usize> = (0..self.n_rows()).collect();
+        Ok(plain.blocks(state)?.first_order(&rows, &vec![1.0; rows.len()], correction))
     }
 
     /// `W r` of each row, without unit.
@@ -355,42 +357,72 @@ impl Block<'_> {
     /// `Aᵀ r` of the whitened design with whitened residuals, both multiplied by `row_scale`.
     pub fn gradient(&self, whitened: &[[f64; 3]], row_scale: &[f64]) -> Vec<f64> {
         let rows: Vec<usize> = (0..whitened.len()).collect();
+        self.summed_over_rows(&rows, self.n_columns(), |rows, sum| {
+            self.each_run(rows, row_scale, |first, at, direction, values| {
+                let row = rows[at];
+                let along: f64 = direction.iter().zip(&whitened[row]).map(|(a, r)| a * r).sum();
+                let along = row_scale[row] * along;
+                for (sum, value) in sum[first..].iter_mut().zip(values) {
+                    *sum += along * value;
+                }
+            });
+        })
+    }
+
+    /// Columns (n, d) of `AᵀA` of the whitened design, each row multiplied by its `row_scale`: those of some unknowns.
+    pub fn gram_columns(&self, columns: &[usize], row_scale: &[f64]) -> Matrix {
+        let (n, d) = (self.n_columns(), columns.len());
+        let rows: Vec<usize> = (0..row_scale.len()).collect();
+        let total = self.summed_over_rows(&rows, n * d, |rows, sum| {
+            let mut own = vec![[0.0; NUMBERS_OF_A_ROW]; rows.len() * d];
+            self.each_entry(rows, row_scale, |column, at, numbers| {
+                for (k, _) in columns.iter().enumerate().filter(|(_, wanted)| **wanted == column) {
+                    own[at * d + k].iter_mut().zip(numbers).for_each(|(own, number)| *own += number);
+                }
+            });
+            self.each_run(rows, row_scale, |first, at, direction, values| {
+                for (sum, own) in sum.chunks_exact_mut(n).zip(&own[at * d..]) {
+                    let along: f64 = direction.iter().zip(own).map(|(a, b)| a * b).sum();
+                    sum[first..].iter_mut().zip(values).for_each(|(sum, value)| *sum += along * value);
+                }
+            });
+        });
+        Matrix::from_columns(n, d, total).unwrap_or_default()
+    }
+
+    /// Sums of so many numbers, to which `add` adds what some rows have: chunk by chunk, whatever thread made them.
+    fn summed_over_rows(
+        &self,
+        rows: &[usize],
+        size: usize,
+        add: impl Fn(&[usize], &mut [f64]) + Sync,
+    ) -> Vec<f64> {
         let sums: Vec<Vec<f64>> = rows
             .par_chunks(BLOCK_ROWS)
             .map(|rows| {
-                let mut sum = vec![0.0; self.n_columns()];
-                self.each_run(rows, row_scale, |first, at, direction, values| {
-                    let row = rows[at];
-                    let along: f64 = direction.iter().zip(&whitened[row]).map(|(a, r)| a * r).sum();
-                    let along = row_scale[row] * along;
-                    for (sum, value) in sum[first..].iter_mut().zip(values) {
-                        *sum += along * value;
-                    }
-                });
+                let mut sum = vec![0.0; size];
+                add(rows, &mut sum);
                 sum
             })
             .collect();
-        let mut total = vec![0.0; self.n_columns()];
+        let mut total = vec![0.0; size];
         for sum in &sums {
-            for (total, part) in total.iter_mut().zip(sum) {
-                *total += part;
-            }
+            total.iter_mut().zip(sum).for_each(|(total, part)| *total += part);
         }
         total
     }
 
-    /// How a correction of all unknowns moves the whitened numbers, to first order.
-    pub fn first_order(&self, correction: &[f64]) -> Vec<[f64; 3]> {
-        let rows: Vec<usize> = (0..self.problem.n_rows()).collect();
-        let row_scale = vec![1.0; rows.len()];
+    /// How a correction of all unknowns moves the whitened numbers of some rows, to first order, each multiplied by its
+    /// `row_scale`.
+    pub fn first_order(&self, rows: &[usize], row_scale: &[f64], correction: &[f64]) -> Vec<[f64; 3]> {
         let parts: Vec<Vec<[f64; 3]>> = rows
             .par_chunks(BLOCK_ROWS)
             .map(|rows| {
                 let mut moved = vec![[0.0; 3]; rows.len()];
-                self.each_entry(rows, &row_scale, |column, at, numbers| {
-                    for (sum, number) in moved[at].iter_mut().zip(numbers) {
-                        *sum += number * correction[column];
-                    }
+                self.each_run(rows, row_scale, |first, at, direction, values| {
+                    let along: f64 =
+                        values.iter().zip(&correction[first..]).map(|(value, x)| value * x).sum();
+                    moved[at].iter_mut().zip(direction).for_each(|(sum, number)| *sum += number * along);
                 });
                 moved
             })
@@ -485,7 +517,7 @@ impl Block<'_> {
         let model = &self.problem.model;
         let rows = &self.problem.sightings.rows;
         let n_rows = rows.len();
-        let functions = self.problem.bases.at_rows(places, &rows.q_mm);
+        let functions = self.problem.bases.gathered(places, &rows.q_mm);
         for (number, (term, part)) in model.parts().enumerate() {
             let directions: Vec<[f64; 3]> =
                 sights.iter().map(|sight| sight.direction(part.channel, part.factor)).collect();

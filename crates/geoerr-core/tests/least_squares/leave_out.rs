@@ -1,5 +1,7 @@
 //! Blocks left out, against refits that never saw them.
 
+use std::ops::Range;
+
 use geoerr_core::least_squares::{
     Blocks, LeastSquaresError, Matrix, Options, Restriction, StoredDesign, leave_blocks_out,
     leave_blocks_out_of_residuals, solve,
@@ -9,7 +11,7 @@ use rayon::ThreadPoolBuilder;
 use super::common::{solved, triangle_of};
 use crate::draws::Draws;
 
-fn without(matrix: &Matrix, rows: std::ops::Range<usize>) -> Matrix {
+fn without(matrix: &Matrix, rows: Range<usize>) -> Matrix {
     let kept = |i: usize| if i < rows.start { i } else { i + rows.len() };
     Matrix::from_fn(matrix.n_rows() - rows.len(), matrix.n_columns(), |i, j| matrix[(kept(i), j)])
 }
@@ -19,7 +21,7 @@ fn residual(a: &Matrix, b: &Matrix, x: &Matrix, row: usize) -> f64 {
 }
 
 /// What is held out of rows that alone see unknown 4 is what a refit predicts, across the direction of that unknown.
-fn assert_across_own(a: &Matrix, rows: std::ops::Range<usize>, held_out: &[f64], predicted: &[f64]) {
+fn assert_across_own(a: &Matrix, rows: Range<usize>, held_out: &[f64], predicted: &[f64]) {
     let own: Vec<f64> = rows.clone().map(|row| a[(row, 4)]).collect();
     let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
     let best = dot(&own, predicted) / dot(&own, &own);
@@ -77,13 +79,19 @@ fn a_prediction_is_as_uncertain_as_the_rest_leaves_it() {
     let blocks = Blocks::starting_at(&[0, 3, 30], 80).unwrap();
     let left = leave_blocks_out(&StoredDesign::new(&a, &b).unwrap(), &solved(&a, &b), &blocks, 0).unwrap();
     for block in 0..3 {
-        let refit = solved(&without(&a, blocks.rows(block)), &without(&b, blocks.rows(block)));
-        for row in blocks.rows(block) {
-            let c: Vec<f64> = (0..7).map(|j| a[(row, j)]).collect();
-            let variance = refit.functional(&c, 0).unwrap().unwrap().variance;
-            assert!((left.prediction_variance[row] / variance - 1.0).abs() < 1e-11, "{row}");
-        }
+        let variance = summed_variance(&a, &b, blocks.rows(block), |_| 1.0);
+        assert!((left.prediction_variance[block] / variance - 1.0).abs() < 1e-11, "{block}");
     }
+}
+
+/// Variances of what a fit without some rows predicts of them, each times its weight.
+fn summed_variance(a: &Matrix, b: &Matrix, rows: Range<usize>, weight: impl Fn(usize) -> f64) -> f64 {
+    let refit = solved(&without(a, rows.clone()), &without(b, rows.clone()));
+    rows.map(|row| {
+        let c: Vec<f64> = (0..a.n_columns()).map(|j| a[(row, j)]).collect();
+        weight(row) * refit.functional(&c, 0).unwrap().unwrap().variance
+    })
+    .sum()
 }
 
 #[test]
@@ -99,14 +107,14 @@ fn a_blocks_own_unknown_stays_at_its_best() {
     let residuals = Matrix::from_fn(90, 1, |i, _| residual(&a, &b, &solution.x, i));
     let design = StoredDesign::new(&a, &residuals).unwrap();
     let blocks = Blocks::starting_at(&[0, 30, 42], 90).unwrap();
-    let left = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0, 1, 0]).unwrap();
+    let left = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0, 1, 0], None).unwrap();
     assert_eq!(left.is_determined, [true; 3]);
     let refit = solved(&without(&a, 30..42), &without(&b, 30..42)).x;
     let predicted: Vec<f64> = (30..42).map(|row| residual(&a, &b, &refit, row)).collect();
     assert_across_own(&a, 30..42, &left.held_out, &predicted);
-    let strict = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 3]).unwrap();
+    let strict = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 3], None).unwrap();
     assert_eq!(strict.is_determined, [true, false, true]);
-    let refused = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 2]);
+    let refused = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 2], None);
     assert_eq!(refused, Err(LeastSquaresError::RowsDiffer { expected: 3, found: 2 }));
 }
 
@@ -124,22 +132,23 @@ fn tall_blocks_are_left_out_as_low_ones() {
     let residuals = Matrix::from_fn(1_900, 1, |i, _| residual(&a, &b, &solution.x, i));
     let blocks = Blocks::starting_at(&[0, 600, 1_250], 1_900).unwrap();
     let design = StoredDesign::new(&a, &residuals).unwrap();
-    let strict = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 3]).unwrap();
+    let strict = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0; 3], None).unwrap();
     assert_eq!(strict.is_determined, [true, false, true]);
-    assert!(
-        (600..1_250).all(|row| strict.held_out[row].is_nan() && strict.prediction_variance[row].is_nan())
-    );
-    let left = leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0, 1, 0]).unwrap();
+    assert!((600..1_250).all(|row| strict.held_out[row].is_nan()));
+    assert!(strict.prediction_variance[1].is_nan());
+    let weight = |row: usize| 1.0 + (row % 5) as f64;
+    let weights: Vec<f64> = (0..1_900).map(weight).collect();
+    let left =
+        leave_blocks_out_of_residuals(&design, &solution, &blocks, &[0, 1, 0], Some(&weights)).unwrap();
     assert_eq!(left.is_determined, [true; 3]);
     for block in [0, 2] {
         let rows = blocks.rows(block);
         let refit = solved(&without(&a, rows.clone()), &without(&b, rows.clone()));
         for row in rows {
             assert!((left.held_out[row] - residual(&a, &b, &refit.x, row)).abs() < 1e-12, "{row}");
-            let c: Vec<f64> = (0..6).map(|j| a[(row, j)]).collect();
-            let variance = refit.functional(&c, 0).unwrap().unwrap().variance;
-            assert!((left.prediction_variance[row] / variance - 1.0).abs() < 1e-11, "{row}");
         }
+        let variance = summed_variance(&a, &b, blocks.rows(block), weight);
+        assert!((left.prediction_variance[block] / variance - 1.0).abs() < 1e-11, "{block}");
     }
     let refit = solved(&without(&a, 600..1_250), &without(&b, 600..1_250)).x;
     let predicted: Vec<f64> = (600..1_250).map(|row| residual(&a, &b, &refit, row)).collect();
