@@ -25,15 +25,19 @@ _MOST_EMPTY_PX = 40
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 # Searching a large data set on two cores.
 PATIENCE_MS = 600_000
+# A look at the pictures.
+_SEEN_MS = 2000
 NO_HARM = ("willReadFrequently", "GPU stall", "GL Driver Message")
 
-# Notes when the mouse is let go, and when the page first says something else of what is marked.
-_CLOCK = """() => {
+# Notes when the mouse is let go, and when a part of the page first says something else, and what is waited for.
+_CLOCK = """([part, text]) => {
   window.answeredMs = 0;
   const released = () => { window.releasedMs = performance.now(); };
   document.addEventListener("mouseup", released, { once: true, capture: true });
-  new MutationObserver(() => { window.answeredMs = window.answeredMs || performance.now(); })
-    .observe(document.querySelector("#marked"), { childList: true, subtree: true, characterData: true });
+  const watched = document.querySelector(part);
+  new MutationObserver(() => {
+    if (!window.answeredMs && watched.innerText.includes(text)) { window.answeredMs = performance.now(); }
+  }).observe(watched, { childList: true, subtree: true, characterData: true });
 }"""
 
 
@@ -91,12 +95,17 @@ def brush(story: Story) -> None:
     mouse.move(box["x"] + 0.55 * box["width"], box["y"] + 4)
     mouse.down()
     mouse.move(box["x"] + 0.95 * box["width"], box["y"] + 0.9 * box["height"], steps=5)
-    story.page.evaluate(_CLOCK)
+    story.page.evaluate(_CLOCK, ["#marked", ""])
     mouse.up()
-    story.page.wait_for_function("window.answeredMs", timeout=PATIENCE_MS)
+    tell_the_clock(story, "brush to answer")
     story.page.wait_for_selector("#marked >> text=rows marked", timeout=PATIENCE_MS)
+
+
+def tell_the_clock(story: Story, name: str) -> None:
+    """Wait for the answer that the page's clock waits for, and print how long it took."""
+    story.page.wait_for_function("window.answeredMs", timeout=PATIENCE_MS)
     took_ms = story.page.evaluate("window.answeredMs - window.releasedMs")
-    print(f"{story.width_px:5d}  {'brush to answer':<28} {1e-3 * took_ms:7.2f} s")
+    print(f"{story.width_px:5d}  {name:<28} {1e-3 * took_ms:7.2f} s")
 
 
 def fill_a_tall_window(story: Story) -> None:
@@ -158,7 +167,12 @@ def tell(story: Story, url: str, program: Path) -> None:
     number = 3
     while page.locator("#missing .card button.main:enabled").count() and number < 6:
         add = page.locator("#missing .card button.main:enabled").first
+        # Whoever adds something has pointed at it before, and has seen what it would explain.
+        add.hover()
+        page.wait_for_timeout(_SEEN_MS)
+        page.evaluate(_CLOCK, ["#status", "ready"])
         story.do("add", lambda add=add: add.click(), until=f".history button:has-text('{number}. +')")
+        tell_the_clock(story, "add to ready")
         story.shoot(f"added-{number - 2}")
         story.do("look again", lambda: page.click("text=Look for what is missing"), until=".verdict")
         number += 1

@@ -14,7 +14,7 @@ from geoerr.workbench.panel_where import where_panel
 from geoerr.workbench.session import Session
 
 # How often the page asks for news: while work is under way, and otherwise, for another page may have begun some.
-BEAT_MS, RESTING_BEAT_MS = 100, 3000
+BEAT_MS, RESTING_BEAT_MS = 250, 3000
 # What a first glance does not see: part of the page to its heading.
 _BELOW = {"program": "Correct a program", "report": "Report"}
 
@@ -32,7 +32,7 @@ def page(session: Session) -> Any:
                         [html.A(text, href=f"#{name}-heading") for name, text in _BELOW.items()],
                         **{"aria-label": "Below on this page"},
                     ),
-                    html.Div(id="status", role="status"),
+                    html.Div([html.Div(id="under-way"), html.Div(id="stop")], id="status", role="status"),
                 ]
             ),
             html.Aside([upload(), html.Div(id="given")], className="left"),
@@ -53,7 +53,7 @@ def page(session: Session) -> Any:
 
 
 def status(session: Session) -> list[Any]:
-    """Say what is under way, how far it is, and offer to stop it."""
+    """Say what is under way, and how far it is."""
     job = session.job
     if job is None:
         return [html.Span("ready", className="why")]
@@ -64,5 +64,11 @@ def status(session: Session) -> list[Any]:
         html.Span(f"{job.title}{step}", className="step", title=job.step),
         html.Span(f"{job.elapsed_s:.0f} s"),
         bar,
-        html.Button("Stop", id=button_id("stop"), n_clicks=0, type="button"),
     ]
+
+
+def stop(session: Session) -> list[Any]:
+    """Offer to stop what is under way."""
+    if not session.is_busy:
+        return []
+    return [html.Button("Stop", id=button_id("stop"), n_clicks=0, type="button")]

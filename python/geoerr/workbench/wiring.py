@@ -12,7 +12,7 @@ from geoerr.errors import GeoerrError
 from geoerr.workbench import actions, reports
 from geoerr.workbench.clicks import clicked
 from geoerr.workbench.explained import TRIAL, what_is_shown
-from geoerr.workbench.layout import BEAT_MS, RESTING_BEAT_MS, status
+from geoerr.workbench.layout import BEAT_MS, RESTING_BEAT_MS, status, stop
 from geoerr.workbench.marking import wire_marks
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.panel_given import given_panel
@@ -37,6 +37,8 @@ from geoerr.workbench.session import Session
 from geoerr.workbench.view import CIRCLE, DIFFERENCE, LOOKS, REGION
 from geoerr.workbench.wanting import wanting
 
+# For so much of a beat a question waits for the end of work: one is waiting nearly always, and never two.
+_MOST_OF_A_BEAT = 0.9
 # Actions of buttons to the panel in which a refusal is shown.
 PLACES = {
     "fit": actions.DATA,
@@ -106,6 +108,7 @@ def panels(session: Session) -> dict[str, Any]:
             "runs": [] if seen is None else [one.name for one in seen.circles],
             "run": session.view.run or None,
             "status": status(session),
+            "stop": stop(session),
             "beat": BEAT_MS if session.is_busy else RESTING_BEAT_MS,
         }
 
@@ -209,13 +212,17 @@ def _wire_actions(app: Dash, session: Session) -> None:
         return session.version, None
 
     @app.callback(
-        Output("status", "children", allow_duplicate=True),
+        Output("under-way", "children", allow_duplicate=True),
         Output("tick", "data", allow_duplicate=True),
         Input("beat", "n_intervals"),
         State("tick", "data"),
         prevent_initial_call=True,
     )
     def _beat(_: Any, tick: int) -> Any:
+        job = session.job
+        if job is not None and tick == session.version:
+            # The end of work is told when it comes, and not a beat later.
+            job.wait(_MOST_OF_A_BEAT * BEAT_MS * 1e-3)
         is_news = tick != session.version
         # What stands still is not said again.
         return status(session) if session.is_busy or is_news else no_update, session.version if is_news else no_update
@@ -239,7 +246,8 @@ def _wire_panels(app: Dash, session: Session) -> None:
             "look": Output("look", "value"),
             "runs": Output("run", "options"),
             "run": Output("run", "value"),
-            "status": Output("status", "children"),
+            "status": Output("under-way", "children"),
+            "stop": Output("stop", "children"),
             "beat": Output("beat", "interval"),
             "sight": Output("sight", "data"),
         },
