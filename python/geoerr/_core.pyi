@@ -619,6 +619,9 @@ class FitProblem:
     def first_order_mm(
         self, state: FitState, correction: npt.NDArray[np.float64], threads: int
     ) -> npt.NDArray[np.float64]: ...
+    def largest_entries(
+        self, state: FitState, columns: npt.NDArray[np.int64], threads: int
+    ) -> tuple[npt.NDArray[np.float64] | None, tuple[int, int] | None]: ...
     def leave_out(
         self,
         state: FitState,

@@ -273,6 +273,16 @@ fn the_gram_matrix_is_that_of_the_design() {
         }
         // Some columns alone.
         let some_columns = [n - 1, 0, n / 2];
+        let mut unscaled = vec![0.0; 3 * n_rows * n];
+        block.fill(&(0..n_rows).collect::<Vec<_>>(), &vec![1.0; n_rows], &mut unscaled);
+        for (&column, found) in some_columns.iter().zip(block.largest_entries(&some_columns).unwrap()) {
+            let own = &unscaled[column * 3 * n_rows..][..3 * n_rows];
+            assert_eq!(
+                found,
+                own.iter().fold(0.0, |most: f64, value| most.max(value.abs())),
+                "{chain} {column}"
+            );
+        }
         let own = block.gram_columns(&some_columns, &scale);
         for (k, &column) in some_columns.iter().enumerate() {
             for row in 0..n {

@@ -490,6 +490,31 @@ impl PyFitProblem {
         Ok(from_numbers(py, gradient))
     }
 
+    /// The largest entry of some columns (d) of the whitened design at a state, without its sign; or, where there is an entry
+    /// that is not finite, the first row and column of one.
+    fn largest_entries<'py>(
+        &self,
+        py: Python<'py>,
+        state: &PyFitState,
+        columns: PyReadonlyArray1<'py, i64>,
+        threads: usize,
+    ) -> PyResult<LargestEntries<'py>> {
+        let (problem, state) = (&self.problem, &state.state);
+        let columns = places(&columns, "columns")?;
+        if columns.iter().any(|&column| column >= problem.n_columns()) {
+            return Err(CoreError::shape("a column is one of the unknowns").into());
+        }
+        let found = enter_core(py, threads, || {
+            Ok::<_, geoerr_core::volumetric::VolumetricError>(
+                problem.blocks(state)?.largest_entries(&columns),
+            )
+        })?;
+        Ok(match found {
+            Ok(largest) => (Some(from_numbers(py, largest)), None),
+            Err(place) => (None, Some(place)),
+        })
+    }
+
     /// `A F` (n, 3, r) of the whitened design at a state for a matrix F (n_columns, r).
     fn times<'py>(
         &self,
@@ -591,6 +616,9 @@ impl PyFitProblem {
         design.into_pyarray(py).reshape([n_columns, height])?.transpose()
     }
 }
+
+/// Largest entries, or the place of one that is not finite.
+type LargestEntries<'py> = (Option<Bound<'py, PyArray1<f64>>>, Option<(usize, usize)>);
 
 /// Residuals against the other blocks, whitened (n, 3); of each block the weighted variances of its prediction, and whether
 /// it is determined by the others.

@@ -29,6 +29,8 @@ _NO_VARIABLES = {
 }
 # Values nearer than this share of the span are one.
 _ALIKE = 1e-9
+# Bins of more rows are made anew for each model: of twenty variables they are 64 MB.
+_MOST_KEPT = 200_000
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,6 @@ def variables_of(fitted: Fitted) -> dict[str, Numbers]:
 def trends_of(fitted: Fitted) -> tuple[Trend, ...]:
     """Give all trends, the largest first, those over pixels behind all others."""
     components = components_of(fitted)
-    pass_number = fitted.sightings.pass_number
     trends = []
     for name, values in variables_of(fitted).items():
         binned: _Binned | None = None
@@ -96,10 +97,22 @@ def trends_of(fitted: Fitted) -> tuple[Trend, ...]:
             known = np.isfinite(values) & component.is_known
             # Components are known in the same rows as a rule: to sort them into bins is most of the work.
             if binned is None or not np.array_equal(binned.known, known):
-                binned = _Binned.of(values, known, pass_number)
+                binned = _binned(fitted.sightings, name, values, known)
             trends.append(binned.trend(name, component))
     kept = [trend for trend in trends if len(trend.bins) > 1]
     return tuple(sorted(kept, key=lambda trend: (trend.variable in PIXELS, -trend.worth_um)))
+
+
+def _binned(sightings: Sightings, name: str, values: Numbers, known: np.ndarray) -> _Binned:
+    """Bin the rows that are known (n,) by a variable: of one model as of the next, as long as the same rows count."""
+
+    def work_out(_: Sightings | None = None) -> _Binned:
+        return _Binned.of(values, known, sightings.pass_number)
+
+    if len(sightings) > _MOST_KEPT:
+        return work_out()
+    kept = sightings.once(f"bins of {name}", work_out)
+    return kept if np.array_equal(kept.known, known) else work_out()
 
 
 def trend_of(sightings: Sightings, name: str, values: Numbers, component: Component) -> Trend:

@@ -58,7 +58,6 @@ _ROUND_OFF = 1e-9
 _ABSURD = {"mm": 3.0, "rad": 0.02}
 # Why a row is left out of one model and not of another.
 LACKING = "a covariate is empty"
-_BLOCK_ROWS = 4096
 # Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
 _SIGNIFICANCE = 0.01
 
@@ -342,7 +341,7 @@ class Posed:
         gauge = np.zeros((len(rows), problem.n_columns))
         gauge[:, : compiled.n_coefficients] = rows
         prior = self._prior(terms, smoothness, problem)
-        mm_per_unit = self._mm_per_unit(terms, compiled, sightings, variables, given)
+        mm_per_unit = self._mm_per_unit(terms, compiled, problem, sightings)
         nothing = np.flatnonzero((mm_per_unit > 0.0) & (mm_per_unit < _ROUND_OFF)).tolist()
         limits = limits_of(terms, mm_per_unit, problem.n_columns)
         gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing]])
@@ -395,12 +394,7 @@ class Posed:
         return np.stack(moved, axis=2)
 
     def _mm_per_unit(
-        self,
-        terms: Sequence[Term],
-        compiled: Compiled,
-        sightings: Sightings,
-        variables: Numbers,
-        given: Given | None,
+        self, terms: Sequence[Term], compiled: Compiled, problem: _core.FitProblem, sightings: Sightings
     ) -> Numbers:
         """Give how far one unit of each coefficient of a formula moves points at most, (n_coefficients,).
 
@@ -415,23 +409,18 @@ class Posed:
             where a formula gives no number at some row, naming the term and the row.
         """
         largest = np.full(compiled.n_coefficients, np.inf)
-        pairs = [pair for pair in zip(terms, compiled.coefficient_slices, strict=True) if pair[0].kind != "classic"]
-        if not pairs:
+        own = [
+            np.arange(place.start, place.stop)
+            for term, place in zip(terms, compiled.coefficient_slices, strict=True)
+            if term.kind != "classic"
+        ]
+        if not own:
             return largest
-        own_terms = [term for term, _ in pairs]
-        own = compile_terms(self.machine, own_terms)
-        columns = np.ascontiguousarray(variables[[compiled.variables.index(name) for name in own.variables]])
-        problem = self._problem(own, own_terms, sightings, columns, None, given, [])
-        places = np.concatenate([np.arange(place.start, place.stop) for _, place in pairs])
-        scale = np.ones(len(sightings))
-        found = np.zeros(own.n_coefficients)
-        for first in range(0, len(sightings), _BLOCK_ROWS):
-            last = min(first + _BLOCK_ROWS, len(sightings))
-            design = problem.design(problem.start, scale, first, last, self.options.threads)[:, : own.n_coefficients]
-            bad = np.argwhere(~np.isfinite(design))
-            if len(bad):
-                raise _not_finite(own_terms, own, sightings, first + int(bad[0, 0]) // 3, int(bad[0, 1]))
-            found = np.maximum(found, np.abs(design).max(axis=0, initial=0.0))
+        places = np.concatenate(own)
+        found, bad = problem.largest_entries(problem.start, places, self.options.threads)
+        if bad is not None:
+            raise _not_finite(terms, compiled, sightings, *bad)
+        assert found is not None
         largest[places] = found / float(sightings.whitening.max(initial=1e-300))
         return largest
 

@@ -374,12 +374,7 @@ impl Block<'_> {
         let (n, d) = (self.n_columns(), columns.len());
         let rows: Vec<usize> = (0..row_scale.len()).collect();
         let total = self.summed_over_rows(&rows, n * d, |rows, sum| {
-            let mut own = vec![[0.0; NUMBERS_OF_A_ROW]; rows.len() * d];
-            self.each_entry(rows, row_scale, |column, at, numbers| {
-                for (k, _) in columns.iter().enumerate().filter(|(_, wanted)| **wanted == column) {
-                    own[at * d + k].iter_mut().zip(numbers).for_each(|(own, number)| *own += number);
-                }
-            });
+            let own = self.entries_of(columns, rows, row_scale);
             self.each_run(rows, row_scale, |first, at, direction, values| {
                 for (sum, own) in sum.chunks_exact_mut(n).zip(&own[at * d..]) {
                     let along: f64 = direction.iter().zip(own).map(|(a, b)| a * b).sum();
@@ -388,6 +383,50 @@ impl Block<'_> {
             });
         });
         Matrix::from_columns(n, d, total).unwrap_or_default()
+    }
+
+    /// The largest entry of some columns (d) of the whitened design in any row, without its sign; or the first row and column
+    /// whose entry is not finite.
+    pub fn largest_entries(&self, columns: &[usize]) -> Result<Vec<f64>, (usize, usize)> {
+        let d = columns.len();
+        let rows: Vec<usize> = (0..self.problem.n_rows()).collect();
+        let row_scale = vec![1.0; rows.len()];
+        let of_some = |rows: &[usize]| {
+            let mut largest = vec![0.0_f64; d];
+            for (number, entry) in self.entries_of(columns, rows, &row_scale).iter().enumerate() {
+                let (at, k) = (number / d, number % d);
+                if entry.iter().any(|value| !value.is_finite()) {
+                    return Err((rows[at], columns[k]));
+                }
+                largest[k] = entry.iter().fold(largest[k], |most, value| most.max(value.abs()));
+            }
+            Ok(largest)
+        };
+        let parts: Vec<Result<Vec<f64>, (usize, usize)>> = rows.par_chunks(BLOCK_ROWS).map(of_some).collect();
+        let mut total = vec![0.0_f64; d];
+        for part in parts {
+            total.iter_mut().zip(part?).for_each(|(total, own)| *total = total.max(own));
+        }
+        Ok(total)
+    }
+
+    /// Entries of some columns (d) in some rows: three whitened numbers each, row after row.
+    fn entries_of(
+        &self,
+        columns: &[usize],
+        rows: &[usize],
+        row_scale: &[f64],
+    ) -> Vec<[f64; NUMBERS_OF_A_ROW]> {
+        let d = columns.len();
+        let mut place = vec![None; self.n_columns()];
+        columns.iter().enumerate().for_each(|(k, &column)| place[column] = Some(k));
+        let mut entries = vec![[0.0; NUMBERS_OF_A_ROW]; rows.len() * d];
+        self.each_entry(rows, row_scale, |column, at, numbers| {
+            if let Some(k) = place[column] {
+                entries[at * d + k].iter_mut().zip(numbers).for_each(|(entry, number)| *entry += number);
+            }
+        });
+        entries
     }
 
     /// Sums of so many numbers, to which `add` adds what some rows have: chunk by chunk, whatever thread made them.
