@@ -41,6 +41,7 @@ def page(session: Session) -> Any:
             html.Div(use_panel(), className="below"),
             dcc.Store(id="tick", data=session.version),
             dcc.Store(id="sight", data=session.sight),
+            dcc.Store(id="shown", data={}),
             dcc.Store(id="hovered", data=""),
             dcc.Store(id="box"),
             dcc.Store(id="marks", data=0.0),
@@ -58,12 +59,13 @@ def status(session: Session) -> list[Any]:
     if job is None:
         return [html.Span("ready", className="why")]
     done, total = job.progress
-    bar = html.Progress(value=str(done), max=str(total)) if total else html.Progress()
+    # One that runs to and fro is drawn sixty times a second, without a graphics card by what should be computing.
+    bar = [html.Progress(value=str(done), max=str(total))] if total else []
     step = f": {job.step}" if job.step else ""
     return [
         html.Span(f"{job.title}{step}", className="step", title=job.step),
         html.Span(f"{job.elapsed_s:.0f} s"),
-        bar,
+        *bar,
     ]
 
 

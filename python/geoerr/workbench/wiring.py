@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, no_update
+from plotly.io.json import to_json_plotly
 
 from geoerr.errors import GeoerrError
 from geoerr.workbench import actions, reports
@@ -39,6 +41,8 @@ from geoerr.workbench.wanting import wanting
 
 # For so much of a beat a question waits for the end of work: one is waiting nearly always, and never two.
 _MOST_OF_A_BEAT = 0.9
+# Panels that take a while to draw.
+_DRAWN = ("given", "missing", "fall", "own", "conditions", "program", "reports")
 # Actions of buttons to the panel in which a refusal is shown.
 PLACES = {
     "fit": actions.DATA,
@@ -250,17 +254,29 @@ def _wire_panels(app: Dash, session: Session) -> None:
             "stop": Output("stop", "children"),
             "beat": Output("beat", "interval"),
             "sight": Output("sight", "data"),
+            "shown": Output("shown", "data"),
         },
-        inputs={"_": Input("tick", "data"), "sight": State("sight", "data")},
+        inputs={"_": Input("tick", "data"), "sight": State("sight", "data"), "shown": State("shown", "data")},
     )
-    def _refresh(_: Any, sight: int) -> dict[str, Any]:
-        found = panels(session)
+    def _refresh(_: Any, sight: int, shown: Mapping[str, str]) -> dict[str, Any]:
+        found, digests = _unlike(panels(session), shown)
         has_new = ctx.triggered_id is None or sight != session.sight
         names = ("variables", "variable", "color", "looks", "look", "runs", "run")
         if not has_new:
             # What is drawn stays; a person may be choosing right now.
             found |= dict.fromkeys(names, no_update)
-        return found | {"colors": found["variables"], "sight": session.sight if has_new else no_update}
+        return found | {
+            "colors": found["variables"],
+            "sight": session.sight if has_new else no_update,
+            "shown": digests,
+        }
+
+
+def _unlike(found: dict[str, Any], shown: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Leave the panels out that a page shows as they are, by their digests: to draw them again takes a while."""
+    digests = {name: hashlib.sha256(to_json_plotly(found[name]).encode()).hexdigest() for name in _DRAWN}
+    same = {name: no_update for name, digest in digests.items() if shown.get(name) == digest}
+    return found | same, digests
 
 
 def _wire_pictures(app: Dash, session: Session) -> None:
