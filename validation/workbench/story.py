@@ -126,7 +126,8 @@ def without_mouse(story: Story) -> None:
     # The empty fields show the ends of what the residual is drawn over.
     low, high = (float(page.get_attribute(f"#mark-{end}", "placeholder").replace("−", "-")) for end in ("from", "to"))
     page.focus("#mark-from")
-    page.keyboard.type(f"{0.75 * low + 0.25 * high:.4g}")
+    # The lower half: of a direction, which has but two values, too.
+    page.keyboard.type(f"{1.1 * low - 0.1 * high:.4g}")
     page.keyboard.press("Tab")
     page.keyboard.type(f"{0.5 * low + 0.5 * high:.4g}")
     page.keyboard.press("Enter")
