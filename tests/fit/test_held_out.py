@@ -228,3 +228,25 @@ def test_two_folds_are_too_few_for_a_figure() -> None:
     result = fitted(MACHINE, laser(2, 610), bases=CUBICS | {"EXX": cubic("x", degree=1)})
     assert result.held_out.n_folds == 2
     assert result.held_out.figures is None
+
+
+@pytest.mark.parametrize("n_repeats", [1, 40])
+@pytest.mark.parametrize("is_alike", [True, False])
+def test_variance_of_a_prediction_is_that_of_dense_algebra(n_repeats: int, is_alike: bool) -> None:
+    """Of folds below and beyond the size from which sums of products serve; rows surer than others, or all alike."""
+    rng = np.random.default_rng(8)
+    whole = pl.concat([volume(9).frame.with_columns(repeat=pl.lit(number)) for number in range(n_repeats)])
+    size = np.ones(len(whole)) if is_alike else rng.uniform(0.3, 3.0, len(whole))
+    columns = {name: whole[name] * pl.Series(size**2) for name in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")}
+    fit = fitted(MACHINE, Observations(whole.with_columns(**columns)), is_robust=False)
+    n_rows, fold = len(fit.sightings), np.arange(len(fit.sightings)) % 3
+    design = fit.problem.design(fit.solved.design_state, np.ones(n_rows), 0, n_rows, 1)
+    root = fit.solved.solution.covariance_root
+    expected = 0.0
+    for number in range(3):
+        rows = np.flatnonzero(np.repeat(fold == number, 3))
+        seen_by = design[rows] @ root
+        without = seen_by @ np.linalg.inv(np.eye(root.shape[1]) - seen_by.T @ seen_by) @ seen_by.T
+        spread = np.diag(without).reshape(-1, 3)
+        expected += float(np.einsum("nij,nj->", fit.sightings.unwhitening[fold == number] ** 2, spread))
+    assert fit.leave_out(fold).prediction_variance_mm2 == pytest.approx(expected / n_rows, rel=1e-7)

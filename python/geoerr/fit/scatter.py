@@ -28,8 +28,8 @@ import numpy as np
 from geoerr.fit.alike import numbers_of_alike
 from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
 
-# A median of fewer numbers tells nothing.
-_LEAST = 12
+# A median of fewer numbers tells nothing, and of more no more.
+_LEAST, _MOST_WINDOWS = 12, 300_000
 # Standard deviations nearer to each other than this are one: weights that are so far off cost a fiftieth of what the
 # data tell, and standard errors are off by a tenth.
 _ALIKE = 1.25
@@ -167,6 +167,8 @@ def _windows(table: Sightings, size: int) -> list[_Window]:
     first = first[inside & ((count[first] >= 5) == (size == 5))]
     if not len(first):
         return []
+    # Of very many rows some tell a median as well, and do not take gigabytes.
+    first = first[:: math.ceil(len(first) / _MOST_WINDOWS)]
     rows = order[first[:, None] + np.arange(size)]
     steps = np.diff(table.commanded_mm[rows], axis=1)
     lengths = np.linalg.norm(steps, axis=2)
