@@ -599,8 +599,7 @@ class FitProblem:
         constraints: npt.NDArray[np.float64],
         prior: npt.NDArray[np.float64] | None,
         threads: int,
-        known: FitTriangle | None = None,
-        changed: npt.NDArray[np.int64] | None = None,
+        known: tuple[FitTriangle, npt.NDArray[np.int64]] | None = None,
     ) -> FitTriangle: ...
     def gradient(
         self,

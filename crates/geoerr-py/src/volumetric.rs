@@ -434,10 +434,10 @@ impl PyFitProblem {
     }
 
     /// The triangle of the whitened design at a state, for solutions x with `C x = 0`: C (k, n) the `constraints`.
-    /// `prior` (p, n) are further rows that hold unknowns near 0. `known`, a triangle with the same `row_scale` at another
-    /// state, is where to begin if but the columns `changed` (k,) differ there.
+    /// `prior` (p, n) are further rows that hold unknowns near 0. `known` is where to begin: a triangle with the same
+    /// `row_scale` at another state, and the columns (k,) that alone differ there.
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
-    #[pyo3(signature = (state, row_scale, constraints, prior, threads, known=None, changed=None))]
+    #[pyo3(signature = (state, row_scale, constraints, prior, threads, known=None))]
     fn triangle<'py>(
         &self,
         py: Python<'py>,
@@ -446,19 +446,21 @@ impl PyFitProblem {
         constraints: PyReadonlyArray2<'py, f64>,
         prior: Option<PyReadonlyArray2<'py, f64>>,
         threads: usize,
-        known: Option<&PyFitTriangle>,
-        changed: Option<PyReadonlyArray1<'py, i64>>,
+        known: Option<(PyRef<'py, PyFitTriangle>, PyReadonlyArray1<'py, i64>)>,
     ) -> PyResult<PyFitTriangle> {
         let (problem, state) = (&self.problem, &state.state);
         let row_scale = numbers(&row_scale, "row_scale")?;
         let constraints = matrix_of(&constraints);
         let prior = prior.map(|prior| matrix_of(&prior));
-        let changed = changed.map(|changed| places(&changed, "changed")).transpose()?;
+        let known = match &known {
+            Some((triangle, changed)) => Some((triangle.gram.clone(), places(changed, "changed columns")?)),
+            None => None,
+        };
         let (triangle, gram) = enter_core(py, threads, || {
             let design = WhitenedDesign::without_residuals(problem, state, row_scale)?;
-            let gram = match (known, &changed) {
-                (Some(known), Some(changed)) => design.changed_gram(known.gram.clone(), changed)?,
-                _ => design.own_gram(),
+            let gram = match known {
+                Some((gram, changed)) => design.changed_gram(gram, &changed)?,
+                None => design.own_gram(),
             };
             let design = design.with_gram(gram.clone());
             let mut triangle = Triangle::for_rank_within(&design, PRACTICAL_RANK, &constraints)?;

@@ -13,7 +13,6 @@ Source of the play: Brokate & Sprekels, Hysteresis and Phase Transitions (1996),
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -161,9 +160,8 @@ def _off_play(sightings: Sightings, values: Numbers, share: float) -> Numbers:
     """
     width = share * float(np.ptp(values))
     play: list[float] = []
-    ends: Sequence[int] = [*sightings.starts[1:].tolist(), len(values)]
-    for start, end in zip(sightings.starts.tolist(), ends, strict=True):
-        own = values[start:end]
+    for rows in sightings.rows_of_sessions:
+        own = values[rows]
         held = float(own[0])
         for low, high in zip((own - width).tolist(), (own + width).tolist(), strict=True):
             if held < low:

@@ -62,13 +62,12 @@ def _without_name(sightings: Sightings) -> Iterator[str]:
 
 def _counted_twice(sightings: Sightings) -> Iterator[str]:
     """Name sessions that hold what another one holds, digit for digit: no two measurements come out so."""
-    ends = [*sightings.starts[1:].tolist(), len(sightings)]
     first: dict[bytes, str] = {}
-    for name, start, end in zip(sightings.sessions, sightings.starts.tolist(), ends, strict=True):
-        rows = [own[start:end] for own in (sightings.commanded_mm, sightings.offset_mm, sightings.measured_mm)]
-        if end - start < _LEAST_TO_BE_THE_SAME:
+    for name, rows in zip(sightings.sessions, sightings.rows_of_sessions, strict=True):
+        if rows.stop - rows.start < _LEAST_TO_BE_THE_SAME:
             continue
-        digest = hashlib.sha256(b"".join(np.ascontiguousarray(own).tobytes() for own in rows)).digest()
+        held = [own[rows] for own in (sightings.commanded_mm, sightings.offset_mm, sightings.measured_mm)]
+        digest = hashlib.sha256(b"".join(np.ascontiguousarray(own).tobytes() for own in held)).digest()
         other = first.setdefault(digest, name)
         if other != name:
             yield (

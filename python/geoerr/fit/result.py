@@ -118,7 +118,7 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         covariance=fitted.covariance,
         null_space=_unit_columns(fitted.null_space),
         not_determined=fitted.not_determined,
-        data_digest=sightings.once("digest", digest_of),
+        data_digest=digest_of(sightings),
         n_rows=int(fitted.solved.used.sum()),
         n_outliers=len(fitted.outliers),
         range_mm=moved,
@@ -179,6 +179,10 @@ def figures_document(fitted: Fitted) -> dict[str, Any]:
 
 def digest_of(sightings: Sightings) -> str:
     """Give the SHA-256 of the data: of every column's name and values, in the order of names."""
+    return sightings.once("digest", _digest_of)
+
+
+def _digest_of(sightings: Sightings) -> str:
     sums = hashlib.sha256()
     for name in sorted(sightings.table.columns):
         if name == "file_row":

@@ -30,14 +30,13 @@ def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:
     """
     n = len(sightings)
     result = np.zeros((n, 3), dtype=bool)
-    ends = [*sightings.starts[1:].tolist(), n]
     has_times = np.isfinite(sightings.numbers("t"))
     names = sightings.texts("target") if "target" in sightings.table.columns else [""] * n
     target = np.column_stack([np.unique(names, return_inverse=True)[1], sightings.carrier, sightings.offset_mm])
-    for start, end, kind in zip(sightings.starts.tolist(), ends, sightings.frames, strict=True):
-        if kind == "circle" or end - start < 3:
+    for rows, kind in zip(sightings.rows_of_sessions, sightings.frames, strict=True):
+        n_rows = rows.stop - rows.start
+        if kind == "circle" or n_rows < 3:
             continue
-        rows = slice(start, end)
         step = np.diff(sightings.commanded_mm[rows], axis=0, prepend=np.nan)
         is_new_place = (step != 0.0).any(axis=1)
         # Without times, several targets at one place were seen together, and one target twice is two looks.
@@ -45,7 +44,7 @@ def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:
         is_same_target = np.append(False, (target[rows][1:] == target[rows][:-1]).all(axis=1))
         is_later = np.where(has_times[rows].all(), is_later, is_same_target)
         looks = np.cumsum(~is_new_place & is_later)
-        first = np.maximum.accumulate(np.where(is_new_place, np.arange(end - start), 0))
+        first = np.maximum.accumulate(np.where(is_new_place, np.arange(n_rows), 0))
         is_again = looks > looks[first]
         for axis in range(3):
             before = sightings.directions[rows, axis]

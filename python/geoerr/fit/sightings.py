@@ -151,6 +151,12 @@ class Sightings:
         return np.searchsorted(self.session, np.arange(len(self.sessions))).astype(np.int64)
 
     @property
+    def rows_of_sessions(self) -> list[slice]:
+        """Rows of each session; none of one that has none left."""
+        ends = [*self.starts[1:].tolist(), len(self)]
+        return [slice(start, end) for start, end in zip(self.starts.tolist(), ends, strict=True)]
+
+    @property
     def sequences(self) -> Integers:
         """First row of each session that has rows left, (k,): what runs along rows begins anew there."""
         return np.flatnonzero(np.diff(self.session, prepend=-1)).astype(np.int64)

@@ -365,10 +365,8 @@ class _Triangles:
         if len(changed) * _COST_OF_A_COLUMN >= self.problem.n_columns:
             return self.at(state)
         at = state.in_frames_of(made_at)
-        return (
-            self.problem.triangle(at, self.row_scale, self.gauge, self.prior, self.threads, triangle, changed),
-            at,
-        )
+        known_here = triangle, changed
+        return self.problem.triangle(at, self.row_scale, self.gauge, self.prior, self.threads, known_here), at
 
 
 class _StepsSince:

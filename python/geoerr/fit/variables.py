@@ -110,7 +110,7 @@ def _is_only_wound(part: Part, travel: str) -> bool:
 def _before_any_travel(sightings: Sightings, travel: Numbers, direction: Numbers) -> Rows:
     """Tell where a session has shown neither travel nor a change of direction yet."""
     found = np.zeros(len(travel), dtype=bool)
-    for rows in _sessions(sightings):
+    for rows in sightings.rows_of_sessions:
         own = direction[rows]
         known = own[np.isfinite(own)]
         if known.size:
@@ -123,7 +123,7 @@ def times_s(sightings: Sightings) -> Numbers:
     """Give the time of every row; where a session has none in some row, the row's number in it (unit: rows)."""
     # A column may be the table's own memory.
     times = np.array(sightings.numbers("t"))
-    for rows in _sessions(sightings):
+    for rows in sightings.rows_of_sessions:
         if not np.isfinite(times[rows]).all():
             times[rows] = np.arange(times[rows].size, dtype=np.float64)
     return times
@@ -136,7 +136,7 @@ def clock_s(sightings: Sightings) -> Numbers:
     """
     clock = times_s(sightings)
     end = None
-    for rows in _sessions(sightings):
+    for rows in sightings.rows_of_sessions:
         own = clock[rows]
         if own.size:
             clock[rows] = own if end is None else own + (end - own.min())
@@ -150,11 +150,6 @@ def clock_span_s(sightings: Sightings) -> tuple[float, float] | None:
     if not clock.size or not clock.min() < clock.max():
         return None
     return float(clock.min()), float(clock.max())
-
-
-def _sessions(sightings: Sightings) -> list[slice]:
-    ends = [*sightings.starts[1:].tolist(), len(sightings)]
-    return [slice(start, end) for start, end in zip(sightings.starts.tolist(), ends, strict=True)]
 
 
 def _place_on_work(sightings: Sightings, index: int) -> Numbers:

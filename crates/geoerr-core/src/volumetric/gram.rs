@@ -146,65 +146,48 @@ impl Block<'_> {
         row_scale: &[f64],
         mut visit: impl FnMut(&Together),
     ) {
-        let mut room = Room { slots: vec![NONE; self.n_columns()], values: Vec::new() };
+        let (mut slots, mut values) = (vec![usize::MAX; self.n_columns()], Vec::new());
         for range in cuts(cells) {
             let places: Vec<usize> = cells[range].iter().map(|&(_, at)| at).collect();
-            let together = self.together(places, rows, row_scale, &mut room);
+            let together = self.together(places, rows, row_scale, &mut slots, values);
             visit(&together);
-            room.values = together.design.into_values();
+            values = together.design.into_values();
         }
     }
 
-    /// The design of some sightings over the columns that they have.
-    fn together(&self, places: Vec<usize>, rows: &[usize], row_scale: &[f64], room: &mut Room) -> Together {
+    /// The design of some sightings over the columns that they have; `slots`, where columns begin, are free, and so again.
+    /// It is laid out in the memory of `values`: of one lot after the other that is the same.
+    fn together(
+        &self,
+        places: Vec<usize>,
+        rows: &[usize],
+        row_scale: &[f64],
+        slots: &mut [usize],
+        mut values: Vec<f64>,
+    ) -> Together {
         let own: Vec<usize> = places.iter().map(|&at| rows[at]).collect();
         let height = NUMBERS_OF_A_ROW * own.len();
         let mut columns = Vec::new();
-        let slots = &mut room.slots;
-        let mut values = std::mem::take(&mut room.values);
         values.clear();
         self.each_run(&own, row_scale, |first, at, direction, run| {
             // Unknowns that rows share are asked of all of them.
             if *direction == [0.0; 3] {
                 return;
             }
-            let slots = &mut slots[first..first + run.len()];
-            for (slot, column) in slots.iter_mut().zip(first..) {
-                if *slot == NONE {
-                    *slot = columns.len();
+            for (column, value) in (first..).zip(run) {
+                if slots[column] == usize::MAX {
+                    slots[column] = values.len();
                     columns.push(column);
                     values.resize(values.len() + height, 0.0);
                 }
-            }
-            let add = |column: &mut [f64], value: f64| {
-                let entry = &mut column[NUMBERS_OF_A_ROW * at..][..NUMBERS_OF_A_ROW];
+                let entry = &mut values[slots[column] + NUMBERS_OF_A_ROW * at..][..NUMBERS_OF_A_ROW];
                 entry.iter_mut().zip(direction).for_each(|(entry, along)| *entry += along * value);
-            };
-            // Columns of a run mostly came together, and stand together.
-            if slots.windows(2).all(|pair| pair[1] == pair[0] + 1) {
-                let from_first =
-                    values[slots.first().map_or(0, |slot| slot * height)..].chunks_exact_mut(height);
-                from_first.zip(run).for_each(|(column, &value)| add(column, value));
-            } else {
-                for (slot, &value) in slots.iter().zip(run) {
-                    add(&mut values[slot * height..][..height], value);
-                }
             }
         });
-        columns.iter().for_each(|&column| room.slots[column] = NONE);
+        columns.iter().for_each(|&column| slots[column] = usize::MAX);
         let design = Matrix::from_columns(height, columns.len(), values).unwrap_or_default();
         Together { places, columns, design }
     }
-}
-
-/// A column that no sighting has had yet.
-const NONE: usize = usize::MAX;
-
-/// What sightings are laid out in, one lot after the other.
-struct Room {
-    /// Where each column stands among those that there are; all free between two lots.
-    slots: Vec<usize>,
-    values: Vec<f64>,
 }
 
 /// Some sightings, by their places among those that were asked for, and their whitened design over the columns in which

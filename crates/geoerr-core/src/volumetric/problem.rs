@@ -556,7 +556,7 @@ impl Block<'_> {
         let model = &self.problem.model;
         let rows = &self.problem.sightings.rows;
         let n_rows = rows.len();
-        let functions = self.problem.bases.gathered(places, &rows.q_mm);
+        let functions = self.problem.bases.at_rows(places, &rows.q_mm);
         for (number, (term, part)) in model.parts().enumerate() {
             let directions: Vec<[f64; 3]> =
                 sights.iter().map(|sight| sight.direction(part.channel, part.factor)).collect();

@@ -74,17 +74,6 @@ impl SharedBases {
         AtRows { known, made }
     }
 
-    /// The same of rows that stand anywhere, one after another.
-    ///
-    /// Where they are kept they are copied: a row after the other is waited for once only, and many at a time.
-    pub(super) fn gathered(&self, rows: &[usize], positions_mm: &[[f64; 3]]) -> AtRows<'static> {
-        let made = match self.of_rows.get() {
-            Some(known) => known.iter().map(|own| own.of_rows(rows)).collect(),
-            None => self.supports(&rows.iter().map(|&row| positions_mm[row]).collect::<Vec<_>>()),
-        };
-        AtRows { known: None, made }
-    }
-
     fn supports(&self, positions_mm: &[[f64; 3]]) -> Vec<Supports> {
         self.bases.iter().map(|(axis, basis)| Supports::of(*axis, basis, positions_mm)).collect()
     }
@@ -143,16 +132,6 @@ impl Supports {
             })
             .collect();
         Self { n_functions: basis.len(), width, values, begins }
-    }
-
-    fn of_rows(&self, rows: &[usize]) -> Self {
-        let width = self.width;
-        let mut values = Vec::with_capacity(width * rows.len());
-        for &row in rows {
-            values.extend_from_slice(&self.values[width * row..][..width]);
-        }
-        let begins = rows.iter().map(|&row| self.begins[row]).collect();
-        Self { n_functions: self.n_functions, width, values, begins }
     }
 
     /// The first function's number at a position, and the values from there on.
