@@ -5,7 +5,8 @@ use geoerr_core::expression::{Definitions, Expression, Symbols};
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Pose};
 use geoerr_core::least_squares::Matrix;
 use geoerr_core::volumetric::{
-    Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, channel_values, displacements,
+    Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, WhitenedDesign,
+    channel_values, displacements,
 };
 
 use crate::draws::Draws;
@@ -293,6 +294,20 @@ fn the_gram_matrix_is_that_of_the_design() {
                 );
             }
         }
+        // From the matrix of another design, whose columns stand elsewhere: some of them are known.
+        let design = WhitenedDesign::without_residuals(&problem, &state, &scale).unwrap();
+        let known = Matrix::from_fn(n, n, |row, column| gram[(n - 1 - row, n - 1 - column)]);
+        let places: Vec<_> = (0..n).map(|column| (column % 3 > 0).then_some(n - 1 - column)).collect();
+        let from_known = design.gram_from(&known, &places).unwrap();
+        for (row, column) in (0..n).flat_map(|row| (0..n).map(move |column| (row, column))) {
+            let size = (gram[(row, row)] * gram[(column, column)]).sqrt();
+            assert!(
+                (from_known[(row, column)] - gram[(row, column)]).abs() <= 1e-14 * size,
+                "{chain} {row} {column}"
+            );
+        }
+        assert!(design.gram_from(&known, &places[1..]).is_err());
+        assert!(design.gram_from(&known, &vec![Some(n); n]).is_err());
         let mut bad = scale;
         bad[3] = f64::NAN;
         assert!(block.gram(&bad).first_non_finite().is_some());

@@ -80,6 +80,11 @@ fn places(array: &PyReadonlyArray1<'_, i64>, name: &str) -> Result<Vec<usize>, C
     array.as_array().iter().map(|&place| usize::try_from(place).map_err(|_| refused())).collect()
 }
 
+/// Places (n,) from 0; none where a number is below.
+fn places_if_any(array: &PyReadonlyArray1<'_, i64>) -> Vec<Option<usize>> {
+    array.as_array().iter().map(|&place| usize::try_from(place).ok()).collect()
+}
+
 fn part_of(part: &PartTuple<'_>) -> Result<Part, CoreError> {
     let (channel, factor, axis, shape, coefficients, inner) = part;
     let shape = match shape {
@@ -435,7 +440,7 @@ impl PyFitProblem {
 
     /// The triangle of the whitened design at a state, for solutions x with `C x = 0`: C (k, n) the `constraints`.
     /// `prior` (p, n) are further rows that hold unknowns near 0. `known` is where to begin: a triangle with the same
-    /// `row_scale` at another state, and the columns (k,) that alone differ there.
+    /// rows and `row_scale`, and for each column (n,) where the same one is in it; -1 for one that is not.
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
     #[pyo3(signature = (state, row_scale, constraints, prior, threads, known=None))]
     fn triangle<'py>(
@@ -453,13 +458,13 @@ impl PyFitProblem {
         let constraints = matrix_of(&constraints);
         let prior = prior.map(|prior| matrix_of(&prior));
         let known = match &known {
-            Some((triangle, changed)) => Some((triangle.gram.clone(), places(changed, "changed columns")?)),
+            Some((triangle, places)) => Some((&triangle.gram, places_if_any(places))),
             None => None,
         };
         let (triangle, gram) = enter_core(py, threads, || {
             let design = WhitenedDesign::without_residuals(problem, state, row_scale)?;
             let gram = match known {
-                Some((gram, changed)) => design.changed_gram(gram, &changed)?,
+                Some((gram, places)) => design.gram_from(gram, &places)?,
                 None => design.own_gram(),
             };
             let design = design.with_gram(gram.clone());

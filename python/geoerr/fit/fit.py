@@ -20,6 +20,7 @@ from scipy import stats
 
 from geoerr import _core
 from geoerr.errors import GeoerrError, GeometryError
+from geoerr.fit.begun import known_columns
 from geoerr.fit.classic import (
     Components,
     classic_terms,
@@ -170,7 +171,9 @@ def fit_terms(
         fitted = posed.fit((*classic_on(found), *known), one_step=True)
     for effect in effects:
         if has_unknown_inner(effect):
-            fitted = posed.fit((*fitted.terms, started(fitted, effect, threads=options.threads)), one_step=one_step)
+            fitted = fitted.again(
+                (*fitted.terms, started(fitted, effect, threads=options.threads)), one_step=one_step
+            )
     if undecided and options.freedom == "smooth" and math.isfinite(fitted.scale):
         smoothness = choose_smoothness(undecided, fitted.terms, fitted.covariance, fitted.null_space)
         # Rows of the whitened system: where the noise is not stated, its unit is the scale that was found.
@@ -304,6 +307,7 @@ class Posed:
         one_step: bool = False,
         used: np.ndarray | None = None,
         around: _core.FitState | None = None,
+        known_fit: Fitted | None = None,
     ) -> Fitted:
         """Fit these terms, with what is known of the smoothness of some.
 
@@ -316,6 +320,8 @@ class Posed:
         around
             Stay first order about the values that the terms have and the frames of this state, whatever frames would
             follow what the terms lack.
+        known_fit
+            Another fit to the same data: what its triangle has of this one's is not made again.
         """
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
@@ -357,13 +363,25 @@ class Posed:
             one_step=one_step or around is not None,
             used=used,
             limits=limits,
+            known=known_columns(known_fit, terms, compiled, problem, sightings, shared) if known_fit else None,
             threads=options.threads,
         )
         if around is not None:
             solved = replace(solved, state=problem.start)
-        again = self._on(sightings, own_shared, given).fit
+        fit_of_terms = self._on(sightings, own_shared, given).fit
         return self._summary(
-            terms, compiled, problem, solved, sightings, free, n_model, shared, prior, again, nothing, limits
+            terms,
+            compiled,
+            problem,
+            solved,
+            sightings,
+            free,
+            n_model,
+            shared,
+            prior,
+            fit_of_terms,
+            nothing,
+            limits,
         )
 
     def amounts(self, still: Sequence[Standing], names: Sequence[str], variables: Numbers) -> Numbers:
@@ -513,7 +531,7 @@ class Posed:
         n_model: int,
         shared: Numbers | None,
         prior: Numbers | None,
-        again: Callable[[tuple[Term, ...]], Fitted],
+        fit_of_terms: Callable[..., Fitted],
         nothing: Sequence[int],
         limits: Numbers,
     ) -> Fitted:
@@ -568,7 +586,7 @@ class Posed:
             scale=scale,
             dof=dof,
             shared=shared,
-            again=again,
+            fit_of_terms=fit_of_terms,
             prior=prior,
             threads=self.options.threads,
         )

@@ -62,8 +62,8 @@ class Fitted:
     prior
         (r, n_columns) rows P with P u = 0 ± 1 that were known besides the measurements, or None: the calibration's
         (on shared unknowns) and curvatures (on coefficients).
-    again
-        Fits other terms to the same data; keywords are those of `Posed.fit`.
+    fit_of_terms
+        Fits terms to the same data: `Posed.fit`.
     choices
         How each function's basis was chosen.
     """
@@ -81,10 +81,21 @@ class Fitted:
     scale: float
     dof: float
     shared: Numbers | None
-    again: Callable[..., Fitted]
+    fit_of_terms: Callable[..., Fitted]
     choices: tuple[KnotChoice, ...] = ()
     prior: Numbers | None = None
     threads: int = 0
+
+    def again(
+        self,
+        terms: tuple[Term, ...],
+        *,
+        one_step: bool = False,
+        used: np.ndarray | None = None,
+        around: _core.FitState | None = None,
+    ) -> Fitted:
+        """Fit other terms to the same data; keywords are those of `Posed.fit`."""
+        return self.fit_of_terms(terms, one_step=one_step, used=used, around=around, known_fit=self)
 
     @cached_property
     def residual_mm(self) -> Numbers:

@@ -17,6 +17,7 @@ from geoerr.fit.free_directions import held_smallest
 from geoerr.fit.gross_rows import Neighbours, gross_limit, robust_scale
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
+from geoerr.fit.triangles import Known, Triangles
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
 _SETTLED = 1e-4
@@ -30,8 +31,6 @@ _SHORTER = 0.3
 # those with which every step is so much shorter than the one before: that is how far their products are off.
 _OF_THE_MINIMUM, _ALIKE = 0.03, 0.01
 _MAX_STEPS = 40
-# A column of the products is this many times its share of a triangle.
-_COST_OF_A_COLUMN = 16
 # As many steps cost as much as a triangle.
 _STEPS_WITH_ANOTHER = 4
 _MAX_ROUNDS = 12
@@ -106,6 +105,8 @@ class Solved:
         Rank, null space and unscaled covariance of the last triangle.
     triangle
         R of the whitened design with outliers left out.
+    row_scale : (n,)
+        What each row counts in it.
     design_state
         Where that design was made: what is worked out with the solution has to have the same one.
     residual_mm : (n, 3)
@@ -123,6 +124,7 @@ class Solved:
     state: _core.FitState
     solution: _core.FitSolution
     triangle: _core.FitTriangle
+    row_scale: Numbers
     design_state: _core.FitState
     residual_mm: Numbers
     whitened: Numbers
@@ -150,6 +152,7 @@ def solve(
     one_step: bool = False,
     used: np.ndarray | None = None,
     limits: Numbers | None = None,
+    known: Known | None = None,
     threads: int = 0,
 ) -> Solved:
     """Fit all unknowns.
@@ -176,6 +179,8 @@ def solve(
         Rows that take part, where that is known; no other is then looked for.
     limits : (n_columns,) or None
         What is absurd for each unknown: along directions that the data leave free it stays smallest beside that.
+    known
+        A triangle that has columns of the one at the start.
     """
     limits = np.full(problem.n_columns, np.inf) if limits is None else limits
     n_numbers = sightings.is_measured.sum(axis=1)
@@ -190,10 +195,20 @@ def solve(
     earlier: set[bytes] = set()
     for number in range(rounds):
         if one_step:
-            found = _first_order(problem, start, scale_of_rows, gauge, prior, limits, threads)
+            found = _first_order(problem, start, scale_of_rows, gauge, prior, limits, known, threads)
         else:
             found = _gauss_newton(
-                problem, state, scale_of_rows, gauge, prior, is_linear, inner_ranges, limits, threads, of_all
+                problem,
+                state,
+                scale_of_rows,
+                gauge,
+                prior,
+                is_linear,
+                inner_ranges,
+                limits,
+                threads,
+                of_all=of_all,
+                known=known if number == 0 else None,
             )
         if robust and is_linear and not one_step and number == 0:
             of_all = found
@@ -232,6 +247,7 @@ def solve(
         found.state,
         found.solution,
         found.triangle,
+        found.row_scale,
         found.design_state,
         found.residual_mm,
         found.whitened,
@@ -253,6 +269,7 @@ class _Iterated:
     state: _core.FitState
     solution: _core.FitSolution
     triangle: _core.FitTriangle
+    row_scale: Numbers
     design_state: _core.FitState
     residual_mm: Numbers
     whitened: Numbers
@@ -270,7 +287,9 @@ def _gauss_newton(
     ranges: Ranges | None,
     limits: Numbers,
     threads: int,
+    *,
     of_all: _Iterated | None = None,
+    known: Known | None = None,
 ) -> _Iterated:
     """Iterate to a minimum.
 
@@ -280,15 +299,18 @@ def _gauss_newton(
         What was found with every row counting in full. Its triangle serves for weights below 1 too: steps are shorter
         than Newton's, none goes beyond the minimum along it, and they cost no triangle (Huber & Dutter 1974). Where
         that takes many of them one of its own is cheaper.
+    known
+        A triangle that has columns of the one at the start.
     """
     state = design_state = start
     residual = problem.residuals(state, threads)
-    triangles = _Triangles(problem, row_scale, gauge, prior, threads)
+    triangles = Triangles(problem, row_scale, gauge, prior, threads)
     if of_all is None:
-        triangle, made_at = triangles.at(state)
-        unheld = triangle.solve(None, threads)
+        triangle, made_at = triangles.at(state, known)
+        unheld, made_with = triangle.solve(None, threads), row_scale
     else:
-        triangle, unheld, made_at = of_all.triangle, of_all.solution, of_all.design_state
+        triangle, unheld = of_all.triangle, of_all.solution
+        made_at, made_with = of_all.design_state, of_all.row_scale
     solution = unheld
     converged, steps = False, 0
     # Of standard errors: the last step; the same of what the columns follow, and its most.
@@ -303,10 +325,11 @@ def _gauss_newton(
             design_state = state
             is_at_rest = moved < settled and not is_there
             if is_at_rest or followed > most_followed:
-                triangle, made_at = triangles.near((triangle, made_at), state, ranges)
+                is_followed = None if ranges is None else ranges.is_followed
+                triangle, made_at = triangles.near((triangle, made_at), state, is_followed)
                 unheld, since = triangle.solve(None, threads), _StepsSince()
         elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
-            triangle, made_at = triangles.at(state)
+            (triangle, made_at), made_with = triangles.at(state), row_scale
             solution = unheld = triangle.solve(None, threads)
         gradient = problem.gradient(design_state, residual, row_scale, threads)
         if prior is not None:
@@ -335,38 +358,8 @@ def _gauss_newton(
         # be that of the minimum.
         is_there = is_linear or since.are_at_the_minimum
         converged = moved < settled and is_there and (factor < longest or longest == 1.0)
-    return _Iterated(state, solution, triangle, made_at, residual, problem.whitened(residual), converged, steps)
-
-
-@dataclass(frozen=True, eq=False)
-class _Triangles:
-    """Triangles of one problem and weighing, at one state or another; each with the state that it is made at."""
-
-    problem: _core.FitProblem
-    row_scale: Numbers
-    gauge: Numbers
-    prior: Numbers | None
-    threads: int
-
-    def at(self, state: _core.FitState) -> tuple[_core.FitTriangle, _core.FitState]:
-        """Give the triangle of the design at a state."""
-        return self.problem.triangle(state, self.row_scale, self.gauge, self.prior, self.threads), state
-
-    def near(
-        self, known: tuple[_core.FitTriangle, _core.FitState], state: _core.FitState, ranges: Ranges | None
-    ) -> tuple[_core.FitTriangle, _core.FitState]:
-        """Give the same from a known one.
-
-        Of a design only columns that follow inner parameters change along the way, and those of frames by no more
-        than a linear model's, which stay. So where few follow, frames stay, and the rest of the triangle with them.
-        """
-        triangle, made_at = known
-        changed = np.arange(self.problem.n_columns) if ranges is None else np.flatnonzero(ranges.is_followed)
-        if len(changed) * _COST_OF_A_COLUMN >= self.problem.n_columns:
-            return self.at(state)
-        at = state.in_frames_of(made_at)
-        known_here = triangle, changed
-        return self.problem.triangle(at, self.row_scale, self.gauge, self.prior, self.threads, known_here), at
+    whitened = problem.whitened(residual)
+    return _Iterated(state, solution, triangle, made_with, made_at, residual, whitened, converged, steps)
 
 
 class _StepsSince:
@@ -413,10 +406,11 @@ def _first_order(
     gauge: Numbers,
     prior: Numbers | None,
     limits: Numbers,
+    known: Known | None,
     threads: int,
 ) -> _Iterated:
     residual = problem.residuals(start, threads)
-    triangle = problem.triangle(start, row_scale, gauge, prior, threads)
+    triangle, _ = Triangles(problem, row_scale, gauge, prior, threads).at(start, known)
     solution = triangle.solve(None, threads)
     gradient = problem.gradient(start, residual, row_scale, threads)
     if prior is not None:
@@ -424,7 +418,7 @@ def _first_order(
     step = held_smallest(solution.step(gradient), solution.null_space, limits)
     left = residual - problem.first_order_mm(start, step, threads)
     state, whitened = problem.corrected(start, step), problem.whitened(left)
-    return _Iterated(state, solution, triangle, start, left, whitened, converged=True, steps=1)
+    return _Iterated(state, solution, triangle, row_scale, start, left, whitened, converged=True, steps=1)
 
 
 def _held(problem: _core.FitProblem, state: _core.FitState, prior: Numbers | None) -> Numbers:

@@ -82,29 +82,34 @@ impl<'a> WhitenedDesign<'a> {
         self.block.gram(self.row_scale)
     }
 
-    /// `AᵀA` where that of another state is known, and some columns of A alone are others here.
+    /// `AᵀA` from that of another design of the same rows: for each column of A, where the same one is in that design.
     ///
     /// # Errors
-    /// [`VolumetricError::Length`] for a matrix of another size, or a column that there is not.
-    pub fn changed_gram(&self, mut known: Matrix, columns: &[usize]) -> Result<Matrix, VolumetricError> {
+    /// [`VolumetricError::Length`] for another number of places than of columns, or a place that there is not.
+    pub fn gram_from(&self, known: &Matrix, places: &[Option<usize>]) -> Result<Matrix, VolumetricError> {
         let needed = self.block.n_columns();
-        let last = columns.iter().max().map_or(0, |last| last + 1);
-        for (what, found) in [("gram", known.n_rows()), ("gram", known.n_columns())] {
-            if found != needed {
-                return Err(VolumetricError::Length { what, found, needed });
-            }
+        if places.len() != needed {
+            return Err(VolumetricError::Length { what: "places", found: places.len(), needed });
         }
-        if last > needed {
-            return Err(VolumetricError::Length { what: "columns", found: last, needed });
+        if let Some(&found) = places.iter().flatten().find(|&&place| place >= known.n_columns()) {
+            return Err(VolumetricError::Length {
+                what: "gram",
+                found: known.n_columns(),
+                needed: found + 1,
+            });
         }
-        let made = self.block.gram_columns(columns, self.row_scale);
+        let columns: Vec<usize> = (0..needed).filter(|&column| places[column].is_none()).collect();
+        let made = self.block.gram_columns(&columns, self.row_scale);
+        let mut gram = Matrix::from_fn(needed, needed, |row, column| {
+            places[row].zip(places[column]).map_or(0.0, |place| known[place])
+        });
         for (k, &column) in columns.iter().enumerate() {
             for (row, &value) in made.column(k).iter().enumerate() {
-                known[(row, column)] = value;
-                known[(column, row)] = value;
+                gram[(row, column)] = value;
+                gram[(column, row)] = value;
             }
         }
-        Ok(known)
+        Ok(gram)
     }
 
     /// The same system, of which `AᵀA` is known.
