@@ -22,6 +22,7 @@ from geoerr.diagnose.search import (
     Rival,
     Searched,
     Settled,
+    channel_of,
     other_periods,
     reference_of,
     settle,
@@ -444,7 +445,7 @@ class _Summary:
         judged, settled = found.judged, found.at_last
         assert isinstance(judged.what, Probe)
         probe = judged.what
-        reference = curve_reference(self.fitted, probe)
+        reference = curve_reference(probe, channel_of(judged))
         earlier = [one.settled.term for one in self.searched.found]
         curve, held_out = None, None
         before = with_terms(self.fitted, earlier)

@@ -106,19 +106,14 @@ def probes_of(fitted: Fitted, functions: Functions, variables: Sequence[Variable
 
 def bodies(fitted: Fitted) -> list[str]:
     """Give the bodies whose displacement was seen: what one does, targets on the other do not show."""
-    seen = _carriers(fitted)
+    seen = {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
     return [body for body in ("tool", "work") if body in seen] or ["tool"]
 
 
-def curve_reference(fitted: Fitted, probe: Probe) -> str:
-    """Give a probe as the reference of an empirical curve writes it: on the work where nothing else was seen."""
-    component = probe.component if _carriers(fitted) & {"tool", "relative"} else f"work-{probe.component}"
+def curve_reference(probe: Probe, channel: str) -> str:
+    """Give a probe on a channel as the reference of an empirical curve writes it: `work-x` on the work."""
+    component = channel.removeprefix("tool-")
     return f"{EMPIRICAL}:{component}@{'*'.join(probe.depends_on)}"
-
-
-def _carriers(fitted: Fitted) -> set[str]:
-    """Give what carried the targets that were seen."""
-    return {CARRIERS[number] for number in np.unique(fitted.sightings.carrier[fitted.solved.used])}
 
 
 def shapes_on(channel: str, codes: Sequence[Sequence[int]], trials: Sequence[tuple[float, ...]] = ((),)) -> Shapes:

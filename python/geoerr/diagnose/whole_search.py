@@ -18,7 +18,7 @@ import numpy as np
 
 from geoerr.diagnose.few_knots import with_few_knots
 from geoerr.diagnose.probes import Probe, curve_reference
-from geoerr.diagnose.search import Found, Searched, search
+from geoerr.diagnose.search import Found, Searched, channel_of, search
 from geoerr.diagnose.second_order import second_order
 from geoerr.diagnose.steps import RoundSteps, Steps
 from geoerr.effects.collection import Catalogue
@@ -94,7 +94,7 @@ def _searched(
 def _fitted_beside(fitted: Fitted, searched: Searched, rounds: RoundSteps) -> Fitted | None:
     """Fit everything anew beside what was found, where that is large beside the noise; None where it is not."""
     held_out = searched.bench.held_out
-    found = searched.found or ((searched.unknown,) if searched.unknown is not None else ())
+    found = [*searched.found, *([] if searched.unknown is None else [searched.unknown])]
     columns = [one.settled.raw for one in found]
     if not columns or not is_worth_asking(held_out.um([]), held_out.um(columns)):
         return None
@@ -110,7 +110,7 @@ def _term_of(fitted: Fitted, found: Found) -> Term | None:
     if not isinstance(found.judged.what, Probe):
         return found.settled.term
     with contextlib.suppress(InputFileError):
-        return empirical_term(fitted, curve_reference(fitted, found.judged.what))
+        return empirical_term(fitted, curve_reference(found.judged.what, channel_of(found.judged)))
     return None
 
 

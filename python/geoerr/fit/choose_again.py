@@ -14,6 +14,7 @@ from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import Ladder, choose_bases
 from geoerr.fit.sightings import SAME_POSITION_MM
+from geoerr.fit.wavy import beside_waves
 from geoerr.terms import BasisSpec, Term
 
 # Where the error fell by this factor, what was chosen before is chosen again.
@@ -38,6 +39,9 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     rich = {name: basis for name, basis in richest.items() if own[name] in ladder.splines(name, basis)}
     if not rich:
         return None
+    effects = [term for term in fitted.terms if term.kind != "classic"]
+    by_id = {term.id: term for term in fitted.terms}
+    rich = {name: beside_waves(by_id[name], basis, effects, positions) for name, basis in rich.items()}
     terms = _on(fitted.terms, rich)
     # On the rows that were found not to be gross.
     free = fitted.again(terms, used=fitted.solved.used)

@@ -17,19 +17,23 @@ every knot more, where a wave stays until there are two knots to each turn: what
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 
 import numpy as np
 
+from geoerr import _core
 from geoerr.bases import basis_of
 from geoerr.fit.classic import on_basis, positions_by_axis, spline
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import determined_values, misfit
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
+from geoerr.model.compile import core_part, start_values
 from geoerr.terms import BasisSpec, Term
 
 # Functions of a smooth error: eight pieces follow two waves over an axis. A basis with not many more is smooth, too.
 _SMOOTH, _NOT_SMOOTH = 11, 14
+# As few follow no five waves.
+_FEWEST = 8
 # So many waves over an axis are no smooth error of it, however many knots follow them.
 MANY_WAVES = 5.0
 # Between two that are tried a wave turns by an eighth.
@@ -37,7 +41,7 @@ _STEP = 0.125
 # Twice the logarithm of the evidence by which a wave has to be the better description.
 _CLEARLY = 6.0
 # Of what few knots leave, a wave that leaves less than this does nearly all.
-_NEARLY_ALL = 0.1
+_NEARLY_ALL = 0.2
 # Share of a wave's square that knots that follow it do at least: with two knots to a turn they do four tenths.
 _FOLLOWED = 1.0 / 3.0
 # With two functions more, what is left falls by more than this: so it does of a smooth error not yet followed.
@@ -79,10 +83,60 @@ def follows_waves(own: Term, n_waves: float, positions_mm: Mapping[str, Numbers]
     basis = _many_knots(own)
     if basis is None:
         return False
-    places = positions_mm[basis.axis]
-    wave, columns = _wave(places, n_waves, (1,)), basis_of(basis).evaluate(places)
+    return _follow(basis, positions_mm[basis.axis], _wave(positions_mm[basis.axis], n_waves, (1,)))
+
+
+def _follow(basis: BasisSpec, places_mm: Numbers, wave: Numbers) -> bool:
+    """Tell whether functions follow a good part of a wave, (n,) or (n, k), at places."""
+    columns = basis_of(basis).evaluate(places_mm)
     left = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
     return float((left**2).sum()) < (1.0 - _FOLLOWED) * float((wave**2).sum())
+
+
+def beside_waves(
+    own: Term, rich: BasisSpec, effects: Sequence[Term], positions_mm: Mapping[str, Numbers]
+) -> BasisSpec:
+    """Give a basis of an error of an axis with so few functions that they do not follow what effects do along it.
+
+    What both can do is the effect's: beside it many knots say the same again, and neither is known. Where the fewest
+    follow an effect, too, it is as smooth as the error, and nothing is to be had by fewer.
+
+    Parameters
+    ----------
+    rich
+        The richest one that is asked for.
+    effects
+        Terms with values.
+    positions_mm
+        Distinct positions of each axis.
+    """
+    places, channels = positions_mm[rich.axis], {*own.channels}
+    for effect in effects:
+        if set(effect.variables) == {rich.axis} and channels & {*effect.channels}:
+            for along in _along(effect, channels, places):
+                rich = _not_following(rich, places, along)
+    return rich
+
+
+def _not_following(rich: BasisSpec, places_mm: Numbers, along: Numbers) -> BasisSpec:
+    """Give the richest spline that does not follow a function of places, (n,); as it is where the fewest follow it."""
+    for count in range(rich.n_functions, _FEWEST - 1, -1):
+        basis = rich if count == rich.n_functions else spline(rich.axis, places_mm, count)
+        if not _follow(basis, places_mm, along):
+            return basis
+    return rich
+
+
+def _along(effect: Term, channels: Set[str], places_mm: Numbers) -> Iterator[Numbers]:
+    """Give what an effect of the position of one axis does at places on some channels, (n,) each."""
+    theta, phi = start_values([effect])
+    for part in effect.parts:
+        if part.channel in channels and part.expression is not None:
+            _, _, _, formula, coefficients, inner = core_part(effect, part, effect.variables)
+            assert isinstance(formula, _core.Expression)
+            first = np.zeros(1, dtype=np.int64)
+            columns = formula.coefficient_columns(places_mm[None, :], phi[inner], first, None, 1)
+            yield np.asarray(columns @ theta[coefficients])
 
 
 def _many_knots(term: Term) -> BasisSpec | None:

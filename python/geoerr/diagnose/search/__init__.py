@@ -2,7 +2,7 @@
 
 from geoerr.diagnose.search.alike import other_periods
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.judged import Judged, reference_of
+from geoerr.diagnose.search.judged import Judged, channel_of, reference_of
 from geoerr.diagnose.search.left import why_left
 from geoerr.diagnose.search.look import Round, look
 from geoerr.diagnose.search.rivals import Found, Rival
@@ -18,6 +18,7 @@ __all__ = [
     "Round",
     "Searched",
     "Settled",
+    "channel_of",
     "look",
     "other_periods",
     "reference_of",

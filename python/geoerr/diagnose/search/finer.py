@@ -83,11 +83,14 @@ def _do_much_more(ways: Sequence[_Way], claim: Judged) -> _Way | None:
     """Give the knots that predict better than a wave by more than chance lets them; None where none do.
 
     Twice Akaike's score. Where a wave is all there is, knots follow it at best, and pay for what they follow of the
-    noise.
+    noise. Beside a large one they also follow what is left of a smooth error, and that is much more than chance; but
+    it is little of what the wave does.
     """
     by_wave = claim.gain - 2.0 * claim.rank - 2.0 * math.log(max(claim.what.n_trials, 1))
     best = max(ways, key=_predicted, default=None)
-    return best if best is not None and _predicted(best) > by_wave else None
+    if best is None or _predicted(best) <= by_wave:
+        return None
+    return best if claim.gain < _AS_MUCH * best.gain else None
 
 
 def _predicted(way: _Way) -> float:

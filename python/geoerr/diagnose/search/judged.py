@@ -186,6 +186,11 @@ def component_of(judged: Judged) -> str | None:
     return judged.what.component if isinstance(judged.what, Probe) else None
 
 
+def channel_of(judged: Judged) -> str:
+    """Give the channel on which a probe acts, `tool-x` or `work-x`."""
+    return judged.shapes.channels[0][0]
+
+
 def variables_of(judged: Judged) -> set[str]:
     """Give the variables of a probe; none of a candidate."""
     return set(judged.what.depends_on) if isinstance(judged.what, Probe) else set()

@@ -1,0 +1,43 @@
+"""A lag of up to a millimetre on the work: told in the scatter that it makes, a straight line looked like a curve."""
+
+import pytest
+from validation.hidden_effects.cases import development_seed
+from validation.hidden_effects.generate import Case, Hidden, generate
+from validation.hidden_effects.record import OPTIONS
+
+from geoerr.diagnose import Diagnosis, diagnose
+from geoerr.fit import fit_terms
+
+# Targets on the tool and on the work are seen from the floor; the axis that lags carries the work.
+PLAN, NOISE, STRENGTH_UM, N_ROWS = "volume-floor", "gauss-10", 100.0, 10_000
+
+
+def diagnosed(number: int) -> tuple[Case, Diagnosis]:
+    case = generate(development_seed(number), None, PLAN, NOISE, [Hidden("lag")], STRENGTH_UM, N_ROWS)
+    fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
+    return case, diagnose(fitted, threads=1)
+
+
+@pytest.mark.parametrize("number", [980_005, 980_009])
+def test_beside_a_curve_of_the_right_body_it_is_named(number: int) -> None:
+    """The curve that stands for it until then was one of the tool, which does not move.
+
+    In the second a small name stood beside it, and it was not fitted along.
+    """
+    case, diagnosis = diagnosed(number)
+    assert diagnosis.unknown is None
+    (found,) = diagnosis.found
+    assert str(found.reference) == "lag:z"
+    (tau,) = found.term.coefficients
+    assert abs(tau.value - case.truth[0].parameters["tau"]) < 4.0 * tau.std
+
+
+def test_without_a_name_the_curve_is_one_of_the_body_that_moves() -> None:
+    """What `geoerr add` is told to take lets the error fall."""
+    _, diagnosis = diagnosed(980_005, Catalogue({}))
+    unknown = diagnosis.unknown
+    assert unknown is not None
+    assert unknown.reference == "empirical:work-z@v_z"
+    assert unknown.held_out is not None
+    assert unknown.held_out.after_um is not None
+    assert unknown.held_out.after_um < 0.2 * unknown.held_out.before_um
