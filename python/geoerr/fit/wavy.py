@@ -119,7 +119,7 @@ def beside_waves(
 
 
 def _not_following(rich: BasisSpec, places_mm: Numbers, along: Numbers) -> BasisSpec:
-    """Give the richest spline that does not follow a function of places, (n,); as it is where the fewest follow it."""
+    """Give the richest spline that does not follow a function of places, (n,); `rich` where the fewest follow it."""
     for count in range(rich.n_functions, _FEWEST - 1, -1):
         basis = rich if count == rich.n_functions else spline(rich.axis, places_mm, count)
         if not _follow(basis, places_mm, along):

@@ -38,8 +38,8 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
 
     Of what the model does most already, it is enough that they do as much, and predict better. So it is of what gains
     less than the price at which they were not chosen: so much of a smooth error evidence leaves. Many waves along an
-    axis, of which the model leaves more, are no smooth error, however many knots follow them; unless the knots do
-    much more: of a step, a bump or a table of an error the best wave is a part.
+    axis, of which the model leaves more, are no smooth error, however many knots follow them, and what is left of one
+    besides; unless the knots do much more: of a step, a bump or a table of an error the best wave is a part.
 
     Parameters
     ----------
@@ -60,6 +60,9 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
         # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
         worth = [(0.5 * one.gain - one.rank - math.log(len(ways)), one.columns) for one in does_as_much]
         least = 0.0
+    elif not is_smooth and claim.gain >= _AS_MUCH * max((one.gain for one in ways), default=0.0):
+        # Knots that follow a large wave follow what is left of a smooth error, too: far more than chance, and little.
+        return None
     else:
         evidence = [evidence_of(looked.space, np.array(one.gain), np.array(one.rank), len(ways)) for one in ways]
         worth = [(float(of_one), one.columns) for of_one, one in zip(evidence, ways, strict=True)]
@@ -83,14 +86,11 @@ def _do_much_more(ways: Sequence[_Way], claim: Judged) -> _Way | None:
     """Give the knots that predict better than a wave by more than chance lets them; None where none do.
 
     Twice Akaike's score. Where a wave is all there is, knots follow it at best, and pay for what they follow of the
-    noise. Beside a large one they also follow what is left of a smooth error, and that is much more than chance; but
-    it is little of what the wave does.
+    noise.
     """
     by_wave = claim.gain - 2.0 * claim.rank - 2.0 * math.log(max(claim.what.n_trials, 1))
     best = max(ways, key=_predicted, default=None)
-    if best is None or _predicted(best) <= by_wave:
-        return None
-    return best if claim.gain < _AS_MUCH * best.gain else None
+    return best if best is not None and _predicted(best) > by_wave else None
 
 
 def _predicted(way: _Way) -> float:
