@@ -52,6 +52,11 @@ def number_text(value: float | None, digits: int = 2) -> str:
     return _UNKNOWN if value is None or math.isnan(value) else f"{value:.{digits}f}".replace("-", "−")
 
 
+def listed(texts: Sequence[str], last: str = "and") -> str:
+    """Write `a, b and c`."""
+    return ", ".join(texts) if len(texts) < 2 else f"{', '.join(texts[:-1])} {last} {texts[-1]}"
+
+
 def counted(count: int, what: str, *, grouped: bool = False) -> str:
     """Write `1 pass`, `2 passes`; large numbers in groups of three digits if asked."""
     number = f"{count:,}" if grouped else f"{count}"

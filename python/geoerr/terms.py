@@ -66,6 +66,8 @@ FUNCTIONS = frozenset(
 CONSTANTS = frozenset({"pi"})
 # In a reference's place of an effect: a curve without a cause, `empirical:x@feed`.
 EMPIRICAL = "empirical"
+# Variables of such a curve, at most.
+MOST_OF_A_CURVE = 3
 
 TermKind = Literal["classic", "effect", "empirical"]
 TermSource = Literal["built-in", "user"]
@@ -524,7 +526,8 @@ class Term:
         _require(self.axis is None or self.axis in REFERENCE_AXES, f"axis {self.axis!r} is not known")
         if self.covariate is not None:
             parts = self.covariate.split("*" if self.kind == EMPIRICAL else "-")
-            _require(len(parts) <= 2 and all(map(is_name, parts)), f"{self.covariate!r} is not a covariate")
+            most = MOST_OF_A_CURVE if self.kind == EMPIRICAL else 2
+            _require(len(parts) <= most and all(map(is_name, parts)), f"{self.covariate!r} is not a covariate")
         _require(bool(self.parts) and len(self.parts) <= MAX_ITEMS, "a term has at least one part")
         _require(
             bool(self.coefficients) and len(self.coefficients) <= MAX_ITEMS, "a term has at least one coefficient"
@@ -654,7 +657,7 @@ def parse_effect_reference(text: str) -> EffectReference:
 
     AXIS is `x y z`, a pair `xy xz yz`, `x*y` (a joint of x as a function of y too), or for a displacement of the
     tool or the work its direction (`z` = tool, `work-z` = work). COVARIATE is a column or a difference of two,
-    `temp_a-temp_b`; of an `empirical` curve a variable or two, `feed*z`.
+    `temp_a-temp_b`; of an `empirical` curve one to three variables, `feed*z`.
 
     Raises
     ------
@@ -668,12 +671,13 @@ def parse_effect_reference(text: str) -> EffectReference:
     if colon and axis not in REFERENCE_AXES:
         raise InputFileError(text, f"{axis!r} is not an axis", remedy=f"axes are {', '.join(REFERENCE_AXES)}")
     is_curve = effect == EMPIRICAL
-    columns = covariate.split("*" if is_curve else "-")
-    if at and not (len(columns) <= 2 and all(map(is_name, columns)) and len(set(columns)) == len(columns)):
+    columns, most = covariate.split("*" if is_curve else "-"), MOST_OF_A_CURVE if is_curve else 2
+    if at and not (len(columns) <= most and all(map(is_name, columns)) and len(set(columns)) == len(columns)):
+        several = "two or three" if is_curve else "the difference of two columns"
         raise InputFileError(
             text,
-            f"{covariate!r} is neither a column nor {'two' if is_curve else 'the difference of two columns'}",
-            remedy=f"write the column's name, or two names as {'feed*z' if is_curve else 'temp_a-temp_b'}",
+            f"{covariate!r} is neither a column nor {several}",
+            remedy=f"write the column's name, or names as {'feed*z' if is_curve else 'temp_a-temp_b'}",
         )
     return EffectReference(effect, axis if colon else None, covariate if at else None)
 

@@ -26,6 +26,7 @@ from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError
 from geoerr.fit import FitOptions
+from geoerr.fit.empirical import Curve
 from geoerr.machine import write_machine
 from geoerr.model import write_model
 from geoerr.observations import Observations
@@ -261,12 +262,31 @@ def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> N
     assert figure.layout.xaxis.title.text == "number of the row"
     assert "over row:" in figure.layout.title.text
     document = found.to_document()
-    assert np.shape(document["curve"]["value_um"]) == (4, 9)
+    assert np.shape(document["curve"]["value_um"]) == (4, 17)
     held = found.held_out
     assert held is not None
     assert held.before_um is not None
     assert held.after_um is not None
     assert held.after_um < held.before_um
+
+
+def test_of_three_variables_surfaces_are_drawn_and_the_largest_is_a_table(unknown: Diagnosis) -> None:
+    """At the ends and the middle of the one that is no position."""
+    found = unknown.unknown
+    assert found is not None
+    at = tuple(np.linspace(low, high, 9) for low, high in ((600.0, 6000.0), (0.0, 400.0), (0.0, 300.0)))
+    value_um = np.einsum("i,j,k->ijk", at[0] / 6000.0, at[1] - 200.0, at[2] - 150.0) * 1e-3
+    curve = Curve("z", ("feed", "x", "y"), at, value_um, np.ones_like(value_um))
+    solid = dataclasses.replace(found, depends_on=("feed", "x", "y"), curve=curve)
+    diagnosis = dataclasses.replace(unknown, unknown=solid)
+    figure = figures.unknown_curve(diagnosis)
+    assert [trace.z[0, 0] for trace in figure.data] == [value_um[place, 0, 0] for place in (0, 4, 8)]
+    heads = [figure.layout[axis].title.text for axis in ("xaxis", "xaxis2", "xaxis3")]
+    assert heads == ["x, mm (feed = 600)", "x, mm (feed = 3300)", "x, mm (feed = 6000)"]
+    assert "over feed, x and y:" in figure.layout.title.text
+    text = text_of(diagnosis)
+    assert "    at feed = 6000:\n    z, µm (± 1.0), over x (down) and y (across)" in text
+    assert "so at feed = 6000, 0.1 times as large at feed = 600" in text.replace("\n      ", " ")
 
 
 def test_nothing_is_said_where_nothing_is(clean: Diagnosis) -> None:

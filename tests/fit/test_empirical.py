@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 
 import geoerr
 from geoerr.cli.main import app
+from geoerr.diagnose.shape import shape_words
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit import FitOptions, Fitted, fit_terms, refit
 from geoerr.fit.empirical import curve_of, empirical_term
@@ -34,12 +36,19 @@ def bowl_um(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 15.0 * (2.5 * u**3 - 1.5 * u) * w
 
 
-def observations(seed: int = 0, n: int = 300) -> Observations:
+def nothing_um(feed: np.ndarray, q: np.ndarray) -> np.ndarray:
+    return np.zeros_like(feed)
+
+
+def observations(
+    seed: int = 0, n: int = 300, along_y_um: Callable[[np.ndarray, np.ndarray], np.ndarray] = nothing_um
+) -> Observations:
     rng = np.random.default_rng(seed)
     q = rng.uniform(0.0, [400.0, 300.0, 250.0], (n, 3))
     feed = rng.choice(FEEDS, n)
     seen = q + rng.normal(0.0, STD_MM, q.shape)
     seen[:, 0] += 1e-3 * rise_um(feed)
+    seen[:, 1] += 1e-3 * along_y_um(feed, q)
     seen[:, 2] += 1e-3 * bowl_um(q[:, 0], q[:, 1])
     columns: dict[str, object] = {"feed": feed, "fixed": np.ones(n), "carrier": ["relative"] * n}
     columns |= {"line": [f"L{number // 20}" for number in range(n)]}
@@ -75,11 +84,49 @@ def test_a_surface_is_what_was_put_in_and_its_error_is_what_it_says(base: Fitted
     curve = curve_of(result, term.id)
     truth = bowl_um(curve.at[0][:, None], curve.at[1][None, :])
     normal = (curve.value_um - truth - (curve.value_um - truth).mean()) / curve.std_um
-    # 81 points with some ten degrees of freedom between them.
+    # 289 points with some ten degrees of freedom between them.
     assert np.sqrt((normal**2).mean()) < 2.5
     # Nothing of it is open; corners are known least.
     assert np.median(curve.std_um) < 0.2 * np.ptp(truth)
     assert "cause unknown" in term.title
+
+
+def test_a_surface_that_goes_up_and_down_is_followed() -> None:
+    """Two waves along x whose size grows with the feed: no polynomial of the third degree."""
+
+    def wave_um(feed: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return 20.0 * np.sin(2.0 * np.pi * x / 200.0) * feed / 6000.0
+
+    table = observations(1, 2000, lambda feed, q: wave_um(feed, q[:, 0]))
+    base = fit_terms(MACHINE, [table], options=FitOptions(components="none", threads=1))
+    result = refit(base, [empirical_term(base, "empirical:y@feed*x"), empirical_term(base, "empirical:z@x*y")])
+    curve = curve_of(result, "empirical:y@feed*x")
+    truth = wave_um(curve.at[0][:, None], curve.at[1][None, :])
+    difference = curve.value_um - truth
+    # Beyond the eighth degree a sine over two turns has 2 J_9(2 pi) = 0.09 of itself, beyond the third 0.7 and more.
+    assert np.sqrt(((difference - difference.mean()) ** 2).mean()) < 0.12 * np.sqrt((truth**2).mean())
+
+
+def test_a_curve_of_three_variables_is_what_was_put_in() -> None:
+    """A product of three: cut at one value of the feed it is a surface over the other two."""
+
+    def saddle_um(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        return 30.0 * (x / 200.0 - 1.0) * (z / 125.0 - 1.0)
+
+    table = observations(2, 2000, lambda feed, q: saddle_um(q[:, 0], q[:, 2]) * feed / 6000.0)
+    base = fit_terms(MACHINE, [table], options=FitOptions(components="none", threads=1))
+    term = empirical_term(base, "empirical:y@feed*x*z")
+    assert "over feed, x and z, cause unknown" in term.title
+    curve = curve_of(refit(base, [term, empirical_term(base, "empirical:z@x*y")]), term.id)
+    assert curve.variables[curve.cut_along] == "feed"
+    surface = curve.cut(len(FEEDS) - 1)
+    assert surface.variables == ("x", "z")
+    difference = surface.value_um - saddle_um(surface.at[0][:, None], surface.at[1][None, :])
+    normal = (difference - difference.mean()) / surface.std_um
+    assert np.sqrt((normal**2).mean()) < 2.5
+    told = re.search(r"; so at feed = 6000, ([\d.]+) times as large at feed = 600", shape_words(curve))
+    assert told is not None
+    assert float(told.group(1)) == pytest.approx(0.1, abs=0.03)
 
 
 def test_what_the_model_does_already_is_left_out() -> None:
@@ -102,8 +149,8 @@ def test_what_the_model_does_already_is_left_out() -> None:
         ("empirical:x@fixed", "never changes"),
         ("empirical:xy@feed", "along which axis"),
         ("empirical:x", "names no curve"),
-        ("empirical:x@feed*x*y", "neither a column nor two"),
-        ("empirical:x@feed*feed", "neither a column nor two"),
+        ("empirical:x@feed*x*y*z", "neither a column nor two or three"),
+        ("empirical:x@feed*feed", "neither a column nor two or three"),
     ],
 )
 def test_refusals(base: Fitted, reference: str, problem: str) -> None:

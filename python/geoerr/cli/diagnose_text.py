@@ -9,9 +9,9 @@ import numpy as np
 
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Named, Unknown
-from geoerr.diagnose.words import chance_words, listed, sure_words, um_words
+from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.fit.empirical import Curve
-from geoerr.summaries import by_reason, capitalised, counted
+from geoerr.summaries import by_reason, capitalised, counted, listed
 
 WIDTH = 80
 _MEANINGS = {
@@ -174,7 +174,12 @@ def _unknown(unknown: Unknown) -> Iterator[str]:
 
 
 def _curve(curve: Curve) -> Iterator[str]:
-    """Give the curve as a table: value ± standard error, µm."""
+    """Give the curve as a table: value ± standard error, µm; of three variables where it is largest."""
+    if len(curve.at) == 3:
+        along = curve.cut_along
+        place = int(np.argmax([np.ptp(curve.cut(place).value_um) for place in range(len(curve.at[along]))]))
+        yield f"    at {curve.variables[along]} = {_plain(curve.at[along][place])}:"
+        curve = curve.cut(place)
     most = _MOST_POINTS if len(curve.at) == 1 else _MOST_ACROSS
     places = [_chosen(len(own), most) for own in curve.at]
     if len(places) == 1:

@@ -32,7 +32,7 @@ from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.diagnose.whole_search import searched_whole
-from geoerr.diagnose.words import chance_words, listed
+from geoerr.diagnose.words import chance_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
@@ -43,7 +43,7 @@ from geoerr.fit.empirical import curve_of, empirical_term
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.observations import CircularTest, Observations
-from geoerr.summaries import uncapitalised
+from geoerr.summaries import listed, uncapitalised
 from geoerr.terms import EffectReference, Term
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from geoerr.diagnose.words import (
     alike_words,
     bounded_value_words,
     is_open,
-    listed,
     plausibility_words,
     sure_words,
     um_words,
@@ -22,7 +21,7 @@ from geoerr.diagnose.words import (
 from geoerr.effects import Effect
 from geoerr.effects.plausible import plausible_match
 from geoerr.fit.empirical import Curve
-from geoerr.summaries import capitalised, uncapitalised
+from geoerr.summaries import capitalised, listed, uncapitalised
 from geoerr.terms import EffectReference, Parameter, Term
 
 # More coefficients than this are a curve, not numbers to read.

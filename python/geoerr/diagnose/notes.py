@@ -10,12 +10,11 @@ from geoerr.diagnose.answer import held_out_um
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.gaps import gaps_of, unread_rows
-from geoerr.diagnose.words import listed
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
 from geoerr.observations import CARRIERS, PIXELS
-from geoerr.summaries import counted
+from geoerr.summaries import counted, listed
 
 # A session that lasts longer, and a machine that moves faster from row to row, have times in another unit.
 _DAY_S = 86_400.0

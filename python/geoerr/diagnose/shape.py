@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 
-from geoerr.diagnose.words import listed
 from geoerr.fit.empirical import Curve
 from geoerr.fit.sightings import Numbers
+from geoerr.summaries import listed
 from geoerr.terms import is_motion
 
 # A rise against the trend that is smaller than this share of the whole, or than so many standard errors, is none.
@@ -20,10 +20,10 @@ _MOST_TURNS = 3
 
 
 def shape_words(curve: Curve) -> str:
-    """Say what a curve, or a surface over two variables, looks like."""
+    """Say what a curve over one, two or three variables looks like."""
     if len(curve.variables) == 1:
         return _one(curve.variables[0], curve.at[0], curve.value_um, curve.std_um)
-    return _two(curve)
+    return _two(curve) if len(curve.variables) == 2 else _three(curve)
 
 
 def _one(name: str, at: Numbers, value_um: Numbers, std_um: Numbers) -> str:
@@ -118,6 +118,22 @@ def _two(curve: Curve) -> str:
         return f"{low}{more}; {largest}"
     both = f"{low} at {second} = {ends[0]}, {high} at {second} = {ends[1]}"
     return f"{both}{_product(value_um)}; {largest}"
+
+
+def _three(curve: Curve) -> str:
+    """Say what the surface over two variables is where it is largest along the third, and how it changes along it."""
+    along = curve.cut_along
+    name, at = curve.variables[along], curve.at[along]
+    surfaces = [curve.cut(place).value_um for place in range(len(at))]
+    swings = [float(np.ptp(surface)) for surface in surfaces]
+    largest = int(np.argmax(swings))
+    other = 0 if largest >= len(at) - 1 - largest else len(at) - 1
+    first, second = (surfaces[place] - surfaces[place].mean() for place in (largest, other))
+    is_turned = float((first * second).sum()) < 0.0
+    share = swings[other] / max(swings[largest], 1e-9)
+    places = [f"{name} = {at[place]:.4g}".replace("-", "−") for place in (largest, other)]
+    change = f"{'upside down and ' if is_turned else ''}{share:.2g} times as large at {places[1]}"
+    return f"{_two(curve.cut(largest))}; so at {places[0]}, {change}"
 
 
 def _product(value_um: Numbers) -> str:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from geoerr.diagnose.words import listed
-from geoerr.summaries import counted
+from geoerr.summaries import counted, listed
 
 # Called with what is done and the total.
 Progress: TypeAlias = Callable[[int, int], None]

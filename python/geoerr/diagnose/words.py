@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from geoerr.effects.plausible import MAX_RELATIVE_STD, plausible_match
+from geoerr.summaries import listed
 from geoerr.terms import Parameter
 
 # Units as people read them: text and factor. Others get a power of ten where they need one.
@@ -131,11 +132,6 @@ def counted_words(count: float) -> str:
 
 def _rounded(value: float, digits: int) -> float:
     return round(value, digits - 1 - math.floor(math.log10(max(value, 1.0))))
-
-
-def listed(texts: Sequence[str], last: str = "and") -> str:
-    """Write `a, b and c`."""
-    return ", ".join(texts) if len(texts) < 2 else f"{', '.join(texts[:-1])} {last} {texts[-1]}"
 
 
 def um_words(value_um: float) -> str:

@@ -1,4 +1,4 @@
-"""Curves without a cause: a smooth dependence on one variable or two, for what no known effect explains.
+"""Curves without a cause: a smooth dependence on one variable, two or three, for what no known effect explains.
 
 `empirical:x@feed` displaces the tool along x by a low polynomial of the feed, `empirical:z@x*y` by polynomials of x
 and y and their products; `work-x` displaces the work. A curve says what happens, not why: it holds for what was
@@ -21,6 +21,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -33,16 +34,19 @@ from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
 from geoerr.model.compile import core_part
+from geoerr.summaries import listed
 from geoerr.terms import EMPIRICAL, RAW_VARIABLES, EffectReference, Parameter, Part, Term, parse_effect_reference
 
-# Highest degree in one variable; of two, of each.
-_MOST_DEGREES = {1: 8, 2: 3}
+T = TypeVar("T")
+
+# Highest degree of each variable, by their number.
+_MOST_DEGREES = {1: 8, 2: 8, 3: 3}
 # A polynomial of which the model and the lower ones leave a smaller share (of its sum of squares) is theirs.
 _OWNED = 0.01
 # Values nearer than this share of the span are one.
 _ALIKE = 1e-9
-# Points of a curve, of each variable of a surface.
-_POINTS, _POINTS_OF_TWO = 41, 9
+# Points along each variable, by their number.
+_POINTS = {1: 41, 2: 17, 3: 9}
 _UM_PER_MM = 1e3
 
 
@@ -59,8 +63,8 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
     fitted
         The fit of the model without it.
     reference
-        `empirical:COMPONENT@VARIABLE` or `empirical:COMPONENT@VARIABLE*VARIABLE`; a variable is a position (`x`), a
-        direction (`d_x`), travel (`s_x`), speed (`v_x`), the time `t` or a column of the data.
+        `empirical:COMPONENT@VARIABLE`, of two or three variables with `*` between them; a variable is a position
+        (`x`), a direction (`d_x`), travel (`s_x`), speed (`v_x`), the time `t` or a column of the data.
 
     Raises
     ------
@@ -80,15 +84,19 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
             remedy="name a variable that the model does not have, or another component",
         )
     along = f"the work along {channel[-1]}" if channel.startswith("work") else f"the tool along {channel[-1]}"
-    definitions = tuple((one.symbol, one.text) for one in variables)
     coefficients = [Parameter("c" + "_".join(map(str, degree)), "mm") for degree in degrees]
     products = [
-        "*".join([one.name, *(_legendre(n, v.symbol) for n, v in zip(degree, variables, strict=True) if n)])
+        "*".join([one.name, *(v.name_of(n) for n, v in zip(degree, variables, strict=True) if n)])
         for one, degree in zip(coefficients, degrees, strict=True)
     ]
+    definitions = tuple(
+        definition
+        for one, own in zip(variables, zip(*degrees, strict=True), strict=True)
+        for definition in one.definitions(sorted({*own}))
+    )
     return Term(
         id=str(parsed),
-        title=f"Empirical curve: {along} over {' and '.join(one.name for one in variables)}, cause unknown",
+        title=f"Empirical curve: {along} over {listed([one.name for one in variables])}, cause unknown",
         kind="empirical",
         effect=None,
         axis=parsed.axis,
@@ -108,11 +116,11 @@ class Curve:
     component
         `x`, `y` or `z` of the base axes.
     variables
-        Names of one or two.
+        Names of one, two or three.
     at
         Values of each variable, rising.
     value_um, std_um
-        Displacement and its standard error; (m,) over one variable, (m, k) over two.
+        Displacement and its standard error; (m,) over one variable, (m, k) over two, (m, k, l) over three.
     """
 
     component: str
@@ -120,6 +128,21 @@ class Curve:
     at: tuple[Numbers, ...]
     value_um: Numbers
     std_um: Numbers
+
+    @property
+    def cut_along(self) -> int:
+        """Place of the variable at values of which three are drawn over two: the first that is no position, or z."""
+        return next((place for place, name in enumerate(self.variables) if name not in AXES), len(self.variables) - 1)
+
+    def cut(self, place: int) -> Curve:
+        """Give the curve over the other variables at one value of that which `cut_along` names."""
+        along = self.cut_along
+
+        def others(values: tuple[T, ...]) -> tuple[T, ...]:
+            return values[:along] + values[along + 1 :]
+
+        value_um, std_um = (np.take(values, place, axis=along) for values in (self.value_um, self.std_um))
+        return Curve(self.component, others(self.variables), others(self.at), value_um, std_um)
 
     def to_document(self) -> dict[str, object]:
         """Give plain values."""
@@ -179,9 +202,14 @@ class _Variable:
         apart = np.diff(np.unique(values)) > _ALIKE * (high - low)
         return cls(name, f"u_{number + 1}", 0.5 * (low + high), 0.5 * (high - low), int(apart.sum()) + 1)
 
-    @property
-    def text(self) -> str:
-        return f"min(max(({self.name} - {number_text(self.middle)})/{number_text(self.half)}, -1), 1)"
+    def name_of(self, degree: int) -> str:
+        """Give the name of the polynomial of a degree in formulas."""
+        return self.symbol if degree == 1 else f"{self.symbol}_{degree}"
+
+    def definitions(self, degrees: Sequence[int]) -> list[tuple[str, str]]:
+        """Write the variable and its polynomials, in a formula's definitions."""
+        unit = f"min(max(({self.name} - {number_text(self.middle)})/{number_text(self.half)}, -1), 1)"
+        return [(self.symbol, unit), *((self.name_of(n), _legendre(n, self.symbol)) for n in degrees if n > 1)]
 
     def unit(self, values: Numbers) -> Numbers:
         return np.asarray(np.clip((values - self.middle) / self.half, -1.0, 1.0))
@@ -255,12 +283,10 @@ class _Design:
         self.n_numbers = int(fitted.sightings.is_measured[solved.used].sum())
 
     def _all_degrees(self) -> list[tuple[int, ...]]:
-        """Give all degrees, the lowest first: of two variables products before what one of them does alone."""
+        """Give all degrees, the lowest first: of several variables products before what fewer of them do."""
         tops = [min(self.most, one.n_values - 1) for one in self.variables]
-        if len(tops) == 1:
-            return [(n,) for n in range(1, tops[0] + 1)]
-        both = [(i, j) for i in range(tops[0] + 1) for j in range(tops[1] + 1) if i or j]
-        return sorted(both, key=lambda degree: (max(degree), 0 in degree, degree))
+        every = itertools.product(*(range(top + 1) for top in tops))
+        return sorted(filter(any, every), key=lambda degree: (max(degree), degree.count(0), degree))
 
     def best(self) -> list[tuple[int, ...]]:
         """Give the degrees of the design with the most evidence; none where the model owns them all."""
@@ -315,6 +341,6 @@ def _rowwise(units: Sequence[Numbers], degree: tuple[int, ...]) -> Numbers:
 
 def _spread_out(values: Numbers, n_variables: int) -> Numbers:
     """Give the values themselves where they are few, else an even spread over their range."""
-    most = _POINTS if n_variables == 1 else _POINTS_OF_TWO
+    most = _POINTS[n_variables]
     levels = np.unique(values)
     return levels if len(levels) <= most else np.linspace(levels[0], levels[-1], most)

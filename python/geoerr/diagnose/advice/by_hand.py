@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoerr.diagnose.advice.course import Course
-from geoerr.diagnose.advice.measurement import Measurement, listed
+from geoerr.diagnose.advice.measurement import Measurement
 from geoerr.diagnose.advice.menu_set_up import lines
 from geoerr.diagnose.advice.question import question_of
 from geoerr.diagnose.advice.situation import Situation
 from geoerr.machine import AXES
+from geoerr.summaries import listed
 from geoerr.terms import CLOCK_NAME, SESSION_NAME, Term, mentions
 
 _ALONG = {f"E{axis.upper()}{axis.upper()}" for axis in AXES}

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.advice.columns import Poses, Terms
-from geoerr.diagnose.advice.measurement import listed
 from geoerr.fit.sightings import Sightings
 from geoerr.machine import Machine
+from geoerr.summaries import listed
 from geoerr.terms import Parameter, Term
 
 # Trial values over the whole range of an inner parameter, as many as there is room for: all columns of a candidate

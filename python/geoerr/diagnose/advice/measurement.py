@@ -9,6 +9,7 @@ import numpy as np
 from geoerr.diagnose.advice.course import Pictures
 from geoerr.diagnose.advice.situation import Target
 from geoerr.fit.sightings import Numbers
+from geoerr.summaries import listed
 
 # What further carrying-outs of a measurement are called.
 _TIMES = {1: "", 2: ", twice", 3: ", three times", 4: ", four times"}
@@ -85,11 +86,6 @@ def duration(minutes: float) -> str:
 def feeds_words(feeds_mm_min: list[float]) -> str:
     """Name feeds: `300, 1000 and 3000 mm/min`."""
     return f"{listed([f'{feed:g}' for feed in feeds_mm_min])} mm/min"
-
-
-def listed(words: list[str], last: str = "and") -> str:
-    """Join words as a sentence does."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def uneven(n: int) -> Numbers:

@@ -8,11 +8,12 @@ import numpy as np
 
 from geoerr.diagnose.advice import menu_conditions, menu_set_up
 from geoerr.diagnose.advice.course import Course, along
-from geoerr.diagnose.advice.measurement import Measurement, feeds_words, listed, tidy, uneven
+from geoerr.diagnose.advice.measurement import Measurement, feeds_words, tidy, uneven
 from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
+from geoerr.summaries import listed
 
 _N_POINTS = 25
 # Four feeds from a twentieth of the highest one.

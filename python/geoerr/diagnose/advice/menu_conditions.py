@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.diagnose.advice.course import Course, along
-from geoerr.diagnose.advice.measurement import Measurement, duration, listed, uneven
+from geoerr.diagnose.advice.measurement import Measurement, duration, uneven
 from geoerr.diagnose.advice.menu_set_up import BAR_MINUTES, TARGETS_MINUTES, bar, from_the_floor, lines, marker
 from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
+from geoerr.summaries import listed
 
 # A heated part approaches its end value by this time constant; what is not heated follows by a tenth.
 _HEATING_S = 600.0

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoerr.diagnose.advice.course import Course, along
-from geoerr.diagnose.advice.measurement import Measurement, listed, uneven
+from geoerr.diagnose.advice.measurement import Measurement, uneven
 from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation, Target
 from geoerr.fit.sightings import Numbers
 from geoerr.observations import CARRIERS
+from geoerr.summaries import listed
 
 _N_POINTS = 13
 # How far from the first target the further ones sit.

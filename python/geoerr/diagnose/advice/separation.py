@@ -11,7 +11,7 @@ import numpy as np
 from geoerr.diagnose.advice.columns import Terms, poses_of
 from geoerr.diagnose.advice.families import Company, Family, family_of, joined
 from geoerr.diagnose.advice.information import Information, Measured, expected, measured
-from geoerr.diagnose.advice.measurement import Measurement, listed
+from geoerr.diagnose.advice.measurement import Measurement
 from geoerr.diagnose.advice.menu import menu
 from geoerr.diagnose.advice.planned import noise_of, planned
 from geoerr.diagnose.advice.question import Question, question_of
@@ -20,6 +20,7 @@ from geoerr.diagnose.advice.situation import Situation, situation_of
 from geoerr.diagnose.findings import Separation
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
+from geoerr.summaries import listed
 from geoerr.terms import Term
 
 # The search takes a difference of χ² of 20 as decided. It scatters by 2√λ about its expectation λ: with λ = 41 it

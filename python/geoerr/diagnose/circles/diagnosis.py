@@ -21,7 +21,7 @@ from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
 from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import circle_diagnosis_html
-from geoerr.diagnose.words import chance_words, listed, um_words
+from geoerr.diagnose.words import chance_words, um_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
@@ -29,7 +29,7 @@ from geoerr.errors import GeoerrError
 from geoerr.fit import refit
 from geoerr.model import Model
 from geoerr.observations import CircularTest
-from geoerr.summaries import capitalised, uncapitalised
+from geoerr.summaries import capitalised, listed, uncapitalised
 from geoerr.terms import EffectReference, Term
 
 if TYPE_CHECKING:

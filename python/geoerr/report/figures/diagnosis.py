@@ -16,6 +16,7 @@ from geoerr.diagnose.labels import variable_label
 from geoerr.errors import GeoerrError
 from geoerr.fit.empirical import Curve
 from geoerr.report.figures import style
+from geoerr.summaries import listed
 
 _ROW_PX, _OTHER_PX = 34, 70
 _CURVE_PX, _SURFACE_PX = 420, 480
@@ -134,7 +135,7 @@ def circle_causes(diagnosis: CircleDiagnosis) -> go.Figure:
 
 
 def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
-    """Draw structure without a name: its curve with a 95 % band, or its surface over two variables.
+    """Draw structure without a name: its curve with a 95 % band, or its surfaces over two variables or three.
 
     Raises
     ------
@@ -149,10 +150,10 @@ def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
     has_time = bool(np.isfinite(diagnosis.fitted.sightings.numbers("t")).any())
     names = {name: "row" if name == "t" and not has_time else name for name in unknown.depends_on}
     titles = [variable_label(names.get(name, name)) for name in curve.variables]
-    figure = _line(curve, titles[0]) if len(curve.variables) == 1 else _surface(curve, titles)
+    figure = _line(curve, titles[0]) if len(curve.variables) == 1 else _surfaces(curve, titles)
     return style.finish(
         figure,
-        f"Along {unknown.component}, over {' and '.join(names.values())}: no known effect does this",
+        f"Along {unknown.component}, over {listed(list(names.values()))}: no known effect does this",
         f"An empirical curve, without a cause: worth {style.text_um(unknown.worth_um)} rms.",
         _CURVE_PX if len(curve.variables) == 1 else _SURFACE_PX,
         legend=len(curve.variables) == 1,
@@ -180,27 +181,40 @@ def _line(curve: Curve, title: str) -> go.Figure:
     return figure
 
 
-def _surface(curve: Curve, titles: Sequence[str]) -> go.Figure:
+def _surfaces(curve: Curve, titles: Sequence[str]) -> go.Figure:
+    """Draw a surface over two variables; of three at the lowest, middle and highest value of one."""
+    cuts, heads = [curve], [titles[0]]
+    if len(curve.variables) == 3:
+        along = curve.cut_along
+        at, name = curve.at[along], curve.variables[along]
+        titles = [*titles[:along], *titles[along + 1 :]]
+        places = sorted({0, len(at) // 2, len(at) - 1})
+        cuts = [curve.cut(place) for place in places]
+        heads = [f"{titles[0]} ({name} = {at[place]:.4g})".replace("-", "−") for place in places]
     largest = max(float(np.abs(curve.value_um).max()), 1e-9)
-    figure = go.Figure(
-        go.Contour(
-            x=curve.at[0],
-            y=curve.at[1],
-            z=curve.value_um.T,
-            customdata=curve.std_um.T,
-            colorscale="RdBu",
-            reversescale=True,
-            zmin=-largest,
-            zmax=largest,
-            ncontours=16,
-            line={"width": 0.5},
-            colorbar={"title": {"text": "µm", "side": "top"}, "thickness": 14},
-            hovertemplate="(%{x:.6g}, %{y:.6g}): %{z:.2f} ± %{customdata:.2f} µm<extra></extra>",
-        )
-    )
-    figure.update_xaxes(title_text=titles[0])
-    figure.update_yaxes(title_text=titles[1])
+    figure = make_subplots(cols=len(cuts), shared_yaxes=True, horizontal_spacing=0.04)
+    for column, (cut, head) in enumerate(zip(cuts, heads, strict=True), start=1):
+        figure.add_trace(_surface(cut, largest), row=1, col=column)
+        figure.update_xaxes(title_text=head, row=1, col=column)
+    figure.update_yaxes(title_text=titles[1], col=1)
     return figure
+
+
+def _surface(curve: Curve, largest_um: float) -> go.Contour:
+    return go.Contour(
+        x=curve.at[0],
+        y=curve.at[1],
+        z=curve.value_um.T,
+        customdata=curve.std_um.T,
+        colorscale="RdBu",
+        reversescale=True,
+        zmin=-largest_um,
+        zmax=largest_um,
+        ncontours=16,
+        line={"width": 0.5},
+        colorbar={"title": {"text": "µm", "side": "top"}, "thickness": 14},
+        hovertemplate="(%{x:.6g}, %{y:.6g}): %{z:.2f} ± %{customdata:.2f} µm<extra></extra>",
+    )
 
 
 _Row = tuple[str, str, float, bool, float | None, float | None]
