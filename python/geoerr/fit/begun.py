@@ -27,7 +27,7 @@ def known_columns(
     sightings: Sightings,
     shared: Numbers | None,
 ) -> Known | None:
-    """Give what a fit has of the triangle of another one's start; None where that is of other rows or frames.
+    """Give what a fit has of the triangle of another one in its frames; None where that is little, or of other rows.
 
     Parameters
     ----------
@@ -38,8 +38,7 @@ def known_columns(
     sightings, shared
         Its rows, and the derivative by what they share.
     """
-    is_of_these_rows = fitted.sightings is sightings and fitted.shared is shared
-    if not is_of_these_rows or not _are_alike(fitted.solved.design_state, problem.start):
+    if fitted.sightings is not sightings or fitted.shared is not shared:
         return None
     before = {
         term.id: (term, own)
@@ -53,16 +52,8 @@ def known_columns(
             places[own] = np.arange(there.start, there.stop)
     first_frame = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
     places[first_frame:] = np.arange(first_frame, problem.n_columns) - problem.n_columns + fitted.problem.n_columns
-    return Known(fitted.solved.triangle, fitted.solved.row_scale, places)
-
-
-def _are_alike(one: _core.FitState, other: _core.FitState) -> bool:
-    """Tell whether frames are the same to the last digit."""
-    return (
-        np.array_equal(one.rotations, other.rotations)
-        and np.array_equal(one.translations_mm, other.translations_mm)
-        and np.array_equal(one.excess_mm, other.excess_mm)
-    )
+    known = Known(fitted.solved.triangle, fitted.solved.row_scale, places)
+    return known if known.is_most else None
 
 
 def _stands_alone(term: Term) -> bool:

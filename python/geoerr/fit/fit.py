@@ -351,10 +351,15 @@ class Posed:
         nothing = np.flatnonzero((mm_per_unit > 0.0) & (mm_per_unit < _ROUND_OFF)).tolist()
         limits = limits_of(terms, mm_per_unit, problem.n_columns)
         gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing]])
+        start, known_triangle = problem.start, None
+        if known_fit is not None and around is None:
+            known_triangle = known_columns(known_fit, terms, compiled, problem, sightings, shared)
+            # It is that of its frames; to first order they are as good as those of a machine without errors.
+            start = start if known_triangle is None else start.in_frames_of(known_fit.solved.design_state)
         solved = solve(
             problem,
             sightings,
-            problem.start,
+            start,
             gauge,
             prior=prior,
             robust=options.is_robust,
@@ -363,7 +368,7 @@ class Posed:
             one_step=one_step or around is not None,
             used=used,
             limits=limits,
-            known=known_columns(known_fit, terms, compiled, problem, sightings, shared) if known_fit else None,
+            known=known_triangle,
             threads=options.threads,
         )
         if around is not None:

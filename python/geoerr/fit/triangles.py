@@ -50,7 +50,7 @@ class Triangles:
     def at(self, state: _core.FitState, known: Known | None = None) -> tuple[_core.FitTriangle, _core.FitState]:
         """Give the triangle of the design at a state; from a known one, where rows count in it as they do here."""
         begin = None
-        if known is not None and known.is_most and np.array_equal(known.row_scale, self.row_scale):
+        if known is not None and np.array_equal(known.row_scale, self.row_scale):
             begin = known.triangle, known.places
         return self.problem.triangle(state, self.row_scale, self.gauge, self.prior, self.threads, begin), state
 
