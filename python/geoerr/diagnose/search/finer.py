@@ -29,6 +29,8 @@ _PARTS, _PARTS_OF_ONE = (2, 4), (2, 4, 8)
 _CUBIC = 3
 # Of what leaves a smaller share than this, the model does most already; what gains this share of it does as much.
 _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
+# A wave that does this share of what knots do is what they follow: 0.98 and more of large ones in development sets.
+_NEARLY_ALL = 0.95
 # Standard deviations of what many knots follow of the noise.
 _UNLIKELY = 3.0
 
@@ -60,7 +62,7 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
         # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
         worth = [(0.5 * one.gain - one.rank - math.log(len(ways)), one.columns) for one in does_as_much]
         least = 0.0
-    elif not is_smooth and claim.gain >= _AS_MUCH * max((one.gain for one in ways), default=0.0):
+    elif not is_smooth and claim.gain >= _NEARLY_ALL * max((one.gain for one in ways), default=0.0):
         # Knots that follow a large wave follow what is left of a smooth error, too: far more than chance, and little.
         return None
     else:
