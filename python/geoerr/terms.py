@@ -114,6 +114,11 @@ def is_name(text: str) -> bool:
     return _NAME.match(text) is not None
 
 
+def is_column(text: str) -> bool:
+    """Tell whether a formula can mean a column by this name: one that is no function or constant of formulas."""
+    return is_name(text) and text not in FUNCTIONS | CONSTANTS
+
+
 def is_effect_id(text: str) -> bool:
     """Tell whether a text is an effect's id: lower-case words joined by hyphens."""
     return _EFFECT_ID.match(text) is not None and len(text) <= 100
@@ -672,8 +677,8 @@ def parse_effect_reference(text: str) -> EffectReference:
         raise InputFileError(text, f"{axis!r} is not an axis", remedy=f"axes are {', '.join(REFERENCE_AXES)}")
     is_curve = effect == EMPIRICAL
     columns, most = covariate.split("*" if is_curve else "-"), MOST_OF_A_CURVE if is_curve else 2
-    if at and not (len(columns) <= most and all(map(is_name, columns)) and len(set(columns)) == len(columns)):
-        several = "two or three" if is_curve else "the difference of two columns"
+    if at and not (len(columns) <= most and all(map(is_column, columns)) and len(set(columns)) == len(columns)):
+        several = "two or three different ones" if is_curve else "the difference of two columns"
         raise InputFileError(
             text,
             f"{covariate!r} is neither a column nor {several}",

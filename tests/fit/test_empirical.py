@@ -129,6 +129,38 @@ def test_a_curve_of_three_variables_is_what_was_put_in() -> None:
     assert float(told.group(1)) == pytest.approx(0.1, abs=0.03)
 
 
+@pytest.mark.parametrize("name", ["u_1", "u_2", "u_1_3", "u__1", "c1", "c1_1", "c__"])
+def test_a_column_may_have_any_name(name: str) -> None:
+    """Also one that the curve's formula would give its own parts."""
+    table = observations()
+    columns = {one: table.frame[one].to_numpy() for one in table.frame.columns if one not in ("feed", "file_row")}
+    renamed = observations_from_columns({**columns, name: table.numbers("feed")[:, 0]})
+    for reference, own in (
+        ("empirical:x@feed*x", f"empirical:x@{name}*x"),
+        ("empirical:x@x*feed", f"empirical:x@x*{name}"),
+    ):
+        plain, other = (
+            curve_of(refit(base, [empirical_term(base, text)]), text)
+            for text, base in (
+                (text, fit_terms(MACHINE, [data], options=FitOptions(components="none", threads=1)))
+                for text, data in ((reference, table), (own, renamed))
+            )
+        )
+        assert np.ptp(plain.value_um) > 10.0
+        assert other.value_um == pytest.approx(plain.value_um, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["pi", "max", "lag"])
+def test_a_column_that_formulas_would_read_otherwise_is_no_variable(name: str) -> None:
+    table = observations()
+    columns = {one: table.frame[one].to_numpy() for one in table.frame.columns if one not in ("feed", "file_row")}
+    renamed = observations_from_columns({**columns, name: table.numbers("feed")[:, 0]})
+    base = fit_terms(MACHINE, [renamed], options=FitOptions(components="none", threads=1))
+    assert any("rename" in note and repr(name) in note for note in base.sightings.notes)
+    with pytest.raises(InputFileError, match=f"'{name}' is neither a column"):
+        empirical_term(base, f"empirical:x@{name}")
+
+
 def test_what_the_model_does_already_is_left_out() -> None:
     """Straightness and roll hold what is in x alone, or linear in y: of the saddle nothing but curvature is left."""
     fitted = fit_terms(MACHINE, [observations()], options=FitOptions(threads=1))
@@ -145,6 +177,7 @@ def test_what_the_model_does_already_is_left_out() -> None:
     ("reference", "problem"),
     [
         ("empirical:x@nothing", "no column nothing"),
+        ("empirical:x@line", "the column line holds no numbers"),
         ("empirical:x@file_row", "file_row says where a row stands"),
         ("empirical:x@fixed", "never changes"),
         ("empirical:xy@feed", "along which axis"),
@@ -156,6 +189,18 @@ def test_what_the_model_does_already_is_left_out() -> None:
 def test_refusals(base: Fitted, reference: str, problem: str) -> None:
     with pytest.raises(InputFileError, match=problem):
         empirical_term(base, reference)
+
+
+def test_a_body_that_nothing_shows_has_no_curve() -> None:
+    """The cameras see targets on the tool: it is not that the model does already what the work does."""
+    table = observations()
+    columns = {one: table.frame[one].to_numpy() for one in table.frame.columns if one != "file_row"}
+    on_tool = observations_from_columns({**columns, "carrier": ["tool"] * len(table)})
+    base = fit_terms(MACHINE, [on_tool], options=FitOptions(components="none", threads=1))
+    with pytest.raises(
+        InputFileError, match=r"nothing in these data shows where the work is\nhint: write empirical:x@feed"
+    ):
+        empirical_term(base, "empirical:work-x@feed")
 
 
 def test_an_effect_of_that_id_is_refused(tmp_path: Path) -> None:

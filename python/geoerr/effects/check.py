@@ -127,6 +127,11 @@ class _Check:
         if sum(map(is_temperature_entry, form.covariates)) > 1:
             remedy = "use T for one, and the other's own name in the formula without listing it"
             raise self.refuse("covariates", "names two temperatures, and T can be one of them only", remedy)
+        columns = {name for entry in form.covariates for choice in entry.split("|") for name in choice.split("-")}
+        twice = sorted(columns & self.effect.parameter_names)
+        if twice:
+            problem = f"{twice[0]} is a column and a parameter: in the formula it would be the parameter alone"
+            raise self.refuse("covariates", problem, "give the parameter another name")
 
     def temperature(self, form: FormSpec, part: PartSpec) -> None:
         if "T" in names_in(part.expression) and temperature_entry(form) is None:

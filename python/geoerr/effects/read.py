@@ -25,7 +25,7 @@ from geoerr.effects.entries import Entries, is_finite_number, shortened
 from geoerr.errors import InputFileError
 from geoerr.files import read_toml
 from geoerr.machine import AXES
-from geoerr.terms import CONSTANTS, FUNCTIONS, Plausible, TermSource, is_effect_id, is_name
+from geoerr.terms import CONSTANTS, FUNCTIONS, Plausible, TermSource, is_column, is_effect_id, is_name
 
 _ID_HINT = 'lower-case words joined by hyphens, for example id = "my-effect"'
 _DIRECTIONS: dict[str, tuple[str, ...]] = {
@@ -174,7 +174,7 @@ def _form(form: Entries, effect: Entries, name: str) -> FormSpec:
     covariates = form.texts("covariates") if "covariates" in form.content else effect.texts("covariates")
     for needed in covariates:
         for choice in needed.split("|"):
-            if not all(is_name(column) for column in choice.split("-")) or choice.count("-") > 1:
+            if not all(is_column(column) for column in choice.split("-")) or choice.count("-") > 1:
                 remedy = "write column names; temp stands for every temperature column"
                 raise form.refuse("covariates", f"{shortened(choice)} is not a column", remedy)
     if "part" in form.content:

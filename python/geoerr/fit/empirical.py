@@ -30,7 +30,7 @@ from geoerr.effects.definitions import number_text
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.inner import directions
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
 from geoerr.model.compile import core_part
@@ -77,6 +77,14 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
     values = variable_columns(fitted.sightings, [one.name for one in variables])
     design = _Design(fitted, channel, variables, np.asarray(values))
     degrees = design.best()
+    if not degrees and not design.size.any():
+        body = "work" if channel.startswith("work") else "tool"
+        other = f"work-{channel[-1]}" if body == "tool" else channel[-1]
+        raise InputFileError(
+            str(parsed),
+            f"nothing in these data shows where the {body} is",
+            remedy=f"write {EMPIRICAL}:{other}@{parsed.covariate}, which they can show",
+        )
     if not degrees:
         raise InputFileError(
             str(parsed),
@@ -84,7 +92,8 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
             remedy="name a variable that the model does not have, or another component",
         )
     along = f"the work along {channel[-1]}" if channel.startswith("work") else f"the tool along {channel[-1]}"
-    coefficients = [Parameter("c" + "_".join(map(str, degree)), "mm") for degree in degrees]
+    letter = _free_letter("c", [one.name for one in variables])
+    coefficients = [Parameter(letter + "_".join(map(str, degree)), "mm") for degree in degrees]
     products = [
         "*".join([one.name, *(v.name_of(n) for n, v in zip(degree, variables, strict=True) if n)])
         for one, degree in zip(coefficients, degrees, strict=True)
@@ -197,10 +206,10 @@ class _Variable:
     n_values: int
 
     @classmethod
-    def over(cls, name: str, number: int, values: Numbers) -> _Variable:
+    def over(cls, name: str, symbol: str, values: Numbers) -> _Variable:
         low, high = float(values.min()), float(values.max())
         apart = np.diff(np.unique(values)) > _ALIKE * (high - low)
-        return cls(name, f"u_{number + 1}", 0.5 * (low + high), 0.5 * (high - low), int(apart.sum()) + 1)
+        return cls(name, symbol, 0.5 * (low + high), 0.5 * (high - low), int(apart.sum()) + 1)
 
     def name_of(self, degree: int) -> str:
         """Give the name of the polynomial of a degree in formulas."""
@@ -229,14 +238,14 @@ def _channel(reference: EffectReference) -> str:
 def _variables(reference: EffectReference, fitted: Fitted) -> list[_Variable]:
     assert reference.covariate is not None
     sightings = fitted.sightings
+    names = reference.covariate.split("*")
+    letter = _free_letter("u", names)
     found = []
-    for number, name in enumerate(reference.covariate.split("*")):
+    for number, name in enumerate(names):
         if name not in RAW_VARIABLES and name not in sightings.free_columns:
             raise InputFileError(
                 str(reference),
-                f"the data have no column {name}"
-                if name not in sightings.covariate_columns
-                else f"{name} says where a row stands, which no curve can follow",
+                _why_no_variable(sightings, name),
                 remedy=f"such columns are {', '.join(sightings.free_columns) or 'not there'}; "
                 "positions are x, directions d_x, travel s_x, speeds v_x",
             )
@@ -246,8 +255,23 @@ def _variables(reference: EffectReference, fitted: Fitted) -> list[_Variable]:
             raise InputFileError(
                 str(reference), f"{name} never changes in these data", remedy="name another variable"
             )
-        found.append(_Variable.over(name, number, values))
+        found.append(_Variable.over(name, f"{letter}_{number + 1}", values))
     return found
+
+
+def _why_no_variable(sightings: Sightings, name: str) -> str:
+    if name in sightings.covariate_columns:
+        return f"{name} says where a row stands, which no curve can follow"
+    if name in sightings.table.columns:
+        return f"the column {name} holds no numbers"
+    return f"the data have no column {name}"
+
+
+def _free_letter(letter: str, names: Sequence[str]) -> str:
+    """Give a beginning of names of our own, with which none of the data's begins."""
+    while any(name.startswith(letter) for name in names):
+        letter += "_"
+    return letter
 
 
 class _Design:

@@ -19,7 +19,7 @@ from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
 from geoerr.fit.weights import weighed
 from geoerr.observations import CARRIERS, CircularTest, Observations
-from geoerr.terms import is_name
+from geoerr.terms import is_column
 
 # A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
 _LEAST_STD_MM = 1e-7
@@ -52,11 +52,11 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
 
 
 def _without_name(sightings: Sightings) -> Iterator[str]:
-    odd = [name for name in columns_of_numbers(sightings.table) if not is_name(name)]
+    odd = [name for name in columns_of_numbers(sightings.table) if not is_column(name)]
     if odd:
         yield (
             f"no effect can follow {', '.join(map(repr, odd))}: formulas name columns by letters a to z, digits and "
-            "underscores; rename what one may follow"
+            "underscores, and not as a function or pi; rename what one may follow"
         )
 
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.observations import SAME_PLACE_MM
-from geoerr.terms import is_name
+from geoerr.terms import is_column
 
 Numbers = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -182,7 +182,7 @@ class Sightings:
         return tuple(
             name
             for name in columns_of_numbers(self.table)
-            if is_name(name) and bool(np.isfinite(self.numbers(name)).any())
+            if is_column(name) and bool(np.isfinite(self.numbers(name)).any())
         )
 
     @property

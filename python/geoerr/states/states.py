@@ -26,7 +26,7 @@ from geoerr.states.left_out import LeftOut, leave_one_out
 from geoerr.states.offsets import pass_offsets, with_offsets
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.text import states_report
-from geoerr.terms import BasisSpec, is_name
+from geoerr.terms import BasisSpec, is_column
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -225,7 +225,7 @@ def identify_states(
     """
     if len(observations) < 2:
         raise GeoerrError("a comparison needs two temperatures or more\nhint: give one table for each temperature")
-    if not is_name(covariate):
+    if not is_column(covariate):
         raise GeoerrError(f"{covariate!r} cannot be a column's name\nhint: letters, digits and underscores, as temp")
     tables = {
         float(temperature): _one_table(float(temperature), given, covariate)

@@ -72,8 +72,8 @@ impl WarningKind {
             Self::OutsideMeasured => "outside the measured range: the last measured errors are held".to_owned(),
             Self::NotSplit => "corrected at its end but not split, because firmwares read its E differently (--firmware)".to_owned(),
             Self::DirectionUnknown => "an axis has not moved yet since its place became known: what depends on its direction of approach is left out until it has".to_owned(),
-            Self::SpeedFromFeed => "errors that depend on speed are corrected for the feed as programmed: near corners, where the machine brakes, they are smaller (v_x=0, v_y=0, v_z=0 as conditions leave them out)".to_owned(),
-            Self::SpeedUnknown => "the speed of this move is not known (no feed yet, a feed per turn, or a rapid whose speed only the controller knows; --firmware says that G0 takes the feed): errors that depend on it are left out".to_owned(),
+            Self::SpeedFromFeed => "errors that depend on speed are corrected for the feed as programmed: near corners, where the machine brakes, they are smaller (v_x=0, v_y=0, v_z=0 as conditions leave out what follows a speed)".to_owned(),
+            Self::SpeedUnknown => "the speed of this move is not known (no feed yet, a feed per turn, or a rapid whose speed only the controller knows; --firmware says that G0 takes the feed): what depends on it is taken as at rest, a curve at the lowest speed that it was made of".to_owned(),
             Self::OtherTool => "another tool: the model's tool offset is used for all of them".to_owned(),
         }
     }

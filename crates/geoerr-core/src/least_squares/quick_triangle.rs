@@ -78,11 +78,8 @@ fn from_gram<D: Design + ?Sized>(
         return Ok(None);
     }
     let gram = gram_of(design)?;
-    // A column whose squares are no numbers. One of zeros, as of an effect whose size is still 0, has no products at all.
-    let is_lost = |column: usize| {
-        gram[(column, column)] < LEAST_SQUARE && gram.column(column).iter().any(|&product| product != 0.0)
-    };
-    if gram.first_non_finite().is_some() || (0..n).any(is_lost) {
+    // A column of which nothing is seen may be one of zeros, or one whose squares are no numbers.
+    if gram.first_non_finite().is_some() || (0..n).any(|column| gram[(column, column)] < LEAST_SQUARE) {
         return Ok(None);
     }
     let (unit, scale) = scaled_gram(&gram, n)?;

@@ -97,28 +97,9 @@ fn what_is_neither_seen_nor_lost_goes_to_qr() {
     let sizes = [1e200, 1.0, 1e-200];
     let a = Matrix::from_fn(600, 3, |_, j| draws.symmetric() * sizes[j]);
     assert!(!is_quick(&a));
-    // Of one whose squares are nothing the products with others are not.
-    let a = Matrix::from_fn(600, 2, |_, j| draws.symmetric() * if j == 1 { 1e-200 } else { 1.0 });
-    assert!(!is_quick(&a));
-}
-
-#[test]
-fn a_column_of_zeros_is_not_determined_and_changes_nothing_else() {
-    let mut draws = Draws::new(17);
     let nothing = Matrix::from_fn(600, 3, |_, j| if j == 1 { 0.0 } else { draws.symmetric() });
-    assert!(is_quick(&nothing));
-    let [quick, qr] = both(&nothing);
-    for one in [&quick, &qr] {
-        assert_eq!((one.rank.rank, &one.is_determined), (2, &vec![true, false, true]));
-    }
-    let covariances = [&quick, &qr].map(|one| {
-        let root = to_nalgebra(one.covariance_root());
-        &root * root.transpose()
-    });
-    assert!((&covariances[0] - &covariances[1]).norm() < 1e-12 * covariances[1].norm());
-    let gradient = product(&nothing.transposed(), &draws.matrix(600, 1));
-    let steps = [&quick, &qr].map(|one| one.solve_normal(gradient.as_slice()).unwrap());
-    assert!(difference(&steps[0], &steps[1]) < 1e-12 * largest(steps[1].iter().copied()));
+    let [quick, _] = both(&nothing);
+    assert_eq!((quick.rank.rank, quick.is_determined), (2, vec![true, false, true]));
 }
 
 /// Solutions in a restriction that fixes all that is free, and more: with rows that hold it, and by QR without.
