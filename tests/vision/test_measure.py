@@ -292,6 +292,32 @@ def test_a_plate_that_shakes_is_named_where_it_widens_all(session):
     assert "the covariances of all are enlarged" in text
 
 
+def test_a_shadow_across_one_plate_is_its_own(session, photographs):
+    """Half of one plate is a third darker in one picture: corners move by more than they state, of that row alone."""
+    plain = run(photographs[0])
+    path = session / "left" / "2.png"
+    picture = read_grey(path).copy()
+    column = round(float(plain.observations.numbers("u_left")[4, 0]))
+    assert plain.observations.texts("target")[4] == NAMES[0]
+    picture[:, column:] = np.round(0.67 * picture[:, column:]).astype(np.uint8)
+    write_png(path, picture)
+    measured = run(session)
+    (text,) = [text for text in measured.notes if "contradict each other far more" in text]
+    assert (
+        f"1 observation whose corners contradict each other far more than those of the others; the first: {NAMES[0]}"
+        in text
+    )
+    assert "row 4 of frames.csv" in text
+    assert measured.agreement.birge_ratio == pytest.approx(plain.agreement.birge_ratio, abs=0.05)
+    before, after = plain.observations.covariance_mm2, measured.observations.covariance_mm2
+    assert np.trace(after[4]) > 4.0 * np.trace(before[4])
+    # The other plate of that frame is darker as a whole.
+    others = ~np.isin(np.arange(len(before)), (4, 5))
+    assert after[others] == pytest.approx(before[others], rel=0.1)
+    moved = measured.observations.measured_mm[4] - plain.observations.measured_mm[4]
+    assert moved @ np.linalg.solve(after[4], moved) < 0.5 * (moved @ np.linalg.solve(before[4], moved))
+
+
 def test_the_wrong_dictionary_is_named(session):
     path = session / "session.toml"
     path.write_text(path.read_text().replace("DICT_4X4_50", "DICT_5X5_100"))

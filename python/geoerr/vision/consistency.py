@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy import stats
 
 from geoerr.vision.rig import Rig
 from geoerr.vision.sensitivity import sensitivity_of_points
@@ -18,6 +19,8 @@ from geoerr.vision.sensitivity import sensitivity_of_points
 Array = npt.NDArray[np.float64]
 
 _ROUNDS = 20
+# So improbable that a plate of a whole session scatters so much, it does not by chance.
+_NO_CHANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,23 @@ class Agreement:
     birge_ratio: float
     rig_shift_sigmas: float | None
     n_residuals: int
+
+
+def stand_out(chi: Array, n_residuals: int) -> npt.NDArray[np.bool_]:
+    """Tell which plates contradict themselves far more than the others do, (n,).
+
+    Their own scatter is theirs: a shadow's edge, a finger, a reflection. In the scatter of all it would be small.
+
+    Parameters
+    ----------
+    chi : (n,)
+        Root mean square of the residuals of each plate, whitened.
+    n_residuals
+        Of how many.
+    """
+    usual = max(float(np.median(chi)), 1.0) if len(chi) else 1.0
+    limit = float(stats.chi2.isf(_NO_CHANCE / max(len(chi), 1), n_residuals))
+    return np.asarray(n_residuals * (chi / usual) ** 2 > limit)
 
 
 def agreement(whitened: Array, by_rig: Array, rig: Rig) -> Agreement:

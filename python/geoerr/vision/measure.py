@@ -15,7 +15,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.observations import COVARIANCE, MEASURED, PIXELS, observations_from_columns
-from geoerr.vision.consistency import agreement
+from geoerr.vision.consistency import agreement, stand_out
 from geoerr.vision.expected import expected_places, rows_to_search
 from geoerr.vision.frame import FrameReader, FrameResult, Missed
 from geoerr.vision.measured import Measured
@@ -131,7 +131,9 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
     ]
     if not kept.any():
         raise nothing_left(session, missed, n_frames)
-    pooled = [item for item in collected.pooled if kept[item[0]] and rows.is_photometric[item[0]]]
+    is_odd = kept & rows.is_photometric
+    is_odd[is_odd] = stand_out(rows.chi[is_odd], N_RESIDUALS)
+    pooled = [item for item in collected.pooled if (kept & rows.is_photometric & ~is_odd)[item[0]]]
     verdict = agreement(
         np.array([item[1] for item in pooled]).reshape(-1, N_RESIDUALS),
         np.array([item[2] for item in pooled]).reshape(-1, N_RESIDUALS, len(rig.parameter_names)),
@@ -140,6 +142,7 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
     is_local = kept & ~rows.is_photometric
     of_local = float((rows.chi[is_local] ** 2).mean()) if is_local.any() else 1.0
     scale = np.maximum(1.0, np.where(rows.is_photometric, verdict.birge_ratio**2, of_local))
+    scale = np.where(is_odd, rows.chi**2, scale)
     rows = replace(
         rows,
         covariance_mm2=rows.covariance_mm2 * scale[:, None, None],
@@ -156,7 +159,7 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
         sizes=measured_sizes,
         n_local_corners=n_local,
         names_session="session" in frames.columns,
-        notes=tuple(notes(session, rows, kept, verdict, measured_sizes, n_local, repeated)),
+        notes=tuple(notes(session, rows, kept, verdict, measured_sizes, n_local, repeated, is_odd)),
     )
 
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.errors import InputFileError
+from geoerr.summaries import counted
 from geoerr.vision.consistency import Agreement, MeasuredSize, measured_size
 from geoerr.vision.frame import NOT_FOUND, TWICE, Missed
 from geoerr.vision.images import read_grey
@@ -202,6 +203,18 @@ def _most_of_all(session: Session, rows: PlateRows, kept: npt.NDArray[np.bool_])
     return f", those of {worst} {of_target[worst]:.1f} times (of the others at most {max(others):.1f})"
 
 
+def _contradicting(session: Session, rows: PlateRows, odd: npt.NDArray[np.intp]) -> str:
+    """Say which plates contradict themselves, and why that may be."""
+    first = int(odd[0])
+    line = session.require_frames()["file_row"][int(rows.row[first])]
+    return (
+        f"{counted(len(odd), 'observation')} whose corners contradict each other far more than those of the others; "
+        f"the first: {session.targets[rows.target[first]].name}, row {line} of frames.csv, {rows.chi[first]:.1f} times "
+        "what noise explains: a shadow's edge, a reflection or a finger on the plate; the covariance of each is "
+        "enlarged for itself, and the plate may be off by more: leave it out, or light it evenly"
+    )
+
+
 def notes(
     session: Session,
     rows: PlateRows,
@@ -210,6 +223,7 @@ def notes(
     sizes: tuple[MeasuredSize, ...],
     n_local: int,
     repeated: Mapping[int, str],
+    is_odd: npt.NDArray[np.bool_],
 ) -> Iterator[str]:
     """Say what the user should know about a session that was measured."""
     yield from (f"row set aside: {problem}" for problem in session.set_aside)
@@ -229,6 +243,8 @@ def notes(
                 " the print or the calibration board differs from its stated size, or the cameras move edges (gamma,"
                 " sharpening, blur, a white margin that is missing): then all plates are off by about the same pixels"
             )
+    if is_odd.any():
+        yield _contradicting(session, rows, np.flatnonzero(is_odd))
     if verdict.birge_ratio > _BIRGE_NOTED:
         yield (
             f"corners scatter {verdict.birge_ratio:.2f} times more than their pictures' noise explains"
