@@ -457,10 +457,7 @@ impl PyFitProblem {
         let row_scale = numbers(&row_scale, "row_scale")?;
         let constraints = matrix_of(&constraints);
         let prior = prior.map(|prior| matrix_of(&prior));
-        let known = match &known {
-            Some((triangle, places)) => Some((&triangle.gram, places_if_any(places))),
-            None => None,
-        };
+        let known = known.as_ref().map(|(triangle, places)| (&triangle.gram, places_if_any(places)));
         let (triangle, gram) = enter_core(py, threads, || {
             let design = WhitenedDesign::without_residuals(problem, state, row_scale)?;
             let gram = match known {

@@ -210,8 +210,8 @@ def _contradicting(session: Session, rows: PlateRows, odd: npt.NDArray[np.intp])
     return (
         f"{counted(len(odd), 'observation')} whose corners contradict each other far more than those of the others; "
         f"the first: {session.targets[rows.target[first]].name}, row {line} of frames.csv, {rows.chi[first]:.1f} "
-        "times what noise explains: a shadow's edge, a reflection or a finger on the plate; the covariance of each is "
-        "enlarged for itself, and the plate may be off by more: leave it out, or light it evenly"
+        "times what noise explains: a shadow's edge, a reflection or a finger on the plate; the covariance of each "
+        "is enlarged for itself, and the plate may be off by more: leave it out, or light it evenly"
     )
 
 
