@@ -30,6 +30,8 @@ from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.errors import GeometryError
 from geoerr.fit import Fitted, sightings_of
 from geoerr.fit.start import planes_of_circles
+from geoerr.identify.measurements import measurements_of
+from geoerr.observations import STANDARD_UNCERTAINTY as STD
 from geoerr.observations import CircularTest, Observations
 
 MACHINE = machine_of("wZbXYt")
@@ -343,6 +345,44 @@ def test_rows_without_a_covariance_get_the_mean_of_the_others() -> None:
     result = fitted(MACHINE, replaced(first, **columns))
     assert same_values(result, fitted(MACHINE, first))
     assert any("given the mean of the others" in note for note in result.sightings.notes)
+
+
+@pytest.mark.parametrize(
+    ("stated", "note"),
+    [
+        (("sx", "sy"), "sx and sy are stated and sz is not: none of them is used; state sz, or leave mz out"),
+        (
+            ("sz",),
+            "sz is stated and sx and sy are not: none of them is used; state sx and sy, or leave mx and my out",
+        ),
+        (
+            ("cxx", "cyy", "czz"),
+            "cxx, cyy and czz are stated and cxy, cxz and cyz are not: none of them is used; state all six elements "
+            "of the covariance, or sx, sy and sz in their place",
+        ),
+    ],
+)
+def test_what_is_stated_of_some_components_alone_is_said_to_be_unused(stated: tuple[str, ...], note: str) -> None:
+    first, _ = two_sessions(415)
+    bare = Observations(first.frame.drop("cxx", "cxy", "cxz", "cyy", "cyz", "czz"))
+    partly = sightings_of(replaced(bare, **dict.fromkeys(stated, np.full(len(bare), 0.01))))
+    assert note in partly.notes
+    assert not partly.is_stated
+    assert (partly.whitening == sightings_of(bare).whitening).all()
+    assert note in measurements_of(replaced(bare, **dict.fromkeys(stated, np.full(len(bare), 0.01)))).notes
+
+
+def test_uncertainties_of_what_was_measured_are_enough_and_others_are_named() -> None:
+    first, _ = two_sessions(416)
+    bare = Observations(first.frame.drop("cxx", "cxy", "cxz", "cyy", "cyz", "czz"))
+    std = dict.fromkeys(("sx", "sy"), np.full(len(bare), 0.01))
+    flat = replaced(bare, **std, mz=np.full(len(bare), np.nan))
+    assert sightings_of(flat).is_stated
+    by_turns = {name: np.where(np.arange(len(bare)) % 3 == place, 0.01, np.nan) for place, name in enumerate(STD)}
+    (note,) = [one for one in sightings_of(replaced(bare, **by_turns)).notes if "are stated" in one]
+    assert note.startswith("sx, sy and sz are stated, but in no row for all that it measured")
+    empty = dict.fromkeys(STD, np.full(len(bare), np.nan))
+    assert "the columns are empty" in sightings_of(replaced(bare, **empty)).notes[0]
 
 
 def test_line_bases_of_named_functions() -> None:

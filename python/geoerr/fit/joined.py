@@ -14,6 +14,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.errors import GeometryError
+from geoerr.fit.columns import lacking_rows, unused_uncertainties
 from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
@@ -93,7 +94,7 @@ def _of_points(observations: Observations) -> Sightings:
     kept = Observations(kept.frame[order], kept.sources, kept.set_aside)
     session = session[order]
     is_measured = is_measured[used][order]
-    whitening, is_stated, notes = _whitening(kept.covariance_mm2, is_measured)
+    whitening, is_stated, notes = _whitening(kept, is_measured)
     directions = kept.directions
     frames = tuple(
         "free" if bool(is_measured[session == number].all(axis=1).any()) else "parallel"
@@ -239,29 +240,36 @@ def _has_positive_covariance(covariance_mm2: Numbers | None, is_measured: npt.ND
     if covariance_mm2 is None:
         return np.ones(len(is_measured), dtype=bool)
     needed = is_measured[:, :, None] & is_measured[:, None, :]
-    stated = (np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2))
+    stated = _is_stated(covariance_mm2, needed)
     padded = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
     padded = padded + np.eye(3) * (~is_measured)[:, None, :]
     return np.asarray(~stated | (np.linalg.eigvalsh(padded)[:, 0] >= _LEAST_STD_MM**2))
 
 
+def _is_stated(covariance_mm2: Numbers | None, needed: npt.NDArray[np.bool_]) -> np.ndarray:
+    """Tell which rows state every element of their covariance that is needed, (n,)."""
+    if covariance_mm2 is None:
+        return np.zeros(len(needed), dtype=bool)
+    return np.asarray((np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2)))
+
+
 def _whitening(
-    covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]
+    observations: Observations, is_measured: npt.NDArray[np.bool_]
 ) -> tuple[Numbers, bool, tuple[str, ...]]:
     """Give W (n, 3, 3) with W C Wᵀ = 1 on the measured components; rows without a covariance get the mean one."""
     unit = np.asarray(np.eye(3) * is_measured[:, None, :].astype(np.float64))
-    if covariance_mm2 is None:
-        return unit, False, ()
+    covariance_mm2 = observations.covariance_mm2
     needed = is_measured[:, :, None] & is_measured[:, None, :]
-    stated = (np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2))
-    if not stated.any():
-        return unit, False, ("no row states the uncertainty of its position: the columns are empty",)
+    stated = _is_stated(covariance_mm2, needed)
+    if covariance_mm2 is None or not stated.any():
+        note = unused_uncertainties(observations, is_measured)
+        return unit, False, () if note is None else (note,)
     notes: tuple[str, ...] = ()
     filled = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
     if not stated.all():
         mean = filled[stated].sum(axis=0) / np.maximum(needed[stated].sum(axis=0), 1)
         filled[~stated] = np.where(needed[~stated], mean, 0.0)
-        notes = (f"{int((~stated).sum())} rows state no uncertainty: they were given the mean of the others",)
+        notes = (lacking_rows(int((~stated).sum())),)
     # A component that was not measured gets variance 1 of its own, and its row of W is then taken out.
     padded = filled + np.eye(3) * (~is_measured)[:, None, :]
     value, vector = np.linalg.eigh(padded)
@@ -270,7 +278,8 @@ def _whitening(
         row = int(np.flatnonzero(too_small.any(axis=1))[0])
         raise GeometryError(
             f"the covariance of measured row {row + 1} is not positive: its smallest eigenvalue is "
-            f"{value[row].min():.3g} mm²\nhint: state the standard uncertainties in millimetres"
+            f"{value[row].min():.3g} mm²\nhint: state the standard uncertainty of every measured component, in "
+            "millimetres and above 0"
         )
     # W = V diag(1/√λ) Vᵀ: symmetric, and with a component taken out it never mixes it with the others.
     whitening = np.einsum("nik,nk,njk->nij", vector, 1.0 / np.sqrt(value), vector)

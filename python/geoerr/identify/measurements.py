@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.fit.columns import lacking_rows, unused_uncertainties
 from geoerr.identify.linear import Numbers
 from geoerr.observations import Observations
 
@@ -56,7 +57,7 @@ def measurements_of(observations: Observations) -> Measurements:
     is_parallel = {str(name): not bool(is_complete[session == name].any()) for name in np.unique(session)}
     parallel_rows = np.array([is_parallel[str(name)] for name in session], dtype=bool)
     usable = np.asarray(np.where(parallel_rows, np.isfinite(measured).any(axis=1), is_complete))
-    covariance, notes = _filled_covariance(observations.covariance_mm2, measured, usable)
+    covariance, notes = _filled_covariance(observations, measured, usable)
     return Measurements(
         commanded_mm=observations.commanded_mm,
         offset_mm=observations.target_offset_mm,
@@ -74,20 +75,19 @@ def measurements_of(observations: Observations) -> Measurements:
 
 
 def _filled_covariance(
-    covariance: Numbers | None, measured: Numbers, usable: npt.NDArray[np.bool_]
+    observations: Observations, measured: Numbers, usable: npt.NDArray[np.bool_]
 ) -> tuple[Numbers | None, tuple[str, ...]]:
     """Zero what belongs to unmeasured components; give rows without an uncertainty the mean of the others."""
-    if covariance is None:
-        return None, ()
-    seen = np.isfinite(measured)
+    covariance, seen = observations.covariance_mm2, np.isfinite(measured)
     needed = seen[:, :, None] & seen[:, None, :]
-    stated = (np.isfinite(covariance) | ~needed).all(axis=(1, 2)) & usable
-    if not stated.any():
-        return None, ("no row states the uncertainty of its position: the columns are empty",)
+    stated = usable if covariance is None else (np.isfinite(covariance) | ~needed).all(axis=(1, 2)) & usable
+    if covariance is None or not stated.any():
+        note = unused_uncertainties(observations, seen & usable[:, None])
+        return None, () if note is None else (note,)
     filled = np.where(needed & np.isfinite(covariance), covariance, 0.0)
     lacking = usable & ~stated
     if not lacking.any():
         return filled, ()
     mean = filled[stated].sum(axis=0) / np.maximum(needed[stated].sum(axis=0), 1)
     filled[lacking] = np.where(needed[lacking], mean, 0.0)
-    return filled, (f"{int(lacking.sum())} rows state no uncertainty: they were given the mean of the others",)
+    return filled, (lacking_rows(int(lacking.sum())),)

@@ -1,0 +1,58 @@
+"""What is said of a table's columns that a fit cannot use as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.observations import COVARIANCE, MEASURED, STANDARD_UNCERTAINTY, Observations
+from geoerr.summaries import counted, listed
+
+# Places of the components that each element of a covariance belongs to, in the order of `COVARIANCE`.
+_OF_COVARIANCE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def unused_uncertainties(observations: Observations, is_measured: npt.NDArray[np.bool_]) -> str | None:
+    """Say why no row has an uncertainty though there are columns for it; None where there are none.
+
+    Parameters
+    ----------
+    is_measured
+        Which components of the rows were measured, (n, 3).
+    """
+    columns = observations.frame.columns
+    if all(name in columns for name in COVARIANCE) or not any(name in columns for name in STANDARD_UNCERTAINTY):
+        names, components = COVARIANCE, _OF_COVARIANCE
+    else:
+        names, components = STANDARD_UNCERTAINTY, tuple((number, number) for number in range(len(MEASURED)))
+    if not any(name in columns for name in names):
+        return None
+    is_filled = np.isfinite(observations.numbers(*names))
+    needed = [bool((is_measured[:, one] & is_measured[:, other]).any()) for one, other in components]
+    stated = [name for name, filled in zip(names, is_filled.any(axis=0), strict=True) if filled]
+    lacking = [name for name, is_needed in zip(names, needed, strict=True) if is_needed and name not in stated]
+    if not stated:
+        return "no row states the uncertainty of its position: the columns are empty"
+    if not lacking:
+        return (
+            f"{listed(stated)} are stated, but in no row for all that it measured: none of them is used; state "
+            "them in every row"
+        )
+    said = f"{_are(stated)} stated and {_are(lacking)} not: none of them is used"
+    if names == STANDARD_UNCERTAINTY:
+        return f"{said}; state {listed(lacking)}, or leave {listed([f'm{name[1]}' for name in lacking])} out"
+    return f"{said}; state all six elements of the covariance, or {listed(STANDARD_UNCERTAINTY)} in their place"
+
+
+def lacking_rows(count: int) -> str:
+    """Say how many rows state no uncertainty beside others that do."""
+    return (
+        f"{counted(count, 'row')} {'states' if count == 1 else 'state'} no uncertainty, or not that of every "
+        "component that was measured: given the mean of the others"
+    )
+
+
+def _are(names: Sequence[str]) -> str:
+    return f"{listed(names)} {'is' if len(names) == 1 else 'are'}"
