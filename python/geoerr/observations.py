@@ -133,7 +133,8 @@ class Observations:
             xx, xy, xz, yy, yz, zz = self.numbers(*COVARIANCE).T
             return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
         if any(name in self.frame.columns for name in STANDARD_UNCERTAINTY):
-            deviations = self.numbers(*STANDARD_UNCERTAINTY)
+            # A negative one is as impossible as 0, and its square would hide it.
+            deviations = np.maximum(self.numbers(*STANDARD_UNCERTAINTY), 0.0)
             return np.asarray(np.eye(3) * deviations[:, None, :] ** 2)
         return None
 

@@ -339,6 +339,17 @@ def test_where_no_covariance_is_positive_the_data_are_refused() -> None:
         fitted(MACHINE, replaced(first, **none))
 
 
+@pytest.mark.parametrize("value", [0.0, -0.002])
+def test_a_standard_uncertainty_that_is_not_positive_leaves_its_row_out(value: float) -> None:
+    first, _ = two_sessions(412)
+    bare = Observations(first.frame.drop("cxx", "cxy", "cxz", "cyy", "cyz", "czz"))
+    std = dict.fromkeys(STD, np.full(len(bare), 0.002))
+    sixth = replaced(bare, **std | {"sx": np.where(np.arange(len(bare)) == 5, value, 0.002)})
+    assert sightings_of(sixth).left_out == {"its covariance is not positive": 1}
+    with pytest.raises(GeometryError, match=r"row 1 is not positive.*\nhint: .*above 0"):
+        sightings_of(replaced(bare, **std | {"sx": np.full(len(bare), value)}))
+
+
 def test_rows_without_a_covariance_get_the_mean_of_the_others() -> None:
     first, _ = two_sessions(413)
     columns = in_row_six(first, np.nan)
