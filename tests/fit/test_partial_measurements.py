@@ -424,3 +424,41 @@ def test_what_is_given_twice_is_said_to_count_twice() -> None:
         "surer than it is; leave one out"
     ]
     assert not any("counts twice" in note for note in sightings_of(first, other).notes)
+
+
+def copied(observations: Observations, rows: slice) -> Observations:
+    return Observations(pl.concat([observations.frame, observations.frame[rows]]))
+
+
+def counting(*tables: Observations | CircularTest) -> list[str]:
+    return [note for note in sightings_of(*tables).notes if "counts twice" in note]
+
+
+def test_rows_that_were_copied_are_said_to_count_twice() -> None:
+    _, first = nine_lines_seen(np.random.default_rng(4), MACHINE)
+    timed = replaced(first, t=np.arange(len(first), dtype=float))
+    assert counting(first) == counting(timed) == []
+    (note,) = counting(copied(first, slice(None)))
+    assert note.startswith(
+        f"{len(first)} rows, the first in line 2 of its file, are the same as another of the session"
+    )
+    (note,) = counting(copied(timed, slice(7, 8)))
+    assert note.startswith("1 row, the first in line 9 of its file, is the same as another of the session")
+    later = replaced(first, t=np.arange(len(first)) + 1e4)
+    assert counting(Observations(pl.concat([timed.frame, later.frame]))) == []
+
+
+def test_a_coarse_device_repeats_itself_honestly() -> None:
+    _, first = nine_lines_seen(np.random.default_rng(5), MACHINE)
+    assert counting(copied(first, slice(0, len(first) // 4))) == []
+    again = replaced(first, repeat=np.ones(len(first), dtype=np.int64))
+    assert counting(Observations(pl.concat([first.frame, again.frame]))) == []
+
+
+def test_a_circle_that_is_given_twice_is_said_to_count_twice() -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+    radius = 50.0 + np.random.default_rng(6).normal(size=90) * 1e-3
+    place = {"x": 50.0 * np.cos(angle), "y": 50.0 * np.sin(angle), "z": np.zeros(90)}
+    test = CircularTest(pl.DataFrame({**place, "r": radius}))
+    assert len(counting(test, test)) == 1
+    assert counting(test) == []

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.observations import COVARIANCE, MEASURED, STANDARD_UNCERTAINTY, Observations
+from geoerr.observations import COVARIANCE, STANDARD_UNCERTAINTY, Observations
 from geoerr.summaries import counted, listed
 
 # Places of the components that each element of a covariance belongs to, in the order of `COVARIANCE`.
@@ -23,15 +23,17 @@ def unused_uncertainties(observations: Observations, is_measured: npt.NDArray[np
         Which components of the rows were measured, (n, 3).
     """
     columns = observations.frame.columns
-    if all(name in columns for name in COVARIANCE) or not any(name in columns for name in STANDARD_UNCERTAINTY):
-        names, components = COVARIANCE, _OF_COVARIANCE
-    else:
-        names, components = STANDARD_UNCERTAINTY, tuple((number, number) for number in range(len(MEASURED)))
+    has_deviations = any(name in columns for name in STANDARD_UNCERTAINTY)
+    is_covariance = all(name in columns for name in COVARIANCE) or not has_deviations
+    names: Sequence[str] = COVARIANCE if is_covariance else STANDARD_UNCERTAINTY
     if not any(name in columns for name in names):
         return None
-    is_filled = np.isfinite(observations.numbers(*names))
-    needed = [bool((is_measured[:, one] & is_measured[:, other]).any()) for one, other in components]
-    stated = [name for name, filled in zip(names, is_filled.any(axis=0), strict=True) if filled]
+    needed = [
+        bool((is_measured[:, one] & is_measured[:, other]).any())
+        for one, other in _OF_COVARIANCE
+        if is_covariance or one == other
+    ]
+    stated = [name for name in names if np.isfinite(observations.numbers(name)).any()]
     lacking = [name for name, is_needed in zip(names, needed, strict=True) if is_needed and name not in stated]
     if not stated:
         return "no row states the uncertainty of its position: the columns are empty"
@@ -41,9 +43,9 @@ def unused_uncertainties(observations: Observations, is_measured: npt.NDArray[np
             "them in every row"
         )
     said = f"{_are(stated)} stated and {_are(lacking)} not: none of them is used"
-    if names == STANDARD_UNCERTAINTY:
-        return f"{said}; state {listed(lacking)}, or leave {listed([f'm{name[1]}' for name in lacking])} out"
-    return f"{said}; state all six elements of the covariance, or {listed(STANDARD_UNCERTAINTY)} in their place"
+    if is_covariance:
+        return f"{said}; state all six elements of the covariance, or {listed(STANDARD_UNCERTAINTY)} in their place"
+    return f"{said}; state {listed(lacking)}, or leave {listed([f'm{name[1]}' for name in lacking])} out"
 
 
 def lacking_rows(count: int) -> str:

@@ -5,7 +5,6 @@ Points state up to three components with their covariances, circular tests one r
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -16,6 +15,7 @@ import polars as pl
 from geoerr.errors import GeometryError
 from geoerr.fit.columns import lacking_rows, unused_uncertainties
 from geoerr.fit.commanded_circle import on_their_circle
+from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
 from geoerr.fit.weights import weighed
@@ -26,8 +26,6 @@ from geoerr.terms import is_column
 _LEAST_STD_MM = 1e-7
 # A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
 _BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
-# So many rows are not the same by chance.
-_LEAST_TO_BE_THE_SAME = 6
 
 
 def sightings_of(*tables: Observations | CircularTest) -> Sightings:
@@ -48,7 +46,7 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
     parts = weighed(parts)
     joined = parts[0] if len(parts) == 1 else _joined(parts)
-    told = (*_counted_twice(joined), *_without_name(joined))
+    told = (*counted_twice(joined), *_without_name(joined))
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
 
 
@@ -59,22 +57,6 @@ def _without_name(sightings: Sightings) -> Iterator[str]:
             f"no effect can follow {', '.join(map(repr, odd))}: formulas name columns by letters a to z, digits and "
             "underscores, and not as a function or pi; rename what one may follow"
         )
-
-
-def _counted_twice(sightings: Sightings) -> Iterator[str]:
-    """Name sessions that hold what another one holds, digit for digit: no two measurements come out so."""
-    first: dict[bytes, str] = {}
-    for name, rows in zip(sightings.sessions, sightings.rows_of_sessions, strict=True):
-        if rows.stop - rows.start < _LEAST_TO_BE_THE_SAME:
-            continue
-        held = [own[rows] for own in (sightings.commanded_mm, sightings.offset_mm, sightings.measured_mm)]
-        digest = hashlib.sha256(b"".join(np.ascontiguousarray(own).tobytes() for own in held)).digest()
-        other = first.setdefault(digest, name)
-        if other != name:
-            yield (
-                f"sessions {other} and {name} hold the same readings, digit for digit: one measurement counts twice, "
-                "and all seems surer than it is; leave one out"
-            )
 
 
 def _of_points(observations: Observations) -> Sightings:
