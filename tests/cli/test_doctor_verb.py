@@ -78,6 +78,20 @@ def test_each_kind_of_file_is_named_for_what_it_is(tmp_path: Path) -> None:
     ]
 
 
+def test_what_a_fit_would_not_read_of_a_table_is_a_note(tmp_path: Path) -> None:
+    points, circle = tmp_path / "p.csv", tmp_path / "c.csv"
+    points.write_text("x,y,z,mx,my,mz,d_x,sx,sy\n0,0,0,1,2,3,1,0.01,0.01\n", encoding="utf-8")
+    circle.write_text("x,y,z,r,clock\n0,0,0,50,1\n", encoding="utf-8")
+    found = document(points, circle)
+    assert found["ok"]
+    assert [check["state"] for check in found["files"]] == ["note", "note"]
+    assert "1 measured points; " in found["files"][0]["text"]
+    assert "the column d_x is not read: " in found["files"][0]["text"]
+    assert "did you mean dir_x?" in found["files"][0]["text"]
+    assert "sx and sy are stated and sz is not: none of them is used" in found["files"][0]["text"]
+    assert "the column clock is not read: " in found["files"][1]["text"]
+
+
 def test_a_file_that_cannot_be_used_is_wrong_with_its_remedy(tmp_path: Path) -> None:
     broken, program = tmp_path / "rig.json", tmp_path / "part.gcode"
     broken.write_text(json.dumps(RIG | {"image_size": [0, 0]}), encoding="utf-8")

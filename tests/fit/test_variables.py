@@ -6,9 +6,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from geoerr.fit.columns import unread_columns
 from geoerr.fit.joined import sightings_of
 from geoerr.fit.variables import clock_span_s, variable_columns
 from geoerr.observations import CircularTest, Observations
+from geoerr.terms import CLOCK_NAME, HISTORY_NAMES, PLACE_NAMES, RAW_VARIABLES
 
 RADIUS_MM, FEED_MM_MIN = 100.0, 3000.0
 CENTRE_MM = (212.0, 270.0)
@@ -134,3 +136,19 @@ def test_the_first_look_of_the_way_back_moves_back() -> None:
     (unknown,) = variable_columns(sightings_of(Observations(run)), ["v_x"])
     assert np.isnan(unknown[[0, 3]]).all()
     assert unknown[[1, 2, 4, 5]].tolist() == [10.0, 10.0, -10.0, -10.0]
+
+
+def test_columns_that_have_names_of_the_formulas_own_are_said_not_to_be_read() -> None:
+    table = Observations(rows(x=np.arange(4.0), d_x=1.0, t_rev_y=2.0, bed_x=3.0, clock=4.0, a_room=5.0, d_left=6.0))
+    own, renamed = "is not read: the name is geoerr's own, for the", "rename it if an effect is to follow it"
+    assert [note for note in sightings_of(table).notes if "not read" in note] == [
+        f"the column d_x {own} direction of travel; did you mean dir_x?",
+        f"the column t_rev_y {own} time since the last reversal; {renamed}",
+        f"the column bed_x {own} place on the work; {renamed}",
+        f"the column clock {own} time with all sessions end to end; {renamed}",
+    ]
+    assert {name for name in RAW_VARIABLES if [*unread_columns([name])]} == {
+        *(f"{name}_{axis}" for name in HISTORY_NAMES for axis in "xyz"),
+        *PLACE_NAMES,
+        CLOCK_NAME,
+    }

@@ -157,10 +157,17 @@ def _numbers(version: str) -> tuple[int, ...]:
 def file_check(path: Path) -> Check:
     """Read a file as the verb would that it is for, and say what it is."""
     try:
-        return Check(str(path), "ok", _reader(path)(path))
+        text, notes = _measurements(path) if _is_table(path) else (_reader(path)(path), ())
+        return Check(str(path), "note" if notes else "ok", "; ".join((text, *notes)))
     except GeoerrError as error:
         problem, _, hint = str(error).partition("\nhint: ")
         return Check(str(path), "wrong", problem.removeprefix(f"{path}: "), hint or None)
+
+
+def _is_table(path: Path) -> bool:
+    """Tell whether a file would be read as measurements; one that is absent is, unless its name says otherwise."""
+    suffix = path.suffix.lower()
+    return suffix in _TABLES or not (path.exists() or suffix in (".toml", ".json"))
 
 
 def _reader(path: Path) -> Callable[[Path], str]:
@@ -170,8 +177,6 @@ def _reader(path: Path) -> Callable[[Path], str]:
         return _described
     if path.suffix.lower() == ".json":
         return _model_or_rig
-    if path.suffix.lower() in _TABLES or not path.exists():
-        return _measurements
     raise InputFileError(
         path,
         "is of no kind that is known here",
@@ -233,7 +238,11 @@ def _rig(path: Path) -> str:
     return f"camera pair, {width} × {height} px, {rig.baseline_mm:.1f} mm apart, {known}"
 
 
-def _measurements(path: Path) -> str:
+def _measurements(path: Path) -> tuple[str, tuple[str, ...]]:
+    """Say what a table holds, and what a fit would not read of it."""
+    import numpy as np
+
+    from geoerr.fit.columns import unread_columns, unused_uncertainties
     from geoerr.measurements import read_measurements
 
     measured = read_measurements([path], with_lengths=True)
@@ -245,4 +254,9 @@ def _measurements(path: Path) -> str:
     text = ", ".join(f"{sum(rows)} {what}" for what, rows in tables.items() if rows)
     aside = len(measured.set_aside)
     rows = "row" if aside == 1 else "rows"
-    return text + (f", {aside} {rows} set aside: {measured.set_aside[0]}" if aside else "")
+    text += f", {aside} {rows} set aside: {measured.set_aside[0]}" if aside else ""
+    notes = [note for table in measured.tables for note in unread_columns(table.frame.columns)]
+    if measured.points is not None:
+        unused = unused_uncertainties(measured.points, np.isfinite(measured.points.measured_mm))
+        notes += [] if unused is None else [unused]
+    return text, tuple(notes)

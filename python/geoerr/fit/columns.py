@@ -2,26 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.observations import COVARIANCE, STANDARD_UNCERTAINTY, Observations
+from geoerr.fit.sightings import Numbers
+from geoerr.observations import CIRCLE_COLUMNS, COVARIANCE, POINT_COLUMNS, STANDARD_UNCERTAINTY, Observations
 from geoerr.summaries import counted, listed
+from geoerr.terms import CLOCK_NAME, PLACE_NAMES, RAW_VARIABLES
 
 # Places of the components that each element of a covariance belongs to, in the order of `COVARIANCE`.
 _OF_COVARIANCE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+# Variables of formulas that geoerr works out itself, whatever column has their name.
+_WORKED_OUT = RAW_VARIABLES - {*POINT_COLUMNS.columns, *CIRCLE_COLUMNS.columns}
+_OF_AXES = {
+    "d": "the direction of travel",
+    "s": "the travel since the last reversal",
+    "t_rev": "the time since the last reversal",
+    "v": "the speed",
+    "a": "the acceleration",
+    "mean_v": "the mean speed",
+}
+_OF_ALL = dict.fromkeys(PLACE_NAMES, "the place on the work") | {CLOCK_NAME: "the time with all sessions end to end"}
+
+
+def unread_columns(names: Iterable[str]) -> Iterator[str]:
+    """Say of columns whose names are geoerr's own that they are not read."""
+    for name in names:
+        if name in _WORKED_OUT:
+            kind, _, axis = name.rpartition("_")
+            meaning = _OF_ALL.get(name) or _OF_AXES[kind]
+            remedy = f"did you mean dir_{axis}?" if kind == "d" else "rename it if an effect is to follow it"
+            yield f"the column {name} is not read: the name is geoerr's own, for {meaning}; {remedy}"
+
+
+def stated_rows(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Tell which rows state every element of the covariance of what they measured, (n,)."""
+    if covariance_mm2 is None:
+        return np.zeros(len(is_measured), dtype=bool)
+    needed = is_measured[:, :, None] & is_measured[:, None, :]
+    return np.asarray((np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2)))
 
 
 def unused_uncertainties(observations: Observations, is_measured: npt.NDArray[np.bool_]) -> str | None:
-    """Say why no row has an uncertainty though there are columns for it; None where there are none.
+    """Say why no row has an uncertainty though there are columns for it; None where some has, or there are none.
 
     Parameters
     ----------
     is_measured
         Which components of the rows were measured, (n, 3).
     """
+    if (stated_rows(observations.covariance_mm2, is_measured) & is_measured.any(axis=1)).any():
+        return None
     columns = observations.frame.columns
     has_deviations = any(name in columns for name in STANDARD_UNCERTAINTY)
     is_covariance = all(name in columns for name in COVARIANCE) or not has_deviations
@@ -39,8 +72,8 @@ def unused_uncertainties(observations: Observations, is_measured: npt.NDArray[np
         return "no row states the uncertainty of its position: the columns are empty"
     if not lacking:
         return (
-            f"{listed(stated)} are stated, but in no row for all that it measured: none of them is used; state "
-            "them in every row"
+            f"{_are(stated)} stated, but in no row for all that it measured: none of them is used; state them in "
+            "every row"
         )
     said = f"{_are(stated)} stated and {_are(lacking)} not: none of them is used"
     if is_covariance:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.errors import GeometryError
-from geoerr.fit.columns import lacking_rows, unused_uncertainties
+from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.passes import passes_of
@@ -46,7 +46,7 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
     parts = weighed(parts)
     joined = parts[0] if len(parts) == 1 else _joined(parts)
-    told = (*counted_twice(joined), *_without_name(joined))
+    told = (*counted_twice(joined), *_without_name(joined), *unread_columns(joined.table.columns))
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
 
 
@@ -222,17 +222,10 @@ def _has_positive_covariance(covariance_mm2: Numbers | None, is_measured: npt.ND
     if covariance_mm2 is None:
         return np.ones(len(is_measured), dtype=bool)
     needed = is_measured[:, :, None] & is_measured[:, None, :]
-    stated = _is_stated(covariance_mm2, needed)
+    stated = stated_rows(covariance_mm2, is_measured)
     padded = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
     padded = padded + np.eye(3) * (~is_measured)[:, None, :]
     return np.asarray(~stated | (np.linalg.eigvalsh(padded)[:, 0] >= _LEAST_STD_MM**2))
-
-
-def _is_stated(covariance_mm2: Numbers | None, needed: npt.NDArray[np.bool_]) -> np.ndarray:
-    """Tell which rows state every element of their covariance that is needed, (n,)."""
-    if covariance_mm2 is None:
-        return np.zeros(len(needed), dtype=bool)
-    return np.asarray((np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2)))
 
 
 def _whitening(
@@ -242,7 +235,7 @@ def _whitening(
     unit = np.asarray(np.eye(3) * is_measured[:, None, :].astype(np.float64))
     covariance_mm2 = observations.covariance_mm2
     needed = is_measured[:, :, None] & is_measured[:, None, :]
-    stated = _is_stated(covariance_mm2, needed)
+    stated = stated_rows(covariance_mm2, is_measured)
     if covariance_mm2 is None or not stated.any():
         note = unused_uncertainties(observations, is_measured)
         return unit, False, () if note is None else (note,)

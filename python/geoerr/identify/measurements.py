@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.fit.columns import lacking_rows, unused_uncertainties
+from geoerr.fit.columns import lacking_rows, stated_rows, unused_uncertainties
 from geoerr.identify.linear import Numbers
 from geoerr.observations import Observations
 
@@ -80,7 +80,7 @@ def _filled_covariance(
     """Zero what belongs to unmeasured components; give rows without an uncertainty the mean of the others."""
     covariance, seen = observations.covariance_mm2, np.isfinite(measured)
     needed = seen[:, :, None] & seen[:, None, :]
-    stated = usable if covariance is None else (np.isfinite(covariance) | ~needed).all(axis=(1, 2)) & usable
+    stated = stated_rows(covariance, seen) & usable
     if covariance is None or not stated.any():
         note = unused_uncertainties(observations, seen & usable[:, None])
         return None, () if note is None else (note,)
