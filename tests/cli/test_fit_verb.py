@@ -173,6 +173,21 @@ def test_text_fits_the_terminal_and_says_it_in_words(folder: Path) -> None:
     assert run(folder, *SMALL, "--quiet").stderr == ""
 
 
+def test_micrometres_in_columns_of_millimetres_are_asked_about(folder: Path) -> None:
+    words = "times less than stated: are sx, sy and sz in mm"
+    assert words not in " ".join(done(folder, *SMALL).split())
+    stated = grid(1).with_columns(pl.col("sx", "sy", "sz") * 1e3)
+    stated.write_csv(folder / "micrometres.csv")
+    said = " ".join(done(folder, *SMALL, "-o", str(folder / "model.json"), files=("micrometres.csv",)).split())
+    factor = re.search(rf"the points scatter ([0-9,]+) {words}", said)
+    assert factor is not None
+    assert float(factor[1].replace(",", "")) == pytest.approx(1000.0, rel=0.1)
+    record = geoerr.load_model(folder / "model.json").record
+    assert record is not None
+    assert record.noise["scatter_of_stated"] == pytest.approx(1e-3, rel=0.1)
+    assert words in " ".join(geoerr.load_model(folder / "model.json").report().split())
+
+
 def test_with_nothing_added_before_is_the_nominal_machine(folder: Path) -> None:
     """Its residual is that of a rigid motion, here by NumPy alone (Kabsch)."""
     document = json.loads(done(folder, "--json", "--components", "12"))

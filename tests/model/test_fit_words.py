@@ -27,6 +27,9 @@ def test_lack_of_fit(p_value: float, beyond_um: float, is_from_repeats: bool, ex
 def test_what_uncertainties_are_made_of() -> None:
     assert "1.50 times as far as stated" in next(fit_sentences({}, {"scale": 1.5}))
     assert "as stated or less" in next(fit_sentences({}, {"scale": 1.0}))
+    micrometres = next(fit_sentences({}, {"scale": 1.0, "scatter_of_stated": 1e-3}))
+    assert micrometres.startswith("the points scatter 1,000 times less than stated: are sx, sy and sz in mm")
+    assert "more than 1,000,000 times less" in next(fit_sentences({}, {"scale": 1.0, "scatter_of_stated": 0.0}))
     assert "a measured component scatters 12.3 µm" in next(fit_sentences({}, {"scatter_um": 12.3}))
     assert "calibration" in next(fit_sentences({}, {"calibration_unknowns": 24.0}))
     assert not list(fit_sentences({}, {}))

@@ -25,7 +25,7 @@ from geoerr.fit.from_nothing import SIGNIFICANCE, chance_of_nothing
 from geoerr.fit.inner import other_periods
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
-from geoerr.model.fit_words import lack_of_fit_words
+from geoerr.model.fit_words import FAR_BELOW_STATED, far_below_stated_words, lack_of_fit_words
 from geoerr.summaries import by_reason
 from geoerr.terms import Term
 
@@ -149,6 +149,8 @@ def quality_in_words(fitted: Fitted) -> list[str]:
         sentences.append(
             f"the scatter is {fitted.scale:.2f} times what is stated: standard uncertainties are multiplied by that"
         )
+    if fitted.share_of_stated < FAR_BELOW_STATED:
+        sentences.append(far_below_stated_words(fitted.share_of_stated))
     if fitted.held_out.n_not_computable:
         sentences.append(
             f"{fitted.held_out.n_not_computable} rows could not be predicted with their pass left out: "

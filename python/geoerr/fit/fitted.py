@@ -148,6 +148,12 @@ class Fitted:
         )
 
     @property
+    def share_of_stated(self) -> float:
+        """How far points scatter as a share of what is stated; NaN where nothing is stated or left over."""
+        is_told = self.sightings.is_stated and self.dof > 0
+        return math.sqrt(self.solved.chi_squared / self.dof) if is_told else math.nan
+
+    @property
     def n_parameters(self) -> int:
         """Number of parameters of the model: coefficients and inner."""
         return self.compiled.n_coefficients + self.compiled.n_inner

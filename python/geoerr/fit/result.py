@@ -17,6 +17,7 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
+from geoerr.model.fit_words import FAR_BELOW_STATED, OF_STATED
 from geoerr.model.summary import model_html
 from geoerr.terms import RAW_VARIABLES
 
@@ -134,8 +135,14 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
 
 
 def _scatter(fitted: Fitted) -> dict[str, float]:
-    """Give what stated uncertainties were multiplied by; where none are stated, the scatter of a component."""
-    return {"scale": fitted.scale} if fitted.sightings.is_stated else {"scatter_um": fitted.scale * _UM_PER_MM}
+    """Give what stated uncertainties were multiplied by; where none are stated, the scatter of a component.
+
+    Beside it, where the scatter is so small a share of what is stated that its unit is in doubt, that share.
+    """
+    if not fitted.sightings.is_stated:
+        return {"scatter_um": fitted.scale * _UM_PER_MM}
+    share = fitted.share_of_stated
+    return {"scale": fitted.scale} | ({OF_STATED: share} if share < FAR_BELOW_STATED else {})
 
 
 def _calibration(fitted: Fitted) -> dict[str, float]:

@@ -9,6 +9,10 @@ from collections.abc import Iterator, Mapping
 _SIGNIFICANCE = 0.01
 # Less probable than this it is seldom chance, and is not to be passed over.
 _SELDOM = 0.05
+# In a record's `noise`: what share of the stated uncertainties the points scatter, where it is less than a tenth.
+OF_STATED, FAR_BELOW_STATED = "scatter_of_stated", 0.1
+# Points that fit more closely than this share fit exactly, as far as anybody needs to know.
+_LEAST_OF_STATED = 1e-6
 # Figures that a report shows as numbers, in its order: name in the record, name on paper.
 FIGURES = {
     "rmse_um": "residual, rms",
@@ -50,6 +54,8 @@ def fit_sentences(figures: Mapping[str, float], noise: Mapping[str, float]) -> I
         yield (
             f"the points scatter {scale:.2f} times as far as stated: standard uncertainties are larger by that factor"
         )
+    elif OF_STATED in noise:
+        yield far_below_stated_words(noise[OF_STATED])
     elif math.isfinite(scale):
         yield "the points scatter as stated or less: standard uncertainties follow from the stated ones"
     elif math.isfinite(scatter_um):
@@ -62,6 +68,17 @@ def fit_sentences(figures: Mapping[str, float], noise: Mapping[str, float]) -> I
     lost = figures.get("held_out_not_computable", 0.0)
     if lost > 0.0:
         yield f"{lost:.0f} rows cannot be predicted with their pass held out: the other passes do not determine them"
+
+
+def far_below_stated_words(share: float) -> str:
+    """Say that points scatter a small share of what is stated, and ask for the unit."""
+    factor = f"{1.0 / max(share, _LEAST_OF_STATED):,.0f}"
+    if share < _LEAST_OF_STATED:
+        factor = f"more than {factor}"
+    return (
+        f"the points scatter {factor} times less than stated: are sx, sy and sz in mm, and a covariance in mm²? "
+        "standard uncertainties follow from what is stated"
+    )
 
 
 def noise_words(p_value: float, what: str) -> str:

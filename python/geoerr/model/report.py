@@ -13,7 +13,7 @@ import numpy as np
 from geoerr.effects.plausible import plausible_words
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, SQUARENESS, is_angular
 from geoerr.machine import AXES
-from geoerr.model.fit_words import FIGURES, fit_sentences, other_figures
+from geoerr.model.fit_words import FIGURES, OF_STATED, fit_sentences, other_figures
 from geoerr.model.groups import POSITIONING
 from geoerr.model.parameters import Correlation
 from geoerr.summaries import by_reason
@@ -29,7 +29,7 @@ _MOST_CORRELATIONS = 12
 _LEAST_CORRELATION = 0.8
 _INDENT = "    "
 # Of the record's `noise`, what stands in a sentence.
-_SAID = frozenset({"scale", "scatter_um", "calibration_unknowns"})
+_SAID = frozenset({"scale", "scatter_um", "calibration_unknowns", OF_STATED})
 # How a figure's name ends, and its unit on paper.
 _SHOWN_UNITS = {"um": "µm", "urad": "µrad", "mm": "mm", "s": "s", "degc": "°C"}
 
