@@ -29,7 +29,7 @@ def test_li_dobariya_and_a_machine_that_nobody_listed_are_one_line_each() -> Non
     seen_mm = q_mm + place_mm + rng.normal(0.0, 1e-3, q_mm.shape)
     names = ("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz")
     columns = dict(zip(names, np.hstack([q_mm, place_mm, seen_mm]).T, strict=True))
-    observations = observations_from_columns(columns | {"carrier": ["relative"] * 200})  # type: ignore[arg-type]
+    observations = observations_from_columns(columns | {"carrier": ["relative"] * 200})
     machine = geoerr.Machine.from_chain("wZbXYt", (400.0, 400.0, 400.0))
 
     li = geoerr.fit_model(machine, observations)

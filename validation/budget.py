@@ -113,7 +113,7 @@ def observed(scene: Scene, rig: Rig, rng: np.random.Generator) -> Observations:
         columns[f"m{axis}"] = points[:, number]
     for name, (i, j) in {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}.items():
         columns[f"c{name}"] = covariance[:, i, j]
-    return observations_from_columns(columns)  # type: ignore[arg-type]
+    return observations_from_columns(columns)
 
 
 def places_of(scene: Scene) -> np.ndarray:

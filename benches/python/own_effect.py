@@ -72,7 +72,7 @@ def measured(n_points: int) -> Observations:
     columns: dict[str, object] = {"carrier": ["relative"] * n_points, "dir_x": direction, "temp_bed": temperature}
     for place, name in enumerate(AXES):
         columns |= {name: q[:, place], f"m{name}": seen[:, place], f"s{name}": np.full(n_points, STD_MM)}
-    return observations_from_columns(columns)  # type: ignore[arg-type]
+    return observations_from_columns(columns)
 
 
 def program_of(n_moves: int) -> bytes:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from geoerr.observations import (
         CircularTest,
         Observations,
+        observations_from_columns,
         read_circular_test,
         read_lengths,
         read_observations,
@@ -86,6 +87,7 @@ _HOMES = {
     "measure": "geoerr.vision.measure",
     "Model": "geoerr.model",
     "Observations": "geoerr.observations",
+    "observations_from_columns": "geoerr.observations",
     "read_circular_test": "geoerr.observations",
     "read_errors": "geoerr.error_functions",
     "read_lengths": "geoerr.observations",
@@ -149,6 +151,7 @@ __all__ = [
     "load_effects",
     "load_model",
     "measure",
+    "observations_from_columns",
     "read_circular_test",
     "read_errors",
     "read_lengths",

@@ -8,8 +8,9 @@ lengths (`x1 ... measured`).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Number
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ import polars as pl
 from geoerr.drawing import drawn
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
-from geoerr.tables import RowProblem, Schema, check, read_raw, write_table
+from geoerr.tables import RowProblem, Schema, check, is_temperature, read_raw, write_table
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -279,23 +280,97 @@ def write_observations(path: str | Path, observations: Observations) -> None:
     write_table(path, observations.frame.drop("file_row", strict=False))
 
 
-def observations_from_columns(columns: dict[str, Numbers | list[str]], source: str = "memory") -> Observations:
-    """Make observations from arrays; the same checks and defaults as for a file.
+def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, source: str = "memory") -> Observations:
+    """Make observations from columns in memory; the same checks and defaults as for a file.
+
+    Parameters
+    ----------
+    columns
+        Arrays, lists or a polars frame, by the names of docs/reference/formats/observations.md. A single number or
+        text is the same in every row.
+    source
+        What messages call it.
 
     Raises
     ------
     InputFileError
         under the name `source`, as for a file.
     """
-    lengths = {name: len(values) for name, values in columns.items()}
+    raw = columns if isinstance(columns, pl.DataFrame) else _frame_of(columns, source)
+    for name, kind in raw.schema.items():
+        if kind.is_temporal() and (name in POINT_COLUMNS.columns or is_temperature(name)):
+            raise InputFileError(
+                source,
+                "holds dates or times of day, where numbers or texts are read",
+                column=name,
+                remedy="times (t) are seconds since the session began",
+            )
+    frame, problems = check(raw, POINT_COLUMNS, source)
+    return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)
+
+
+def _frame_of(columns: Mapping[str, object], source: str) -> pl.DataFrame:
+    """Make a frame of arrays, lists and single values, by name."""
+    if not isinstance(columns, Mapping):
+        raise InputFileError(
+            source,
+            f"{type(columns).__name__} is no set of columns",
+            remedy="give a dictionary of arrays by name, or a polars frame; a file is for read_observations",
+        )
+    single = {name for name, values in columns.items() if _is_single(values)}
+    series = {name: _series(name, values, source) for name, values in columns.items() if name not in single}
+    lengths = {name: len(values) for name, values in series.items()}
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise InputFileError(
             source, f"its columns differ in length: {told}", remedy="give every column one value for each row"
         )
-    raw = pl.DataFrame({name: pl.Series(name, values) for name, values in columns.items()})
-    frame, problems = check(raw, POINT_COLUMNS, source)
-    return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)
+    if not lengths:
+        raise InputFileError(
+            source, "no column tells how many rows there are", remedy="give x, y and z as arrays or lists"
+        )
+    n_rows = next(iter(lengths.values()))
+    return pl.DataFrame(
+        {
+            name: _series(name, [np.asarray(values).item()] * n_rows, source) if name in single else series[name]
+            for name, values in columns.items()
+        }
+    )
+
+
+def _is_single(values: object) -> bool:
+    return values is None or isinstance(values, str | Number | np.generic) or getattr(values, "ndim", None) == 0
+
+
+def _series(name: str, values: object, source: str) -> pl.Series:
+    """Make a column; what is none is refused by its name."""
+    if isinstance(values, np.ndarray) and values.dtype == object:
+        values = values.tolist()
+    elif isinstance(values, np.ndarray) and values.dtype.kind in "mM":
+        # Polars knows no seconds.
+        values = values.astype(f"{values.dtype.kind}8[us]")
+    refused = InputFileError(
+        source,
+        f"{type(values).__name__} is no column of numbers or texts",
+        column=name,
+        remedy="give an array or a list with one number or text for each row",
+    )
+    try:
+        series = pl.Series(name, values, strict=False)  # type: ignore[arg-type]  # what it cannot take it refuses
+    except (pl.exceptions.PolarsError, ArithmeticError, TypeError, ValueError) as error:
+        raise refused from error
+    if series.dtype.is_nested() or series.dtype == pl.Object:
+        raise refused
+    if series.dtype == pl.String and isinstance(values, list | tuple):
+        _refuse_mixed(name, values, source)
+    return series
+
+
+def _refuse_mixed(name: str, values: Sequence[object], source: str) -> None:
+    if not all(value is None or isinstance(value, str) for value in values):
+        raise InputFileError(
+            source, "holds numbers and texts", column=name, remedy="write all as numbers; None is not known"
+        )
 
 
 def place_numbers(position_mm: Numbers) -> npt.NDArray[np.int64]:

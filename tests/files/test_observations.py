@@ -242,6 +242,52 @@ def test_columns_of_different_lengths_are_refused_by_name() -> None:
         observations_from_columns(columns)
 
 
+PLACES = {name: np.arange(3.0) for name in ("x", "y", "z", "mx", "my", "mz")}
+
+
+def test_columns_in_memory_are_frames_lists_or_single_values() -> None:
+    frame = observations_from_columns(pl.DataFrame(PLACES))
+    assert frame.frame.equals(observations_from_columns(PLACES).frame)
+    given = {
+        **PLACES,
+        "temp": 20.5,
+        "feed": np.array(600.0),
+        "carrier": "work",
+        "load": [1, 2.5, None],
+        "t": (0, 1, 2.5),
+    }
+    observations = observations_from_columns(given)
+    assert observations.texts("carrier") == ["work"] * 3
+    np.testing.assert_array_equal(observations.numbers("temp", "feed"), [[20.5, 600.0]] * 3)
+    np.testing.assert_array_equal(observations.numbers("load")[:, 0], [1.0, 2.5, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([1.0, "warm", 2.0], "holds numbers and texts"),
+        (np.array([1.0, "warm", 2.0], dtype=object), "holds numbers and texts"),
+        (np.array(["2026-01-01T10:00"] * 3, dtype="datetime64[s]"), "holds dates or times of day"),
+        (np.array(["2026-01-01T10:00"] * 3, dtype="datetime64[ms]"), "holds dates or times of day"),
+        (np.zeros((3, 2)), "ndarray is no column of numbers or texts"),
+        ([[1], [1, 2], [3]], "list is no column of numbers or texts"),
+        ({1, 2, 3}, "set is no column of numbers or texts"),
+        (np.zeros(3, dtype=complex), "ndarray is no column of numbers or texts"),
+    ],
+)
+@pytest.mark.parametrize("name", ["t", "temp_bed", "my"])
+def test_a_column_that_is_none_is_refused_by_its_name(name: str, values: object, said: str) -> None:
+    with pytest.raises(InputFileError, match=f"^memory: {name}: {said}.*\nhint: ") as error:
+        observations_from_columns({**PLACES, name: values})
+    assert error.value.column == name
+
+
+@pytest.mark.parametrize("columns", [[1.0], "points.csv", None, {}, {"x": 1.0, "y": 2.0, "z": 3.0}])
+def test_what_has_no_columns_is_refused_with_what_to_give(columns: object) -> None:
+    with pytest.raises(InputFileError, match=r"no (set of columns|column tells how many rows).*\nhint: give"):
+        observations_from_columns(columns)  # type: ignore[arg-type]  # the point of the test
+
+
 def test_rows_are_selected_by_one_answer_for_each() -> None:
     observations = observations_from_columns({name: np.arange(3.0) for name in ("x", "y", "z", "mx", "my", "mz")})
     assert observations.select([True, False, True]).commanded_mm[:, 0].tolist() == [0.0, 2.0]

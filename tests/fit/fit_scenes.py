@@ -101,7 +101,7 @@ def points(
     if covariance_mm2 is not None:
         for name, i, j in (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2)):
             table[f"c{name}"] = np.full(len(q_mm), covariance_mm2[i, j])
-    return observations_from_columns(table | columns)  # type: ignore[arg-type]
+    return observations_from_columns(table | columns)
 
 
 def measured_again(observations: Observations, noise_mm: Numbers) -> Observations:

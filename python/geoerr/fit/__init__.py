@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from geoerr.effects import Catalogue, catalogue
 from geoerr.fit.additions import Addition, Wanted, Way, additions
+from geoerr.fit.arguments import check_machine
 from geoerr.fit.classic import Components
 from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
@@ -100,9 +101,12 @@ def fit_model(
     ------
     GeometryError
         where nothing can be fitted.
+    ShapeError
+        for a machine or a table that is none.
     InputFileError
         for a reference that names no effect, an axis that it is not for, or a column that the data do not have.
     """
+    check_machine(machine, tables)
     options = options or FitOptions()
     terms: tuple[Term, ...] = ()
     if isinstance(machine, Model):

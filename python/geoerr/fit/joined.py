@@ -13,6 +13,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.errors import GeometryError
+from geoerr.fit.arguments import check_tables
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.fit.counted_twice import counted_twice
@@ -39,7 +40,10 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     ------
     GeometryError
         where nothing is measured, or some tables of points state uncertainties and others do not.
+    ShapeError
+        for a table that is none.
     """
+    check_tables(tables)
     parts = [_of_points(table) if isinstance(table, Observations) else _of_circle(table) for table in tables]
     parts = [part for part in parts if len(part)]
     if not parts:
