@@ -92,6 +92,53 @@ def test_refusals_name_file_and_key(tmp_path, change, column):
     assert caught.value.path == str(path)
 
 
+def correlated(pairs):
+    """A rig's document, its first three parameters correlated as given, of variances as unlike as they are."""
+    document = rig().to_document()
+    matrix = np.diag([1e-4, 1e2, 1e-8, *np.full(21, 1e-6)])
+    for first, second, correlation in pairs:
+        matrix[first, second] = matrix[second, first] = correlation * np.sqrt(
+            matrix[first, first] * matrix[second, second]
+        )
+    document["covariance"]["matrix"] = matrix.tolist()
+    return document
+
+
+@pytest.mark.parametrize(
+    ("pairs", "why"),
+    [
+        ([(0, 1, 1e4)], "left_fx_px and left_fy_px are correlated by more than 1"),
+        # Each pair could be; the three together could not: 1 - 2 * 0.9 is below 0.
+        ([(0, 1, 0.9), (1, 2, 0.9), (0, 2, -0.9)], "negative eigenvalue"),
+    ],
+)
+def test_a_matrix_that_no_errors_have_is_refused(tmp_path, pairs, why):
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(correlated(pairs)))
+    with pytest.raises(InputFileError, match=why) as caught:
+        read_rig(path)
+    assert caught.value.column == "covariance.matrix"
+
+
+def test_a_parameter_known_exactly_has_no_covariance_with_another(tmp_path):
+    document = correlated([])
+    document["covariance"]["matrix"][2][2] = 0.0
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(document))
+    assert read_rig(path).covariance[2, 2] == 0.0
+    document["covariance"]["matrix"][2][3] = document["covariance"]["matrix"][3][2] = 1e-12
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputFileError, match="correlated by more than 1"):
+        read_rig(path)
+
+
+@pytest.mark.parametrize("correlation", [1.0, -1.0])
+def test_parameters_that_move_as_one_are_a_covariance(tmp_path, correlation):
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(correlated([(0, 1, correlation)])))
+    assert read_rig(path).covariance is not None
+
+
 def test_not_a_rig(tmp_path):
     path = tmp_path / "rig.json"
     path.write_text("[1, 2]")

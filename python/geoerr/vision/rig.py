@@ -29,6 +29,8 @@ _CALIBRATE_HINT = "`geoerr calibrate SESSION -o rig.json` writes a whole one"
 # A rotation typed with six decimals is within this of orthogonal; anything further is not a rotation.
 _ROTATION_TOLERANCE = 1e-5
 _ROUNDED_ROTATION = 1e-12
+# What rounding leaves of symmetry, and of an eigenvalue that is 0, in parts of the largest.
+_ROUNDED_COVARIANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -287,7 +289,34 @@ def _covariance(table: Any, names: tuple[str, ...], path: str | Path) -> Array |
             remedy="write " + ", ".join(names) + "; or null where it is not known",
         )
     matrix = _numbers(table.get("matrix"), (len(names), len(names)), path, "covariance.matrix")
-    scale = np.sqrt(np.abs(np.outer(np.diag(matrix), np.diag(matrix))))
-    if (np.diag(matrix) < 0.0).any() or (np.abs(matrix - matrix.T) > 1e-9 * scale + 1e-300).any():
-        raise InputFileError(path, "is not a covariance", column="covariance.matrix")
+    why = _why_no_covariance(matrix, names)
+    if why:
+        raise InputFileError(
+            path,
+            f"is not a covariance: {why}",
+            column="covariance.matrix",
+            remedy=f"{_CALIBRATE_HINT}; or write null where it is not known",
+        )
     return matrix
+
+
+def _why_no_covariance(matrix: Array, names: tuple[str, ...]) -> str:
+    """Say why no errors have this covariance; '' for one that some have.
+
+    Eigenvalues are those of the correlations, so that parameters of different units weigh alike.
+    """
+    variances = np.diag(matrix)
+    if (variances < 0.0).any():
+        return f"the variance of {names[int(np.argmin(variances))]} is negative"
+    scale = np.sqrt(np.outer(variances, variances))
+    if (np.abs(matrix - matrix.T) > _ROUNDED_COVARIANCE * scale + 1e-300).any():
+        return "it is not symmetric"
+    beyond = np.abs(matrix) > (1.0 + _ROUNDED_COVARIANCE) * scale + 1e-300
+    if beyond.any():
+        first, second = np.argwhere(beyond)[0]
+        return f"{names[first]} and {names[second]} are correlated by more than 1"
+    deviations = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    values = np.linalg.eigvalsh(matrix / np.outer(deviations, deviations))
+    if values[0] < -_ROUNDED_COVARIANCE * values[-1]:
+        return f"its correlations have a negative eigenvalue ({values[0]:.2g})"
+    return ""
