@@ -6,6 +6,9 @@ from stereo_scenes import rig, rig_covariance
 
 from geoerr.vision.consistency import agreement, measured_size
 
+# So large a picture of a plate that what its fit is wrong by is nothing.
+VAST_PX = 1e6
+
 
 def drawn(rng, scale=1.0, shift=1.0, n=300):
     """Residuals with noise of `scale` and a rig that is off by `shift` times its uncertainty."""
@@ -53,8 +56,8 @@ def test_size_with_the_share_of_calibration():
     centres = np.array([[0.0, 0.0, 700.0], [50.0, 20.0, 690.0]])
     along = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     noise = np.full(200, 0.002 / np.sqrt(2.0))
-    alone = measured_size("7", 56.0, sides, noise, centres, along, rig())
-    with_rig = measured_size("7", 56.0, sides, noise, centres, along, rig(rig_covariance()))
+    alone = measured_size("7", 56.0, sides, noise, np.full(200, VAST_PX), centres, along, rig())
+    with_rig = measured_size("7", 56.0, sides, noise, np.full(200, VAST_PX), centres, along, rig(rig_covariance()))
     assert alone.measured_mm == pytest.approx(56.02, abs=5e-4)
     assert alone.relative_error == pytest.approx(0.02 / 56.0, rel=0.05)
     # Scatter alone: 0.002/√400, times √(π/2) for the median.
@@ -70,8 +73,21 @@ def test_the_size_of_a_few_plates_is_as_uncertain_as_their_noise(n):
     sides = 40.0 + 0.003 * rng.normal(size=(2000, n, 2))
     noise = np.full(n, 0.003 / np.sqrt(2.0))
     nowhere = np.empty((0, 3))
-    found = [measured_size("1", 40.0, own, noise, nowhere, nowhere, rig()) for own in sides]
+    found = [measured_size("1", 40.0, own, noise, np.full(n, VAST_PX), nowhere, nowhere, rig()) for own in sides]
     assert min(size.std_mm for size in found) > 0.5 * noise[0] / np.sqrt(n)
     sigmas = np.array([size.sigmas for size in found])
     # 1 within its own scatter of a sixtieth, but for the few in which three lie far apart.
     assert 0.8 < np.sqrt(np.mean(sigmas**2)) < 1.06
+
+
+@pytest.mark.parametrize("n", [4, 400, 40000])
+def test_more_frames_do_not_take_away_what_all_frames_share(n):
+    """Corners wrong by 0.005 px each, in all frames alike, are no size: 54 mm on 60 px, 6.4 µm."""
+    rng = np.random.default_rng(7)
+    shared_mm = 54.0 * 0.005 * np.sqrt(2.0) / 60.0
+    sides = 54.0 + shared_mm + 0.0005 * rng.normal(size=(n, 2))
+    noise = np.full(n, 0.0005 / np.sqrt(2.0))
+    nowhere = np.empty((0, 3))
+    found = measured_size("0", 54.0, sides, noise, np.full(n, 60.0), nowhere, nowhere, rig())
+    assert found.std_mm == pytest.approx(shared_mm, rel=0.02)
+    assert found.sigmas == pytest.approx(1.0, abs=0.1)

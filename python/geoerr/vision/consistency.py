@@ -21,6 +21,8 @@ Array = npt.NDArray[np.float64]
 _ROUNDS = 20
 # So improbable that a plate of a whole session scatters so much, it does not by chance.
 _NO_CHANCE = 1e-6
+# By how much a marker's fit places a corner wrong in all pictures alike: the bound in the notes of `fit_marker`.
+_SHARED_CORNER_STD_PX = 0.005
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,8 @@ class MeasuredSize:
     given_mm, measured_mm
         Side of the marker.
     std_mm
-        Standard uncertainty of the measured mean: scatter, at least what the pictures' noise makes of it, and,
-        where it is known, calibration.
+        Standard uncertainty of the measured mean: scatter, at least what the pictures' noise makes of it; what the
+        fit of a marker is wrong by in all pictures alike; and, where it is known, calibration.
     n
         Observations.
     """
@@ -147,6 +149,7 @@ def measured_size(
     given_mm: float,
     sides_mm: Array,
     side_std_mm: Array,
+    sides_px: Array,
     centres_mm: Array,
     directions: Array,
     rig: Rig,
@@ -161,10 +164,17 @@ def measured_size(
         (n, 2)
     side_std_mm
         (n,) of the mean of both sides, from the pictures' noise.
+    sides_px
+        (n,) the side in the pictures.
     centres_mm, directions
         (m, 3) places of a few of its plates and unit vectors along one of their sides, where the rig's part is taken.
     rig
         With its covariance, or without: then that part is not in `std_mm`.
+
+    Notes
+    -----
+    Scatter and noise are divided by n. What the fit is wrong by is not, for frames share it: each end of a side by
+    0.005 px (`fit_marker`), which is `side_mm · 0.005 px · √2 / side_px` of a side, whichever picture shows it.
     """
     means = sides_mm.mean(axis=1)
     # The median: one plate at which something was taken for a corner must not shift the size.
@@ -173,6 +183,7 @@ def measured_size(
     spread = max(1.4826 * float(np.median(np.abs(means - measured))), float(np.median(side_std_mm)))
     # The median of one or two is their mean.
     variance = (math.pi / 2.0 if len(means) > 2 else 1.0) * spread**2 / len(means)
+    variance += 2.0 * (measured * _SHARED_CORNER_STD_PX / float(np.median(sides_px))) ** 2
     if rig.covariance is not None and len(centres_mm):
         half = 0.5 * measured * directions
         ends = sensitivity_of_points(rig, centres_mm + half) - sensitivity_of_points(rig, centres_mm - half)

@@ -30,6 +30,7 @@ class PlateRows:
     covariance_mm2: Array
     sides_mm: Array
     side_std_mm: Array
+    side_px: Array
     along: Array
     pixel: Array
     centre_seen_px: Array
@@ -95,6 +96,7 @@ class Collector:
                 covariance_mm2=plates.covariance_mm2,
                 sides_mm=plates.sides_mm,
                 side_std_mm=plates.side_std_mm,
+                side_px=_sides_seen(corners),
                 along=plates.along,
                 pixel=project_to_both(self.rig, plates.centre_mm).pixel,
                 centre_seen_px=_centres_seen(self.rig, corners),
@@ -112,6 +114,14 @@ class Collector:
         """All blocks in one."""
         names = PlateRows.__dataclass_fields__
         return PlateRows(**{name: np.concatenate([getattr(block, name) for block in self.blocks]) for name in names})
+
+
+def _sides_seen(corners: SeenPlates) -> Array:
+    """(n,) px from corner to corner, mean of the four sides in both pictures."""
+    seen = np.stack([corners.left_px, corners.right_px], axis=1)
+    lengths: Array = np.linalg.norm(seen - np.roll(seen, -1, axis=2), axis=3)
+    mean: Array = lengths.mean(axis=(1, 2))
+    return mean
 
 
 def _centres_seen(rig: Rig, corners: SeenPlates) -> Array:

@@ -173,6 +173,7 @@ def sizes(session: Session, rig: Rig, rows: PlateRows, kept: npt.NDArray[np.bool
             target.size_mm,
             rows.sides_mm[mine],
             rows.side_std_mm[mine],
+            rows.side_px[mine],
             rows.centre_mm[some],
             rows.along[some],
             rig,
