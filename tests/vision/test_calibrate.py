@@ -201,6 +201,22 @@ def test_the_wrong_dictionary_is_named(session: Path, monkeypatch: pytest.Monkey
     assert "markers of DICT_5X5_" in text
 
 
+def write_faint(path: Path) -> None:
+    """As a camera of 12 bits writes into 16, not shifted up."""
+    cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).astype(np.uint16) * 16)
+
+
+@pytest.mark.parametrize("n_spoiled", [N_VIEWS, N_VIEWS - 1])
+def test_pictures_that_all_fail_alike_are_told_what_helps(session: Path, n_spoiled: int) -> None:
+    for number in range(n_spoiled):
+        write_faint(session / "calibration" / "right" / f"{number + 1:02d}.png")
+    with pytest.raises((InputFileError, DetectionError)) as caught:
+        calibrate(read_session(session))
+    assert str(caught.value).endswith(
+        "hint: write values left-aligned: those of 12 bits times 16, those of 10 bits times 64"
+    )
+
+
 def test_too_few_views_say_which_camera_saw_what(session: Path) -> None:
     right = session / "calibration" / "right"
     for name in ("01", "02", "03", "04"):

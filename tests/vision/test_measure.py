@@ -1,10 +1,12 @@
 """Sessions to observations: right, complete, honest about what is missing, the same for any number of threads."""
 
+import os
 import shutil
 import threading
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import polars as pl
 import pytest
@@ -357,6 +359,38 @@ def test_no_picture_can_be_read(session):
     with pytest.raises(InputFileError, match=r"none of its 5 frames can be used; the first: right/0\.png") as caught:
         run(session)
     assert caught.value.row == 2
+
+
+def write_faint(path):
+    """As a camera of 12 bits writes into 16, not shifted up."""
+    picture = read_grey(path).astype(np.uint16) * 16
+    cv2.imwrite(str(path), picture)
+
+
+def test_pictures_that_all_fail_alike_are_told_what_helps(session):
+    for side in ("left", "right"):
+        for path in (session / side).iterdir():
+            write_faint(path)
+    with pytest.raises(InputFileError, match=r"none of its 5 frames can be used.* 16-bit") as caught:
+        run(session)
+    assert caught.value.remedy == "write values left-aligned: those of 12 bits times 16, those of 10 bits times 64"
+
+
+def test_pictures_that_fail_for_several_reasons_have_the_general_hint(session):
+    for path in (session / "right").iterdir():
+        write_faint(path)
+    shutil.rmtree(session / "left")
+    with pytest.raises(InputFileError) as caught:
+        run(session)
+    assert caught.value.remedy == "check the pictures and that the rig belongs to these cameras"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there a backslash is read")
+def test_folders_as_windows_writes_them_are_told_as_such(session):
+    swap(session, lambda text: text.replace("left/", "left\\").replace("right/", "right\\"))
+    with pytest.raises(InputFileError, match="no such picture") as caught:
+        run(session)
+    assert caught.value.remedy.startswith("write / between folders")
 
 
 def test_a_size_that_contradicts_the_calibration_is_refused(session):

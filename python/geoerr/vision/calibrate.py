@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -240,11 +240,12 @@ def calibrate_from_corners(
 
 @dataclass(frozen=True)
 class _Look:
-    """What one picture shows: its size, the board or why not."""
+    """What one picture shows: its size, the board or why not, and what helps where it cannot be read."""
 
     size: Size | None
     sighting: BoardSighting | None
     why: str = ""
+    remedy: str | None = None
 
 
 @dataclass(frozen=True)
@@ -284,7 +285,7 @@ def _look(pair: CalibrationPair, camera: int, board: BoardSpec) -> _Look:
     try:
         picture = read_grey(pair.right if camera else pair.left)
     except InputFileError as error:
-        return _Look(None, None, error.problem)
+        return _Look(None, None, error.problem, error.remedy)
     size = (picture.shape[1], picture.shape[0])
     try:
         return _Look(size, find_board(picture, board))
@@ -302,7 +303,9 @@ def _common_size(session: Session, looks: Sequence[_PairLook]) -> Size:
             name = side_name(camera)
             first = looks[0].sides[camera]
             raise InputFileError(
-                folder / name, f"none of its {len(looks)} pictures can be read; the first: {first.why}"
+                folder / name,
+                f"none of its {len(looks)} pictures can be read; the first: {first.why}",
+                remedy=_common_remedy(look.sides[camera] for look in looks),
             )
         usual.append(sizes.most_common(1)[0][0])
     if usual[0] != usual[1]:
@@ -312,6 +315,21 @@ def _common_size(session: Session, looks: Sequence[_PairLook]) -> Size:
             remedy="both cameras must give pictures of one size; crop or scale none of them",
         )
     return usual[0]
+
+
+def _common_remedy(sides: Iterable[_Look]) -> str | None:
+    """Give what helps against all that is wrong with pictures, where that is one thing."""
+    remedies = {side.remedy for side in sides}
+    return remedies.pop() if len(remedies) == 1 else None
+
+
+def _common_remedy_of_pairs(looks: Sequence[_PairLook], n_dropped: int) -> str | None:
+    """Give what helps against all that is wrong with the pairs that were dropped, where that is one thing."""
+    unseen = [[side for side in look.sides if side.sighting is None] for look in looks]
+    if sum(map(bool, unseen)) < n_dropped:
+        # Some show the board, and are dropped for their size, or because they repeat another one.
+        return None
+    return _common_remedy(side for sides in unseen for side in sides)
 
 
 def _views_of(board: BoardSpec, looks: Sequence[_PairLook], size: Size) -> tuple[list[BoardView], list[Dropped]]:
@@ -364,7 +382,9 @@ def _too_few(
     text += "".join(f"\n  {item.name}: {item.why}" for item in dropped[:_REASONS_SHOWN])
     if len(dropped) > _REASONS_SHOWN:
         text += f"\n  ... and {len(dropped) - _REASONS_SHOWN} more"
-    hint = "take ten or more pairs in which both cameras see the board, sharp and well lit"
+    hint = _common_remedy_of_pairs(looks, len(dropped)) or (
+        "take ten or more pairs in which both cameras see the board, sharp and well lit"
+    )
     unseen = next((look for look in looks if look.left.size is not None and look.left.sighting is None), None)
     if unseen is not None and not any(counts):
         hint = hint_for_unseen_board(read_grey(unseen.pair.left), board) or hint

@@ -22,6 +22,7 @@ Array = npt.NDArray[np.float64]
 GreyImage = npt.NDArray[np.uint8]
 # A corner nearer to the picture's end than a corner detector's window is searched for.
 _MARGIN_PX = 8.0
+_SLASH_HINT = "write / between folders, as in frames/left/0001.png: every system reads that"
 CAMERAS = ("left", "right")
 NOT_FOUND = "not found in the picture"
 TWICE = "seen more than once in one picture: which one is meant cannot be known"
@@ -44,6 +45,8 @@ class Missed:
         Name, or None where all targets of the frame are meant.
     why
         The reason.
+    remedy
+        What the user can do about it, where that is known.
     """
 
     row: int
@@ -51,6 +54,7 @@ class Missed:
     camera: str
     target: str | None
     why: str
+    remedy: str | None = None
 
 
 @dataclass(frozen=True)
@@ -167,7 +171,8 @@ class FrameReader:
             try:
                 picture = read_grey(self.directory / name)
             except InputFileError as error:
-                missed.append(Missed(row, names[0], camera, None, f"{name}: {error.problem}"))
+                remedy = _remedy(self.directory, name, error)
+                missed.append(Missed(row, names[0], camera, None, f"{name}: {error.problem}", remedy))
                 continue
             size = (picture.shape[1], picture.shape[0])
             if size != self.rig.image_size:
@@ -189,6 +194,12 @@ class FrameReader:
             except MarkerFitError as error:
                 reasons.append((camera, str(error)))
         return fits, reasons
+
+
+def _remedy(directory: Path, name: str, error: InputFileError) -> str | None:
+    """Say what helps where a picture cannot be read; its name may be written as Windows writes folders."""
+    with_slashes = name.replace("\\", "/")
+    return _SLASH_HINT if with_slashes != name and (directory / with_slashes).is_file() else error.remedy
 
 
 def _is_inside(picture: GreyImage, corners_px: Array) -> bool:

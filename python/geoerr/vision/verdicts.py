@@ -91,14 +91,16 @@ def nothing_seen(session: Session, collected: Collector, n_frames: int) -> Input
 
 
 def nothing_left(session: Session, missed: Sequence[Missed], n_frames: int) -> InputFileError:
-    """Say why no frame can be used."""
+    """Say why no frame can be used; where all fail alike, with what helps against that."""
     first = min(missed, key=lambda item: item.row)
+    remedies = {item.remedy for item in missed}
+    own = remedies.pop() if len(remedies) == 1 else None
     return InputFileError(
         session.directory / "frames.csv",
         f"none of its {n_frames} frames can be used; the first: {first.why}",
         row=int(session.require_frames()["file_row"][first.row]),
         column=None if first.camera == "both" else first.camera,
-        remedy="check the pictures and that the rig belongs to these cameras",
+        remedy=own or "check the pictures and that the rig belongs to these cameras",
     )
 
 
