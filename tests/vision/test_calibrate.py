@@ -201,6 +201,19 @@ def test_the_wrong_dictionary_is_named(session: Path, monkeypatch: pytest.Monkey
     assert "markers of DICT_5X5_" in text
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_one_camera_whose_pictures_are_mirrored_is_named(
+    session: Path, monkeypatch: pytest.MonkeyPatch, side: str
+) -> None:
+    monkeypatch.setattr("geoerr.vision.markers.dictionary_names", lambda: ("DICT_4X4_50", "DICT_5X5_100"))
+    for path in session.glob("calibration/*/0[456].png"):
+        path.unlink()
+    for path in (session / "calibration" / side).iterdir():
+        cv2.imwrite(str(path), cv2.imread(str(path))[:, ::-1])
+    with pytest.raises(DetectionError, match=f"hint: the {side} camera: the pictures are mirror images"):
+        calibrate(read_session(session))
+
+
 def write_faint(path: Path) -> None:
     """As a camera of 12 bits writes into 16, not shifted up."""
     cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).astype(np.uint16) * 16)

@@ -385,10 +385,21 @@ def _too_few(
     hint = _common_remedy_of_pairs(looks, len(dropped)) or (
         "take ten or more pairs in which both cameras see the board, sharp and well lit"
     )
-    unseen = next((look for look in looks if look.left.size is not None and look.left.sighting is None), None)
-    if unseen is not None and not any(counts):
-        hint = hint_for_unseen_board(read_grey(unseen.pair.left), board) or hint
+    hint = _hint_for_blind_cameras(board, looks) or hint
     return DetectionError(f"{text}\nhint: {hint}")
+
+
+def _hint_for_blind_cameras(board: BoardSpec, looks: Sequence[_PairLook]) -> str | None:
+    """Say what a camera's first picture shows that sees the board in none; which camera, where the other does."""
+    is_blind = [all(look.sides[camera].sighting is None for look in looks) for camera in (0, 1)]
+    for camera in (0, 1):
+        unseen = next((look.pair for look in looks if look.sides[camera].size is not None), None)
+        if unseen is None or not is_blind[camera]:
+            continue
+        hint = hint_for_unseen_board(read_grey(unseen.right if camera else unseen.left), board)
+        if hint is not None:
+            return hint if all(is_blind) else f"the {side_name(camera)} camera: {hint}"
+    return None
 
 
 def _board_points(board: npt.ArrayLike, label: str) -> Array:
