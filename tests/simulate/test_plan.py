@@ -176,6 +176,7 @@ REFUSED = [
     ({"rig": {"baseline_mm": 0.0}}, "rig.baseline_mm"),
     ({"rig": {"baseline_mm": float("nan")}}, "rig.baseline_mm"),
     ({"rig": {"image_size_px": [612.5, 512]}}, "rig.image_size_px"),
+    ({"rig": {"image_size_px": [12240000, 1024000]}}, "rig.image_size_px: .* megapixels, more than 300"),
     ({"rig": {"left": {"distortion": [0.1]}}}, "rig.left.distortion"),
     ({"rig": {"left": {"focal_px": [0.0, 100.0]}}}, "rig.left.focal_px"),
     ({"rig": {"left": 3}}, "rig.left"),

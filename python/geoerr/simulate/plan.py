@@ -93,6 +93,9 @@ _OFF_STEP = 1e-6
 _LI_SIZE_PX = [2448.0, 2048.0]
 _LI_PIXEL_UM = 3.45
 _LI_FOCAL_MM = 8.0
+_LEAST_SIDE_PX = 16
+# The largest sensors of industrial cameras have about 250 million; a picture of more only fills the memory.
+_MOST_PIXELS = 300_000_000
 
 
 @dataclass(frozen=True)
@@ -247,10 +250,7 @@ def _machine(top: Entries) -> Machine:
 
 
 def _rig(entry: Entries) -> RigPlan:
-    size = entry.numbers("image_size_px", 2, _LI_SIZE_PX)
-    if any(side != int(side) or side < 16 for side in size):
-        raise entry.refuse("image_size_px", f"{size} are not two whole numbers of at least 16")
-    width, height = (int(side) for side in size)
+    width, height = _image_size(entry)
     pixel_um = entry.number("pixel_um", _LI_PIXEL_UM, above=0.0)
     focal_px = entry.number("focal_mm", _LI_FOCAL_MM, above=0.0) / (pixel_um * 1e-3)
     middle, look_at = entry.numbers("middle_mm", 3), entry.numbers("look_at_mm", 3)
@@ -280,6 +280,20 @@ def _rig(entry: Entries) -> RigPlan:
         left=lens("left"),
         right=lens("right"),
     )
+
+
+def _image_size(entry: Entries) -> tuple[int, int]:
+    size = entry.numbers("image_size_px", 2, _LI_SIZE_PX)
+    if any(side != int(side) or side < _LEAST_SIDE_PX for side in size):
+        raise entry.refuse("image_size_px", f"{size} are not two whole numbers of at least {_LEAST_SIDE_PX}")
+    width, height = (int(side) for side in size)
+    if width * height > _MOST_PIXELS:
+        raise entry.refuse(
+            "image_size_px",
+            f"{width} × {height} px are {width * height / 1e6:.0f} megapixels, more than {_MOST_PIXELS / 1e6:.0f}",
+            "write width and height of a camera's picture in px, such as [2448, 2048]",
+        )
+    return width, height
 
 
 def _triple(numbers: list[float]) -> tuple[float, float, float]:
