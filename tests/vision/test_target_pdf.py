@@ -570,6 +570,14 @@ def test_no_file_is_named_for_standard_output(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["board.png", "board.svg", "11x8.0"])
+def test_a_pdf_is_not_written_under_the_name_of_something_else(app: typer.Typer, tmp_path: Path, name: str) -> None:
+    result = CliRunner().invoke(app, ["target", PLATE, "-o", str(tmp_path / name)])
+    assert result.exit_code == 2
+    assert "name it .pdf" in " ".join(result.stderr.replace("│", " ").split())
+    assert not list(tmp_path.iterdir())
+
+
 def test_ambiguous_chessboard_is_printed_with_a_note(app: typer.Typer, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["target", "chessboard:8x6:20", "-o", str(tmp_path / "print.pdf")])
     assert result.exit_code == 0

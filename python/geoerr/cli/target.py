@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from geoerr.vision.printing.paper import Layout, Paper
     from geoerr.vision.printing.request import Request
 
+# A name without a suffix is a pipe or a device.
+_SUFFIXES = ("", ".pdf")
+
 _EXAMPLES = (
     "geoerr target charuco:11x8:20:15:DICT_5X5_100 -o board.pdf",
     "geoerr target SESSION/session.toml#targets -o plates.pdf --page A3",
@@ -53,6 +56,8 @@ def target(
     paper = None if page is None else _paper(page)
     request = _request(what)
     check_output(output, files_given(request.session_file))
+    if output.suffix.lower() not in _SUFFIXES:
+        raise typer.BadParameter(f"{output} would hold a PDF: name it .pdf", param_hint="--output")
     layouts = write_print(output, request, paper)
     notes = [sentence for artwork in request.artworks for sentence in artwork.notes]
     if as_json:
