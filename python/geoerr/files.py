@@ -143,9 +143,18 @@ def refusing_unreadable(path: str | Path, kind: str = "file") -> Iterator[None]:
     except FileNotFoundError as error:
         raise InputFileError(path, f"no such {kind}", remedy="check the name and the folder") from error
     except IsADirectoryError as error:
-        raise InputFileError(path, f"is a folder, a {kind} is needed") from error
+        raise InputFileError(
+            path, f"is a folder, a {kind} is needed", remedy=_remedy_for_folder(Path(path))
+        ) from error
     except PermissionError as error:
         raise InputFileError(path, "cannot be read: permission denied") from error
+
+
+def _remedy_for_folder(folder: Path) -> str:
+    """Say what to name in place of a folder; a session's is often named for what is made of it."""
+    if not (folder / "session.toml").is_file():
+        return "name a file in it"
+    return "it is a session: name one of its files, or the observations that `geoerr measure` makes of it"
 
 
 def _read_utf8(path: str | Path) -> str:

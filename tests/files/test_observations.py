@@ -186,6 +186,16 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read_observations(tmp_path)
 
 
+def test_a_session_folder_is_told_what_is_made_of_it(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError) as caught:
+        read_observations(tmp_path)
+    assert caught.value.remedy == "name a file in it"
+    (tmp_path / "session.toml").write_text("")
+    with pytest.raises(InputFileError) as caught:
+        read_observations(tmp_path)
+    assert "the observations that `geoerr measure` makes of it" in str(caught.value)
+
+
 @pytest.mark.parametrize("name", ["rig.json", "machine.TOML"])
 def test_a_rig_or_a_machine_is_no_table(tmp_path: Path, name: str) -> None:
     path = write(tmp_path, '{"K_left": []}', name)

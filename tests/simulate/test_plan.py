@@ -229,6 +229,13 @@ def test_what_must_be_there_is_asked_for(missing):
         plan_from_document(document, "plan.toml")
 
 
+def test_a_machine_is_told_that_it_is_no_plan(tmp_path):
+    write_machine(tmp_path / "machine.toml", plan().machine)
+    with pytest.raises(InputFileError, match="rig: is missing") as caught:
+        read_plan(tmp_path / "machine.toml")
+    assert "a machine.toml is no plan" in caught.value.remedy
+
+
 def test_every_available_effect_is_one_of_the_catalogue_s_ids():
     assert set(AVAILABLE_EFFECTS) <= {
         *("scale", "backlash", "backlash-position", "lateral-play", "angular-reversal", "periodic"),

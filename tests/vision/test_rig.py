@@ -139,11 +139,25 @@ def test_parameters_that_move_as_one_are_a_covariance(tmp_path, correlation):
     assert read_rig(path).covariance is not None
 
 
-def test_not_a_rig(tmp_path):
+@pytest.mark.parametrize(
+    "content", ["[1, 2]", "", "[machine]\nname = 'mill'\n", "left,right,x,y,z\n", b"\x89PNG\xff"]
+)
+def test_not_a_rig(tmp_path, content):
     path = tmp_path / "rig.json"
-    path.write_text("[1, 2]")
-    with pytest.raises(InputFileError, match="holds no rig"):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputFileError) as caught:
         read_rig(path)
+    assert "a rig is two cameras" in caught.value.remedy
+    assert "geoerr calibrate SESSION -o rig.json" in caught.value.remedy
+
+
+def test_a_folder_is_no_rig_and_a_missing_file_is_missing(tmp_path):
+    with pytest.raises(InputFileError, match="is a folder") as caught:
+        read_rig(tmp_path)
+    assert "a rig is two cameras" in caught.value.remedy
+    with pytest.raises(InputFileError, match="no such file") as caught:
+        read_rig(tmp_path / "rig.json")
+    assert caught.value.remedy == "check the name and the folder"
 
 
 def test_a_rotation_typed_with_few_digits_is_made_whole(tmp_path):

@@ -93,6 +93,10 @@ _OFF_STEP = 1e-6
 _LI_SIZE_PX = [2448.0, 2048.0]
 _LI_PIXEL_UM = 3.45
 _LI_FOCAL_MM = 8.0
+_PLAN_HINT = (
+    "a plan says in [rig] where the cameras stand and look (middle_mm, look_at_mm); a machine.toml is no plan, but a"
+    ' plan may name it: machine = "machine.toml"'
+)
 _LEAST_SIDE_PX = 16
 # The largest sensors of industrial cameras have about 250 million; a picture of more only fills the memory.
 _MOST_PIXELS = 300_000_000
@@ -216,6 +220,8 @@ def plan_from_document(document: dict[str, Any], path: str | Path) -> Plan:
     """
     top = Entries(document, path)
     machine = _machine(top)
+    if "rig" not in document:
+        raise top.refuse("rig", "is missing", _PLAN_HINT)
     rig = _rig(top.table("rig"))
     covariates = {name: _covariate(top.table("covariates").table(name)) for name in top.table("covariates").content}
     noise = top.table("noise")

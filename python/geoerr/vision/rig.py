@@ -26,6 +26,9 @@ Array = npt.NDArray[np.float64]
 
 POSE_NAMES = ("rotation_x_rad", "rotation_y_rad", "rotation_z_rad", "t_x_mm", "t_y_mm", "t_z_mm")
 _CALIBRATE_HINT = "`geoerr calibrate SESSION -o rig.json` writes a whole one"
+_RIG_HINT = (
+    "a rig is two cameras and their places, in the JSON file that `geoerr calibrate SESSION -o rig.json` writes"
+)
 # A rotation typed with six decimals is within this of orthogonal; anything further is not a rotation.
 _ROTATION_TOLERANCE = 1e-5
 _ROUNDED_ROTATION = 1e-12
@@ -168,7 +171,13 @@ def write_rig(path: str | Path, rig: Rig) -> None:
 
 def read_rig(path: str | Path) -> Rig:
     """Read and check `rig.json`; every refusal names the key and the remedy."""
-    return rig_from_document(read_json(path), path)
+    try:
+        document = read_json(path)
+    except InputFileError as error:
+        if not Path(path).exists():
+            raise
+        raise InputFileError(path, error.problem, row=error.row, remedy=_RIG_HINT) from error
+    return rig_from_document(document, path)
 
 
 def rig_from_document(document: Any, path: str | Path) -> Rig:
@@ -180,7 +189,7 @@ def rig_from_document(document: Any, path: str | Path) -> Rig:
         for a missing or malformed key; `path` is named in the message.
     """
     if not isinstance(document, dict):
-        raise InputFileError(path, "holds no rig", remedy=_CALIBRATE_HINT)
+        raise InputFileError(path, "holds no rig", remedy=_RIG_HINT)
     matrices = {key: _camera_matrix(document, key, path) for key in ("K_left", "K_right")}
     distortions = {key: _distortion(document, key, path) for key in ("dist_left", "dist_right")}
     size = document.get("image_size")
