@@ -400,6 +400,21 @@ def test_a_size_that_contradicts_the_calibration_is_refused(session):
         run(session)
 
 
+def test_a_size_that_no_print_has_names_what_turns_or_scales_all(session):
+    pair = rig()
+    pose = pair.right_from_left
+    in_metres = replace(pair, right_from_left=RightFromLeft(pose.R, pose.t_mm / 1000.0))
+    with pytest.raises(InputFileError, match="contradicts the calibration") as caught:
+        run(session, in_metres)
+    assert "turned, mirrored" in caught.value.remedy
+    assert "right_from_left.t_mm is in mm" in caught.value.remedy
+    path = session / "session.toml"
+    path.write_text(path.read_text().replace("size_mm = 45.0", "size_mm = 50.0"))
+    with pytest.raises(InputFileError, match="contradicts the calibration") as caught:
+        run(session)
+    assert "turned" not in caught.value.remedy
+
+
 def test_a_size_slightly_off_is_noted(session):
     path = session / "session.toml"
     path.write_text(path.read_text().replace("size_mm = 45.0", "size_mm = 45.4"))

@@ -32,6 +32,8 @@ _DOUBTFUL_RIG_PX = 0.5
 _NOT_THIS_RIG_PX = 10.0
 _SWAPPED_SHARE = 0.1
 _SIZE_REFUSED = 0.05
+# No print is off by as much: a margin that was measured with the marker makes a quarter of it at most.
+_SIZE_NO_PRINT_HAS = 0.3
 _SIZE_NOTED_SIGMAS = 5.0
 _BIRGE_NOTED = 1.2
 _RIG_SHIFT_NOTED_SIGMAS = 3.0
@@ -186,10 +188,21 @@ def sizes(session: Session, rig: Rig, rows: PlateRows, kept: npt.NDArray[np.bool
                 f"the size of target {target.name} contradicts the calibration: {target.size_mm:g} mm given,"
                 f" {size.measured_mm:.3f} mm measured in {size.n} frames",
                 column=f"targets[{index + 1}].size_mm",
-                remedy="measure the marker's black square; if it is right, square_mm of the board is not",
+                remedy=_remedy_for_size(size),
             )
         sizes.append(size)
     return tuple(sizes)
+
+
+def _remedy_for_size(size: MeasuredSize) -> str:
+    """Say what makes a size wrong; where it is far off, what turns or scales all that is seen, too."""
+    remedy = "measure the marker's black square; if it is right, square_mm of the board is not"
+    if abs(size.relative_error) <= _SIZE_NO_PRINT_HAS:
+        return remedy
+    return (
+        f"{remedy}, or the pictures are turned, mirrored, cropped or scaled since the calibration, or the rig is in"
+        " other units: its right_from_left.t_mm is in mm"
+    )
 
 
 def _most_of_all(session: Session, rows: PlateRows, kept: npt.NDArray[np.bool_]) -> str:
