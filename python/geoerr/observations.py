@@ -286,8 +286,8 @@ def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, sour
     Parameters
     ----------
     columns
-        Arrays, lists or a polars frame, by the names of docs/reference/formats/observations.md. A single number or
-        text is the same in every row.
+        Arrays, lists, or a frame of polars or pandas, by the names of docs/reference/formats/observations.md. A
+        single number or text is the same in every row.
     source
         What messages call it.
 
@@ -311,11 +311,11 @@ def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, sour
 
 def _frame_of(columns: Mapping[str, object], source: str) -> pl.DataFrame:
     """Make a frame of arrays, lists and single values, by name."""
-    if not isinstance(columns, Mapping):
+    if not hasattr(columns, "items"):
         raise InputFileError(
             source,
             f"{type(columns).__name__} is no set of columns",
-            remedy="give a dictionary of arrays by name, or a polars frame; a file is for read_observations",
+            remedy="give a dictionary of arrays by name, or a frame; a file is for read_observations",
         )
     single = {name for name, values in columns.items() if _is_single(values)}
     series = {name: _series(name, values, source) for name, values in columns.items() if name not in single}
@@ -344,6 +344,9 @@ def _is_single(values: object) -> bool:
 
 def _series(name: str, values: object, source: str) -> pl.Series:
     """Make a column; what is none is refused by its name."""
+    if not isinstance(values, pl.Series) and hasattr(values, "to_numpy"):
+        # Of pandas.
+        values = values.to_numpy()
     if isinstance(values, np.ndarray) and values.dtype == object:
         values = values.tolist()
     elif isinstance(values, np.ndarray) and values.dtype.kind in "mM":

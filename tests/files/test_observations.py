@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 
@@ -310,6 +311,25 @@ def test_the_other_kinds(tmp_path: Path) -> None:
     circle = read_circular_test(write(tmp_path, "line,x,y,z,r,dir\nA,1,2,3,100.01,-1\nA,1,2,3,,1\n"))
     assert circle.frame["r"].to_list() == [100.01]
     assert circle.set_aside[0].column == "r"
+
+
+def test_columns_of_a_frame_of_another_library() -> None:
+    """Of what has `items` and columns with `to_numpy`, as pandas; columns of texts are arrays of objects there."""
+
+    class Column:
+        def __init__(self, values: list[object]) -> None:
+            self.values = values
+
+        def to_numpy(self) -> np.ndarray:
+            return np.array(self.values, dtype=object if isinstance(self.values[0], str) else None)
+
+    class Frame:
+        def items(self) -> Iterator[tuple[str, Column]]:
+            yield from ((name, Column([*values])) for name, values in {**PLACES, "line": ["a", "b", "b"]}.items())
+
+    observations = observations_from_columns(Frame())  # type: ignore[arg-type]  # frames of others have no such type
+    assert observations.texts("line") == ["a", "b", "b"]
+    assert np.array_equal(observations.measured_mm, observations_from_columns(PLACES).measured_mm)
 
 
 @pytest.mark.parametrize(("column", "bad"), [("sr", "0,001mm"), ("sr", "nan"), ("dir_x", "up")])
