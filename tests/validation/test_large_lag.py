@@ -1,6 +1,5 @@
 """A lag of up to a millimetre on the work: told in the scatter that it makes, a straight line looked like a curve."""
 
-import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Case, Hidden, generate
 from validation.hidden_effects.record import OPTIONS
@@ -18,13 +17,12 @@ def diagnosed(number: int, kind: str, strength_um: float) -> tuple[Case, Diagnos
     return case, diagnose(fitted, threads=1)
 
 
-@pytest.mark.parametrize("number", [980_005, 980_009])
-def test_beside_a_curve_of_the_right_body_it_is_named(number: int) -> None:
+def test_beside_a_curve_of_the_right_body_it_is_named() -> None:
     """The curve that stands for it until then was one of the tool, which does not move.
 
-    In the second a small name stood beside it, and it was not fitted along.
+    And where a small name stood beside it, as here, it was not fitted along.
     """
-    case, diagnosis = diagnosed(number, "lag", 100.0)
+    case, diagnosis = diagnosed(980_009, "lag", 100.0)
     assert diagnosis.unknown is None
     (found,) = diagnosis.found
     assert str(found.reference) == "lag:z"
