@@ -96,6 +96,32 @@ def test_thermal_growth_with_a_lag() -> None:
     assert prompt.split.lack_of_fit_p < 1e-9
 
 
+def test_what_states_no_uncertainty_settles_as_well() -> None:
+    """Steps were held against a noise of a millimetre: from a size of 0 the period never moved."""
+    rng = np.random.default_rng(702)
+    q, d = there_and_back(10, 55, rng)
+    seen = q + 3e-3 * np.sin(2.0 * np.pi * q / 5.0) - 0.5 * 9e-3 * d + 4e-4 * rng.normal(size=len(q))
+    zero = np.zeros_like(q)
+    columns = {"x": q, "y": zero, "z": zero, "mx": seen, "dir_x": d, "line": ["X"] * len(q)}
+    plain = observations_from_columns(
+        {**columns, "carrier": ["relative"] * len(q), "repeat": np.repeat(range(10), 55)}
+    )
+    effects = [catalogue()[name].term("x", None, MACHINE) for name in ("periodic", "backlash")]
+    result = fitted(MACHINE, plain, effects=effects, components="none")
+    assert result.not_determined == ()
+    assert is_near(inner_of(result, "periodic:x"), 5.0)
+    assert inner_of(result, "periodic:x")[1] < 1e-3
+    assert is_near(value_of(result, "periodic:x"), 3e-3)
+    assert is_near(value_of(result, "backlash:x"), 9e-3)
+    # As with an uncertainty that is stated, and right.
+    stated = observations_from_columns(
+        {name: plain.frame[name] for name in plain.frame.columns if name != "file_row"} | {"sx": 4e-4}
+    )
+    other = fitted(MACHINE, stated, effects=effects, components="none")
+    for name in ("periodic:x", "backlash:x"):
+        assert abs(value_of(result, name)[0] - value_of(other, name)[0]) < 1e-3 * value_of(other, name)[1]
+
+
 def test_backlash_beside_the_21() -> None:
     """Nine lines there and back: the gap, and none of it in the positioning."""
     rng = np.random.default_rng(701)

@@ -8,6 +8,7 @@ determine is found by rank, never hidden by a ridge.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,8 @@ _MAX_STEPS = 40
 # As many steps cost as much as a triangle.
 _STEPS_WITH_ANOTHER = 4
 _MAX_ROUNDS = 12
+# What is left of exact data, mm: a tenth of a nanometre.
+_LEAST_LEFT = 1e-7
 # Share of the numbers that must be left over beyond the unknowns: below it medians of residuals tell no scale.
 _LEAST_LEFT_OVER = 0.15
 # First order is not exact: a linear model's sum of squares may rise by rounding and by that, but never by more.
@@ -207,6 +210,7 @@ def solve(
                 inner_ranges,
                 limits,
                 threads,
+                is_stated=sightings.is_stated,
                 of_all=of_all,
                 known=known if number == 0 else None,
             )
@@ -288,6 +292,7 @@ def _gauss_newton(
     limits: Numbers,
     threads: int,
     *,
+    is_stated: bool,
     of_all: _Iterated | None = None,
     known: Known | None = None,
 ) -> _Iterated:
@@ -295,6 +300,8 @@ def _gauss_newton(
 
     Parameters
     ----------
+    is_stated
+        Whether whitened residuals have unit variance; otherwise their scatter is what is left.
     of_all
         What was found with every row counting in full. Its triangle serves for weights below 1 too: steps are shorter
         than Newton's, none goes beyond the minimum along it, and they cost no triangle (Huber & Dutter 1974). Where
@@ -349,6 +356,9 @@ def _gauss_newton(
             factor *= 0.5
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
+        # Without a stated noise the unit of standard errors is what is left.
+        unit = 1.0 if is_stated else _left_over(cost, problem, row_scale, solution)
+        shares /= unit
         moved = factor * float(shares.max(initial=0.0))
         # Of the first step nothing was expected.
         most_followed = min(_NEAR, _SHORTER * followed) or _NEAR
@@ -429,6 +439,15 @@ def _held(problem: _core.FitProblem, state: _core.FitState, prior: Numbers | Non
     unknowns[: len(state.coefficients)] = state.coefficients
     unknowns[problem.first_shared_column :] = state.shared
     return np.asarray(prior @ unknowns)
+
+
+def _left_over(cost: float, problem: _core.FitProblem, row_scale: Numbers, solution: _core.FitSolution) -> float:
+    """Give the scatter of what is left; of what is interpolated, or exact, the least that is told.
+
+    Components that were not measured count, too: it is rather too small, and steps go on for longer.
+    """
+    n_numbers = 3 * int((row_scale > 0.0).sum())
+    return max(math.sqrt(cost / max(n_numbers - solution.rank, 1)), _LEAST_LEFT)
 
 
 def _cost(problem: _core.FitProblem, residual: Numbers, row_scale: Numbers, held: Numbers) -> float:
