@@ -133,7 +133,8 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
         raise nothing_left(session, missed, n_frames)
     is_odd = kept & rows.is_photometric
     is_odd[is_odd] = stand_out(rows.chi[is_odd], N_RESIDUALS)
-    pooled = [item for item in collected.pooled if (kept & rows.is_photometric & ~is_odd)[item[0]]]
+    agrees = kept & rows.is_photometric & ~is_odd
+    pooled = [item for item in collected.pooled if agrees[item[0]]]
     verdict = agreement(
         np.array([item[1] for item in pooled]).reshape(-1, N_RESIDUALS),
         np.array([item[2] for item in pooled]).reshape(-1, N_RESIDUALS, len(rig.parameter_names)),
