@@ -177,7 +177,7 @@ def _curve(curve: Curve) -> Iterator[str]:
     """Give the curve as a table: value ± standard error, µm; of three variables where it is largest."""
     if len(curve.at) == 3:
         along = curve.cut_along
-        place = int(np.argmax([np.ptp(curve.cut(place).value_um) for place in range(len(curve.at[along]))]))
+        place = curve.largest_cut
         yield f"    at {curve.variables[along]} = {_plain(curve.at[along][place])}:"
         curve = curve.cut(place)
     most = _MOST_POINTS if len(curve.at) == 1 else _MOST_ACROSS

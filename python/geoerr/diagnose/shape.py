@@ -124,13 +124,11 @@ def _three(curve: Curve) -> str:
     """Say what the surface over two variables is where it is largest along the third, and how it changes along it."""
     along = curve.cut_along
     name, at = curve.variables[along], curve.at[along]
-    surfaces = [curve.cut(place).value_um for place in range(len(at))]
-    swings = [float(np.ptp(surface)) for surface in surfaces]
-    largest = int(np.argmax(swings))
+    largest = curve.largest_cut
     other = 0 if largest >= len(at) - 1 - largest else len(at) - 1
-    first, second = (surfaces[place] - surfaces[place].mean() for place in (largest, other))
-    is_turned = float((first * second).sum()) < 0.0
-    share = swings[other] / max(swings[largest], 1e-9)
+    first, second = (curve.cut(place).value_um for place in (largest, other))
+    is_turned = float(((first - first.mean()) * (second - second.mean())).sum()) < 0.0
+    share = float(np.ptp(second)) / max(float(np.ptp(first)), 1e-9)
     places = [f"{name} = {at[place]:.4g}".replace("-", "−") for place in (largest, other)]
     change = f"{'upside down and ' if is_turned else ''}{share:.2g} times as large at {places[1]}"
     return f"{_two(curve.cut(largest))}; so at {places[0]}, {change}"

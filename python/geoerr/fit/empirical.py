@@ -143,6 +143,12 @@ class Curve:
         """Place of the variable at values of which three are drawn over two: the first that is no position, or z."""
         return next((place for place, name in enumerate(self.variables) if name not in AXES), len(self.variables) - 1)
 
+    @property
+    def largest_cut(self) -> int:
+        """Place along `cut_along` at which the surface over the others swings most."""
+        others = tuple(place for place in range(len(self.at)) if place != self.cut_along)
+        return int(np.argmax(np.ptp(self.value_um, axis=others)))
+
     def cut(self, place: int) -> Curve:
         """Give the curve over the other variables at one value of that which `cut_along` names."""
         along = self.cut_along
