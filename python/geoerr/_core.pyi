@@ -561,6 +561,10 @@ class FitTriangle:
     def solve(self, further: npt.NDArray[np.float64] | None, threads: int) -> FitSolution: ...
 
 @final
+class FitSums:
+    """What blocks of rows of a design sum up to."""
+
+@final
 class FitProblem:
     """A model and what was measured of it; columns: coefficients, free inner parameters, frames, shared unknowns."""
 
@@ -581,6 +585,7 @@ class FitProblem:
         inner: npt.NDArray[np.float64],
         free_inner: list[int],
         shared: npt.NDArray[np.float64] | None,
+        beside: FitProblem | None = None,
     ) -> FitProblem: ...
     @property
     def n_columns(self) -> int: ...
@@ -631,7 +636,8 @@ class FitProblem:
         own: npt.NDArray[np.int64],
         weights: npt.NDArray[np.float64],
         threads: int,
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], list[bool]]: ...
+        known: tuple[FitSums, npt.NDArray[np.int64]] | None = None,
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], list[bool], FitSums | None]: ...
     def design(
         self, state: FitState, row_scale: npt.NDArray[np.float64], first: int, last: int, threads: int
     ) -> npt.NDArray[np.float64]: ...

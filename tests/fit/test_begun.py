@@ -1,4 +1,4 @@
-"""A fit that begins at another one's triangle, against the same made whole."""
+"""A fit that begins at what another one sums up to, against the same made whole."""
 
 from __future__ import annotations
 
@@ -91,3 +91,47 @@ def test_other_rows_and_forms_are_not_known(plain: Fitted) -> None:
     assert found is not None
     for term, own in zip(whole.terms, whole.compiled.coefficient_slices, strict=True):
         assert ((found.places[own] < 0) == (term.id == "EYY")).all()
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["alike", "some-surer"])
+def long(request: pytest.FixtureRequest) -> Fitted:
+    """So many rows that a fold is left out by its sums; uncertainties alike, or not."""
+    rng = np.random.default_rng(722)
+    _, observations = nine_lines_seen(rng, MACHINE, n_repeats=60)
+    repeat = observations.numbers("repeat")[:, 0]
+    columns = {f"dir_{axis}": np.where(repeat % 2 == 0, 1.0, -1.0) for axis in "xyz"}
+    if request.param:
+        frame = observations.frame
+        size = rng.uniform(0.5, 2.0, len(repeat))
+        columns |= {name: frame[name].to_numpy() * size**2 for name in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")}
+    return fitted(MACHINE, replaced(observations, **columns), is_robust=False)
+
+
+def test_folds_begin_at_known_sums(long: Fitted) -> None:
+    fold = np.random.default_rng(723).integers(0, 3, len(long.sightings))
+    _ = long.held_out
+    terms = (*long.terms[7:], effect("backlash"), *long.terms[:7])
+    begun, whole = long.again(terms), long.fit_of_terms(terms)
+    assert begun.begun_sums is not None
+    # None of the other blocks is asked for, and once they are taken they are held no longer.
+    by_other_blocks = begun.leave_out(fold)
+    assert by_other_blocks.residual_mm == pytest.approx(whole.leave_out(fold).residual_mm, abs=1e-9)
+    assert begun.begun_sums.take() is None
+    again = long.again(terms)
+    assert again.held_out.sums is not None
+    assert again.held_out.residual_mm == pytest.approx(whole.held_out.residual_mm, abs=1e-9)
+    assert again.held_out.prediction_variance_mm2 == pytest.approx(whole.held_out.prediction_variance_mm2, rel=1e-9)
+    assert whole.begun_sums is None
+    # And on from there, with a term less.
+    fewer = again.again(long.terms)
+    assert fewer.begun_sums is not None
+    expected = again.fit_of_terms(long.terms).held_out
+    assert fewer.held_out.residual_mm == pytest.approx(expected.residual_mm, abs=1e-9)
+
+
+def test_sums_of_other_rows_are_not_begun_at(long: Fitted) -> None:
+    _ = long.held_out
+    used = np.arange(len(long.sightings)) % 7 > 0
+    assert long.again(long.terms, used=used).begun_sums is None
+    nobody_asked = long.fit_of_terms(long.terms)
+    assert nobody_asked.again(long.terms).begun_sums is None

@@ -3,7 +3,7 @@
 use geoerr_core::bases::Basis;
 use geoerr_core::expression::{Definitions, Expression, Symbols};
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Pose};
-use geoerr_core::least_squares::Matrix;
+use geoerr_core::least_squares::{Design, Matrix};
 use geoerr_core::volumetric::{
     Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, WhitenedDesign,
     channel_values, displacements,
@@ -311,6 +311,53 @@ fn the_gram_matrix_is_that_of_the_design() {
         let mut bad = scale;
         bad[3] = f64::NAN;
         assert!(block.gram(&bad).first_non_finite().is_some());
+    }
+}
+
+#[test]
+fn blocks_begin_at_the_sums_that_are_known_of_them() {
+    let (problem, state) = problem("wZbXYt");
+    let (n_rows, n) = (problem.n_rows(), problem.n_columns());
+    let mut draws = Draws::new(41);
+    let scale: Vec<f64> = (0..n_rows).map(|_| 1.0 + 0.5 * draws.symmetric()).collect();
+    let residuals: Vec<[f64; 3]> = problem.residuals(&state).unwrap();
+    let order: Vec<usize> = (0..n_rows).rev().collect();
+    let design = || WhitenedDesign::in_order(&problem, &state, &residuals, &scale, order.clone()).unwrap();
+    let rows = 0..3 * (n_rows / 2);
+    let weights: Vec<f64> = rows.clone().map(|_| 3.0 + 2.5 * draws.symmetric()).collect();
+    let same: Vec<Option<usize>> = (0..n).map(Some).collect();
+    for weights in [None, Some(weights.as_slice())] {
+        let whole = design().keeping_sums();
+        let expected = whole.sums_of(rows.clone(), weights).unwrap();
+        let known = whole.into_kept_sums().unwrap();
+        // What is known of some columns only, and of all but the numbers.
+        for places in [same.iter().map(|&place| place.filter(|place| place % 3 > 0)).collect(), same.clone()]
+        {
+            let found =
+                design().beginning_at(&known, &places).unwrap().sums_of(rows.clone(), weights).unwrap();
+            assert_eq!(found.rhs, expected.rhs);
+            for one in 0..n {
+                let size = expected.gram[(one, one)].sqrt();
+                let length = expected.rhs.as_slice().iter().map(|b| b * b).sum::<f64>().sqrt();
+                assert!(
+                    (found.products[(one, 0)] - expected.products[(one, 0)]).abs() <= 1e-13 * size * length
+                );
+                for two in 0..n {
+                    let size = size * expected.gram[(two, two)].sqrt();
+                    assert!((found.gram[(one, two)] - expected.gram[(one, two)]).abs() <= 1e-13 * size);
+                    if let (Some(found), Some(expected)) = (&found.weighted, &expected.weighted) {
+                        assert!((found[(one, two)] - expected[(one, two)]).abs() <= 6e-13 * size);
+                    }
+                }
+            }
+            assert_eq!(found.weighted.is_some(), weights.is_some());
+        }
+        // Of other rows, or with weights where there were none, they are made whole.
+        let begun = design().beginning_at(&known, &same).unwrap();
+        let others = 0..rows.end - 3;
+        assert_eq!(begun.sums_of(others.clone(), None), design().sums_of(others, None));
+        assert!(design().beginning_at(&known, &same[1..]).is_err());
+        assert!(design().beginning_at(&known, &vec![Some(n); n]).is_err());
     }
 }
 

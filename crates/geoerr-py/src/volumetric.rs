@@ -7,7 +7,7 @@ use geoerr_core::least_squares::{
     Matrix, Options, Restriction, Solution, Triangle, leave_blocks_out_of_residuals, solve,
 };
 use geoerr_core::volumetric::{
-    Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, WhitenedDesign,
+    Frame, KeptSums, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, WhitenedDesign,
     channel_values, displacements,
 };
 use numpy::{
@@ -337,9 +337,12 @@ fn frames_of(arrays: &FrameArrays<'_>) -> Result<Vec<Frame>, CoreError> {
 
 #[pymethods]
 impl PyFitProblem {
-    /// `shared` is the derivative (n, 3, p) of measured points by unknowns that all rows share.
+    /// `shared` is the derivative (n, 3, p) of measured points by unknowns that all rows share; `beside` is another
+    /// problem, whose functions along axes are taken where they are the same.
     #[new]
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
+    #[pyo3(signature = (model, carriers, q_mm, offset_mm, variables, starts, t_s, measured_mm, whitening, session,
+        frames, coefficients, inner, free_inner, shared, beside=None))]
     fn new(
         model: &PyVolumetricModel,
         carriers: PyReadonlyArray1<'_, u8>,
@@ -356,6 +359,7 @@ impl PyFitProblem {
         inner: PyReadonlyArray1<'_, f64>,
         free_inner: Vec<usize>,
         shared: Option<PyReadonlyArray3<'_, f64>>,
+        beside: Option<PyRef<'_, PyFitProblem>>,
     ) -> PyResult<Self> {
         let t_s = t_s.as_ref();
         let (carriers, q_mm, offset_mm) = (&carriers, &q_mm, &offset_mm);
@@ -382,6 +386,10 @@ impl PyFitProblem {
         };
         let problem = Problem::new(model.core().clone(), sightings, &start.frames, free_inner)
             .map_err(CoreError::from)?;
+        let problem = match beside {
+            Some(other) => problem.beside(&other.problem),
+            None => problem,
+        };
         Ok(Self { problem, start })
     }
 
@@ -559,8 +567,11 @@ impl PyFitProblem {
 
     /// Leaves blocks of rows out in turn. `order` are the rows block by block, `starts` where blocks begin in it, `own`
     /// how many unknowns belong to each block alone, `weights` (n, 3) what the variances of its prediction are multiplied
-    /// with, in the order of rows. Rows of the answer are in that of `order`, variances are summed by block.
+    /// with, in the order of rows. Rows of the answer are in that of `order`, variances are summed by block. `known` is
+    /// where to begin: sums of a design with the same rows and weights, and for each column (n,) where the same one is in
+    /// it, -1 of one that is not; they are not asked where they are of other blocks.
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
+    #[pyo3(signature = (state, solution, residuals_mm, order, starts, own, weights, threads, known=None))]
     fn leave_out<'py>(
         &self,
         py: Python<'py>,
@@ -572,6 +583,7 @@ impl PyFitProblem {
         own: PyReadonlyArray1<'py, i64>,
         weights: PyReadonlyArray2<'py, f64>,
         threads: usize,
+        known: Option<(PyRef<'py, PyFitSums>, PyReadonlyArray1<'py, i64>)>,
     ) -> PyResult<LeftOutArrays<'py>> {
         let (problem, state, solution) = (&self.problem, &state.state, &solution.solution);
         let residuals_mm = rows(&residuals_mm, "residuals_mm")?;
@@ -581,17 +593,29 @@ impl PyFitProblem {
         if weights.len() != problem.n_rows() {
             return Err(CoreError::shape("every sighting has three weights").into());
         }
-        let left = enter_core(py, threads, || {
+        let known = known.as_ref().filter(|(sums, _)| sums.order == order && sums.starts == starts);
+        let known = known.map(|(sums, places)| (&sums.sums, places_if_any(places)));
+        let is_little = 2 * starts.len() * problem.n_columns().pow(2) <= MOST_KEPT;
+        let (left, sums) = enter_core(py, threads, || {
             let row_scale = vec![1.0; problem.n_rows()];
             let in_order: Vec<f64> =
                 order.iter().filter_map(|&row| weights.get(row)).copied().flatten().collect();
-            let design = WhitenedDesign::in_order(problem, state, residuals_mm, &row_scale, order)?;
+            let mut design =
+                WhitenedDesign::in_order(problem, state, residuals_mm, &row_scale, order.clone())?;
+            if let Some((sums, places)) = &known {
+                design = design.beginning_at(sums, places)?;
+            }
+            if is_little {
+                design = design.keeping_sums();
+            }
             let blocks = design.blocks_at(&starts)?;
-            leave_blocks_out_of_residuals(&design, solution, &blocks, &own, Some(&in_order))
+            let left = leave_blocks_out_of_residuals(&design, solution, &blocks, &own, Some(&in_order))?;
+            Ok::<_, geoerr_core::volumetric::VolumetricError>((left, design.into_kept_sums()))
         })?;
         let n = left.held_out.len() / 3;
         let held_out = left.held_out.into_pyarray(py).reshape([n, 3])?;
-        Ok((held_out, from_numbers(py, left.prediction_variance), left.is_determined))
+        let sums = sums.map(|sums| PyFitSums { sums, order, starts });
+        Ok((held_out, from_numbers(py, left.prediction_variance), left.is_determined, sums))
     }
 
     /// The whitened design of rows `first` to `last` (3 (last − first), n_columns), in NumPy's order.
@@ -625,8 +649,20 @@ impl PyFitProblem {
 type LargestEntries<'py> = (Option<Bound<'py, PyArray1<f64>>>, Option<(usize, usize)>);
 
 /// Residuals against the other blocks, whitened (n, 3); of each block the weighted variances of its prediction, and whether
-/// it is determined by the others.
-type LeftOutArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Vec<bool>);
+/// it is determined by the others; what blocks sum up to, where that is kept.
+type LeftOutArrays<'py> =
+    (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Vec<bool>, Option<PyFitSums>);
+
+/// Numbers of sums that are kept: 64 MB of them.
+const MOST_KEPT: usize = 1 << 23;
+
+/// What blocks of rows of a design sum up to, and which blocks these were.
+#[pyclass(frozen, name = "FitSums", module = "geoerr._core")]
+pub struct PyFitSums {
+    sums: KeptSums,
+    order: Vec<usize>,
+    starts: Vec<usize>,
+}
 
 /// Columns of norm 1 that cancel to this are not told apart by measurements: noise in that direction is 100,000 times
 /// that of a single number, and what came out would be no estimate of anything.
@@ -739,5 +775,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyFitState>()?;
     module.add_class::<PyFitTriangle>()?;
     module.add_class::<PyFitSolution>()?;
+    module.add_class::<PyFitSums>()?;
     module.add_class::<PyFitProblem>()
 }

@@ -1,4 +1,4 @@
-"""Where the triangle of a fit begins: at another fit's to the same rows, of which most columns are the same.
+"""Where a fit begins: at what another one to the same rows, of which most columns are the same, sums up to.
 
 Columns are first order at the nominal machine. Those of a term without inner parameters depend on the term, the rows
 and the frames alone: beside one more effect they are what they were before, and so are their products.
@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoerr import _core
-from geoerr.fit.fitted import Fitted
+from geoerr.fit.fitted import BegunSums, Fitted
 from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.solve import Solved
 from geoerr.fit.start import N_UNKNOWNS
 from geoerr.fit.triangles import Known
 from geoerr.model.compile import Compiled
@@ -54,6 +55,23 @@ def known_columns(
     places[first_frame:] = np.arange(first_frame, problem.n_columns) - problem.n_columns + fitted.problem.n_columns
     known = Known(fitted.solved.triangle, fitted.solved.row_scale, places)
     return known if known.is_most else None
+
+
+def known_sums(fitted: Fitted, known: Known, solved: Solved) -> BegunSums | None:
+    """Give what a fit has of the sums over folds of one whose triangle it has most of; None of other frames."""
+    before, held_out = fitted.solved, fitted.held_out_if_known
+    if held_out is None or held_out.sums is None or not np.array_equal(before.used, solved.used):
+        return None
+    if not _are_in_one_frame(before.design_state, solved.design_state):
+        return None
+    return BegunSums((held_out.sums, known.places))
+
+
+def _are_in_one_frame(one: _core.FitState, other: _core.FitState) -> bool:
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name))
+        for name in ("rotations", "translations_mm", "excess_mm")
+    )
 
 
 def _stands_alone(term: Term) -> bool:

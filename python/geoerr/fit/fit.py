@@ -20,7 +20,7 @@ from scipy import stats
 
 from geoerr import _core
 from geoerr.errors import GeoerrError, GeometryError
-from geoerr.fit.begun import known_columns
+from geoerr.fit.begun import known_columns, known_sums
 from geoerr.fit.classic import (
     Components,
     classic_terms,
@@ -29,7 +29,7 @@ from geoerr.fit.classic import (
     positions_by_axis,
     rich_bases,
 )
-from geoerr.fit.fitted import Fitted
+from geoerr.fit.fitted import BegunSums, Fitted
 from geoerr.fit.free_directions import concerned, held_smallest, limits_of
 from geoerr.fit.inner import has_unknown_inner, started
 from geoerr.fit.joined import sightings_of
@@ -341,7 +341,8 @@ class Posed:
         # What follows inner parameters begins where it is known to be: an inner parameter of an effect of size 0 does
         # nothing.
         at = None if around is None and not free else start_values(terms)[0]
-        problem = self._in_frames(around)._problem(compiled, terms, sightings, variables, shared, given, free, at)
+        posed = self._in_frames(around)
+        problem = posed._problem(compiled, terms, sightings, variables, shared, given, free, at, known_fit)
         n_model = compiled.n_coefficients + len(free)
         rows = gauge_rows(terms)
         gauge = np.zeros((len(rows), problem.n_columns))
@@ -373,6 +374,9 @@ class Posed:
         )
         if around is not None:
             solved = replace(solved, state=problem.start)
+        begun_sums = None
+        if known_fit is not None and known_triangle is not None:
+            begun_sums = known_sums(known_fit, known_triangle, solved)
         fit_of_terms = self._on(sightings, own_shared, given).fit
         return self._summary(
             terms,
@@ -387,6 +391,7 @@ class Posed:
             fit_of_terms,
             nothing,
             limits,
+            begun_sums,
         )
 
     def amounts(self, still: Sequence[Standing], names: Sequence[str], variables: Numbers) -> Numbers:
@@ -500,6 +505,7 @@ class Posed:
         given: Given | None,
         free: Sequence[int],
         values: Numbers | None = None,
+        known_fit: Fitted | None = None,
     ) -> _core.FitProblem:
         frames = self.frames
         offset_mm, measured_mm = sightings.offset_mm, sightings.measured_mm
@@ -523,6 +529,7 @@ class Posed:
             inner,
             list(free),
             shared,
+            None if known_fit is None else known_fit.problem,
         )
 
     def _summary(
@@ -539,6 +546,7 @@ class Posed:
         fit_of_terms: Callable[..., Fitted],
         nothing: Sequence[int],
         limits: Numbers,
+        begun_sums: BegunSums | None,
     ) -> Fitted:
         n_numbers = int(sightings.is_measured[solved.used].sum())
         # Rows of a prior take their share of the unknowns; what the data do is left.
@@ -594,6 +602,7 @@ class Posed:
             fit_of_terms=fit_of_terms,
             prior=prior,
             threads=self.options.threads,
+            begun_sums=begun_sums,
         )
 
 

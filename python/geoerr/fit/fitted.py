@@ -33,6 +33,18 @@ class Outlier:
     residual_um: tuple[float, float, float]
 
 
+@dataclass(eq=False)
+class BegunSums:
+    """Sums over folds of another fit to begin at, and where this one's columns are in them: until they are taken."""
+
+    sums: tuple[_core.FitSums, np.ndarray] | None = None
+
+    def take(self) -> tuple[_core.FitSums, np.ndarray] | None:
+        """Give them, and hold them no longer: each is megabytes, and fits follow one another."""
+        sums, self.sums = self.sums, None
+        return sums
+
+
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """A fit with everything that can be asked of it; arrays are in the order of `sightings`.
@@ -66,6 +78,8 @@ class Fitted:
         Fits terms to the same data: `Posed.fit`.
     choices
         How each function's basis was chosen.
+    begun_sums
+        Of the fit that this one began at.
     """
 
     machine: Machine
@@ -85,6 +99,7 @@ class Fitted:
     choices: tuple[KnotChoice, ...] = ()
     prior: Numbers | None = None
     threads: int = 0
+    begun_sums: BegunSums | None = None
 
     def again(
         self,
@@ -124,8 +139,15 @@ class Fitted:
             self.solved.used,
             fold,
             shared=self.shared,
+            known=None if self.begun_sums is None else self.begun_sums.take(),
             threads=self.threads,
         )
+
+    @property
+    def held_out_if_known(self) -> HeldOut | None:
+        """`held_out`, where somebody asked for it already."""
+        known: HeldOut | None = self.__dict__.get("held_out")
+        return known
 
     @cached_property
     def repeats(self) -> Repeats:

@@ -40,6 +40,8 @@ class HeldOut:
         Rows whose fold the rest does not determine.
     prediction_variance_mm2
         Mean trace of the covariance of the prediction, over the computable rows.
+    sums
+        What folds sum up to, for a fit to the same rows; None where that is not kept.
     """
 
     residual_mm: Numbers
@@ -47,6 +49,7 @@ class HeldOut:
     n_folds: int
     n_not_computable: int
     prediction_variance_mm2: float
+    sums: _core.FitSums | None = None
 
 
 def folds_of(sightings: Sightings) -> np.ndarray:
@@ -77,6 +80,7 @@ def leave_out(
     fold: np.ndarray,
     *,
     shared: Numbers | None = None,
+    known: tuple[_core.FitSums, np.ndarray] | None = None,
     threads: int = 0,
 ) -> HeldOut:
     """Predict every fold from the others.
@@ -94,6 +98,9 @@ def leave_out(
         Fold of every row.
     shared : (n, 3, p) or None
         Derivative of measured points by shared unknowns; one that acts in a single fold is that fold's own.
+    known
+        Sums of another design of these rows in its frames, and where each column (n_columns,) is in that one; -1 of
+        one that is not.
     """
     held = np.full((len(sightings), 3), np.nan)
     order = np.flatnonzero(used)
@@ -111,7 +118,7 @@ def leave_out(
     weights_mm2 = (unwhitening**2).sum(axis=1)
     # What was not measured has no variance, whatever its weight; one weight of all is the quickest.
     weights_mm2 = np.where(weights_mm2 > 0.0, weights_mm2, weights_mm2.max(initial=0.0))
-    whitened, spread_mm2, is_determined = problem.leave_out(
+    whitened, spread_mm2, is_determined, sums = problem.leave_out(
         design_state,
         solution,
         residual_mm,
@@ -120,6 +127,7 @@ def leave_out(
         np.array(own, dtype=np.int64),
         weights_mm2,
         threads,
+        known,
     )
     held[order] = np.einsum("nij,nj->ni", unwhitening[order], whitened)
     base = problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held)))
@@ -133,6 +141,7 @@ def leave_out(
         folds,
         int((used & ~computable).sum()),
         float(np.nansum(spread_mm2)) / max(int(computable.sum()), 1),
+        sums,
     )
 
 

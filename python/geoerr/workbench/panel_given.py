@@ -79,7 +79,6 @@ def _model(session: Session) -> list[Any]:
     step = session.step
     if step is None:
         return [html.P("None yet.")]
-    busy = session.is_busy
     machine = step.model.machine
     rows = [figure_row(name, um(step.figures.get(key)), why) for name, key, why in _FIGURES]
     floor = step.figures.get("noise_floor_um")
@@ -88,7 +87,7 @@ def _model(session: Session) -> list[Any]:
     explained = [*((name, why) for name, _, why in _FIGURES), ("noise", _NOISE)]
     effects = [
         html.Li([html.Span([title, html.Br(), html.Code(name)]),
-                 button("Remove", "remove", name, off=busy, title=f"Take {name} out and fit again")])
+                 button("Remove", "remove", name, rests=True, title=f"Take {name} out and fit again")])
         for name, title in step.effects
     ]  # fmt: skip
     wants = wanting(session)
@@ -105,12 +104,13 @@ def _model(session: Session) -> list[Any]:
         html.Ul(effects, className="files") if effects else None,
         html.Div(
             [
-                button("Fit the 21 errors", "fit", "21", off=busy or bool(wants),
+                button("Fit the 21 errors", "fit", "21", rests=True, off=bool(wants),
                        is_main=step.model.is_nominal and not session.has_circles_only,
                        title="Positioning, straightness and angles of three axes, and squareness"),
-                button("12, no angles", "fit", "12", off=busy or bool(wants),
+                button("12, no angles", "fit", "12", rests=True, off=bool(wants),
                        title="Positioning, straightness and squareness only"),
-                button("Undo", "undo", off=busy or step.parent is None, title="Back to the model before this one"),
+                button("Undo", "undo", rests=True, off=step.parent is None,
+                       title="Back to the model before this one"),
             ],
             className="buttons",
         ),
@@ -130,7 +130,7 @@ def _history(session: Session) -> Any:
                 [
                     html.Td(button("★" if is_reference else "☆", "refer", str(number),
                                    title="The reference" if is_reference else "Make this the reference")),
-                    html.Td(button(breakable(f"{number + 1}. {step.name}"), "show", str(number), off=session.is_busy,
+                    html.Td(button(breakable(f"{number + 1}. {step.name}"), "show", str(number), rests=True,
                                    title="Look at this model"), className="name"),
                     html.Td("–" if error is None else f"{error:.1f}", className="number"),
                     html.Td("" if is_reference else difference_um(error, known), className="number"),

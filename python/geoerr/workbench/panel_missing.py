@@ -42,7 +42,8 @@ def missing_panel(session: Session) -> list[Any]:
         "Look for what is missing" if session.told is None else "Look again",
         "diagnose",
         is_main=session.told is None and ready and (session.has_circles_only or not session.model.is_nominal),
-        off=session.is_busy or not ready,
+        rests=True,
+        off=not ready,
     )
     return [
         section("What is missing", [search, problem(session, MISSING), *_answer(session)], name="missing"),
@@ -117,7 +118,7 @@ def own_result(session: Session) -> list[Any]:
                 html.P([html.B("Value: "), "; ".join(values), html.Span(_UNITS, className="why")]),
                 html.Div(
                     [
-                        button("Add it", "add-trial", is_main=helps, off=session.is_busy),
+                        button("Add it", "add-trial", is_main=helps, rests=True),
                         button("Show", "point", TRIAL, title="Show what it explains in the pictures"),
                     ],
                     className="buttons",
@@ -218,13 +219,13 @@ def _buttons(one: Card, session: Session, *, is_in: bool) -> Any:
     buttons = []
     if one.adds:
         text = "In the model" if is_in else one.adds
-        off = session.is_busy or is_in
-        buttons.append(button(text, "add", one.reference, is_main=one.is_main and not is_in, off=off, title=why))
+        is_main = one.is_main and not is_in
+        buttons.append(button(text, "add", one.reference, is_main=is_main, off=is_in, rests=True, title=why))
     if one.can_show:
         title = "Show what it would explain in the pictures"
         # What is found already is shown while other work is under way, too.
-        off = session.is_busy and session.diagnosis is None
-        buttons.append(button("Show", "point", one.reference, title=title, off=off))
+        rests = session.diagnosis is None
+        buttons.append(button("Show", "point", one.reference, title=title, rests=rests))
     return html.Div(buttons, className="buttons") if buttons else None
 
 

@@ -100,7 +100,7 @@ def program_result(session: Session) -> list[Any]:
     if session.dropped is not None:
         name = session.dropped[0]
         title = "With the model that is looked at, and with what is stated above"
-        again = button(f"Correct {name} again", "correct-again", off=session.is_busy, title=title)
+        again = button(f"Correct {name} again", "correct-again", rests=True, title=title)
     parts = [problem(session, PROGRAM), again]
     corrected = session.program
     if corrected is None:
@@ -164,10 +164,10 @@ def _report(session: Session, name: str, text: str) -> list[Any]:
         return [html.A(f"Open: {text}", href=f"/report/{name}", target="_blank")]
     if name == "diagnosis" and session.diagnosis is None and session.told is not None:
         said = f"{text}: the saved session has it in words only"
-        return [html.Span(said, className="why"), button("Look again", "diagnose", off=session.is_busy)]
+        return [html.Span(said, className="why"), button("Look again", "diagnose", rests=True)]
     if not can_write(session, name):
         return [html.Span(f"{text}: comes with {_NEEDED[name]}", className="why")]
-    return [html.Span(text), button("Write", "report", name, off=session.is_busy, title=f"Write the report: {text}")]
+    return [html.Span(text), button("Write", "report", name, rests=True, title=f"Write the report: {text}")]
 
 
 def _pair(name: str, before: str, after: str) -> Any:

@@ -24,17 +24,30 @@ def breakable(name: str) -> list[Any]:
 
 
 def button(
-    text: str | list[Any], do: str, what: str = "", *, is_main: bool = False, title: str = "", off: bool = False
+    text: str | list[Any],
+    do: str,
+    what: str = "",
+    *,
+    is_main: bool = False,
+    title: str = "",
+    off: bool = False,
+    rests: bool = False,
 ) -> Any:
-    """Make a button that asks for an action: `do`, of `what`."""
+    """Make a button that asks for an action: `do`, of `what`.
+
+    One that `rests` is off while work is under way, too: the page sees to that itself (`assets/resting.js`), so that
+    no panel has to be made and drawn anew when work begins.
+    """
+    kinds = [name for name, holds in (("main", is_main), ("rests", rests)) if holds]
     return html.Button(
         text,
         id=button_id(do, what),
         n_clicks=0,
-        className="main" if is_main else "",
+        className=" ".join(kinds),
         title=title,
         disabled=off,
         type="button",
+        **{"data-off": "true"} if off else {},
     )
 
 

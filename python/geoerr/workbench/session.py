@@ -106,8 +106,9 @@ class Session:
         For dropped files; gone with the session, which holds what they hold wherever it is saved.
     saved_in
         File that it is written to after every change of models or data; None where it lives in memory only.
-    version, sight
-        Grow with every change, and with every change of what the pictures show.
+    version, content, sight
+        Grow with every change, with every one but that work begins or is stopped, and with every change of what the
+        pictures show.
     files, measured, own_effects, calibration
         What was given; the calibration's uncertainty takes part in every fit and search.
     tried
@@ -135,6 +136,7 @@ class Session:
     saved_in: Path | None = None
     threads: int = 0
     version: int = 0
+    content: int = 0
     sight: int = 0
     files: list[InputFile] = field(default_factory=list)
     measured: Measurements | None = None
@@ -218,6 +220,7 @@ class Session:
         """Count a change; `is_kept` ones are written to the session's file."""
         with self.lock:
             self.version += 1
+            self.content += 1
             if is_kept and self.saved_in is not None:
                 try:
                     self.on_saved_change(self)
@@ -248,7 +251,8 @@ class Session:
         with self.lock:
             if self.job is not None:
                 raise GeoerrError(f"{self.job.title} is still under way\nhint: wait for it, or stop it")
-            self.problems.pop(place, None)
+            if self.problems.pop(place, None) is not None:
+                self.content += 1
             self.job = Job(title, place, work, self._ended)
             self.version += 1
             self.job.start()

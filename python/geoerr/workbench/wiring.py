@@ -43,6 +43,8 @@ from geoerr.workbench.wanting import wanting
 _MOST_OF_A_BEAT = 0.9
 # Panels that take a while to draw.
 _DRAWN = ("given", "missing", "fall", "own", "conditions", "program", "reports")
+# What the session's content is counted by, among their digests.
+_CONTENT = "content"
 # Actions of buttons to the panel in which a refusal is shown.
 PLACES = {
     "fit": actions.DATA,
@@ -91,30 +93,41 @@ def refuse(session: Session, place: str, error: GeoerrError) -> None:
     session.changed()
 
 
+def drawn_panels(session: Session) -> dict[str, Any]:
+    """Give the panels that take a while to draw; that work begins or is stopped changes none of them."""
+    return {
+        "given": given_panel(session),
+        "missing": missing_panel(session),
+        "fall": fall_graph(session),
+        "own": own_result(session),
+        "conditions": conditions_form(session),
+        "program": program_result(session),
+        "reports": reports_list(session),
+    }
+
+
+def other_parts(session: Session) -> dict[str, Any]:
+    """Give everything else that a change of the session may change, pictures aside."""
+    seen = session.seen
+    options = [] if seen is None else options_of(seen)
+    return {
+        "variables": options,
+        "variable": session.view.variable or None,
+        "color": session.view.color_by or None,
+        "looks": LOOKS if seen is None else seen.looks,
+        "look": session.view.look,
+        "runs": [] if seen is None else [one.name for one in seen.circles],
+        "run": session.view.run or None,
+        "status": status(session),
+        "stop": stop(session),
+        "beat": BEAT_MS if session.is_busy else RESTING_BEAT_MS,
+    }
+
+
 def panels(session: Session) -> dict[str, Any]:
     """Give everything that a change of the session may change, pictures aside."""
     with session.lock:
-        seen = session.seen
-        options = [] if seen is None else options_of(seen)
-        return {
-            "given": given_panel(session),
-            "missing": missing_panel(session),
-            "fall": fall_graph(session),
-            "own": own_result(session),
-            "conditions": conditions_form(session),
-            "program": program_result(session),
-            "reports": reports_list(session),
-            "variables": options,
-            "variable": session.view.variable or None,
-            "color": session.view.color_by or None,
-            "looks": LOOKS if seen is None else seen.looks,
-            "look": session.view.look,
-            "runs": [] if seen is None else [one.name for one in seen.circles],
-            "run": session.view.run or None,
-            "status": status(session),
-            "stop": stop(session),
-            "beat": BEAT_MS if session.is_busy else RESTING_BEAT_MS,
-        }
+        return drawn_panels(session) | other_parts(session)
 
 
 def pictures(session: Session, shown: str) -> dict[str, Any]:
@@ -259,7 +272,7 @@ def _wire_panels(app: Dash, session: Session) -> None:
         inputs={"_": Input("tick", "data"), "sight": State("sight", "data"), "shown": State("shown", "data")},
     )
     def _refresh(_: Any, sight: int, shown: Mapping[str, str]) -> dict[str, Any]:
-        found, digests = _unlike(panels(session), shown)
+        found, digests = _unlike(session, shown)
         has_new = ctx.triggered_id is None or sight != session.sight
         names = ("variables", "variable", "color", "looks", "look", "runs", "run")
         if not has_new:
@@ -272,11 +285,16 @@ def _wire_panels(app: Dash, session: Session) -> None:
         }
 
 
-def _unlike(found: dict[str, Any], shown: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
+def _unlike(session: Session, shown: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
     """Leave the panels out that a page shows as they are, by their digests: to draw them again takes a while."""
+    with session.lock:
+        content = str(session.content)
+        if shown.get(_CONTENT) == content:
+            return other_parts(session) | dict.fromkeys(_DRAWN, no_update), dict(shown)
+        found = panels(session)
     digests = {name: hashlib.sha256(to_json_plotly(found[name]).encode()).hexdigest() for name in _DRAWN}
     same = {name: no_update for name, digest in digests.items() if shown.get(name) == digest}
-    return found | same, digests
+    return found | same, digests | {_CONTENT: content}
 
 
 def _wire_pictures(app: Dash, session: Session) -> None:

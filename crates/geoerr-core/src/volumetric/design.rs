@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use super::problem::{Block, NUMBERS_OF_A_ROW};
+use super::block::Block;
+use super::kept_sums::{KeptSums, begun};
+use super::problem::NUMBERS_OF_A_ROW;
 use super::{Problem, State, VolumetricError};
 use crate::least_squares::{Blocks, Design, Matrix, Sums};
 
@@ -24,6 +26,10 @@ pub struct WhitenedDesign<'a> {
     order: Vec<usize>,
     /// `AᵀA`, where it is known.
     gram: Option<Matrix>,
+    /// Sums of blocks of another design, and where each column of this one is among its own.
+    begun: Option<(&'a KeptSums, &'a [Option<usize>])>,
+    /// Those of this one, where they are kept.
+    kept: Option<KeptSums>,
 }
 
 impl<'a> WhitenedDesign<'a> {
@@ -46,6 +52,8 @@ impl<'a> WhitenedDesign<'a> {
             row_scale,
             order: (0..needed).collect(),
             gram: None,
+            begun: None,
+            kept: None,
         })
     }
 
@@ -73,7 +81,9 @@ impl<'a> WhitenedDesign<'a> {
         for (row, scale) in whitened.iter_mut().zip(row_scale) {
             *row = row.map(|value| value * scale);
         }
-        Ok(Self { block: problem.blocks(state)?, whitened: Some(whitened), row_scale, order, gram: None })
+        let block = problem.blocks(state)?;
+        let whitened = Some(whitened);
+        Ok(Self { block, whitened, row_scale, order, gram: None, begun: None, kept: None })
     }
 
     /// `AᵀA`, from the entries that are not 0; of a system in its own order.
@@ -87,29 +97,51 @@ impl<'a> WhitenedDesign<'a> {
     /// # Errors
     /// [`VolumetricError::Length`] for another number of places than of columns, or a place that there is not.
     pub fn gram_from(&self, known: &Matrix, places: &[Option<usize>]) -> Result<Matrix, VolumetricError> {
+        let columns = self.columns_beside(known.n_columns(), places)?;
+        let made = self.block.gram_columns(&columns, self.row_scale);
+        Ok(begun(known, places, &columns, made.as_slice()))
+    }
+
+    /// Columns that have no place in another design.
+    fn columns_beside(
+        &self,
+        n_known: usize,
+        places: &[Option<usize>],
+    ) -> Result<Vec<usize>, VolumetricError> {
         let needed = self.block.n_columns();
         if places.len() != needed {
             return Err(VolumetricError::Length { what: "places", found: places.len(), needed });
         }
-        if let Some(&found) = places.iter().flatten().find(|&&place| place >= known.n_columns()) {
-            return Err(VolumetricError::Length {
-                what: "gram",
-                found: known.n_columns(),
-                needed: found + 1,
-            });
+        if let Some(&place) = places.iter().flatten().find(|&&place| place >= n_known) {
+            return Err(VolumetricError::Length { what: "gram", found: n_known, needed: place + 1 });
         }
-        let columns: Vec<usize> = (0..needed).filter(|&column| places[column].is_none()).collect();
-        let made = self.block.gram_columns(&columns, self.row_scale);
-        let mut gram = Matrix::from_fn(needed, needed, |row, column| {
-            places[row].zip(places[column]).map_or(0.0, |place| known[place])
-        });
-        for (k, &column) in columns.iter().enumerate() {
-            for (row, &value) in made.column(k).iter().enumerate() {
-                gram[(row, column)] = value;
-                gram[(column, row)] = value;
-            }
-        }
-        Ok(gram)
+        Ok((0..needed).filter(|&column| places[column].is_none()).collect())
+    }
+
+    /// The same system, whose sums over blocks begin at those of another design of the same sightings in the same order, with
+    /// the same weights: for each column, where the same one is in that design.
+    ///
+    /// # Errors
+    /// As [`WhitenedDesign::gram_from`].
+    pub fn beginning_at(
+        self,
+        known: &'a KeptSums,
+        places: &'a [Option<usize>],
+    ) -> Result<Self, VolumetricError> {
+        self.columns_beside(known.n_columns().unwrap_or(usize::MAX), places)?;
+        Ok(Self { begun: Some((known, places)), ..self })
+    }
+
+    /// The same system, which keeps what its blocks sum up to.
+    #[must_use]
+    pub fn keeping_sums(self) -> Self {
+        Self { kept: Some(KeptSums::default()), ..self }
+    }
+
+    /// What was kept.
+    #[must_use]
+    pub fn into_kept_sums(self) -> Option<KeptSums> {
+        self.kept
     }
 
     /// The same system, of which `AᵀA` is known.
@@ -175,10 +207,20 @@ impl Design for WhitenedDesign<'_> {
     }
 
     fn sums_of(&self, rows: Range<usize>, weights: Option<&[f64]>) -> Option<Sums> {
-        let sightings = self.sightings(rows);
+        let sightings = self.sightings(rows.clone());
         let whitened = self.whitened.as_ref()?;
         let own: Vec<[f64; 3]> = sightings.iter().map(|&row| whitened[row]).collect();
-        let (gram, weighted, products) = self.block.sums_of(sightings, &own, weights, self.row_scale);
+        let known =
+            self.begun.and_then(|(known, places)| Some((known.of(&rows, weights.is_some())?, places)));
+        let (gram, weighted, products) = match known {
+            Some((known, places)) => {
+                known.beside(&self.block, places, sightings, &own, weights, self.row_scale)
+            }
+            None => self.block.sums_of(sightings, &own, weights, self.row_scale),
+        };
+        if let Some(kept) = &self.kept {
+            kept.keep(&rows, &gram, weighted.as_ref());
+        }
         let rhs = Matrix::from_column(own.into_iter().flatten().collect());
         Some(Sums { gram, weighted, products: Matrix::from_column(products), rhs })
     }

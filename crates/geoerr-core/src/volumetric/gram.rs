@@ -8,7 +8,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::problem::{Block, NUMBERS_OF_A_ROW};
+use super::block::Block;
+use super::problem::NUMBERS_OF_A_ROW;
 use crate::least_squares::{Matrix, lower_gram, product, transposed_product};
 
 /// Sightings of one sum, at least, and sums at most: each is a matrix. They are added up in their order, whatever thread

@@ -15,9 +15,12 @@
 //! Residuals come from the exact chain; the columns of the design are first order at the nominal machine, so that one
 //! triangle serves all iterations ([`Problem`]).
 
+mod block;
 mod design;
+mod design_products;
 mod frame;
 mod gram;
+mod kept_sums;
 mod machine;
 mod problem;
 mod rows;
@@ -25,10 +28,12 @@ mod shared_bases;
 mod term;
 mod values;
 
+pub use block::Block;
 pub use design::WhitenedDesign;
 pub use frame::Frame;
+pub use kept_sums::KeptSums;
 pub use machine::{Approach, Approached, MachineError, MachineInverseError, MotionNeeds, TermMachine};
-pub use problem::{Block, Problem, Sightings, State};
+pub use problem::{Problem, Sightings, State};
 pub use rows::Rows;
 pub use term::{Part, Shape, Term, VolumetricModel};
 pub use values::{ChannelValues, channel_values, displacements};

@@ -62,6 +62,13 @@ impl SharedBases {
         }
     }
 
+    /// Keeps what others keep of the same positions, where they are the same bases.
+    pub(super) fn keep_those_of(&mut self, other: &Self) {
+        if self.bases == other.bases {
+            self.of_rows = Arc::clone(&other.of_rows);
+        }
+    }
+
     /// The functions of every basis at some rows: of those that are kept, or made of these alone.
     ///
     /// `positions_mm` are those of all rows, always the same.
@@ -89,6 +96,7 @@ pub(super) struct AtRows<'a> {
 
 impl AtRows<'_> {
     /// The first function of a basis and the values from there on, at a row, whose place is `at`.
+    #[inline]
     pub(super) fn of(&self, basis: usize, row: usize, at: usize) -> (usize, &[f64]) {
         let (supports, place) = self.supports(row, at);
         supports[basis].at(place)
@@ -104,6 +112,7 @@ impl AtRows<'_> {
     }
 
     /// The functions of every basis, and a row's place in them.
+    #[inline]
     fn supports(&self, row: usize, at: usize) -> (&[Supports], usize) {
         self.known.map_or((&self.made, at), |known| (known, row))
     }
@@ -135,6 +144,7 @@ impl Supports {
     }
 
     /// The first function's number at a position, and the values from there on.
+    #[inline]
     fn at(&self, position: usize) -> (usize, &[f64]) {
         let (begin, count) = self.begins[position];
         (begin as usize, &self.values[self.width * position..][..count as usize])
