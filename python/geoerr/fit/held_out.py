@@ -105,14 +105,13 @@ def leave_out(
     held = np.full((len(sightings), 3), np.nan)
     order = np.flatnonzero(used)
     order = np.ascontiguousarray(order[np.argsort(fold[order], kind="stable")], dtype=np.int64)
-    numbers, starts = np.unique(fold[order], return_index=True)
+    _, starts = np.unique(fold[order], return_index=True)
     acts = np.zeros((len(sightings), 0), dtype=bool)
     if shared is not None:
         acts = ((shared != 0.0) & sightings.is_measured[:, :, None]).any(axis=1) & used[:, None]
     n_acting = acts.sum(axis=0)
-    own = [
-        _own_unknowns(sightings, np.flatnonzero((fold == number) & used), used, acts, n_acting) for number in numbers
-    ]
+    in_session = np.bincount(sightings.session[used], minlength=len(sightings.sessions))
+    own = [_own_unknowns(sightings, rows, in_session, acts, n_acting) for rows in np.split(order, starts[1:])]
     # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
     unwhitening = sightings.unwhitening
     weights_mm2 = (unwhitening**2).sum(axis=1)
@@ -146,18 +145,18 @@ def leave_out(
 
 
 def _own_unknowns(
-    sightings: Sightings, rows: np.ndarray, used: np.ndarray, acts: np.ndarray, n_acting: np.ndarray
+    sightings: Sightings, rows: np.ndarray, in_session: np.ndarray, acts: np.ndarray, n_acting: np.ndarray
 ) -> int:
     """Count unknowns that act in these rows only: frames of sessions and shared unknowns that lie wholly in them.
 
-    One that moves no measured component, as the turn of a frame about the one line of its points, is none. `acts`
-    (n, p) tells where a shared unknown acts, `n_acting` (p,) in how many rows.
+    One that moves no measured component, as the turn of a frame about the one line of its points, is none.
+    `in_session` counts the rows of each session that take part, `acts` (n, p) tells where a shared unknown acts,
+    `n_acting` (p,) in how many rows.
     """
-    inside = np.bincount(sightings.session[rows], minlength=len(sightings.sessions))
-    whole = np.bincount(sightings.session[used], minlength=len(sightings.sessions))
+    inside = np.bincount(sightings.session[rows], minlength=len(in_session))
     count = sum(
         _frame_unknowns(sightings, rows[sightings.session[rows] == number])
-        for number in np.flatnonzero((inside > 0) & (inside == whole))
+        for number in np.flatnonzero((inside > 0) & (inside == in_session))
     )
     n_here = acts[rows].sum(axis=0)
     return count + int(((n_here > 0) & (n_here == n_acting)).sum())

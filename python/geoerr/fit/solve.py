@@ -31,6 +31,9 @@ _SHORTER = 0.3
 # Columns that were made so near to the minimum, in standard errors of what they follow, are those of the minimum; and
 # those with which every step is so much shorter than the one before: that is how far their products are off.
 _OF_THE_MINIMUM, _ALIKE = 0.03, 0.01
+# After so short a step a triangle that is wanted in any case is made: it is that of the minimum, and the steps that
+# are left are its own.
+_NEAR_THE_END = 0.01
 _MAX_STEPS = 40
 # As many steps cost as much as a triangle.
 _STEPS_WITH_ANOTHER = 4
@@ -330,8 +333,8 @@ def _gauss_newton(
     while not converged and steps < _MAX_STEPS:
         if not is_linear:
             design_state = state
-            is_at_rest = moved < settled and not is_there
-            if is_at_rest or followed > most_followed:
+            is_nearly_there = moved < max(settled, _NEAR_THE_END) and not is_there
+            if is_nearly_there or followed > most_followed:
                 is_followed = None if ranges is None else ranges.is_followed
                 triangle, made_at = triangles.near((triangle, made_at), state, is_followed)
                 unheld, since = triangle.solve(None, threads), _StepsSince()
@@ -381,7 +384,8 @@ class _StepsSince:
     @property
     def are_at_the_minimum(self) -> bool:
         """Whether the triangle is, for all that anybody reads, that of where they lead."""
-        shares = [later / earlier for earlier, later in itertools.pairwise(self.lengths) if earlier > 0.0]
+        # Of two steps that are nothing one is as long as the other by chance.
+        shares = [later / earlier for earlier, later in itertools.pairwise(self.lengths) if earlier > _SETTLED]
         return sum(self.lengths) <= _OF_THE_MINIMUM or max(shares, default=np.inf) <= _ALIKE
 
 
