@@ -711,5 +711,5 @@ def fit_marker(
     distortion: npt.NDArray[np.float64],
     pattern: npt.NDArray[np.bool_],
     corners_px: npt.NDArray[np.float64],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float, float, npt.NDArray[np.float64], float]:
-    """Corners (4, 2), their covariance (8, 8), noise, contrast, blur (2,) and misfit of one marker's picture."""
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float, float, npt.NDArray[np.float64], float, float]:
+    """Corners (4, 2), their covariance (8, 8), noise, contrast, blur (2,), misfit, unevenness of one picture."""

@@ -8,9 +8,9 @@ use crate::arrays::{contiguous, from_numbers, from_rows, numbers, rows};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 
-/// Corners (4, 2), their covariance (8, 8), noise, contrast, blur (2,), misfit.
+/// Corners (4, 2), their covariance (8, 8), noise, contrast, blur (2,), misfit, unevenness.
 type FitArrays<'py> =
-    (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, f64, f64, Bound<'py, PyArray1<f64>>, f64);
+    (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, f64, f64, Bound<'py, PyArray1<f64>>, f64, f64);
 
 /// Fits the whole picture of one marker.
 #[pyfunction]
@@ -42,7 +42,7 @@ fn py_fit_marker<'py>(
     let lens = Lens { focal_px, principal_point_px, distortion: coefficients };
     let corners_px: [[f64; 2]; 4] = (rows::<2>(&corners_px, "corners_px")?.try_into())
         .map_err(|_| CoreError::shape("corners_px must be (4, 2)"))?;
-    let MarkerFit { corners_px, covariance_px2, noise_grey, contrast_grey, blur_px, misfit } =
+    let MarkerFit { corners_px, covariance_px2, noise_grey, contrast_grey, blur_px, misfit, unevenness } =
         enter_core(py, 0, || fit_marker(Picture { grey, width }, &lens, pattern, corners_px))?;
     Ok((
         from_rows(py, corners_px.to_vec())?,
@@ -51,6 +51,7 @@ fn py_fit_marker<'py>(
         contrast_grey,
         from_numbers(py, blur_px.to_vec()),
         misfit,
+        unevenness,
     ))
 }
 

@@ -31,7 +31,8 @@ class MarkerFit:
     corners_px
         (4, 2) *undistorted* pixels, clockwise from the marker's own top left corner.
     covariance_px2
-        (8, 8) of (u0, v0, u1, v1, ...).
+        (8, 8) of (u0, v0, u1, v1, ...): from the scatter of single pixels, and where what is left has a sign in
+        common over parts of the plate (a shadow's edge, a reflection), from how far corners move without each, too.
     method
         `photometric`, or `corner` where that fit failed and corners of a local detector stand in.
     noise_grey
@@ -43,6 +44,8 @@ class MarkerFit:
     misfit
         Residual near edges over residual in flat areas: 1 where the model is right, larger for dirt,
         a bent plate, or a wrong lens model.
+    unevenness
+        By how much uneven light enlarges the standard uncertainties: 1 where nothing speaks of any.
     why
         For `corner`: why the photometric fit was not used.
     """
@@ -54,6 +57,7 @@ class MarkerFit:
     contrast_grey: float
     blur_px: tuple[float, float]
     misfit: float
+    unevenness: float
     why: str = ""
 
 
@@ -81,11 +85,15 @@ def fit_marker(picture: GreyImage, camera: Camera, pattern: npt.NDArray[np.bool_
     Notes
     -----
     Verified against supersampled renderings (tests/vision/test_marker_fit.py): mean error over sub-pixel phases
-    below 0.005 px, and scatter over noise draws as the covariance says.
+    below 0.005 px, and scatter over noise draws as the covariance says. Under drawn edges of shadows errors are
+    below 1.5 of the standard uncertainty in the root mean square. The parts' share is the jackknife by groups
+    (MacKinnon & White, *J. Econometrics* 29, 1985, HC3; Liang & Zeger, *Biometrika* 73, 1986, is the covariance it
+    corrects), asked for where the design effect of the parts (Kish, *Survey Sampling*, 1965) is larger than chance
+    makes it.
     """
     if picture.dtype != np.uint8:
         raise ShapeError(f"the picture must be of uint8, not of {picture.dtype}: grey levels from 0 to 255")
-    corners, covariance, noise_grey, contrast_grey, blur_px, misfit = _core.fit_marker(
+    corners, covariance, noise_grey, contrast_grey, blur_px, misfit, unevenness = _core.fit_marker(
         np.ascontiguousarray(picture),
         (float(camera.matrix_px[0, 0]), float(camera.matrix_px[1, 1])),
         (float(camera.matrix_px[0, 2]), float(camera.matrix_px[1, 2])),
@@ -94,4 +102,4 @@ def fit_marker(picture: GreyImage, camera: Camera, pattern: npt.NDArray[np.bool_
         np.ascontiguousarray(corners_px, dtype=np.float64),
     )
     blur = (float(blur_px[0]), float(blur_px[1]))
-    return MarkerFit(corners, covariance, "photometric", noise_grey, contrast_grey, blur, misfit)
+    return MarkerFit(corners, covariance, "photometric", noise_grey, contrast_grey, blur, misfit, unevenness)

@@ -164,6 +164,7 @@ def refine_marker(picture: GreyImage, camera: Camera, marker: MarkerKey, corners
             float("nan"),
             (float("nan"), float("nan")),
             float("nan"),
+            float("nan"),
             str(error),
         )
 

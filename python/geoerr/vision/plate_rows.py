@@ -38,6 +38,7 @@ class PlateRows:
     chi: Array
     is_photometric: npt.NDArray[np.bool_]
     misfit: Array
+    unevenness: Array
     why: npt.NDArray[np.object_]
 
 
@@ -106,6 +107,7 @@ class Collector:
                     [item.left.method == item.right.method == "photometric" for item in seen], dtype=bool
                 ),
                 misfit=np.array([max(item.left.misfit, item.right.misfit) for item in seen]),
+                unevenness=np.array([max(item.left.unevenness, item.right.unevenness) for item in seen]),
                 why=np.array(plates.why, dtype=object),
             )
         )

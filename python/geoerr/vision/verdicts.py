@@ -38,6 +38,7 @@ _SIZE_NOTED_SIGMAS = 5.0
 _BIRGE_NOTED = 1.2
 _RIG_SHIFT_NOTED_SIGMAS = 3.0
 _MISFIT_NOTED = 1.5
+_UNEVENNESS_NOTED = 2.0
 # A target whose corners scatter so many times more than those of any other is the one to look at.
 _STANDS_OUT = 2.0
 _RIG_REMEDY = "use the rig.json of these cameras in this position, or calibrate again"
@@ -231,6 +232,18 @@ def _contradicting(session: Session, rows: PlateRows, odd: npt.NDArray[np.intp])
     )
 
 
+def _unevenly_lit(session: Session, rows: PlateRows, uneven: npt.NDArray[np.intp]) -> str:
+    """Say which plates are lit unevenly, and what it costs."""
+    worst = int(uneven[np.argmax(rows.unevenness[uneven])])
+    line = session.require_frames()["file_row"][int(rows.row[worst])]
+    return (
+        f"{counted(len(uneven), 'observation')} in uneven light: a shadow's edge or a reflection on the plate (or a "
+        "camera that sharpens its pictures); the uncertainty of each is enlarged for itself, most of all that of "
+        f"{session.targets[rows.target[worst]].name}, row {line} of frames.csv, {rows.unevenness[worst]:.1f} times; "
+        "even light makes them better"
+    )
+
+
 def notes(
     session: Session,
     rows: PlateRows,
@@ -271,6 +284,9 @@ def notes(
             f"the pictures ask for a rig changed by {verdict.rig_shift_sigmas:.1f} of its standard uncertainties:"
             " a camera may have moved since calibration"
         )
+    is_uneven = kept & rows.is_photometric & (rows.unevenness > _UNEVENNESS_NOTED)
+    if is_uneven.any():
+        yield _unevenly_lit(session, rows, np.flatnonzero(is_uneven))
     if n_local:
         yield (
             f"{n_local} observations rest on a local corner detector (0.3 px),"

@@ -56,6 +56,14 @@ pub enum MarkerError {
         /// Along its short axis.
         short_px: f64,
     },
+    /// The light is of a kind that no model here follows.
+    #[error(
+        "a shadow's edge or a reflection on it: without a part of the picture a corner moves by {px:.1} px"
+    )]
+    Uneven {
+        /// How far, as a standard deviation.
+        px: f64,
+    },
     /// Fewer pixels than a covariance needs.
     #[error("too few pixels")]
     TooFew,

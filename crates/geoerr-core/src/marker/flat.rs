@@ -113,6 +113,21 @@ impl Flat {
         [0, 1].map(|colour| self.pixels[colour].residuals(&levels[colour * N_LIGHT..][..N_LIGHT]))
     }
 
+    /// Calls `visit` with the colour, the place and what is left of every so many-th pixel.
+    #[inline(always)]
+    pub(super) fn each(
+        &self,
+        residuals: &[Vec<f32>; 2],
+        step: usize,
+        mut visit: impl FnMut(usize, [f32; 2], f32),
+    ) {
+        for (colour, (own, left)) in self.pixels.iter().zip(residuals).enumerate() {
+            for ((&u, &v), &left) in own.u.iter().zip(&own.v).zip(left).step_by(step) {
+                visit(colour, [u, v], left);
+            }
+        }
+    }
+
     /// `gram` with each pixel's squared residual as its weight.
     pub(super) fn weighted_gram(&self, residuals: &[Vec<f32>; 2]) -> [[f64; N_LEVELS]; N_LEVELS] {
         let mut whole = [[0.0; N_LEVELS]; N_LEVELS];

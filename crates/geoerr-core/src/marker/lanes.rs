@@ -5,7 +5,7 @@
 use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
 /// So large that it has no fraction, nor has what is added to it: 1.5 · 2²³.
-const SHIFT: f32 = 12_582_912.0;
+pub(super) const SHIFT: f32 = 12_582_912.0;
 /// Pixels of a block.
 pub(super) const WIDTH: usize = 16;
 

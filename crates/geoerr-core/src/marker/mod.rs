@@ -3,7 +3,8 @@
 //! A corner detector looks at a few pixels round each corner and is pulled inwards where a dark corner meets a light
 //! background (0.16 px for a marker 130 px wide). Here every pixel near an edge takes part: the known pattern is mapped by
 //! a homography, blurred by the camera, lit unevenly, and all of that is adjusted by Gauss–Newton until the differences are
-//! noise. The scatter of what is left gives the covariance.
+//! noise. The scatter of what is left gives the covariance, and where it has a sign in common over whole parts of the plate
+//! (a shadow's edge) also how far the corners move without each part (`uneven`).
 //!
 //! With (u, v) a pixel, (x, y) the straight ray that it sees, and (s, t) the place on the marker in modules:
 //!
@@ -40,6 +41,7 @@ mod pixels;
 mod products;
 mod result;
 mod scene;
+mod uneven;
 
 #[cfg(test)]
 mod tests;

@@ -8,12 +8,15 @@ use super::lanes::WIDTH;
 use super::model::{FIRST_LEVEL, N_LEVELS, N_UNKNOWNS, State};
 use super::pixels::Pixels;
 use super::products::Products;
-use super::scene::{ROUNDING_GREY, Scene};
+use super::scene::{ROUNDING_GREY, Scene, is_below};
+use super::uneven::{Gram, Parts, place_of};
 
 /// A pixel at which the model changes with the corners by more than this share of the most is at an edge.
 const STEEP: f32 = 0.05;
 /// So many pixels for each unknown, or there is no covariance.
 const LEAST_PIXELS: usize = 10;
+/// Where uneven light may move a corner by more than this, one that is looked for by itself is no worse.
+const MOST_MOVED_PX: f64 = 0.3;
 
 /// Four corners of one marker in one picture.
 #[derive(Clone, Debug)]
@@ -30,6 +33,8 @@ pub struct MarkerFit {
     pub blur_px: [f64; 2],
     /// Residual near edges over residual in flat areas: 1 where the model is right.
     pub misfit: f64,
+    /// By how much uneven light enlarges the standard deviations: 1 where nothing speaks of any.
+    pub unevenness: f64,
 }
 
 pub(super) fn result(scene: &Scene<'_>, pixels: &Pixels, state: &State) -> Result<MarkerFit, MarkerError> {
@@ -46,7 +51,18 @@ pub(super) fn result(scene: &Scene<'_>, pixels: &Pixels, state: &State) -> Resul
         by_homography.row_mut(row).scale_mut(scene.ray_scale * scene.lens.focal_px[row % 2]);
     }
     let of_homography = SMatrix::<f64, 8, 8>::from_fn(|i, j| covariance[(i, j)]);
-    let of_corners = by_homography * of_homography * by_homography.transpose();
+    let of_pixels = by_homography * of_homography * by_homography.transpose();
+    let of_corners = if last.parts.are_uneven() {
+        let moves = last.parts.moves(scene, pixels, state, &last.information, &last.flat);
+        let of_light = by_homography * moves.ok_or(MarkerError::Undetermined)? * by_homography.transpose();
+        let px = of_light.diagonal().max().sqrt();
+        if !is_below(px, MOST_MOVED_PX) {
+            return Err(MarkerError::Uneven { px });
+        }
+        of_pixels + of_light
+    } else {
+        of_pixels
+    };
     let scatter = Scatter::of(&last);
     Ok(MarkerFit {
         corners_px: scene.corners_px(&state.homography),
@@ -55,25 +71,28 @@ pub(super) fn result(scene: &Scene<'_>, pixels: &Pixels, state: &State) -> Resul
         contrast_grey: state.contrast(),
         blur_px: state.blur_axes(),
         misfit: scatter.steep / scatter.level.max(ROUNDING_GREY),
+        unevenness: (of_corners.trace() / of_pixels.trace()).sqrt(),
     })
 }
 
 /// Everything at the state that was found.
 struct LastLook {
-    /// `Σ c cᵀ` of pixels near edges.
+    /// `Σ c cᵀ`.
     information: Gram,
-    /// The same, each pixel with its squared residual as its weight.
+    /// The same of pixels near edges, each with its squared residual as its weight.
     by_residual: Gram,
     /// How steep the picture is, and what is left, of pixels near edges that count.
     edge: Vec<(f32, f32)>,
     /// What is left of black pixels and of white ones.
     flat: [Vec<f32>; 2],
+    parts: Parts,
 }
 
 impl LastLook {
     fn new(scene: &Scene<'_>, pixels: &Pixels, state: &State) -> Self {
         let (mut information, mut by_residual) = (Products::new(), Products::new());
         let mut edge: Vec<(f32, f32)> = Vec::with_capacity(pixels.n_edge);
+        let mut parts = Parts::new(scene);
         pixels.each(
             state,
             scene,
@@ -86,34 +105,33 @@ impl LastLook {
                 for lane in 0..WIDTH {
                     if kept.0[lane] > 0.0 {
                         edge.push((slope.0[lane].sqrt(), own.residual.0[lane]));
+                        parts.add(place_of(own, lane), own.residual.0[lane]);
                     }
                 }
             },
         );
-        Self {
-            information: information.finished(),
-            by_residual: by_residual.finished(),
-            edge,
-            flat: pixels.flat.residuals(&state.levels),
+        let flat = pixels.flat.residuals(&state.levels);
+        parts.add_flat(&pixels.flat, &flat);
+        let mut information = information.finished();
+        for (row, of_flat) in information[FIRST_LEVEL..].iter_mut().zip(&pixels.flat.gram) {
+            row[FIRST_LEVEL..].iter_mut().zip(of_flat).for_each(|(sum, value)| *sum += value);
         }
+        Self { information, by_residual: by_residual.finished(), edge, flat, parts }
     }
 }
 
-type Gram = [[f64; N_UNKNOWNS]; N_UNKNOWNS];
-
 /// Each pixel with its own squared residual (White's covariance): bright pixels are noisier than dark ones.
 fn covariance(last: &LastLook, pixels: &Pixels, used: usize) -> Option<DMatrix<f64>> {
-    let (mut information, mut middle) = (last.information, last.by_residual);
+    let mut middle = last.by_residual;
     let of_flat = pixels.flat.weighted_gram(&last.flat);
     for i in 0..N_LEVELS {
         for j in 0..N_LEVELS {
-            information[FIRST_LEVEL + i][FIRST_LEVEL + j] += pixels.flat.gram[i][j];
             middle[FIRST_LEVEL + i][FIRST_LEVEL + j] += of_flat[i][j];
         }
     }
     let whole =
         |of: &[[f64; N_UNKNOWNS]; N_UNKNOWNS]| DMatrix::from_fn(N_UNKNOWNS, N_UNKNOWNS, |i, j| of[i][j]);
-    let inverse = whole(&information).try_inverse()?;
+    let inverse = whole(&last.information).try_inverse()?;
     let share = used as f64 / (used - N_UNKNOWNS) as f64;
     Some(&inverse * whole(&middle) * &inverse * share)
 }

@@ -53,6 +53,8 @@ pub(super) struct Scene<'a> {
     pub centre_px: [f64; 2],
     pub half_px: f64,
     pub per_half_px: f64,
+    /// How far from the centre pixels are used, in halves of the marker's side.
+    pub reach: f64,
     /// d(scaled ray)/d(u, v) at the centre: for the blur only, which needs no better.
     pub ray_from_pixel: [[f64; 2]; 2],
     pub marker_corners: [[f64; 2]; 4],
@@ -125,6 +127,7 @@ impl<'a> Scene<'a> {
             centre_px,
             half_px: 0.5 * module_px * n,
             per_half_px: 2.0 / (module_px * n),
+            reach: reach(&corners_px, centre_px) * (1.0 + 2.0 * QUIET_MODULES / n) * 2.0 / (module_px * n),
             ray_from_pixel: inverse_2x2(
                 [0, 1].map(|r| by_ray[r].map(|value| value * lens.focal_px[r] * ray_scale)),
             ),
@@ -261,6 +264,11 @@ pub(super) fn is_below(value: f64, limit: f64) -> bool {
 pub(super) fn largest_step(one: &[[f64; 2]; 4], other: &[[f64; 2]; 4]) -> f64 {
     let apart = one.iter().flatten().zip(other.iter().flatten()).map(|(a, b)| (a - b).abs());
     apart.fold(0.0, |most: f64, value| if value.is_nan() || value > most { value } else { most })
+}
+
+/// How far corners are from a place, across or down.
+fn reach(corners: &[[f64; 2]; 4], [u, v]: [f64; 2]) -> f64 {
+    corners.iter().fold(0.0, |most: f64, corner| most.max((corner[0] - u).abs()).max((corner[1] - v).abs()))
 }
 
 fn mean_side(corners: &[[f64; 2]; 4]) -> f64 {

@@ -96,6 +96,53 @@ fn corners_of_a_drawn_marker_are_found_from_two_pixels_off() {
     assert!(another.is_another(), "{another}");
 }
 
+/// The picture in other light, with noise of 2 grey levels (the sum of twelve even numbers, of a linear congruence).
+fn lit(picture: &[u8], light: impl Fn(f64, f64) -> f64) -> Vec<u8> {
+    let mut state = 9_u64;
+    let mut even = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    (picture.iter().enumerate())
+        .map(|(place, &grey)| {
+            let noise: f64 = (0..12).map(|_| even()).sum();
+            let light = light((place % SIDE) as f64, (place / SIDE) as f64);
+            (f64::from(grey) * light + 2.0 * noise).round().clamp(0.0, 255.0) as u8
+        })
+        .collect()
+}
+
+#[test]
+fn under_a_shadow_corners_are_off_by_what_they_state() {
+    let picture = drawn();
+    let fit = |grey: &[u8]| fit_marker(Picture { grey, width: SIDE }, &LENS, &pattern(), corners_px());
+    let even = fit(&lit(&picture, |u, v| 1.05 - 1e-3 * u + 5e-4 * v - 2e-6 * u * v)).unwrap();
+    assert_eq!(even.unevenness, 1.0);
+    let shadow = |factor: f64, turn: f64, off_px: f64| {
+        let grey = lit(&picture, |u, v| {
+            let beyond = (u - 110.0) * turn.cos() + (v - 110.0) * turn.sin() - off_px;
+            if beyond > 0.0 { 1.0 } else { factor }
+        });
+        fit(&grey)
+    };
+    let exact =
+        [[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [0.0, 6.0]].map(|corner| LENS.undistorted_pixel(ray_of(corner)));
+    let (mut squares, mut by_pixels) = (0.0, 0.0);
+    // Along the plate and across it, from one side of it to the other.
+    for number in (0..32).map(f64::from) {
+        let found = shadow(0.85, 0.8 * number, 40.0 * (2.4 * number).sin()).unwrap();
+        for (i, (found_px, exact)) in
+            found.corners_px.iter().flatten().zip(exact.iter().flatten()).enumerate()
+        {
+            let square = (found_px - exact).powi(2) / found.covariance_px2[i][i] / 256.0;
+            squares += square;
+            by_pixels += square * found.unevenness.powi(2);
+        }
+    }
+    assert!(squares < 2.0 && by_pixels > 5.0, "{squares}, {by_pixels} pixel by pixel");
+    assert!(matches!(shadow(0.55, 0.3, 0.0), Err(MarkerError::Uneven { .. })));
+}
+
 #[test]
 fn derivatives_are_those_of_differences() {
     let picture = drawn();
