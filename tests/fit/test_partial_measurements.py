@@ -462,3 +462,19 @@ def test_a_circle_that_is_given_twice_is_said_to_count_twice() -> None:
     test = CircularTest(pl.DataFrame({**place, "r": radius}))
     assert len(counting(test, test)) == 1
     assert counting(test) == []
+
+
+def test_radii_that_state_their_uncertainty_in_part_say_that_none_is_used() -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+    place = {"x": 50.0 * np.cos(angle), "y": 50.0 * np.sin(angle), "z": np.zeros(90), "r": np.full(90, 50.0)}
+
+    def notes(stated: Numbers) -> tuple[str, ...]:
+        test = CircularTest(pl.DataFrame({**place, "sr": stated}, nan_to_null=True))
+        return tuple(note for note in sightings_of(test).notes if "sr" in note)
+
+    stated = np.full(90, 1e-3)
+    assert notes(stated) == ()
+    assert notes(np.full(90, np.nan)) == ()
+    stated[:4] = np.nan
+    (note,) = notes(stated)
+    assert "in 4 of 90 radii" in note

@@ -112,11 +112,6 @@ def leave_out(
     n_acting = acts.sum(axis=0)
     in_session = np.bincount(sightings.session[used], minlength=len(sightings.sessions))
     own = [_own_unknowns(sightings, rows, in_session, acts, n_acting) for rows in np.split(order, starts[1:])]
-    # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
-    unwhitening = sightings.unwhitening
-    weights_mm2 = (unwhitening**2).sum(axis=1)
-    # What was not measured has no variance, whatever its weight; one weight of all is the quickest.
-    weights_mm2 = np.where(weights_mm2 > 0.0, weights_mm2, weights_mm2.max(initial=0.0))
     whitened, spread_mm2, is_determined, sums = problem.leave_out(
         design_state,
         solution,
@@ -124,11 +119,12 @@ def leave_out(
         order,
         starts.astype(np.int64),
         np.array(own, dtype=np.int64),
-        weights_mm2,
+        sightings.once("weights of numbers", _weights_mm2),
         threads,
         known,
     )
-    held[order] = np.einsum("nij,nj->ni", unwhitening[order], whitened)
+    # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
+    held[order] = np.einsum("nij,nj->ni", sightings.unwhitening[order], whitened)
     base = problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held)))
     computable = used & np.isfinite(held).all(axis=1)
     base[~computable] = np.nan
@@ -142,6 +138,13 @@ def leave_out(
         float(np.nansum(spread_mm2)) / max(int(computable.sum()), 1),
         sums,
     )
+
+
+def _weights_mm2(sightings: Sightings) -> Numbers:
+    """Give what the variance of each whitened number (n, 3) counts in mm²."""
+    weights_mm2 = (sightings.unwhitening**2).sum(axis=1)
+    # What was not measured has no variance, whatever its weight; one weight of all is the quickest.
+    return np.asarray(np.where(weights_mm2 > 0.0, weights_mm2, weights_mm2.max(initial=0.0)))
 
 
 def _own_unknowns(

@@ -167,6 +167,13 @@ def _of_circle(test: CircularTest) -> Sightings:
         commanded[rows] = on_their_circle(commanded[rows])
     std_mm = frame["sr"].cast(pl.Float64).to_numpy() if "sr" in frame.columns else np.full(n_rows, np.nan)
     is_stated = bool((np.isfinite(std_mm) & (std_mm >= _LEAST_STD_MM)).all())
+    notes: tuple[str, ...] = ()
+    if not is_stated and np.isfinite(std_mm).any():
+        lacking = int((~(std_mm >= _LEAST_STD_MM)).sum())
+        notes = (
+            f"the uncertainty sr is lacking, or too small to be one, in {lacking} of {n_rows} radii: "
+            "it is not used in the others either",
+        )
     whitening = np.zeros((n_rows, 3, 3))
     whitening[:, 0, 0] = 1.0 / std_mm if is_stated else 1.0
     return Sightings(
@@ -185,7 +192,7 @@ def _of_circle(test: CircularTest) -> Sightings:
         directions=directions,
         source_row=order.astype(np.int64),
         left_out={},
-        notes=(),
+        notes=notes,
     )
 
 

@@ -134,11 +134,16 @@ def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> 
     return Repeats(group, dof, variance, within, left)
 
 
+def where(mask: np.ndarray) -> np.ndarray | slice:
+    """Give what selects these rows (n,): of all of them nothing is copied."""
+    return slice(None) if mask.all() else mask
+
+
 def _pooled(values: Numbers, is_seen: np.ndarray, group: np.ndarray) -> tuple[Numbers, np.ndarray]:
     n_groups = int(group.max()) + 1 if len(group) else 0
     variance, dof = np.full(3, np.nan), np.zeros(3, dtype=np.int64)
     for component in range(3):
-        seen = is_seen[:, component]
+        seen = where(is_seen[:, component])
         count = np.bincount(group[seen], minlength=n_groups)
         total = np.bincount(group[seen], weights=values[seen, component], minlength=n_groups)
         mean = total / np.maximum(count, 1)
@@ -153,7 +158,7 @@ def _pass_means(values: Numbers, is_seen: np.ndarray, pass_number: np.ndarray) -
     n_passes = int(pass_number.max()) + 1 if len(pass_number) else 0
     means = np.zeros_like(values)
     for component in range(3):
-        seen = is_seen[:, component]
+        seen = where(is_seen[:, component])
         count = np.bincount(pass_number[seen], minlength=n_passes)
         total = np.bincount(pass_number[seen], weights=values[seen, component], minlength=n_passes)
         means[:, component] = (total / np.maximum(count, 1))[pass_number]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from geoerr.fit.figures import figures_of
-from geoerr.fit.noise import Repeats
+from geoerr.fit.noise import Repeats, where
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
 
@@ -57,8 +57,7 @@ def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats
         noise = repeats.floor_um
     elif sightings.is_stated and dof > 0:
         p_value = float(stats.chi2.sf(total, dof))
-        inverse = sightings.unwhitening[used]
-        variances = (inverse**2).sum(axis=2)
+        variances = sightings.once("variances", lambda one: (one.unwhitening**2).sum(axis=2))[used]
         count = np.maximum(sightings.is_measured[used].sum(axis=0), 1)
         noise = math.sqrt(float((variances.sum(axis=0) / count).sum())) * 1e3
         noise_dof = 0
@@ -76,7 +75,7 @@ def _scatter_in_groups(values: Numbers, group: np.ndarray, seen: np.ndarray) -> 
     n_groups = int(group.max()) + 1 if len(group) else 0
     total, dof = 0.0, 0
     for component in range(3):
-        rows = seen[:, component]
+        rows = where(seen[:, component])
         count = np.bincount(group[rows], minlength=n_groups)
         mean = np.bincount(group[rows], weights=values[rows, component], minlength=n_groups) / np.maximum(count, 1)
         deviation = values[rows, component] - mean[group[rows]]

@@ -31,6 +31,8 @@ pub enum WarningKind {
     SpeedFromFeed,
     /// A speed that the program does not tell.
     SpeedUnknown,
+    /// A place without a point, in a program with a number.
+    NumberWithoutPoint,
 }
 
 impl WarningKind {
@@ -50,6 +52,7 @@ impl WarningKind {
             Self::DirectionUnknown => "direction-unknown",
             Self::SpeedFromFeed => "speed-from-feed",
             Self::SpeedUnknown => "speed-unknown",
+            Self::NumberWithoutPoint => "number-without-point",
         }
     }
 
@@ -74,6 +77,7 @@ impl WarningKind {
             Self::DirectionUnknown => "an axis has not moved yet since its place became known: what depends on its direction of approach is left out until it has".to_owned(),
             Self::SpeedFromFeed => "errors that depend on speed are corrected for the feed as programmed: near corners, where the machine brakes, they are smaller (v_x=0, v_y=0, v_z=0 as conditions leave out what follows a speed)".to_owned(),
             Self::SpeedUnknown => "the speed of this move is not known (no feed yet, a feed per turn, or a rapid whose speed only the controller knows; --firmware says that G0 takes the feed): what depends on it is taken as at rest, a curve at the lowest speed that it was made of".to_owned(),
+            Self::NumberWithoutPoint => "a number without a point is read in whole units, X200 as 200 mm; a control that is not set to calculator-type input reads smallest steps, 0.2 mm: let the CAM write points".to_owned(),
             Self::OtherTool => "another tool: the model's tool offset is used for all of them".to_owned(),
         }
     }

@@ -201,3 +201,17 @@ fn what_measures_the_bed_or_may_not_home_leaves_the_place_unknown() {
     let mill = Options { firmware: None, ..home };
     assert_eq!(behind("G80\nG1 F5", mill)[..], "G1 F5"[..]);
 }
+
+#[test]
+fn a_numbered_program_without_points_is_told_of() {
+    let moves = "G90 G21\nG0 X0 Y0 Z0\nG1 X200 Y.5 Z0 F100\nG1 x 1.5Y-3(Z7)\nG1 X0.Y1. (X5)\n";
+    let told = run(scaled(), options(), &format!("%\nO0001 (PART)\n{moves}%\n")).unwrap();
+    let found: Vec<_> = told.warnings.iter().filter(|one| one.kind.name() == "number-without-point").collect();
+    assert_eq!(found.len(), 1);
+    assert_eq!((found[0].line, found[0].count), (5, 2));
+    // Printers and LinuxCNC read whole numbers as they are written.
+    for program in [moves.to_owned(), format!("%\n{moves}%\n")] {
+        let silent = run(scaled(), options(), &program).unwrap();
+        assert!(!silent.warning_names().contains(&"number-without-point"), "{program}");
+    }
+}

@@ -111,6 +111,9 @@ impl Reader {
         }
         let motion = self.motion_of(words_mm);
         self.summary.moves_in += 1;
+        if self.is_numbered && has_number_without_point(body) {
+            self.warn(WarningKind::NumberWithoutPoint, body);
+        }
         let mut before = self.frame;
         before.apply(&effects);
         let ends = before.end_of(&motion);
@@ -184,4 +187,16 @@ impl Reader {
     pub(super) fn system_mm(&self) -> Known {
         self.modes.systems_mm[self.modes.system]
     }
+}
+
+/// Whether a place other than 0 is given without a point, before any comment.
+fn has_number_without_point(body: &[u8]) -> bool {
+    let code = body.split(|&byte| byte == b'(' || byte == b';').next().unwrap_or_default();
+    let is_axis = |byte: &u8| matches!(byte.to_ascii_uppercase(), b'X' | b'Y' | b'Z');
+    code.iter().enumerate().filter(|(_, byte)| is_axis(byte)).any(|(at, _)| {
+        let rest = code[at + 1..].trim_ascii_start();
+        let end = rest.iter().position(|byte| !byte.is_ascii_digit() && !b"+-.".contains(byte));
+        let number = &rest[..end.unwrap_or(rest.len())];
+        !number.contains(&b'.') && number.iter().any(|byte| (b'1'..=b'9').contains(byte))
+    })
 }
