@@ -14,7 +14,7 @@ from geoerr.workbench.panel_where import where_panel
 from geoerr.workbench.session import Session
 
 # How often the page asks for news: while work is under way, and otherwise, for another page may have begun some.
-BEAT_MS, RESTING_BEAT_MS = 250, 3000
+BEAT_MS, RESTING_BEAT_MS = 600, 3000
 # What a first glance does not see: part of the page to its heading.
 _BELOW = {"program": "Correct a program", "report": "Report"}
 

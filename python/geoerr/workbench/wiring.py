@@ -40,7 +40,7 @@ from geoerr.workbench.view import CIRCLE, DIFFERENCE, LOOKS, REGION
 from geoerr.workbench.wanting import wanting
 
 # For so much of a beat a question waits for the end of work: one is waiting nearly always, and never two.
-_MOST_OF_A_BEAT = 0.9
+_MOST_OF_A_BEAT = 0.95
 # Panels that take a while to draw.
 _DRAWN = ("given", "missing", "fall", "own", "conditions", "program", "reports")
 # What the session's content is counted by, among their digests.
