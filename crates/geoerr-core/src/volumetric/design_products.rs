@@ -94,8 +94,8 @@ impl Block<'_> {
                         along.extend(own.iter().map(|seen| part.factor * sight.along(seen, place)));
                     }
                     runs.each(rows, |at, first, values| {
-                        for (sum, along) in sum.chunks_exact_mut(n).zip(&along[at * d..]) {
-                            add_multiple(&mut sum[first..], *along, values);
+                        for (k, along) in along[at * d..][..d].iter().enumerate() {
+                            add_multiple(&mut sum[k * n + first..], *along, values);
                         }
                     });
                 },

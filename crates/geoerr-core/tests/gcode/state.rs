@@ -206,7 +206,8 @@ fn what_measures_the_bed_or_may_not_home_leaves_the_place_unknown() {
 fn a_numbered_program_without_points_is_told_of() {
     let moves = "G90 G21\nG0 X0 Y0 Z0\nG1 X200 Y.5 Z0 F100\nG1 x 1.5Y-3(Z7)\nG1 X0.Y1. (X5)\n";
     let told = run(scaled(), options(), &format!("%\nO0001 (PART)\n{moves}%\n")).unwrap();
-    let found: Vec<_> = told.warnings.iter().filter(|one| one.kind.name() == "number-without-point").collect();
+    let found: Vec<_> =
+        told.warnings.iter().filter(|one| one.kind.name() == "number-without-point").collect();
     assert_eq!(found.len(), 1);
     assert_eq!((found[0].line, found[0].count), (5, 2));
     // Printers and LinuxCNC read whole numbers as they are written.
