@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("dash")
 
+from plotly.io.json import to_json_plotly
 from workbench_scenes import PROGRAM, loaded, settle, texts
 
 from geoerr.workbench import actions, wiring
@@ -50,6 +51,24 @@ def test_a_second_page_learns_at_rest_what_the_first_one_did(tmp_path: Path) -> 
     assert 0 < wiring.panels(session)["beat"] < at_rest_ms
     settle(session)
     assert beat(session, seen)["tick"]["data"] == session.version
+
+
+def test_that_work_begins_or_is_stopped_draws_no_panel_anew(tmp_path: Path) -> None:
+    """Buttons that would begin other work are marked, and the page itself switches them off."""
+    session = loaded(tmp_path)
+    before, shown = wiring.drawn_panels(session), session.content
+    wiring.do(session, "fit", "12")
+    during, drawn = session.content, wiring.drawn_panels(session)
+    wiring.do(session, "stop", "")
+    assert (during, session.content) == (shown, shown)
+    assert to_json_plotly(drawn) == to_json_plotly(before)
+    assert '"className":"rests"' in to_json_plotly(before["given"]).replace(" ", "")
+    # What began earlier work said of itself goes when other work begins: that is drawn.
+    session.show_problem(actions.DATA, "no")
+    wiring.do(session, "fit", "12")
+    assert session.content > shown
+    settle(session)
+    assert to_json_plotly(wiring.drawn_panels(session)) != to_json_plotly(before)
 
 
 def test_a_program_that_nothing_is_corrected_of_says_why_and_is_no_download(tmp_path: Path) -> None:

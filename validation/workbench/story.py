@@ -101,6 +101,13 @@ def brush(story: Story) -> None:
     story.page.wait_for_selector("#marked >> text=rows marked", timeout=PATIENCE_MS)
 
 
+def look_and_see_what_rests(page: Any) -> None:
+    """Begin a search; what would begin other work is off meanwhile."""
+    page.click("text=Look for what is missing")
+    page.wait_for_selector("#stop button")
+    page.wait_for_selector("button.rests:enabled", state="detached")
+
+
 def tell_the_clock(story: Story, name: str) -> None:
     """Wait for the answer that the page's clock waits for, and print how long it took."""
     story.page.wait_for_function("window.answeredMs", timeout=PATIENCE_MS)
@@ -160,7 +167,9 @@ def tell(story: Story, url: str, program: Path) -> None:
     page.click("label:has-text('direction')")
     story.shoot("direction")
     page.click("label:has-text('arrows')")
-    story.do("look for what is missing", lambda: page.click("text=Look for what is missing"), until=".verdict")
+    story.do("look for what is missing", lambda: look_and_see_what_rests(page), until=".verdict")
+    story.ready()
+    assert page.locator("button.rests:enabled").count(), "buttons that rested while work was under way rest still"
     story.shoot("missing")
     page.hover("#missing .card >> nth=0")
     story.shoot("pointed")
