@@ -111,7 +111,7 @@ def leave_out(
         acts = ((shared != 0.0) & sightings.is_measured[:, :, None]).any(axis=1) & used[:, None]
     n_acting = acts.sum(axis=0)
     in_session = np.bincount(sightings.session[used], minlength=len(sightings.sessions))
-    own = [_own_unknowns(sightings, rows, in_session, acts, n_acting) for rows in np.split(order, starts[1:])]
+    own = [_own_unknowns(sightings, rows, in_session, acts, n_acting) for rows in np.split(order, starts)[1:]]
     whitened, spread_mm2, is_determined, sums = problem.leave_out(
         design_state,
         solution,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::block::Block;
-use super::kept_sums::{KeptSums, begun};
+use super::kept_sums::{Begun, KeptSums, begun};
 use super::problem::NUMBERS_OF_A_ROW;
 use super::{Problem, State, VolumetricError};
 use crate::least_squares::{Blocks, Design, Matrix, Sums};
@@ -26,8 +26,8 @@ pub struct WhitenedDesign<'a> {
     order: Vec<usize>,
     /// `AᵀA`, where it is known.
     gram: Option<Matrix>,
-    /// Sums of blocks of another design, and where each column of this one is among its own.
-    begun: Option<(&'a KeptSums, &'a [Option<usize>])>,
+    /// Sums of blocks of another design to begin at.
+    begun: Option<Begun<'a>>,
     /// Those of this one, where they are kept.
     kept: Option<KeptSums>,
 }
@@ -128,8 +128,8 @@ impl<'a> WhitenedDesign<'a> {
         known: &'a KeptSums,
         places: &'a [Option<usize>],
     ) -> Result<Self, VolumetricError> {
-        self.columns_beside(known.n_columns().unwrap_or(usize::MAX), places)?;
-        Ok(Self { begun: Some((known, places)), ..self })
+        let columns = self.columns_beside(known.n_columns().unwrap_or(usize::MAX), places)?;
+        Ok(Self { begun: Some(Begun { known, places, columns }), ..self })
     }
 
     /// The same system, which keeps what its blocks sum up to.
@@ -210,14 +210,12 @@ impl Design for WhitenedDesign<'_> {
         let sightings = self.sightings(rows.clone());
         let whitened = self.whitened.as_ref()?;
         let own: Vec<[f64; 3]> = sightings.iter().map(|&row| whitened[row]).collect();
-        let known =
-            self.begun.and_then(|(known, places)| Some((known.of(&rows, weights.is_some())?, places)));
-        let (gram, weighted, products) = match known {
-            Some((known, places)) => {
-                known.beside(&self.block, places, sightings, &own, weights, self.row_scale)
-            }
-            None => self.block.sums_of(sightings, &own, weights, self.row_scale),
-        };
+        let begun = self
+            .begun
+            .as_ref()
+            .and_then(|begun| begun.sums_of(&self.block, &rows, sightings, &own, weights, self.row_scale));
+        let (gram, weighted, products) =
+            begun.unwrap_or_else(|| self.block.sums_of(sightings, &own, weights, self.row_scale));
         if let Some(kept) = &self.kept {
             kept.keep(&rows, &gram, weighted.as_ref());
         }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::block::{Block, Place, Seen, dot};
+use super::gram::added_up;
 use super::problem::{BLOCK_ROWS, NUMBERS_OF_A_ROW};
 use crate::least_squares::Matrix;
 
@@ -51,7 +52,6 @@ impl Block<'_> {
         d: usize,
         numbers: impl Fn(usize, &[usize]) -> Vec<[f64; NUMBERS_OF_A_ROW]> + Sync,
     ) -> Vec<f64> {
-        let n = self.n_columns();
         let sums: Vec<Vec<f64>> = rows
             .par_chunks(BLOCK_ROWS)
             .enumerate()
@@ -59,12 +59,7 @@ impl Block<'_> {
                 self.products_of_some(rows, row_scale, d, &numbers(chunk * BLOCK_ROWS, rows))
             })
             .collect();
-        // Chunk by chunk, whatever thread made them.
-        let mut total = vec![0.0; n * d];
-        for sum in &sums {
-            total.iter_mut().zip(sum).for_each(|(total, part)| *total += part);
-        }
-        total
+        added_up(&sums, self.n_columns() * d)
     }
 
     /// The same of rows that are made at once. Numbers are turned into the frames in which a machine moves: a part then

@@ -23,6 +23,18 @@ const LEAST_TOGETHER: usize = 16;
 /// Rows and columns of a tile of a matrix: two of them fit into the nearest cache.
 const TILE: usize = 32;
 
+/// `AᵀA` of some sightings, the same with weights where there are any, and `Aᵀ b`.
+pub(super) type SumsOfSightings = (Matrix, Option<Matrix>, Vec<f64>);
+
+/// Sums of so many numbers, added up in their order, whatever thread made them.
+pub(super) fn added_up(sums: &[Vec<f64>], size: usize) -> Vec<f64> {
+    let mut total = vec![0.0; size];
+    for sum in sums {
+        total.iter_mut().zip(sum).for_each(|(total, part)| *total += part);
+    }
+    total
+}
+
 impl Block<'_> {
     /// `AᵀA` of the whitened design, each row multiplied by its `row_scale`.
     ///
@@ -43,7 +55,7 @@ impl Block<'_> {
         numbers: &[[f64; 3]],
         weights: Option<&[f64]>,
         row_scale: &[f64],
-    ) -> (Matrix, Option<Matrix>, Vec<f64>) {
+    ) -> SumsOfSightings {
         let n = self.n_columns();
         let n_of_weighted = if weights.is_some() { n * n } else { 0 };
         let total = self.summed(rows, row_scale, n * n + n_of_weighted + n, |sum, together| {
@@ -132,11 +144,7 @@ impl Block<'_> {
                 sum
             })
             .collect();
-        let mut total = vec![0.0; size];
-        for sum in &sums {
-            total.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
-        }
-        total
+        added_up(&sums, size)
     }
 
     /// Visits sightings of one cell together, or of some neighbouring ones.

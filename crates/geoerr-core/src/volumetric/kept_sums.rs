@@ -2,21 +2,22 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::block::Block;
+use super::gram::SumsOfSightings;
 use super::problem::NUMBERS_OF_A_ROW;
 use crate::least_squares::Matrix;
 
 /// Sums of blocks, by their first rows.
 #[derive(Debug, Default)]
 pub struct KeptSums {
-    of_blocks: Mutex<BTreeMap<usize, KnownSums>>,
+    of_blocks: Mutex<BTreeMap<usize, Arc<KnownSums>>>,
 }
 
 /// `AᵀA` of some rows of a design, and the same with every row's products times its weight, where there are weights.
-#[derive(Debug, Clone)]
-pub(super) struct KnownSums {
+#[derive(Debug)]
+struct KnownSums {
     end: usize,
     gram: Matrix,
     weighted: Option<Matrix>,
@@ -29,40 +30,47 @@ impl KeptSums {
     }
 
     /// Those of a block of rows, if they are with weights or without as is asked.
-    pub(super) fn of(&self, rows: &Range<usize>, has_weights: bool) -> Option<KnownSums> {
-        let own = self.locked().get(&rows.start).cloned();
+    fn of(&self, rows: &Range<usize>, has_weights: bool) -> Option<Arc<KnownSums>> {
+        let own = self.locked().get(&rows.start).map(Arc::clone);
         own.filter(|sums| sums.end == rows.end && sums.weighted.is_some() == has_weights)
     }
 
     pub(super) fn keep(&self, rows: &Range<usize>, gram: &Matrix, weighted: Option<&Matrix>) {
         let sums = KnownSums { end: rows.end, gram: gram.clone(), weighted: weighted.cloned() };
-        self.locked().insert(rows.start, sums);
+        self.locked().insert(rows.start, Arc::new(sums));
     }
 
-    fn locked(&self) -> std::sync::MutexGuard<'_, BTreeMap<usize, KnownSums>> {
+    fn locked(&self) -> MutexGuard<'_, BTreeMap<usize, Arc<KnownSums>>> {
         // What another thread was about to keep when it panicked is not there.
-        self.of_blocks.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        self.of_blocks.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl KnownSums {
-    /// As [`Block::sums_of`], for a design that has these sums' columns at `places` and others beside.
-    pub(super) fn beside(
+/// Sums of another design, where each column of a design is among its own, and which ones are not.
+#[derive(Debug)]
+pub(super) struct Begun<'a> {
+    pub known: &'a KeptSums,
+    pub places: &'a [Option<usize>],
+    pub columns: Vec<usize>,
+}
+
+impl Begun<'_> {
+    /// As [`Block::sums_of`], of a block of rows whose sums are known of the other design.
+    pub(super) fn sums_of(
         &self,
         block: &Block<'_>,
-        places: &[Option<usize>],
+        rows: &Range<usize>,
         sightings: &[usize],
         numbers: &[[f64; NUMBERS_OF_A_ROW]],
         weights: Option<&[f64]>,
         row_scale: &[f64],
-    ) -> (Matrix, Option<Matrix>, Vec<f64>) {
-        let n = block.n_columns();
-        let columns: Vec<usize> = (0..n).filter(|&column| places[column].is_none()).collect();
-        let d = columns.len();
+    ) -> Option<SumsOfSightings> {
+        let known = self.known.of(rows, weights.is_some())?;
+        let (n, d) = (block.n_columns(), self.columns.len());
         // The columns themselves, times their weights where there are any, and the numbers.
         let width = if weights.is_some() { 2 * d + 1 } else { d + 1 };
         let products = block.products_with(sightings, row_scale, width, |first, rows| {
-            let own = block.entries_of(&columns, rows, row_scale);
+            let own = block.entries_of(&self.columns, rows, row_scale);
             let mut all = Vec::with_capacity(rows.len() * width);
             for at in 0..rows.len() {
                 let entries = &own[at * d..][..d];
@@ -75,10 +83,10 @@ impl KnownSums {
             }
             all
         });
-        let gram = begun(&self.gram, places, &columns, &products[..n * d]);
-        let weighted =
-            self.weighted.as_ref().map(|known| begun(known, places, &columns, &products[n * d..][..n * d]));
-        (gram, weighted, products[n * (width - 1)..].to_vec())
+        let whole = |known: &Matrix, made: &[f64]| begun(known, self.places, &self.columns, &made[..n * d]);
+        let gram = whole(&known.gram, &products);
+        let weighted = known.weighted.as_ref().map(|known| whole(known, &products[n * d..]));
+        Some((gram, weighted, products[n * (width - 1)..].to_vec()))
     }
 }
 
