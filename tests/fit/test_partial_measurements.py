@@ -313,13 +313,6 @@ def test_two_sessions_are_more_certain_than_one() -> None:
         assert np.allclose(ratio, np.sqrt(0.5), rtol=1e-3), name
 
 
-def test_stated_and_unstated_points_cannot_be_weighed() -> None:
-    first, second = two_sessions(411)
-    bare = Observations(second.frame.drop("cxx", "cxy", "cxz", "cyy", "cyz", "czz"), ("two",))
-    with pytest.raises(GeometryError, match="cannot be weighed together"):
-        fitted(MACHINE, first, bare)
-
-
 def in_row_six(observations: Observations, value: float) -> dict[str, Numbers]:
     sixth = np.arange(len(observations)) == 5
     return {name: np.where(sixth, value, own) for name, own in covariance_columns(observations).items()}

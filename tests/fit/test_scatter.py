@@ -12,6 +12,7 @@ from scipy import stats
 from virtual_machine import machine_of
 
 from geoerr.error_functions import LINEAR_AND_ANGULAR
+from geoerr.errors import GeometryError
 from geoerr.fit import Fitted, sightings_of
 from geoerr.fit.joined import _of_circle, _of_points
 from geoerr.fit.scatter import Scatter, scatter_of
@@ -191,6 +192,28 @@ def test_a_circle_beside_points_that_state_their_uncertainty_has_its_own() -> No
     radii = joined.is_measured.sum(axis=1) == 1
     assert 1.0 / joined.whitening[radii, 0, 0] == pytest.approx(0.5e-3, rel=0.3)
     assert "scatter from row to row" in joined.notes[0]
+
+
+def test_points_beside_points_that_state_their_uncertainty_have_that_of_their_scatter() -> None:
+    rng = np.random.default_rng(17)
+    std = dict.fromkeys(("sx", "sy", "sz"), np.full(378, 0.01))
+    stated = replaced(runs(rng, np.full(3, 10.0), n_repeats=3), **std)
+    joined = sightings_of(stated, runs(rng, np.array([0.5, 0.5, 3.0]), n_repeats=3, session="fine"))
+    assert joined.is_stated
+    own = 1.0 / np.einsum("nii->ni", joined.whitening)
+    assert own[:378] == pytest.approx(0.01)
+    # The camera of these lines is turned: what is noisy is its third direction still.
+    assert own[378] * 1e3 == pytest.approx([0.5, 0.5, 3.0], rel=0.2)
+    assert "session fine 0.5" in joined.notes[0]
+
+
+def test_points_that_nothing_tells_are_refused_beside_points_that_state_their_uncertainty() -> None:
+    rng = np.random.default_rng(18)
+    q_mm = rng.uniform(0.0, 300.0, (40, 3))
+    poses = points(q_mm, np.zeros_like(q_mm), q_mm + rng.normal(size=q_mm.shape) * 1e-2, covariance_mm2=None)
+    std = dict.fromkeys(("sx", "sy", "sz"), np.full(378, 0.01))
+    with pytest.raises(GeometryError, match="or measure those passes again"):
+        sightings_of(replaced(runs(rng, np.full(3, 10.0), n_repeats=3), **std), poses)
 
 
 @pytest.fixture(scope="module")

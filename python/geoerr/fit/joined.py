@@ -34,12 +34,12 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
 
     Where no uncertainty is stated rows are weighed by their own scatter, where that tells devices or components apart
     (`weights`), and a note says so. A circular test states the uncertainty of its radii in a column `sr` (mm), if at
-    all; beside points that state theirs one that does not has that of its scatter, or else of the points.
+    all. Beside tables that state theirs, one that does not has that of its scatter; radii, or else, of the points.
 
     Raises
     ------
     GeometryError
-        where nothing is measured, or some tables of points state uncertainties and others do not.
+        where nothing is measured, or some tables state uncertainties and others neither do nor tell them by scatter.
     ShapeError
         for a table that is none.
     """
@@ -199,8 +199,9 @@ def _of_circle(test: CircularTest) -> Sightings:
 def _joined(parts: Sequence[Sightings]) -> Sightings:
     if len({part.is_stated for part in parts}) > 1:
         raise GeometryError(
-            "some measurements state their uncertainty and others do not, so that they cannot be weighed together\n"
-            "hint: give sx, sy, sz (mm) in every file, or in none"
+            "some measurements state their uncertainty; others do not, and have too few places measured twice, and "
+            "too few rows along straight passes, to tell it, so that they cannot be weighed together\n"
+            "hint: give sx, sy, sz (mm) in every file, or in none; or measure those passes again"
         )
     session_offsets = np.cumsum([0, *(len(part.sessions) for part in parts[:-1])])
     pass_offsets = np.cumsum([0, *(part.n_passes for part in parts[:-1])])

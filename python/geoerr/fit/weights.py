@@ -49,19 +49,27 @@ def _not_told(tables: Sequence[Sightings]) -> Iterator[Sightings]:
 
 
 def _beside(table: Sightings, tables: Sequence[Sightings]) -> Sightings:
-    """Weigh radii beside points that state their uncertainty: by their scatter, or else like the points."""
-    if set(table.frames) != {"circle"}:
-        return table
+    """Weigh rows beside others that state their uncertainty: by how they scatter; radii, or else, like the points.
+
+    Points that nothing tells the scatter of stay as they are, and cannot be joined with the others.
+    """
     scatter = scatter_of(table)
+    is_circle = set(table.frames) == {"circle"}
+    if scatter is None and not is_circle:
+        return table
     if scatter is None:
         stated = [one for one in tables if one.is_stated]
         std_mm = _root_mean_square([np.sqrt((one.unwhitening**2).sum(axis=2))[one.is_measured] for one in stated])
+        by_row = np.full((len(table), 3), std_mm)
+        note = _of_radii("that of the points", std_mm)
     else:
-        std_mm = float(scatter.std_mm[0, 0])
-    whose = "that of the points" if scatter is None else "what they scatter from row to row"
-    note = f"a circular test states no uncertainty (column sr, mm): its radii got {whose}, {std_mm:.2g} mm"
-    weighed_table = _with_std(table, np.full((len(table), 3), std_mm))
-    return replace(weighed_table, is_stated=True, notes=(*table.notes, note))
+        by_row = scatter.std_mm[scatter.device]
+        note = _of_radii("what they scatter from row to row", by_row[0, 0]) if is_circle else _note(scatter)
+    return replace(_with_std(table, by_row), is_stated=True, notes=(*table.notes, note))
+
+
+def _of_radii(whose: str, std_mm: float) -> str:
+    return f"a circular test states no uncertainty (column sr, mm): its radii got {whose}, {std_mm:.2g} mm"
 
 
 def _note(scatter: Scatter) -> str:
