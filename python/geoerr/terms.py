@@ -556,6 +556,11 @@ class Term:
         return is_rig_channel(self.parts[0].channel)
 
     @property
+    def is_wave_in_time(self) -> bool:
+        """Whether it hums or breathes without a cause: nobody knows how it will stand when a program runs."""
+        return self.kind == EMPIRICAL and bool(self.inner)
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """Channels of the parts, each once, in order."""
         return tuple(dict.fromkeys(part.channel for part in self.parts))

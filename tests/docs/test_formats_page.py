@@ -43,6 +43,7 @@ from geoerr.observations import (
 from geoerr.simulate.effects import AVAILABLE_EFFECTS
 from geoerr.simulate.entries import Entries
 from geoerr.simulate.plan import read_plan
+from geoerr.terms import Parameter
 from geoerr.vision.calibrate import Calibration
 from geoerr.vision.measured import Measured
 from geoerr.vision.scale_bar import ScaleBarResult
@@ -556,7 +557,8 @@ WHERE = Where("X", 3.0, 9.0, (200.0, 0.0, 0.0), (Span("temp", "high", 30.0, 40.0
 
 
 def test_keys_of_what_has_no_name_and_of_a_moment() -> None:
-    curve = Curve("x", ("feed",), (np.zeros(2),), np.zeros(2), np.ones(2))
+    period = Parameter("P", "s", 21.7, 0.01)
+    curve = Curve("x", ("feed",), (np.zeros(2),), np.zeros(2), np.ones(2), period)
     unknown = Unknown(("feed",), "x", 12.0, 1e-3, WHERE, "empirical:x@feed", curve, HeldOut(5.0, 2.0))
     assert not_described(unknown.to_document(), keys_of("json_diagnose.md", "structure-without-a-name")) == []
     moment = {"parameters": {"t0": Moment("hot", 812.0, (810.0, 816.0), "s").to_document()}}

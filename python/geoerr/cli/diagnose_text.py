@@ -166,7 +166,7 @@ def _unknown(unknown: Unknown) -> Iterator[str]:
     yield from narrow(sure_words(unknown.p_value), "    ")
     held = unknown.held_out
     if held is not None and held.before_um is not None and held.after_um is not None:
-        yield from narrow(f"as a curve: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
+        yield from narrow(f"as a {unknown.form}: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
     if unknown.is_the_models_own:
         yield from narrow("one position alone: the model's error functions are too stiff here", "    ")
     if unknown.curve is not None:
@@ -183,7 +183,8 @@ def _curve(curve: Curve) -> Iterator[str]:
     most = _MOST_POINTS if len(curve.at) == 1 else _MOST_ACROSS
     places = [_chosen(len(own), most) for own in curve.at]
     if len(places) == 1:
-        yield f"    {curve.variables[0]:>14}{curve.component + ', µm':>12}"
+        name = curve.variables[0] if curve.period is None else f"{curve.variables[0]}, one turn"
+        yield f"    {name:>14}{curve.component + ', µm':>12}"
         for place in places[0]:
             value, std = curve.value_um[place], curve.std_um[place]
             yield f"    {_plain(curve.at[0][place]):>14}{_signed(value):>12} ± {std:.1f}"
@@ -255,8 +256,8 @@ def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
     if not lines:
         return
     yield ""
-    is_curve = not diagnosis.found
-    yield "to add it as an empirical curve, without a cause:" if is_curve else "to add it and see the error fall:"
+    of_name = f"as an empirical {diagnosis.unknown.form}, without a cause" if diagnosis.unknown is not None else ""
+    yield "to add it and see the error fall:" if diagnosis.found else f"to add it {of_name}:"
     # A line to copy is not broken.
     yield from lines
 

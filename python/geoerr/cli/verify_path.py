@@ -62,12 +62,12 @@ def path(
 ) -> None:
     """Path error of a program before and after compensation, from dense samples, by a reader of its own."""
     from geoerr.model import load_model
-    from geoerr.model.program_conditions import extrapolated_conditions, program_conditions
+    from geoerr.model.program_conditions import extrapolated_conditions, program_conditions, without_waves_in_time
     from geoerr.model.worth import well_known
     from geoerr.report.provenance import provenance_of_command
     from geoerr.verify.path import compare_paths
 
-    machine = load_model(model).without(names(firmware_corrects))
+    machine = without_waves_in_time(load_model(model).without(names(firmware_corrects)))
     given: Conditions = followed_conditions(at, machine.conditions, quiet)
     told = [str(one) for one in extrapolated_conditions(machine, given)]
     if not keep_uncertain:

@@ -21,7 +21,12 @@ from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions, constants_of
 from geoerr.model.finite import not_finite_notes
-from geoerr.model.program_conditions import Extrapolated, extrapolated_conditions, program_conditions
+from geoerr.model.program_conditions import (
+    Extrapolated,
+    extrapolated_conditions,
+    program_conditions,
+    without_waves_in_time,
+)
 from geoerr.model.worth import UncertainTerm, well_known
 
 Triple = tuple[float, float, float]
@@ -129,6 +134,8 @@ class CompensationResult:
         has no record of a fit, the uncertainty also where the data determine no part of the correction.
     left_out
         Terms of the measuring rig, by id: they explain measurements, and the machine does not have them.
+    waves_left_out
+        Terms that hum or breathe in time, by id: no program knows how they will stand when it runs.
     uncertain_left_out
         Terms that are not corrected, for on average over the measured volume that would do more harm than good.
     extrapolated
@@ -153,6 +160,7 @@ class CompensationResult:
     correction_rms_um: float | None
     correction_std_um: float | None
     left_out: tuple[str, ...]
+    waves_left_out: tuple[str, ...]
     uncertain_left_out: tuple[UncertainTerm, ...]
     extrapolated: tuple[Extrapolated, ...]
     warnings: tuple[ProgramWarning, ...]
@@ -272,6 +280,7 @@ class _Job:
 
     rewriter: _core.GcodeRewriter
     corrected: Model
+    waves: tuple[str, ...]
     at: dict[str, float]
     uncertain: tuple[UncertainTerm, ...]
     extrapolated: tuple[Extrapolated, ...]
@@ -285,6 +294,8 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
             f"the model has nothing to compensate: {ids} explain measurements, and the machine does not have them\n"
             "hint: they belong to the cameras; a program needs a model with errors of the machine"
         )
+    waves = tuple(term.id for term in corrected.terms if term.is_wave_in_time)
+    corrected = without_waves_in_time(corrected)
     given = program_conditions(corrected, at, extrapolates=options.extrapolates)
     extrapolated = extrapolated_conditions(corrected, at)
     measured = corrected.measured_range_mm
@@ -307,7 +318,7 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
         measured_mm=[measured[axis] or (-np.inf, np.inf) for axis in AXES],
         model_name=model_name,
     )
-    return _Job(rewriter, corrected, given, uncertain, extrapolated)
+    return _Job(rewriter, corrected, waves, given, uncertain, extrapolated)
 
 
 def _rewrite(
@@ -396,6 +407,7 @@ def _result(job: _Job, threads: int) -> CompensationResult:
         correction_rms_um=None if benefit is None else benefit.rms_um,
         correction_std_um=None if benefit is None else benefit.std_um,
         left_out=left_out,
+        waves_left_out=job.waves,
         uncertain_left_out=job.uncertain,
         extrapolated=job.extrapolated,
         warnings=tuple(ProgramWarning(*row) for row in job.rewriter.warnings()),
@@ -407,6 +419,11 @@ def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tup
     notes = []
     if left_out:
         notes.append(f"not compensated, for the cameras have it and not the machine: {', '.join(left_out)}")
+    if job.waves:
+        notes.append(
+            "not compensated, for no program knows how it will stand when it runs (find what goes up and down, and "
+            f"stop it): {', '.join(job.waves)}"
+        )
     if job.uncertain:
         notes.append(
             "left as it is, for it is known so poorly that correcting it would on average do more harm than good: "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from geoerr.diagnose.moments import Moment
 from geoerr.diagnose.shape import shape_words
@@ -302,6 +302,11 @@ class Unknown(Nameless):
     def shape(self) -> str | None:
         """What the curve looks like, in words."""
         return None if self.curve is None else shape_words(self.curve)
+
+    @property
+    def form(self) -> Literal["curve", "wave"]:
+        """What it is added as."""
+        return "curve" if self.curve is None or self.curve.period is None else "wave"
 
     @property
     def is_the_models_own(self) -> bool:

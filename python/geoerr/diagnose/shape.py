@@ -20,10 +20,18 @@ _MOST_TURNS = 3
 
 
 def shape_words(curve: Curve) -> str:
-    """Say what a curve over one, two or three variables looks like."""
+    """Say what a curve over one, two or three variables looks like, or a wave in time."""
+    if curve.period is not None:
+        return _wave(curve.period.value, curve.period.unit, curve.value_um)
     if len(curve.variables) == 1:
         return _one(curve.variables[0], curve.at[0], curve.value_um, curve.std_um)
     return _two(curve) if len(curve.variables) == 2 else _three(curve)
+
+
+def _wave(period: float, unit: str, value_um: Numbers) -> str:
+    """Say how often a wave turns, and how far it goes."""
+    often = f"once in {period:.4g} {unit}" if period > 1.0 else f"{1.0 / period:.3f} times a second"
+    return f"goes up and down {often}, by ±{0.5 * float(np.ptp(value_um)):.1f} µm"
 
 
 def _one(name: str, at: Numbers, value_um: Numbers, std_um: Numbers) -> str:

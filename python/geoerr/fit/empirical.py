@@ -7,12 +7,10 @@ measured (beyond the range of its variables it keeps its end value) and for noth
 | symbol | code | what |
 |---|---|---|
 | P_i | `_legendre` | Legendre's polynomials of u, the variable brought to −1 ... 1 over its range |
-| D | `directions` | whitened displacement of each row by one unit along the component |
-| S | `spread` | orthonormal columns of the fit: its hat matrix is S Sᵀ |
-| r | `residual` | what the fit leaves, whitened |
 
 How many polynomials there are is chosen by Schwarz's evidence; those that the model does already are left out, one by
-one from the lowest degree, so that no coefficient is open.
+one from the lowest degree, so that no coefficient is open. Over the time `t` a wave may have more of it
+(`empirical_wave`).
 """
 
 from __future__ import annotations
@@ -28,14 +26,23 @@ import numpy as np
 from geoerr import _core
 from geoerr.effects.definitions import number_text
 from geoerr.errors import GeoerrError, InputFileError
+from geoerr.fit.empirical_wave import TIME, Wave, turn_of
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.inner import directions
+from geoerr.fit.seen import Seen
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
 from geoerr.model.compile import core_part
 from geoerr.summaries import listed
-from geoerr.terms import EMPIRICAL, RAW_VARIABLES, EffectReference, Parameter, Part, Term, parse_effect_reference
+from geoerr.terms import (
+    EMPIRICAL,
+    RAW_VARIABLES,
+    EffectReference,
+    Parameter,
+    Part,
+    Term,
+    parse_effect_reference,
+)
 
 T = TypeVar("T")
 
@@ -75,8 +82,9 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
     parsed = parse_effect_reference(reference) if isinstance(reference, str) else reference
     channel, variables = _channel(parsed), _variables(parsed, fitted)
     values = variable_columns(fitted.sightings, [one.name for one in variables])
-    design = _Design(fitted, channel, variables, np.asarray(values))
-    degrees = design.best()
+    seen = Seen(fitted, channel)
+    design = _Design(seen, variables, np.asarray(values))
+    degrees, evidence = design.best()
     if not degrees and not design.size.any():
         body = "work" if channel.startswith("work") else "tool"
         other = f"work-{channel[-1]}" if body == "tool" else channel[-1]
@@ -92,6 +100,9 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
             remedy="name a variable that the model does not have, or another component",
         )
     along = f"the work along {channel[-1]}" if channel.startswith("work") else f"the tool along {channel[-1]}"
+    wave = Wave.of(seen) if parsed.covariate == TIME else None
+    if wave is not None and wave.evidence > evidence:
+        return wave.term(parsed, channel, f"Empirical wave: {along} over time, cause unknown")
     letter = _free_letter("c", [one.name for one in variables])
     coefficients = [Parameter(letter + "_".join(map(str, degree)), "mm") for degree in degrees]
     products = [
@@ -130,6 +141,8 @@ class Curve:
         Values of each variable, rising.
     value_um, std_um
         Displacement and its standard error; (m,) over one variable, (m, k) over two, (m, k, l) over three.
+    period
+        Of a wave in time, of which `at` is one turn; None of a curve.
     """
 
     component: str
@@ -137,6 +150,7 @@ class Curve:
     at: tuple[Numbers, ...]
     value_um: Numbers
     std_um: Numbers
+    period: Parameter | None = None
 
     @property
     def cut_along(self) -> int:
@@ -161,12 +175,14 @@ class Curve:
 
     def to_document(self) -> dict[str, object]:
         """Give plain values."""
+        period = self.period
         return {
             "component": self.component,
             "variables": list(self.variables),
             "at": [own.tolist() for own in self.at],
             "value_um": self.value_um.tolist(),
             "std_um": self.std_um.tolist(),
+            "period": None if period is None else {"value": period.value, "std": period.std, "unit": period.unit},
         }
 
 
@@ -183,21 +199,27 @@ def curve_of(fitted: Fitted, term_id: str) -> Curve:
         raise GeoerrError(f"{term_id} is no empirical curve of this fit")
     term, own = fitted.terms[place], fitted.compiled.coefficient_slices[place]
     names = (term.covariate or "").split("*")
-    known = variable_columns(fitted.sightings, names)
-    at = [_spread_out(values[np.isfinite(values)], len(names)) for values in known]
-    grid = np.stack([one.ravel() for one in np.meshgrid(*at, indexing="ij")])
-    _, _, _, formula, _, _ = core_part(term, term.parts[0], names)
-    assert isinstance(formula, _core.Expression)
-    functions = formula.coefficient_columns(grid, np.zeros(0), np.zeros(1, dtype=np.int64), None, 1)
+    period = term.inner[0] if term.inner else None
+    if term.inner:
+        along, functions = turn_of(term, _POINTS[1])
+        at: tuple[Numbers, ...] = (along,)
+    else:
+        known = variable_columns(fitted.sightings, names)
+        at = tuple(_spread_out(values[np.isfinite(values)], len(names)) for values in known)
+        grid = np.stack([one.ravel() for one in np.meshgrid(*at, indexing="ij")])
+        _, _, _, formula, _, _ = core_part(term, term.parts[0], names)
+        assert isinstance(formula, _core.Expression)
+        functions = formula.coefficient_columns(grid, np.zeros(0), np.zeros(1, dtype=np.int64), None, 1)
     theta = np.array([parameter.value for parameter in term.coefficients])
     variance = np.einsum("ni,ij,nj->n", functions, fitted.covariance[own, own], functions)
     shape = tuple(len(values) for values in at)
     return Curve(
         term.parts[0].channel[-1],
         tuple(names),
-        tuple(at),
+        at,
         (_UM_PER_MM * functions @ theta).reshape(shape),
         (_UM_PER_MM * np.sqrt(np.maximum(variance, 0.0))).reshape(shape),
+        period,
     )
 
 
@@ -283,34 +305,16 @@ def _free_letter(letter: str, names: Sequence[str]) -> str:
 class _Design:
     """The polynomials at the rows of the data, off the model."""
 
-    def __init__(self, fitted: Fitted, channel: str, variables: Sequence[_Variable], values: Numbers) -> None:
-        self.variables = variables
+    def __init__(self, seen: Seen, variables: Sequence[_Variable], values: Numbers) -> None:
+        self.variables, self.seen = variables, seen
         self.most = _MOST_DEGREES[len(variables)]
-        known = np.isfinite(values).all(axis=0) & fitted.solved.used
+        known = np.isfinite(values).all(axis=0) & seen.used
         unit_values = [
             np.where(known, one.unit(np.nan_to_num(own)), 0.0) for one, own in zip(variables, values, strict=True)
         ]
-        solved = fitted.solved
-        unit = Term(EMPIRICAL, "", "empirical", None, None, None, (Part(channel, "u"),), (Parameter("u", "mm"),))
-        scale = known.astype(np.float64)
-        direction = directions(fitted, unit, scale, fitted.threads)[0]
-        spread = fitted.problem.times(
-            solved.state, solved.solution.covariance_root, solved.used.astype(np.float64), fitted.threads
-        )
-        flat = spread.reshape(-1, spread.shape[2])
         self.degrees = self._all_degrees()
-        raw = np.stack(
-            [(direction * _rowwise(unit_values, degree)[:, None]).reshape(-1) for degree in self.degrees], axis=1
-        )
-        self.size = np.sqrt(np.einsum("nk,nk->k", raw, raw))
-        beyond = raw - flat @ (flat.T @ raw)
-        beyond -= flat @ (flat.T @ beyond)
-        self.gram = beyond.T @ beyond
-        residual = (solved.whitened * solved.used[:, None]).reshape(-1)
-        sigma = fitted.scale if math.isfinite(fitted.scale) and fitted.scale > 0.0 else 1.0
-        self.along = beyond.T @ residual / sigma
-        self.sigma = sigma
-        self.n_numbers = int(fitted.sightings.is_measured[solved.used].sum())
+        functions = np.stack([_rowwise(unit_values, degree) for degree in self.degrees]) * known
+        self.size, self.gram, self.along = seen.off(functions)
 
     def _all_degrees(self) -> list[tuple[int, ...]]:
         """Give all degrees, the lowest first: of several variables products before what fewer of them do."""
@@ -318,8 +322,8 @@ class _Design:
         every = itertools.product(*(range(top + 1) for top in tops))
         return sorted(filter(any, every), key=lambda degree: (max(degree), degree.count(0), degree))
 
-    def best(self) -> list[tuple[int, ...]]:
-        """Give the degrees of the design with the most evidence; none where the model owns them all."""
+    def best(self) -> tuple[list[tuple[int, ...]], float]:
+        """Give the degrees of the design with the most evidence, and that; none where the model owns them all."""
         found: list[tuple[int, ...]] = []
         most = -math.inf
         for tops in itertools.product(range(1, self.most + 1), repeat=len(self.variables)):
@@ -327,12 +331,10 @@ class _Design:
             own = self._determined([place for place in range(len(inside)) if inside[place]])
             if not own:
                 continue
-            gram = self.gram[np.ix_(own, own)]
-            gain = float(self.along[own] @ np.linalg.solve(gram, self.along[own]))
-            evidence = 0.5 * gain - 0.5 * len(own) * math.log(max(self.n_numbers, 2))
+            evidence = self.seen.evidence(self.gram[np.ix_(own, own)], self.along[own])
             if evidence > most:
                 most, found = evidence, [self.degrees[place] for place in own]
-        return found
+        return found, most
 
     def _determined(self, places: Sequence[int]) -> list[int]:
         """Give those of which something is left when the model and those before have taken theirs."""

@@ -748,6 +748,8 @@ class Model:
     def without_terms(self, ids: Iterable[str]) -> Model:
         """Give the model without terms of these ids, each whole; nothing else changes."""
         out = frozenset(ids)
+        if out.isdisjoint(term.id for term in self.terms):
+            return self
         kept = {number: None for number, term in enumerate(self.terms) if term.id not in out}
         record = None if self.record is None else self.record.selected(self._places(kept))
         return Model(self.machine, self.errors, tuple(self.terms[number] for number in kept), record)

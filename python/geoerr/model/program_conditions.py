@@ -35,9 +35,14 @@ def approach_conditions(model: Model) -> dict[str, float]:
     return {name: value for name, value in {**motion, "moving": 1.0}.items() if name in model.conditions}
 
 
+def without_waves_in_time(model: Model) -> Model:
+    """Give what of a model a program can be corrected by: how a wave in time will stand then, nobody knows."""
+    return model.without_terms(term.id for term in model.terms if term.is_wave_in_time)
+
+
 def needed_conditions(model: Model) -> tuple[str, ...]:
     """Name what has to be stated for a program: all that the model follows and no move tells."""
-    return tuple(name for name in model.conditions if name not in _TOLD)
+    return tuple(name for name in without_waves_in_time(model).conditions if name not in _TOLD)
 
 
 @dataclass(frozen=True)

@@ -217,7 +217,7 @@ def _error_blocks(report: ModelReport) -> tuple[Block, ...]:
 def _field_blocks(report: ModelReport) -> tuple[Block, ...]:
     if not report.has_field:
         return ()
-    figure = error_field(report.model, at=report.prediction_conditions)
+    figure = error_field(report.predicted_by, at=report.prediction_conditions)
     blocks: list[Block] = [Figure(figure, "Where the machine puts the points of a grid over its working volume.")]
     if report.not_determined:
         blocks.append(Paragraph(f"Not determined, and taken as 0 here: {', '.join(report.not_determined)}."))

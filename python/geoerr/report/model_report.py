@@ -26,7 +26,12 @@ from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import REFERENCE
-from geoerr.model.program_conditions import approach_conditions, needed_conditions, refuse_unneeded
+from geoerr.model.program_conditions import (
+    approach_conditions,
+    needed_conditions,
+    refuse_unneeded,
+    without_waves_in_time,
+)
 from geoerr.observations import CircularTest, Lengths, Observations, place_numbers
 from geoerr.report.figures import Stage, stages_of
 from geoerr.report.page import Progress
@@ -171,9 +176,14 @@ class ModelReport:
         return {} if self.comparison is None else self.comparison.to_document()
 
     @property
+    def predicted_by(self) -> Model:
+        """The model without waves in time: they are at no place but at a moment."""
+        return without_waves_in_time(self.model)
+
+    @property
     def prediction_conditions(self) -> Stated:
         """What a prediction at a place is given: the conditions, and that it was reached from below, at rest."""
-        return _at_a_place(self.model, self.at)
+        return _at_a_place(self.predicted_by, self.at)
 
     @property
     def not_determined(self) -> tuple[str, ...]:
@@ -307,14 +317,15 @@ def model_report(
     )
     _lack_tests(parts, straight)
     steps.done()
+    at_places = without_waves_in_time(model)
     steps.say("the 21 errors, circles, lines and diagonals as the model predicts them")
-    errors, has_field, circular, predicted, diagonals = _predictions(parts, model, circles, stated)
+    errors, has_field, circular, predicted, diagonals = _predictions(parts, at_places, circles, stated)
     for section, is_there in ((POSITIONING, predicted or along_one), (DIAGONALS, diagonals or along_several)):
         if is_there:
             parts.drop(section)
     steps.done()
     steps.say("the uncertainty budget")
-    budget, volume = _budget(parts, model, comparison, stated)
+    budget, volume = _budget(parts, at_places, comparison, stated)
     stages = () if model.record is None else stages_of(model.record.history)
     if not stages:
         parts.lack(STORY, "the model has no history: `geoerr add` and `geoerr remove` write it")
@@ -501,7 +512,8 @@ def _budget(
 ) -> tuple[Budget | None, UncertaintyMap | None]:
     """Make the budget: by the fit behind the comparison where these are its own data, else by the record alone."""
     subject: FitResult | Model = model
-    if comparison is not None and comparison.freedom == "own" and comparison.fitted is not None:
+    is_its_own = comparison is not None and comparison.freedom == "own" and comparison.model is model
+    if comparison is not None and is_its_own and comparison.fitted is not None:
         subject = FitResult(model, comparison.fitted)
     budget = parts.tried(BUDGET, lambda: uncertainty_budget(subject, at=_at_a_place(model, stated)))
     return budget, None if budget is None else parts.tried(BUDGET, lambda: uncertainty_map(budget))

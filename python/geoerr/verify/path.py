@@ -14,7 +14,7 @@ import numpy.typing as npt
 from geoerr import _core
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
-from geoerr.model.program_conditions import program_conditions
+from geoerr.model.program_conditions import program_conditions, without_waves_in_time
 from geoerr.verify.path_matching import END_MM, Run, further_pieces, paired_runs, piece_counts
 from geoerr.verify.program_reader import ProgramReader, Triple
 
@@ -130,6 +130,7 @@ class _Machine:
     """The machine that runs the programs, under their conditions."""
 
     def __init__(self, model: Model, at: Conditions | None, threads: int) -> None:
+        model = without_waves_in_time(model)
         self._compiled = model.compiled_at(program_conditions(model, at))
         self._threads = threads
         self.follows_motion = isinstance(self._compiled, _core.TermMachine) and bool(self._compiled.motion_names)

@@ -208,7 +208,7 @@ def _suspect(one: Cause, why: str, titles: Mapping[str, str]) -> Card:
 
 def _unknown(unknown: Unknown) -> Card:
     title, said = "Something without a name", (("", unknown.words()),)
-    return Card(unknown.reference, title, said=said, adds="Add as a curve", is_main=True)
+    return Card(unknown.reference, title, said=said, adds=f"Add as a {unknown.form}", is_main=True)
 
 
 def _advice(one: Named, titles: Mapping[str, str]) -> tuple[Line, ...]:

@@ -11,14 +11,12 @@ from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.held_out_after import HeldOutAfter
 from geoerr.diagnose.noise import NoiseModel, NoiseSums
 from geoerr.diagnose.null import N_DRAWS
-from geoerr.diagnose.probes import bodies
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.space import Channels, Space, beyond, freedom_of, noise_sums, whitened_space
-from geoerr.diagnose.waves_in_time import WavesInTime
 from geoerr.fit import has_covariates
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
-from geoerr.machine import AXES
+from geoerr.fit.waves_in_time import WavesInTime
 from geoerr.terms import Term
 
 
@@ -50,7 +48,7 @@ class Bench:
         self.noise: NoiseModel | None = None
         self._last_sums: tuple[tuple[Numbers, ...], NoiseSums] | None = None
         self._of_last_look: Scanner | None = None
-        self.waves = WavesInTime(fitted.sightings, [f"{body}-{axis}" for body in bodies(fitted) for axis in AXES])
+        self.waves = WavesInTime(fitted.sightings)
 
     def without(self, left_out: np.ndarray) -> Bench:
         """Give the same on fewer rows: `left_out` (n,) tells which no longer count; the held-out error is of all."""

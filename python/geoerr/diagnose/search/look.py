@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate
+from geoerr.diagnose.hums import hums_of
 from geoerr.diagnose.null import Null, largest_surprise, p_value_of_all
-from geoerr.diagnose.probes import Probe, shapes_on
+from geoerr.diagnose.probes import Probe, bodies, shapes_on
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import (
@@ -23,6 +24,7 @@ from geoerr.diagnose.search.judged import (
 )
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
 
 _SEED = 19_820_601
 # A wave in time that is less of a surprise is chance's, whatever its evidence: others surprise more in every search.
@@ -134,16 +136,17 @@ def hums(bench: Bench, space: Space, scanner: Scanner) -> tuple[list[Judged], Nu
     That some frequency has a surprise above s has a chance of e^-s at most: so it is drawn.
     """
     found = []
-    waves = list(bench.waves.look(space, bench.channels)) if scanner.n_draws else []
-    for wave in waves:
-        if wave.surprise < _LEAST_OF_HUM:
+    channels = [f"{body}-{axis}" for body in bodies(bench.fitted) for axis in AXES]
+    waves = list(hums_of(bench.waves, channels, space, bench.channels)) if scanner.n_draws else []
+    for one in waves:
+        if one.surprise < _LEAST_OF_HUM:
             continue
-        codes = [bench.functions.given(column) for column in wave.columns]
-        shapes = shapes_on(wave.channel, [codes], [(wave.frequency,)])
-        probe = Probe(wave.channel[-1], ("t",), (shapes,), 1, "hum")
+        codes = [bench.functions.given(column) for column in one.wave.columns]
+        shapes = shapes_on(one.channel, [codes], [(one.wave.frequency,)])
+        probe = Probe(one.channel[-1], ("t",), (shapes,), 1, "hum")
         judged, _ = best_of_each(space, [(probe, [scanner.exact(shapes)])])[0]
         if judged is not None:
-            evidence = judged.evidence - math.log(wave.n_trials)
-            found.append(replace(judged, surprise=wave.surprise, evidence=evidence))
+            evidence = judged.evidence - math.log(one.n_trials)
+            found.append(replace(judged, surprise=one.surprise, evidence=evidence))
     drawn = np.random.default_rng(_SEED).exponential(size=(max(len(waves), 1), scanner.n_draws))
     return found, np.max(drawn, axis=0) if waves else np.full(scanner.n_draws, -math.inf)

@@ -150,11 +150,13 @@ def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
     has_time = bool(np.isfinite(diagnosis.fitted.sightings.numbers("t")).any())
     names = {name: "row" if name == "t" and not has_time else name for name in unknown.depends_on}
     titles = [variable_label(names.get(name, name)) for name in curve.variables]
+    if curve.period is not None:
+        titles = [f"{titles[0]}, one turn"]
     figure = _line(curve, titles[0]) if len(curve.variables) == 1 else _surfaces(curve, titles)
     return style.finish(
         figure,
         f"Along {unknown.component}, over {listed(list(names.values()))}: no known effect does this",
-        f"An empirical curve, without a cause: worth {style.text_um(unknown.worth_um)} rms.",
+        f"An empirical {unknown.form}, without a cause: worth {style.text_um(unknown.worth_um)} rms.",
         _CURVE_PX if len(curve.variables) == 1 else _SURFACE_PX,
         legend=len(curve.variables) == 1,
     )
@@ -172,7 +174,7 @@ def _line(curve: Curve, title: str) -> go.Figure:
             y=value_um,
             mode="lines+markers" if len(at) < 20 else "lines",
             line={"color": style.PURPLE, "width": 2},
-            name="empirical curve",
+            name="empirical",
             hovertemplate="%{x:.6g}: %{y:.2f} µm<extra></extra>",
         )
     )

@@ -1,19 +1,17 @@
 """Waves in time: what hums or breathes, at any of thousands of frequencies.
 
-A smooth probe sees none of them, and as columns there are too many. Here each is one value of sums over moments,
+As columns there are too many. Here each is one value of sums over moments,
 
     s(f) = Σ y_i exp(2πi f t_i),    G(f) from Σ w_i exp(4πi f t_i) and Σ w_i,
 
-and its gain is sᵀG⁻¹s: y what one unit on a channel sees of the residual in the metric of the noise, w its weight
-there. What the model and the offsets of passes take off G is left out: a gain is then rather too small than large,
-and the chance that some frequency has a surprise above s is no more than e^-s. The best wave of each channel is made
-into columns, and judged as every other probe is.
+and its gain is sᵀG⁻¹s: y what one unit along a channel sees of the residual in the metric of the noise, w its weight
+there. What a model takes off G is left out: a gain is then rather too small than large.
 
 Each session has its amplitude and phase: what hums does not wait for a session to begin.
 
 | symbol | code | what |
 |---|---|---|
-| y, w | `_seen` | Dᵀ V⁻¹ r and |D|²/σ² by row, for each channel |
+| y, w | `y`, `w` | Dᵀ V⁻¹ r and |D|²/σ² by row |
 | f | `frequencies` | in halves of a wave over the longest session: between two of them a wave has 0.8 of its gain |
 
 Source: Lomb (1976), Scargle (1982), with weights. Verified in tests/diagnose against least squares written out.
@@ -22,16 +20,13 @@ Source: Lomb (1976), Scargle (1982), with weights. Verified in tests/diagnose ag
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.diagnose.null import surprise
-from geoerr.diagnose.space import Channels, Space
-from geoerr.diagnose.words import number_words
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s
 
@@ -54,38 +49,31 @@ _FINER = 9
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """The best wave on a channel.
+    """The wave that gains most.
 
     Attributes
     ----------
-    channel
-        Where it acts.
     frequency
         Waves in a second; in a row where there are no times.
-    surprise
-        −ln of the chance of such a gain, trials counted.
-    n_trials
-        Number of frequencies that were looked at.
+    gain
+        Of the best trial.
+    rank
+        Of its columns: two of each session that shows any.
     columns : (2 n_sessions, n)
         Cosine and sine of each session.
-    words
-        What repeats.
     """
 
-    channel: str
     frequency: float
-    surprise: float
-    n_trials: int
+    gain: float
+    rank: int
     columns: Numbers
-    words: str
 
 
 class WavesInTime:
     """The frequencies of a fit's sessions, made ready once for all looks."""
 
-    def __init__(self, sightings: Sightings, channels: Sequence[str]) -> None:
+    def __init__(self, sightings: Sightings) -> None:
         times = times_s(sightings)
-        self.channels = tuple(channels)
         self.unit = "s" if "t" in sightings.covariate_columns else "rows"
         own = [(rows, np.unique(times[rows])) for rows in _sessions(sightings)]
         own = [(rows, at) for rows, at in own if len(at) >= _LEAST_MOMENTS]
@@ -97,52 +85,37 @@ class WavesInTime:
         """All that are looked at."""
         return np.concatenate([band.frequencies for band in self.bands]) if self.bands else np.zeros(0)
 
-    def look(self, space: Space, directions: Channels) -> Iterator[Wave]:
-        """Give the best wave of each channel that it moves."""
-        if not self.sessions:
-            return
+    @property
+    def step(self) -> float:
+        """How far one is from the next."""
+        return self.bands[0].step
+
+    def best(self, y: Numbers, w: Numbers) -> Wave | None:
+        """Give the wave of the largest gain by y and w (n,); None where no session shows any."""
         frequencies = self.frequencies
-        for channel in self.channels:
-            y, w = _seen(space, directions[channel])
-            gain, rank = np.zeros(len(frequencies)), 0
-            for session in self.sessions:
-                if w[session.rows].any():
-                    gain += session.gain(session.by_moment(y), session.by_moment(w))
-                    rank += 2
-            if not rank:
-                continue
-            best = int(np.argmax(gain))
-            found = float(surprise(gain[best : best + 1], rank, len(frequencies))[0])
-            f = self._finer(float(frequencies[best]), y, w)
-            columns = np.zeros((2 * len(self.sessions), len(y)))
-            for place, session in enumerate(self.sessions):
-                phase = 2.0 * np.pi * np.modf(f * session.at)[0]
-                columns[2 * place : 2 * place + 2, session.rows] = np.stack([np.cos(phase), np.sin(phase)])
-            yield Wave(channel, f, found, len(frequencies), columns, self._words(f))
+        gain, rank = np.zeros(len(frequencies)), 0
+        for session in self.sessions:
+            if w[session.rows].any():
+                gain += session.gain(session.by_moment(y), session.by_moment(w))
+                rank += 2
+        if not rank:
+            return None
+        best = int(np.argmax(gain))
+        f = self._finer(float(frequencies[best]), y, w)
+        columns = np.zeros((2 * len(self.sessions), len(y)))
+        for place, session in enumerate(self.sessions):
+            phase = 2.0 * np.pi * np.modf(f * session.at)[0]
+            columns[2 * place : 2 * place + 2, session.rows] = np.stack([np.cos(phase), np.sin(phase)])
+        return Wave(f, float(gain[best]), rank, columns)
 
     def _finer(self, f: float, y: Numbers, w: Numbers) -> float:
-        near = f + self.bands[0].step * np.linspace(-1.0, 1.0, _FINER)
+        near = f + self.step * np.linspace(-1.0, 1.0, _FINER)
         gain = np.zeros(len(near))
         for session in self.sessions:
             single, own_w = _exponentials(near, session.at), w[session.rows]
             if own_w.any():
                 gain += _gain(single @ y[session.rows], (single * single) @ own_w, float(own_w.sum()))
         return float(near[int(np.argmax(gain))])
-
-    def _words(self, f: float) -> str:
-        if self.unit == "s" and f > 1.0:
-            return f"goes up and down {f:.3f} times a second"
-        return f"goes up and down with a period of {number_words(float(f'{1.0 / f:.4g}'))} {self.unit}"
-
-
-def _seen(space: Space, direction: Numbers) -> tuple[Numbers, Numbers]:
-    """Give y and w of a channel, (n,).
-
-    The residual has lost what the model takes of noise: y is put up by as much.
-    """
-    free = max(space.n_numbers - space.basis.shape[2], 1)
-    y = np.einsum("nc,nc->n", direction, space.residual_back) * math.sqrt(space.n_numbers / free)
-    return y, direction**2 @ space.noise.sigma**-2.0
 
 
 def _sessions(sightings: Sightings) -> list[slice]:
