@@ -241,8 +241,8 @@ def _wire_actions(app: Dash, session: Session) -> None:
             # The end of work is told when it comes, and not a beat later.
             job.wait(_MOST_OF_A_BEAT * BEAT_MS * 1e-3)
         is_news = tick != session.version
-        # What stands still is not said again.
-        return status(session) if session.is_busy or is_news else no_update, session.version if is_news else no_update
+        # What stands still is not said again, and that work is done is said with what came of it.
+        return status(session) if session.is_busy else no_update, session.version if is_news else no_update
 
 
 def _wire_panels(app: Dash, session: Session) -> None:

@@ -1,8 +1,14 @@
 // While work is under way, which the Stop button shows, buttons that would begin other work are off; then as they were.
+// And the page asks at once when it will be done, and not only at the next beat: most work takes less than that.
 (() => {
   const PANELS = ["stop", "given", "missing", "own-result", "program-result", "reports"];
+  let wasBusy = false;
+  let questions = 0;
   const rest = () => {
     const isBusy = document.querySelector("#stop button") !== null;
+    // A number that no beat has counted.
+    if (isBusy && !wasBusy) dash_clientside.set_props("beat", { n_intervals: --questions });
+    wasBusy = isBusy;
     for (const one of document.querySelectorAll("button.rests")) {
       const isOff = isBusy || one.dataset.off === "true";
       if (one.disabled !== isOff) one.disabled = isOff;
