@@ -235,6 +235,19 @@ def test_the_worst_place_is_one_that_is_known(moved: str) -> None:
     assert std_um > 0.1
 
 
+def test_what_is_known_by_convention_alone_is_no_worst_place() -> None:
+    """A laser along X: at the ends of the line its straightness is 0 by convention, and known nowhere else."""
+    rng = np.random.default_rng(6)
+    x = np.tile(np.linspace(0.0, 400.0, 21), 3)
+    columns: dict[str, object] = {"line": ["X"] * 63, "repeat": np.repeat([0, 1, 2], 21), "carrier": ["tool"] * 63}
+    columns |= {"x": x, "y": np.zeros(63), "z": np.zeros(63), "mx": x + rng.normal(0.0, 1e-3, 63)}
+    columns |= {"sx": np.full(63, 1e-3)}
+    budget = uncertainty_budget(result_of(fit_terms(machine_of("wbXYZt"), [observations_from_columns(columns)])))
+    assert "worst" not in budget.place_names
+    with pytest.raises(NotDeterminedError, match="at no place"):
+        budget.worst()
+
+
 def plane_at_100_mm(rng: np.random.Generator) -> Observations:
     """Three targets in the plane of X and Y, 1 µm."""
     grid = np.array([(x, y, 100.0) for x in np.linspace(0.0, 400.0, 4) for y in np.linspace(0.0, 400.0, 4)])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -311,6 +313,17 @@ def test_two_sessions_are_more_certain_than_one() -> None:
         at = np.array([LENGTH_MM / 3.0, LENGTH_MM])
         ratio = (curve_of(both, name, at)[1] / both.scale) / (curve_of(one, name, at)[1] / one.scale)
         assert np.allclose(ratio, np.sqrt(0.5), rtol=1e-3), name
+
+
+def test_places_beyond_the_machines_range_are_noted() -> None:
+    table, _ = two_sessions(412)
+    assert not [note for note in fitted(MACHINE, table).sightings.notes if "outside the range" in note]
+    small = replace(MACHINE, axes={**MACHINE.axes, "x": replace(MACHINE.axes["x"], range_mm=(0.0, 100.0))})
+    notes = [note for note in fitted(small, table).sightings.notes if "outside the range of" in note]
+    n_beyond = int((table.commanded_mm[:, 0] > 101.0).sum())
+    assert n_beyond > 0
+    assert len(notes) == 1
+    assert f"range of x, 0 to 100 mm, in {n_beyond} of {len(table)} rows" in notes[0]
 
 
 def in_row_six(observations: Observations, value: float) -> dict[str, Numbers]:

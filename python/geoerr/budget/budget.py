@@ -207,15 +207,19 @@ class Budget:
         Raises
         ------
         NotDeterminedError
-            where the error is determined nowhere, or at the first point only, where it is 0 by convention.
+            where the error, or one of its components, is determined nowhere but where it is 0 by convention: at the
+            first point, and of a straightness at both ends.
         """
         axes = zip(AXES, grid_axes_mm(self.model, _SEARCHED), strict=True)
         stood = self.model.stood_mm
         x_mm, y_mm, z_mm = (np.array([stood[axis]]) if axis in stood else along for axis, along in axes)
         places = grid_of(x_mm, y_mm, z_mm)
-        std_um = self.at_places(places).standard_length_um(of)
-        is_known = np.isfinite(std_um)
-        if not (is_known & ((std_um > _NOTHING_UM) | is_known.all())).any():
+        there = self.at_places(places)
+        by_component = there.standard_um(of)
+        is_known = np.isfinite(by_component)
+        is_measured = (is_known & (by_component > _NOTHING_UM)).any(axis=0) | is_known.all(axis=0)
+        std_um = there.standard_length_um(of)
+        if not (is_measured.all() and np.isfinite(std_um).any()):
             raise NotDeterminedError("the data determine the error at no place of the volume")
         number = int(np.nanargmax(std_um))
         return places[number], float(std_um[number])
@@ -330,7 +334,8 @@ def uncertainty_budget(
         the fit's figures: noise and calibration are then one source, misfit and degrees of freedom are what the file
         states, and repeatability is not known.
     q_mm : (n, 3)
-        Places, or places by name; None: corners, centre and the worst place of the volume.
+        Places, or places by name; None: corners, centre and the worst place of the volume,
+        if the data determine all of the error somewhere.
     offset_mm : (3,)
         From the machine's tool point to the point that is meant.
     at, at_std
@@ -396,12 +401,23 @@ def uncertainty_budget(
     )
     if q_mm is None:
         budget = budget.at_places(np.empty((0, 3)))
-        places = stated_places(model)
-        places["worst"] = budget.worst()[0]
-        return budget.at_places(np.array(list(places.values())), list(places))
+        return _at_usual_places(budget)
     if isinstance(q_mm, Mapping):
         return budget.at_places(np.array([np.asarray(place) for place in q_mm.values()]), list(q_mm))
     return budget.at_places(q_mm)
+
+
+def _at_usual_places(budget: Budget) -> Budget:
+    """Give it at the corners, the centre and the worst place, if there is one."""
+    places = stated_places(budget.model)
+    try:
+        places["worst"] = budget.worst()[0]
+    except NotDeterminedError:
+        there = budget.at_places(np.array(list(places.values())), list(places))
+        if not there.is_determined.any():
+            raise
+        return there
+    return budget.at_places(np.array(list(places.values())), list(places))
 
 
 def group_of(term: Term) -> str:

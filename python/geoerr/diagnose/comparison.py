@@ -31,6 +31,7 @@ from geoerr.fit import (
     has_covariates,
     own_freedom,
     sightings_of,
+    within_the_machine,
 )
 from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.sightings import Numbers
@@ -267,7 +268,7 @@ def compare(
     compared = None if not lengths else compare_lengths(_refusing_unknown(model), lengths, threads=threads)
     if not others:
         return Comparison(model, "held", None, compared)
-    sightings = sightings_of(*others)
+    sightings = within_the_machine(sightings_of(*others), model.machine)
     is_own = _is_own_data(model, sightings, terms)
     if rows is not None:
         sightings = _selected(sightings, rows)

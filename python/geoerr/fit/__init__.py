@@ -14,7 +14,7 @@ from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
 from geoerr.fit.given import complete_rows, frames_only, has_covariates, own_freedom
 from geoerr.fit.history import figures_to_remember, history_of, steps_to
-from geoerr.fit.joined import sightings_of
+from geoerr.fit.joined import sightings_of, within_the_machine
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.split import Split
@@ -45,6 +45,7 @@ __all__ = [
     "refit",
     "result_of",
     "sightings_of",
+    "within_the_machine",
 ]
 
 

@@ -32,7 +32,7 @@ from geoerr.fit.classic import (
 from geoerr.fit.fitted import BegunSums, Fitted
 from geoerr.fit.free_directions import concerned, held_smallest, limits_of
 from geoerr.fit.inner import has_unknown_inner, started
-from geoerr.fit.joined import sightings_of
+from geoerr.fit.joined import sightings_of, within_the_machine
 from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
@@ -138,7 +138,7 @@ def fit_terms(
     `validation/joint.py` against the nine-line arithmetic.
     """
     options = options or FitOptions()
-    sightings = sightings_of(*tables) if sightings is None else sightings
+    sightings = within_the_machine(sightings_of(*tables), machine) if sightings is None else sightings
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
     shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     given = dict(options.bases or {})

@@ -20,11 +20,14 @@ from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
 from geoerr.fit.weights import weighed
+from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import is_column
 
 # A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
 _LEAST_STD_MM = 1e-7
+# Limit switches are found again to so much.
+_AT_AN_END_MM = 1.0
 # A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
 _BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
 
@@ -52,6 +55,22 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     joined = parts[0] if len(parts) == 1 else _joined(parts)
     told = (*counted_twice(joined), *_without_name(joined), *unread_columns(joined.table.columns))
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
+
+
+def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
+    """Give them with a note where places were commanded that the machine cannot reach."""
+    told = []
+    for axis, along_mm in zip(AXES, sightings.commanded_mm.T, strict=True):
+        low, high = machine.axes[axis].range_mm
+        beyond_mm = np.maximum(low - along_mm, along_mm - high)
+        n_beyond = int((beyond_mm > _AT_AN_END_MM).sum())
+        if n_beyond:
+            told.append(
+                f"places outside the range of {axis}, {low:g} to {high:g} mm, in {n_beyond} of {len(along_mm)} rows: "
+                f"it was commanded from {along_mm.min():g} to {along_mm.max():g} mm; state its range as it is, or "
+                "count places from the machine's zero"
+            )
+    return replace(sightings, notes=(*sightings.notes, *told)) if told else sightings
 
 
 def _without_name(sightings: Sightings) -> Iterator[str]:

@@ -6,9 +6,11 @@ import math
 from pathlib import Path
 
 from geoerr.budget import Budget, Contribution, UncertaintyMap
+from geoerr.machine import AXES
 from geoerr.report.figures import style, uncertainty_slices
 from geoerr.report.page import NOT_DETERMINED, Block, Figure, Paragraph, Section, Table, write_report
 from geoerr.report.provenance import Provenance
+from geoerr.summaries import listed
 
 _PERCENT = 100.0
 # In any unit of the tables less than this is rounding.
@@ -37,6 +39,10 @@ def budget_sentences(budget: Budget) -> list[str]:
     """Say how sure the prediction and a compensated part are at the last place."""
     last = len(budget.place_names) - 1
     where = budget.place_names[last]
+    if not budget.is_determined[last].all():
+        known = [axis for axis, is_known in zip(AXES, budget.is_determined[last], strict=True) if is_known]
+        of_them = f"of the error only its part along {listed(known)} is known" if known else "nothing is known"
+        return [f"At the place named {where} {of_them}; the data do not determine the rest."]
     lengths = {of: budget.expanded_length_um(of)[last] for of in ("prediction", "part")}
     return [
         f"At the place named {where} the predicted error is known to {_um(lengths['prediction'])} (95 %).",
