@@ -114,6 +114,15 @@ def test_other_conditions_are_no_repeats() -> None:
     assert small_fit(level).repeats.dof.tolist() == small_fit(observations).repeats.dof.tolist()
 
 
+def test_a_running_number_is_told_to_hide_repeats() -> None:
+    table = passes(2)
+    assert not [note for note in sightings_of(table).notes if "repeat of another" in note]
+    counted = replaced(table, order=np.arange(len(table), dtype=np.float64), load=np.ones(len(table)))
+    notes = [note for note in sightings_of(counted).notes if "repeat of another" in note]
+    assert len(notes) == 1
+    assert "for order is not the same" in notes[0]
+
+
 @pytest.mark.parametrize("is_stated", [True, False])
 def test_lack_of_fit_of_a_right_model_is_uniform(is_stated: bool) -> None:
     """Of 200 fits; Kolmogorov and Smirnov would call a right one wrong once in a thousand."""

@@ -40,7 +40,7 @@ def repeatability_source(fitted: Fitted) -> Source | str:
             variance[component] += total - noise
             doubt[component] += total**2 / dof
     if not n_seen:
-        return "repeatability of the machine: no row was measured again"
+        return "repeatability of the machine: no row was measured again under the same conditions"
     # A difference that does not exceed its own standard deviation √(2 Σ v²/ν) tells nothing.
     is_told = variance > np.sqrt(2.0 * doubt)
     variance, doubt = np.where(is_told, variance, 0.0), np.where(is_told, doubt, 0.0)

@@ -7,6 +7,7 @@ The floor is the pooled standard deviation (n − 1) of each component, summed a
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import times_s
 from geoerr.observations import CARRIERS, PIXELS
+from geoerr.summaries import listed
 
 # Covariates are alike where they differ by less than this share of their spread: a twentieth of the spread changes a
 # linear effect by a twentieth, well below the noise wherever the effect itself is not far above it.
@@ -86,7 +88,32 @@ def _known_directions(sightings: Sightings) -> Numbers:
 
 def groups_of(sightings: Sightings) -> np.ndarray:
     """Give every row the number of its group, (n,): the same thing measured under nearly the same conditions."""
-    keys = [
+    return numbers_of_alike([*_places(sightings), *_conditions(sightings).values()])
+
+
+def unlike_visits(sightings: Sightings) -> Iterator[str]:
+    """Say which conditions differ so that no visit of a place counts as a repeat of another."""
+    conditions = _conditions(sightings)
+    if not conditions or _has_repeats(sightings.once("groups", groups_of)):
+        return
+    places = _places(sightings)
+    if not _has_repeats(numbers_of_alike(places)):
+        return
+    others = {name: [own for other, own in conditions.items() if other != name] for name in conditions}
+    alone = [name for name, own in others.items() if _has_repeats(numbers_of_alike([*places, *own]))]
+    whose = f"{listed(alone)} is" if len(alone) == 1 else f"{listed(alone or [*conditions])} are"
+    yield (
+        f"places were measured again, and no visit counts as a repeat of another, for {whose} not the same: "
+        "leave out a column that is no condition (a running number, say)"
+    )
+
+
+def _has_repeats(group: np.ndarray) -> bool:
+    return int(group.max(initial=-1)) + 1 < len(group)
+
+
+def _places(sightings: Sightings) -> list[np.ndarray]:
+    return [
         np.round(sightings.commanded_mm / SAME_POSITION_MM),
         np.round(sightings.offset_mm / SAME_POSITION_MM),
         _known_directions(sightings),
@@ -95,6 +122,10 @@ def groups_of(sightings: Sightings) -> np.ndarray:
         # At the place where a circle is run back both senses have one derived direction.
         np.nan_to_num(sightings.numbers("dir"))[:, None],
     ]
+
+
+def _conditions(sightings: Sightings) -> dict[str, np.ndarray]:
+    keys: dict[str, np.ndarray] = {}
     for name in sightings.covariate_columns:
         if name in NOT_CONDITIONS:
             continue
@@ -104,11 +135,11 @@ def groups_of(sightings: Sightings) -> np.ndarray:
         step = max(_ALIKE * (high - low), least)
         if high > low:
             # Counted from the lowest value, so that a spread within one step is one condition.
-            keys.append(np.nan_to_num(np.floor((values - low) / step), nan=-1e9)[:, None])
+            keys[name] = np.nan_to_num(np.floor((values - low) / step), nan=-1e9)[:, None]
     if "target" in sightings.table.columns:
         names = np.asarray(sightings.texts("target"))
-        keys.append(np.unique(names, return_inverse=True)[1].reshape(-1, 1).astype(np.float64))
-    return numbers_of_alike(keys)
+        keys["target"] = np.unique(names, return_inverse=True)[1].reshape(-1, 1).astype(np.float64)
+    return keys
 
 
 def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> Repeats:

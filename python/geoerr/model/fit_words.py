@@ -91,7 +91,10 @@ def noise_words(p_value: float, what: str) -> str:
 def lack_of_fit_words(p_value: float, beyond_um: float, is_from_repeats: bool) -> str:
     """Say whether the residual is noise; NaN where it cannot be told."""
     if math.isnan(p_value):
-        return "whether the model lacks anything cannot be told: nothing was measured twice, no uncertainty is stated"
+        return (
+            "whether the model lacks anything cannot be told: nothing was measured twice under the same conditions, "
+            "no uncertainty is stated"
+        )
     if p_value >= _SIGNIFICANCE:
         return noise_words(p_value, "noise")
     against = "repeats scatter" if is_from_repeats else "the stated uncertainties allow"

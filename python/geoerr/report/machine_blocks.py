@@ -84,7 +84,8 @@ def data_blocks(comparison: Comparison) -> tuple[Block, ...]:
     if floor is not None:
         blocks.append(Paragraph(f"Noise floor, what repeats scatter: {floor:.2f} µm (all components together)."))
     elif noise is not None:
-        blocks.append(Paragraph(f"Nothing was measured twice; by the stated uncertainties noise is {noise:.2f} µm."))
+        said = "Nothing was measured twice under the same conditions; by the stated uncertainties noise is"
+        blocks.append(Paragraph(f"{said} {noise:.2f} µm."))
     left_out = [(why, str(count)) for why, count in sightings.left_out.items()]
     outliers = len(fitted.outliers)
     if outliers:

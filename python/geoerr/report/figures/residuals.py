@@ -255,7 +255,11 @@ def residual_histogram(comparison: Comparison) -> go.Figure:
         figure.update_xaxes(title_text=f"{_in_words(component)}, µm", row=1, col=column)
     figure.update_yaxes(title_text="rows", rangemode="tozero", row=1, col=1)
     floor = fitted.repeats.floor_um
-    said = "nothing was measured twice: no noise floor" if floor is None else f"noise floor {style.text_um(floor)}"
+    said = (
+        "nothing was measured twice under the same conditions: no noise floor"
+        if floor is None
+        else f"noise floor {style.text_um(floor)}"
+    )
     return style.finish(
         figure,
         "Histogram of the residual",
