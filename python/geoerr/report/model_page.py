@@ -119,7 +119,7 @@ def report_sentences(report: ModelReport) -> list[str]:
     if report.diagonal_systematic_um is not None:
         sentences.append(
             f"As the model has them, space diagonals deviate by up to {style.text_um(report.diagonal_systematic_um)} "
-            "(E_d, ISO 230-6)."
+            f"(E_d, ISO 230-6){_known_to(report)}."
         )
     # Of a prediction that lacks whole axes the uncertainty would be that of a part of it.
     if report.budget is not None and report.has_field:
@@ -128,6 +128,13 @@ def report_sentences(report: ModelReport) -> list[str]:
         count, names = len(report.not_determined), ", ".join(report.not_determined)
         sentences.append(f"{count} of the 21 errors are not determined; predictions take them as 0: {names}.")
     return sentences or ["The machine, without any errors, and nothing measured of it."]
+
+
+def _known_to(report: ModelReport) -> str:
+    """Say how well the model knows the diagonals: a figure that is smaller than that says nothing of the machine."""
+    known = [one.known_to_um for one in report.diagonals.values()]
+    stated = [value for value in known if value is not None and math.isfinite(value)]
+    return f", which it knows to ± {style.text_um(max(stated))} (95 %)" if stated else ""
 
 
 def _circle_sentences(report: ModelReport) -> list[str]:
