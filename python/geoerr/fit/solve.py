@@ -22,6 +22,9 @@ from geoerr.fit.triangles import Known, Triangles
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
 _SETTLED = 1e-4
+# So is the next one, where this is no longer than so many times that, and so many times shorter than the one before:
+# with one triangle each is the same share of the one before it.
+_TENFOLD = 10.0
 # While gross rows are looked for: smaller ones make no row gross.
 _NEARLY_SETTLED = 0.03
 # After a correction of so little of its standard error, steps with the triangle that there is lead near the minimum.
@@ -362,7 +365,7 @@ def _gauss_newton(
         # Without a stated noise the unit of standard errors is what is left.
         unit = 1.0 if is_stated else _left_over(cost, problem, row_scale, solution)
         shares /= unit
-        moved = factor * float(shares.max(initial=0.0))
+        before, moved = moved, factor * float(shares.max(initial=0.0))
         # Of the first step nothing was expected.
         most_followed = min(_NEAR, _SHORTER * followed) or _NEAR
         followed = factor * float(shares[follows].max(initial=0.0))
@@ -370,9 +373,14 @@ def _gauss_newton(
         # A step cut short by the end of a range is not small: the next one goes on along the end. The triangle is to
         # be that of the minimum.
         is_there = is_linear or since.are_at_the_minimum
-        converged = moved < settled and is_there and (factor < longest or longest == 1.0)
+        converged = _is_settled(moved, before, settled) and is_there and (factor < longest or longest == 1.0)
     whitened = problem.whitened(residual)
     return _Iterated(state, solution, triangle, made_with, made_at, residual, whitened, converged, steps)
+
+
+def _is_settled(moved: float, before: float, settled: float) -> bool:
+    """Tell whether a step, or the one that would come next by how fast they shorten, is negligible."""
+    return moved < settled or (moved < _TENFOLD * settled and _TENFOLD * moved < before)
 
 
 class _StepsSince:
