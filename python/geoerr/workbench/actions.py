@@ -250,6 +250,10 @@ def refer_to(session: Session, number: int) -> None:
 
 def try_formula(session: Session, typed: OwnFormula) -> None:
     """See whether an own effect helps, without adding it."""
+    with session.lock:
+        session.refuse_while_busy()
+        # Beside a refusal an earlier trial would pass for that of this formula.
+        session.trial = None
     model, data = session.model, session.data
     columns = () if data.points is None else tuple(data.points.frame.columns)
     effect = own_effect(typed, columns, session.folder)

@@ -113,6 +113,11 @@ def own_result(session: Session) -> list[Any]:
         problem(session, OWN),
         html.Div(
             [
+                html.H3(", ".join(term.title for term in trial.terms)),
+                html.P(
+                    [", ".join(term.id for term in trial.terms), ": ", html.Code(trial.typed.expression)],
+                    className="why",
+                ),
                 html.P(html.B(verdict)),
                 html.P(f"Held out {um(held[0])} → {um(held[1])}; residual {um(inside[0])} → {um(inside[1])}."),
                 html.P([html.B("Value: "), "; ".join(values), html.Span(_UNITS, className="why")]),

@@ -249,13 +249,23 @@ class Session:
             while other work is under way.
         """
         with self.lock:
-            if self.job is not None:
-                raise GeoerrError(f"{self.job.title} is still under way\nhint: wait for it, or stop it")
+            self.refuse_while_busy()
             if self.problems.pop(place, None) is not None:
                 self.content += 1
             self.job = Job(title, place, work, self._ended)
             self.version += 1
             self.job.start()
+
+    def refuse_while_busy(self) -> None:
+        """Refuse what has to wait for the end of other work.
+
+        Raises
+        ------
+        GeoerrError
+            while it is under way.
+        """
+        if self.job is not None:
+            raise GeoerrError(f"{self.job.title} is still under way\nhint: wait for it, or stop it")
 
     def stop(self) -> None:
         """Stop the work: nothing of it is taken."""
