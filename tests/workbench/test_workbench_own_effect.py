@@ -42,3 +42,16 @@ def test_a_formula_that_cannot_be_read_takes_the_place_of_the_one_before(tmp_pat
     with pytest.raises(GeoerrError):
         actions.try_formula(session, OwnFormula("mine", "along", "x", "c*("))
     assert session.trial is None
+
+
+@pytest.mark.parametrize(("action", "what"), [("undo", ""), ("fit", "21")])
+def test_what_was_refused_of_one_model_is_not_said_of_another(tmp_path: Path, action: str, what: str) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "12")
+    settle(session)
+    actions.try_formula(session, NOWHERE)
+    session.job.wait(60.0)
+    assert actions.OWN in session.problems
+    wiring.do(session, action, what)
+    # It insists that nothing is said any more.
+    settle(session)

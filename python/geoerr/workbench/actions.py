@@ -102,8 +102,6 @@ def read_again(
                 session.forget_step()
                 session.told = told
                 session.program = session.before = None
-                # What was refused was refused with other data.
-                session.problems.clear()
                 _look(session, seen)
 
         return apply

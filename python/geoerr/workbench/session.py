@@ -236,8 +236,9 @@ class Session:
         return Looked(self.current, self.seen, self.diagnosis, self.told)
 
     def forget_step(self) -> None:
-        """Forget what belongs to the model that was looked at."""
+        """Forget what belongs to the model that was looked at, and what was refused of it or of its data."""
         self.seen = self.diagnosis = self.told = self.trial = None
+        self.problems.clear()
         self.reports = {}
 
     def begin(self, title: str, place: str, work: Work) -> None:
