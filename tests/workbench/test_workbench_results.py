@@ -81,6 +81,42 @@ def test_a_program_that_nothing_is_corrected_of_says_why_and_is_no_download(tmp_
     assert "Download" not in told
 
 
+@pytest.mark.parametrize(
+    ("program", "why"),
+    [
+        (b"", "the program has no moves."),
+        (b"; nothing\nM3 S100\n", "the program has no moves."),
+        (b"G21\nG91\nG1 X10 Y10 Z1 F600\nG1 X100\n", "where the program starts is not known"),
+        (b"G21\nG90\nG1 X50\nG1 X60\n", "where the program starts is not known"),
+        (b"G21\nG90\nG2 X60 Y60 I5 J5\n", "none of its moves is of a kind that is corrected."),
+    ],
+)
+def test_a_program_without_a_known_path_has_no_figures_and_the_true_reason(
+    tmp_path: Path, program: bytes, why: str
+) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "12")
+    settle(session)
+    actions.compensate(session, "part.gcode", program, Wish({}, passes_unsupported=True))
+    settle(session)
+    told = texts(wiring.panels(session)["program"])
+    assert f"Nothing was corrected: {why}" in told
+    assert "rounds to nothing" not in told
+    assert "largest distance from the programmed path – – distance from it, rms – – moves" in told
+
+
+def test_the_one_place_of_a_program_is_corrected_and_told_to_be_no_path(tmp_path: Path) -> None:
+    session = loaded(tmp_path)
+    wiring.do(session, "fit", "12")
+    settle(session)
+    actions.compensate(session, "part.gcode", b"G21\nG90\nG1 X50 Y50 Z50\n", Wish({}))
+    settle(session)
+    told = texts(wiring.panels(session)["program"])
+    assert "Download part-corrected.gcode" in told
+    assert "There is no path to compare" in told
+    assert "largest distance from the programmed path – – distance from it, rms – – moves 1 1" in told
+
+
 def test_what_was_refused_stands_alone_and_goes_with_the_data_that_it_was_refused_with(tmp_path: Path) -> None:
     session = loaded(tmp_path)
     wiring.do(session, "fit", "12")

@@ -18,6 +18,7 @@ from geoerr.workbench.program import CorrectedProgram, conditions_of, default_co
 from geoerr.workbench.reports import REPORTS, can_write
 from geoerr.workbench.session import Session
 
+_WITHOUT_PATH = "There is no path to compare: no move begins and ends at places that are known."
 _NEEDED = {"model": "a model", "comparison": "data", "diagnosis": "a search"}
 
 
@@ -105,25 +106,35 @@ def program_result(session: Session) -> list[Any]:
     corrected = session.program
     if corrected is None:
         return parts
-    path, result = corrected.trace.result, corrected.result
-    rows = [
-        html.Tr([html.Td(), html.Th("before", scope="col"), html.Th("after", scope="col")]),
-        _pair("largest distance from the programmed path", um(path.max_error_um_before), um(path.max_error_um_after)),
-        _pair("distance from it, rms", um(path.rms_um_before), um(path.rms_um_after)),
-        _pair("moves", f"{path.moves_in:,}", f"{path.moves_out:,}"),
-    ]
+    result = corrected.result
     warnings = [html.Li(sentence(str(one))) for one in result.warnings]
     notes = [html.Li(sentence(on_the_page(one))) for one in result.notes]
     return [
         *parts,
         html.P([html.B(corrected.name), f", by the model “{corrected.model_name}”"]),
-        html.Table([html.Tbody(rows)], className="figures pair"),
+        html.Table([html.Tbody(_figures(corrected))], className="figures pair"),
+        None if corrected.has_path or corrected.left_because else html.P(_WITHOUT_PATH, className="why"),
         html.P(html.B(sentence(corrected.left_because)))
         if corrected.left_because
         else button(f"Download {corrected.corrected_name}", "download", is_main=True),
         html.Ul(warnings, className="told") if warnings else None,
         _folded(notes),
-        None if corrected.left_because else _pictures(corrected),
+        _pictures(corrected) if corrected.has_path and not corrected.left_because else None,
+    ]
+
+
+def _figures(corrected: CorrectedProgram) -> list[Any]:
+    path = corrected.trace.result
+    largest: tuple[float | None, ...] = path.max_error_um_before, path.max_error_um_after
+    rms: tuple[float | None, ...] = path.rms_um_before, path.rms_um_after
+    if not corrected.has_path:
+        # Of no path at all the largest distance is none, not nothing.
+        largest = rms = None, None
+    return [
+        html.Tr([html.Td(), html.Th("before", scope="col"), html.Th("after", scope="col")]),
+        _pair("largest distance from the programmed path", *map(um, largest)),
+        _pair("distance from it, rms", *map(um, rms)),
+        _pair("moves", f"{path.moves_in:,}", f"{path.moves_out:,}"),
     ]
 
 

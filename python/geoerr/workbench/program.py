@@ -21,6 +21,12 @@ from geoerr.workbench.typed import typed_number
 
 Numbers = npt.NDArray[np.float64]
 _ZERO = "the program's zero"
+_WITHOUT_MOVES = "nothing was corrected: the program has no moves"
+_NOWHERE = (
+    "nothing was corrected: where the program starts is not known, so neither is where its moves end; begin it "
+    "with a move to X, Y and Z in absolute positions (G90)"
+)
+_NO_SUCH_MOVES = "nothing was corrected: none of its moves is of a kind that is corrected"
 _WITHOUT_ERRORS = "nothing was corrected: this is a machine without errors; fit the 21 errors first"
 _NOTHING_TO_CORRECT = "nothing was corrected: what the model says along this path rounds to nothing or is uncertain"
 
@@ -55,6 +61,11 @@ class CorrectedProgram:
         """Name for the download."""
         path = Path(self.name)
         return f"{path.stem}-corrected{path.suffix}"
+
+    @property
+    def has_path(self) -> bool:
+        """Whether there is any path to follow: a move that begins and ends at places that are known."""
+        return self.trace.result.moves_compared > 0
 
 
 @dataclass(frozen=True)
@@ -103,8 +114,19 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
         known, _, rest = well_known(model, at)
         trace = trace_paths(known, before, after, at=rest, work_offset_mm=offset)
         corrected = after.read_bytes()
-    left_because = "" if corrected != content else _WITHOUT_ERRORS if model.is_nominal else _NOTHING_TO_CORRECT
+    left_because = "" if corrected != content else _left_because(model, result)
     return CorrectedProgram(name, corrected, result, trace, model_name, left_because)
+
+
+def _left_because(model: Model, result: CompensationResult) -> str:
+    """Say why a program came out as it went in."""
+    if result.moves_in == 0:
+        return _WITHOUT_MOVES
+    if model.is_nominal:
+        return _WITHOUT_ERRORS
+    if result.moves_corrected > 0:
+        return _NOTHING_TO_CORRECT
+    return _NOWHERE if result.untouched_position_unknown else _NO_SUCH_MOVES
 
 
 def conditions_of(model: Model, typed: Mapping[str, str]) -> dict[str, float]:
