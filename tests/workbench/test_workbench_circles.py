@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,20 @@ def test_causes_are_told_with_part_value_doubt_and_what_is_left(diagnosed: Sessi
     assert "noise 0." in told
     play = next(one for one in diagnosed.diagnosis.found if str(one.reference) == "backlash:x").parameters[0]
     assert 1e3 * play.value == pytest.approx(PLAY_UM, abs=4e3 * play.std + 0.01 * PLAY_UM)
+
+
+def test_the_number_of_a_part_below_nothing_stands_off_the_names(diagnosed: Session) -> None:
+    diagnosis = diagnosed.diagnosis
+    first, *rest = diagnosis.found
+    against = replace(diagnosis, found=(replace(first, percent=-1.2), *rest))
+    bars, numbers = against.plot_causes().data
+    place = list(bars.y).index(str(first.reference))
+    assert bars.x[place] == -1.2
+    assert "−1 %" in numbers.text[place]
+    # To the right of the bar, however narrow the figure is: at the left are the names.
+    assert numbers.x[place] == 0.0
+    assert numbers.textposition == "middle right"
+    assert bars.text is None
 
 
 def test_what_the_runs_cannot_tell_apart_is_said_with_what_would(diagnosed: Session) -> None:

@@ -114,16 +114,27 @@ def circle_causes(diagnosis: CircleDiagnosis) -> go.Figure:
                 "color": [_COLORS[kind] for *_, kind, _ in rows],
                 "pattern": {"shape": ["/" if is_rig else "" for *_, is_rig in rows]},
             },
-            text=[f"{percent:.0f} %".replace("-", "−") for _, percent, *_ in rows],
-            textposition="outside",
-            cliponaxis=False,
             hovertemplate="%{y}: %{x:.1f} %<extra></extra>",
+            showlegend=False,
         )
     )
     figure.update_yaxes(autorange="reversed", showgrid=False)
     percents = [percent for _, percent, *_ in rows]
-    # A cause that works against the others has a part below 0: its number needs room at the left.
-    low = min(percents) - 0.25 * max(percents) if min(percents) < 0.0 else 0.0
+    figure.add_trace(
+        go.Scatter(
+            y=[name for name, *_ in rows],
+            # A cause that works against the others has a part below 0: left of its bar its number would stand on its
+            # name, however wide the figure is.
+            x=[max(percent, 0.0) for percent in percents],
+            mode="text",
+            text=[f" {percent:.0f} %".replace("-", "−") for percent in percents],
+            textposition="middle right",
+            cliponaxis=False,
+            hoverinfo="skip",
+            showlegend=False,
+        )
+    )
+    low = min(0.0, 1.12 * min(percents))
     figure.update_xaxes(range=[low, 1.12 * max(percents) + 1e-9], title_text="%")
     return style.finish(
         figure,
