@@ -26,8 +26,8 @@ _RESIDUAL_CONFIG = {
 }
 _MARKS = {-3: "⅛", -2: "¼", -1: "½", 0: "1", 1: "2", 2: "4", 3: "8"}
 _STEPS_DRAWN = 7
-# Axis and legend; the two bars of a model have as much as the style says, and fewer than two models as two.
-_AXIS_PX, _LEAST_MODELS = 68, 2
+# Axis, and a little above; the two bars of a model have as much as the style says, and fewer than two models as two.
+_AXIS_PX, _ABOVE_PX, _LEAST_MODELS = 40, 6, 2
 
 
 def where_panel(session: Session) -> list[Any]:
@@ -222,21 +222,27 @@ def fall_graph(session: Session) -> Any:
         return html.Div()
     figure = error_fall(stages[-_STEPS_DRAWN:], is_numbered=True)
     noise = figure.layout.title.subtitle.text
-    in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": 24, "b": 40})
-    figure.update_layout(legend={"yref": "container", "yanchor": "top", "y": 1.0})
+    in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": _ABOVE_PX, "b": _AXIS_PX})
+    # In a narrow window Plotly's own legend takes a second line out of the bars.
+    figure.update_layout(showlegend=False)
     # Plotly would write figures as small as bars are thin.
     figure.update_traces(constraintext="none", textfont_size=10, selector={"type": "bar"})
     # A bar's length is for the eye; its row must not be thinner than its text.
-    height = f"calc({_AXIS_PX}px + {max(len(figure.data[0].y), _LEAST_MODELS)} * var(--bars))"
+    height = f"calc({_AXIS_PX + _ABOVE_PX}px + {max(len(figure.data[0].y), _LEAST_MODELS)} * var(--bars))"
     return html.Div(
         [
             html.Div(
                 [html.H2("How the error falls"), html.Span(noise[:1].upper() + noise[1:], className="why")],
                 className="headed",
             ),
+            html.Div([_key(trace.marker.color, trace.name) for trace in reversed(figure.data)], className="legend"),
             dcc.Graph(figure=figure, config=WITHOUT_BUTTONS, responsive=True, style={"height": height}),
         ]
     )
+
+
+def _key(color: str, text: str) -> Any:
+    return html.Span([html.I(style={"background": color}), text])
 
 
 def _mean(mean: float | None, spread: float | None) -> str:
