@@ -69,7 +69,16 @@ def workbench(
             webbrowser.open(url)
 
     # Being told to end, or a terminal that is closed, ends it in good order too; what `nohup` ignores stays ignored.
-    for name in {"SIGTERM", "SIGHUP"} & set(dir(signal)):
-        if signal.getsignal(getattr(signal, name)) is signal.SIG_DFL:
-            signal.signal(getattr(signal, name), signal.default_int_handler)
+    names = sorted({"SIGINT", "SIGTERM", "SIGHUP"} & set(dir(signal)))
+    usual = signal.SIG_DFL, signal.default_int_handler
+    heard = [one for one in (getattr(signal, name) for name in names) if signal.getsignal(one) in usual]
+
+    def end(*_: object) -> None:
+        # Told twice, it must not break off taking the session's folder away.
+        for one in heard:
+            signal.signal(one, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for one in heard:
+        signal.signal(one, end)
     serve(begin_session(files or [], session, threads=threads), port, ready)
