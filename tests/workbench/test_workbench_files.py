@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -173,3 +174,76 @@ def test_what_the_page_cannot_take_is_refused_with_what_it_takes(tmp_path: Path,
         actions.take_dropped(session, [name], [b"PK \x00\xff"])
     assert "TOML" not in str(refused.value)
     assert [one.name for one in session.files] == ["machine.toml", "observations.csv"]
+
+
+def other_machine(folder: Path) -> bytes:
+    return (folder / "machine.toml").read_bytes().replace(b'"mill"', b'"lathe"')
+
+
+def test_the_machine_that_is_there_already_changes_nothing(tmp_path: Path) -> None:
+    saved = tmp_path / "work.json"
+    session = loaded(tmp_path, saved)
+    wiring.do(session, "fit", "12")
+    settle(session)
+    session = begin_session([], saved, threads=1)
+    settle(session)
+    before, seen, files = session.steps, session.seen, session.files
+    # Another file, of an equal machine.
+    machine = b"# as it was\n" + (tmp_path / "machine.toml").read_bytes()
+    actions.take_dropped(session, ["again.toml"], [machine])
+    assert session.job is None
+    assert (session.steps, session.current, session.earlier) == (before, 1, ())
+    assert session.seen is seen
+    assert session.files == files
+    assert "again.toml is what these models began with" in texts(wiring.panels(session)["given"])
+    # Beside it others are taken.
+    rows = pl.read_csv(tmp_path / "observations.csv").with_columns(session=pl.lit("later"))
+    actions.take_dropped(session, ["machine.toml", "later.csv"], [machine, rows.write_csv().encode()])
+    settle(session)
+    assert [step.name for step in session.steps] == ["machine without errors", "12 errors fitted"]
+    assert [one.name for one in session.files] == ["machine.toml", "observations.csv", "later.csv"]
+
+
+def test_another_machine_begins_anew_and_the_work_before_it_comes_back(tmp_path: Path) -> None:
+    saved = tmp_path / "work.json"
+    session = loaded(tmp_path, saved)
+    wiring.do(session, "fit", "12")
+    settle(session)
+    held = session.step.figures["held_out_rmse_um"]
+    assert "Earlier work" not in texts(wiring.panels(session)["given"])
+    actions.take_dropped(session, ["lathe.toml"], [other_machine(tmp_path)])
+    settle(session)
+    assert [step.name for step in session.steps] == ["machine without errors"]
+    told = texts(wiring.panels(session)["given"])
+    assert "Earlier work Another machine or model begins anew. What was here before it is kept." in told
+    assert "mill · 2. 12 errors fitted  2 models of machine.toml, observations.csv Go back" in told
+    # The saved session keeps it too, and the command line that began it goes on with it.
+    again = begin_session([tmp_path / "machine.toml"], saved, threads=1)
+    settle(again)
+    for one in (session, again):
+        wiring.do(one, "go-back", "0")
+        settle(one)
+        assert [step.name for step in one.steps] == ["machine without errors", "12 errors fitted"]
+        assert [file.name for file in one.files] == ["machine.toml", "observations.csv"]
+        assert one.model.machine.name == "mill"
+        assert one.step.figures["held_out_rmse_um"] == pytest.approx(held)
+        # What was there when it came back is kept in its place.
+        (kept,) = one.earlier
+        assert kept.title == "lathe · 1. machine without errors"
+    wiring.do(session, "go-back", "0")
+    settle(session)
+    assert session.model.machine.name == "lathe"
+    wiring.do(session, "go-back", "7")
+    assert "not kept" in session.problems[actions.DATA]
+
+
+def test_a_session_that_was_saved_before_earlier_work_was_kept_goes_on(tmp_path: Path) -> None:
+    saved = tmp_path / "work.json"
+    loaded(tmp_path, saved)
+    document = json.loads(saved.read_text())
+    del document["earlier"]
+    saved.write_text(json.dumps(document))
+    again = begin_session([], saved, threads=1)
+    settle(again)
+    assert again.earlier == ()
+    assert len(again.steps) == 1

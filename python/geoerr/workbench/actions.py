@@ -17,9 +17,10 @@ from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit import FitOptions, Fitted, fit_model
 from geoerr.measurements import Measurements, read_measurements
 from geoerr.model import Model, load_model
+from geoerr.model.document import document_of
 from geoerr.observations import CircularTest, Observations
 from geoerr.workbench.calibration import Calibration, calibration_of
-from geoerr.workbench.history import Step, figures_of_step, lineage
+from geoerr.workbench.history import Chapter, Step, figures_of_step, lineage
 from geoerr.workbench.inputs import ONE_OF_A_KIND, InputFile, dropped
 from geoerr.workbench.job import Advance
 from geoerr.workbench.own_effect import OwnFormula, own_effect
@@ -36,7 +37,15 @@ REPORT: Final = "report"
 
 
 def take_files(session: Session, files: Sequence[InputFile]) -> None:
-    """Take more files: tables add to the measurements, effects to the catalogue, and a model begins a new story."""
+    """Take more files: tables add to the measurements, effects to the catalogue, and another model begins anew."""
+    again = tuple(one.name for one in files if one.kind == "model" and _is_of_this_work(session, one))
+    files = [one for one in files if one.kind != "model" or one.name not in again]
+    if again and not files:
+        with session.lock:
+            session.given_again, session.replaced = again, ()
+            session.problems.pop(DATA, None)
+            session.changed()
+        return
     together = {one.name: one for one in (*session.files, *files)}
     for kind in ONE_OF_A_KIND:
         newest = next((one for one in reversed(files) if one.kind == kind), None)
@@ -49,6 +58,7 @@ def take_files(session: Session, files: Sequence[InputFile]) -> None:
         is_new_model=any(one.kind == "model" for one in files),
         keeps=False,
         replaced=tuple(one.name for one in files if one.name in known),
+        given_again=again,
     )
 
 
@@ -63,10 +73,40 @@ def put_away(session: Session, name: str) -> None:
     read_again(session, rest, is_new_model=False, keeps=False)
 
 
+def go_back(session: Session, number: int) -> None:
+    """Go on with the work before another machine or model came; what is there now is kept in its place."""
+    with session.lock:
+        if not 0 <= number < len(session.earlier):
+            raise GeoerrError("that work is not kept any more")
+        chapter = session.earlier[number]
+    read_again(session, chapter.files, is_new_model=False, keeps=True, chapter=chapter)
+
+
 def read_again(
-    session: Session, files: tuple[InputFile, ...], *, is_new_model: bool, keeps: bool, replaced: tuple[str, ...] = ()
+    session: Session,
+    files: tuple[InputFile, ...],
+    *,
+    is_new_model: bool,
+    keeps: bool,
+    replaced: tuple[str, ...] = (),
+    given_again: tuple[str, ...] = (),
+    chapter: Chapter | None = None,
 ) -> None:
-    """Read the files of the session and hold the model against them; `replaced` are names of files that are gone."""
+    """Read files and hold the model against them.
+
+    Parameters
+    ----------
+    session, files
+        What to change, and what it has from now on.
+    is_new_model
+        Whether the model among them begins anew.
+    keeps
+        Whether the data are those that the models were compared with.
+    replaced, given_again
+        Names of files that are gone, and of machines and models that the session has already.
+    chapter
+        Work to go on with; that of the session if None.
+    """
 
     def work(advance: Advance) -> Callable[[], None]:
         tables = [one.path for one in files if one.kind == "measurements"]
@@ -74,7 +114,8 @@ def read_again(
         effects = tuple(effect for one in files if one.kind == "effects" for effect in load_effects(one.path))
         catalogue().extended(effects, "effects")
         calibration = calibration_of(files, measured)
-        steps, current, reference = list(session.steps), session.current, session.reference
+        known = chapter or session.chapter
+        steps, current, reference = list(known.steps), known.current, known.reference
         models = [one for one in files if one.kind == "model"]
         if models and (is_new_model or not steps):
             model = load_model(models[-1].path)
@@ -94,13 +135,13 @@ def read_again(
 
         def apply() -> None:
             with session.lock:
+                session.earlier = _kept(session, steps, chapter)
                 session.files, session.measured, session.own_effects = list(files), measured, effects
                 session.tried = tuple(one for one in session.tried if one.id not in {own.id for own in effects})
-                session.calibration, session.replaced = calibration, replaced
+                session.calibration, session.replaced, session.given_again = calibration, replaced, given_again
                 session.steps, session.current, session.reference = steps, current, reference
-                told = session.told if keeps else None
                 session.forget_step()
-                session.told = told
+                session.told = known.told if keeps else None
                 session.program = session.before = None
                 _look(session, seen)
 
@@ -362,6 +403,18 @@ def _fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
 def _told_of(steps: list[Step], current: int, reference: int) -> set[int]:
     """Give the numbers of the models of which the page tells how the error fell, and the reference among them."""
     return {*lineage(steps, current), reference} if steps else set()
+
+
+def _is_of_this_work(session: Session, file: InputFile) -> bool:
+    """Tell whether a file is of the very model that the session's work began with."""
+    return bool(session.steps) and document_of(load_model(file.path)) == document_of(session.steps[0].model)
+
+
+def _kept(session: Session, steps: list[Step], taken: Chapter | None) -> tuple[Chapter, ...]:
+    """Give the earlier work, without what is taken, and with that of the session where these steps are of other."""
+    rest = tuple(one for one in session.earlier if one is not taken)
+    is_other = bool(session.steps) and steps[0].model is not session.steps[0].model
+    return (*rest, session.chapter) if is_other else rest
 
 
 def _first_name(model: Model, file_name: str) -> str:

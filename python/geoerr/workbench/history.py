@@ -9,6 +9,8 @@ from geoerr.diagnose import Comparison
 from geoerr.fit import figures_document
 from geoerr.model import Model
 from geoerr.report.figures import Stage, stages_of
+from geoerr.workbench.inputs import InputFile
+from geoerr.workbench.told import Told
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,33 @@ class Step:
     def n_classic(self) -> int:
         """Number of the classic errors in the model."""
         return sum(term.kind == "classic" for term in self.model.all_machine_terms)
+
+
+@dataclass(frozen=True, eq=False)
+class Chapter:
+    """Files, and the models that were made of them: a session has one, and keeps those before another machine came.
+
+    Attributes
+    ----------
+    files
+        What was given.
+    steps, current, reference
+        The models, which of them was looked at, and which the others were compared with.
+    told
+        What was said to be missing in the one that was looked at.
+    """
+
+    files: tuple[InputFile, ...]
+    steps: tuple[Step, ...]
+    current: int
+    reference: int
+    told: Told | None = None
+
+    @property
+    def title(self) -> str:
+        """The machine, and the model that was looked at."""
+        step = self.steps[self.current]
+        return f"{step.model.machine.name or 'machine'} · {self.current + 1}. {step.name}"
 
 
 def figures_of_step(comparison: Comparison) -> dict[str, float | None]:

@@ -14,6 +14,7 @@ def notes_of(session: Session) -> tuple[str, ...]:
     """Give the notes on the data and on the model that is looked at now: each model has outliers of its own."""
     model = None if session.step is None else session.step.model
     told = [f"{name} took the place of the earlier file of its name" for name in session.replaced]
+    told += [f"{name} is what these models began with: nothing was begun anew" for name in session.given_again]
     told += calibration_words(session.files, session.measured, session.calibration, model)
     told += _set_aside(session)
     if session.seen is not None:

@@ -143,10 +143,27 @@ def _history(session: Session) -> Any:
         explanation += " A model with a dash was not compared with these data yet: look at it."
     return section(
         "Models so far",
-        [html.Table(html.Tbody(rows), className="history") if rows else html.P("None yet.")],
+        [html.Table(html.Tbody(rows), className="history") if rows else html.P("None yet."), *_earlier(session)],
         name="history",
         explanation=explanation,
     )
+
+
+def _earlier(session: Session) -> list[Any]:
+    """Offer the work before another machine or model came."""
+    if not session.earlier:
+        return []
+    items = []
+    for number, chapter in enumerate(session.earlier):
+        names = ", ".join(one.name for one in chapter.files)
+        told = html.Span([html.B(chapter.title), html.Br(), f"{counted(len(chapter.steps), 'model')} of {names}"])
+        title = "Its files and its models are as they were; what is here now is kept in its place"
+        items.append(html.Li([told, button("Go back", "go-back", str(number), rests=True, title=title)]))
+    return [
+        html.H3("Earlier work"),
+        html.P("Another machine or model begins anew. What was here before it is kept.", className="why"),
+        html.Ul(items, className="files"),
+    ]
 
 
 def _compared_by(session: Session) -> tuple[str, str]:

@@ -48,7 +48,8 @@ def _refuse_input(saved_in: Path, paths: Sequence[Path]) -> None:
 
 def _refuse_others(session: Session, saved_in: Path, paths: Sequence[Path]) -> None:
     """Refuse files that the saved session does not have: its work is never begun anew over it."""
-    known = {one.path.resolve() for one in session.files}
+    earlier = (one for chapter in session.earlier for one in chapter.files)
+    known = {one.path.resolve() for one in (*session.files, *earlier)}
     others = [path for path in paths if path.resolve() not in known]
     if others:
         raise InputFileError(

@@ -25,7 +25,7 @@ from geoerr.model import Model
 from geoerr.terms import Term
 from geoerr.workbench.calibration import Calibration
 from geoerr.workbench.circles import CircleRun, circle_runs
-from geoerr.workbench.history import Step
+from geoerr.workbench.history import Chapter, Step
 from geoerr.workbench.inputs import InputFile, as_known
 from geoerr.workbench.job import Job, Work
 from geoerr.workbench.own_effect import OwnFormula
@@ -115,8 +115,12 @@ class Session:
         Own effects that were written on the page, and added.
     replaced
         Names of files that took the place of earlier ones when files were last given.
+    given_again
+        Names of machines and models that were given again when files were last given: those that the session is of.
     steps, current, reference
         The models, which of them is looked at, and which the others are compared with.
+    earlier
+        The work before another machine or model began anew.
     seen, diagnosis, told, trial, selected, program, dropped
         What belongs to the current model: None until it was asked for. `told` is what the page says of a diagnosis;
         a saved session has it again, without the diagnosis itself. `selected` is (n,),
@@ -141,12 +145,14 @@ class Session:
     files: list[InputFile] = field(default_factory=list)
     measured: Measurements | None = None
     replaced: tuple[str, ...] = ()
+    given_again: tuple[str, ...] = ()
     own_effects: tuple[Effect, ...] = ()
     tried: tuple[Effect, ...] = ()
     calibration: Calibration = field(default_factory=Calibration)
     steps: list[Step] = field(default_factory=list)
     current: int = 0
     reference: int = 0
+    earlier: tuple[Chapter, ...] = ()
     seen: Seen | None = None
     diagnosis: Diagnosis | CircleDiagnosis | None = None
     told: Told | None = None
@@ -179,6 +185,11 @@ class Session:
     def step(self) -> Step | None:
         """The model that is looked at."""
         return self.steps[self.current] if self.steps else None
+
+    @property
+    def chapter(self) -> Chapter:
+        """The work as it is, to come back to."""
+        return Chapter(tuple(self.files), tuple(self.steps), self.current, self.reference, self.told)
 
     @property
     def model(self) -> Model:

@@ -7,6 +7,7 @@ come with the same search again, which takes seconds, where its numbers would ta
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from geoerr.errors import InputFileError
 from geoerr.files import read_json, write_json
 from geoerr.model.document import document_of, model_from_document
-from geoerr.workbench.history import Step
+from geoerr.workbench.history import Chapter, Step
 from geoerr.workbench.inputs import from_document
 from geoerr.workbench.session import Rows, Session
 from geoerr.workbench.told import Told
@@ -34,19 +35,8 @@ def session_document(session: Session) -> dict[str, Any]:
     """Give plain values."""
     return {
         "schema": SCHEMA,
-        "files": [one.to_document() for one in session.files],
-        "steps": [
-            {
-                "name": step.name,
-                "parent": step.parent,
-                "figures": dict(step.figures),
-                "model": document_of(step.model),
-            }
-            for step in session.steps
-        ],
-        "current": session.current,
-        "reference": session.reference,
-        "diagnosis": None if session.told is None else session.told.to_document(),
+        **_chapter_document(session.chapter),
+        "earlier": [_chapter_document(one) for one in session.earlier],
         "view": session.view.to_document(),
         "selected": None if session.selected is None else _packed(session.selected),
     }
@@ -62,28 +52,59 @@ def restore(session: Session, path: Path) -> None:
     """
     document = _session_in(path)
     try:
-        session.files = [from_document(one, session.folder, path) for one in document["files"]]
-        session.steps = [
-            Step(
-                str(one["name"]),
-                model_from_document(one["model"], path),
-                one["parent"],
-                {name: value for name, value in one["figures"].items()},
-            )
-            for one in document["steps"]
-        ]
-        session.current, session.reference = int(document["current"]), int(document["reference"])
+        chapter = _chapter_from(document, session, path)
+        session.files, session.steps = list(chapter.files), list(chapter.steps)
+        session.current, session.reference, session.told = chapter.current, chapter.reference, chapter.told
         # Sessions from before it was kept have none.
-        told = document.get("diagnosis")
-        session.told = None if told is None else Told.from_document(told)
+        session.earlier = tuple(_chapter_from(one, session, path) for one in document.get("earlier", ()))
         session.view = View.from_document(document["view"])
         session.selected = None if document["selected"] is None else _unpacked(document["selected"])
-        if session.steps:
-            _ = session.steps[session.current], session.steps[session.reference]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         if isinstance(error, InputFileError):
             raise
         raise InputFileError(path, f"is damaged ({error})", remedy="name another file") from error
+
+
+def _chapter_document(chapter: Chapter) -> dict[str, Any]:
+    return {
+        "files": [one.to_document() for one in chapter.files],
+        "steps": [
+            {
+                "name": step.name,
+                "parent": step.parent,
+                "figures": dict(step.figures),
+                "model": document_of(step.model),
+            }
+            for step in chapter.steps
+        ],
+        "current": chapter.current,
+        "reference": chapter.reference,
+        "diagnosis": None if chapter.told is None else chapter.told.to_document(),
+    }
+
+
+def _chapter_from(document: Mapping[str, Any], session: Session, path: Path) -> Chapter:
+    steps = tuple(
+        Step(
+            str(one["name"]),
+            model_from_document(one["model"], path),
+            one["parent"],
+            {name: value for name, value in one["figures"].items()},
+        )
+        for one in document["steps"]
+    )
+    # Sessions from before it was kept have none.
+    told = document.get("diagnosis")
+    chapter = Chapter(
+        tuple(from_document(one, session.folder, path) for one in document["files"]),
+        steps,
+        int(document["current"]),
+        int(document["reference"]),
+        None if told is None else Told.from_document(told),
+    )
+    if steps:
+        _ = steps[chapter.current], steps[chapter.reference]
+    return chapter
 
 
 def _session_in(path: Path) -> dict[str, Any]:
