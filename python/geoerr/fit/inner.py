@@ -19,6 +19,7 @@ the sums over components, and over rows in which the formula has the same value,
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -96,6 +97,15 @@ def other_periods(fitted: Fitted, term: Term) -> dict[str, list[float]]:
     wave = _wave_of(_Candidate(fitted, term, fitted.threads), term)
     others = [] if wave is None else _alike(*wave)
     return {wave[0].name: others} if wave is not None and others else {}
+
+
+def n_trials(fitted: Fitted, term: Term) -> int:
+    """Give how many values of its inner parameters a search tells apart; 1 of a term that has none to search for."""
+    if all(one.is_fixed for one in term.inner):
+        return 1
+    unknown = replace(term, inner=tuple(one if one.is_fixed else replace(one, value=np.nan) for one in term.inner))
+    candidate = _Candidate(fitted, unknown, fitted.threads)
+    return len(_moments(candidate, unknown)) or math.prod(map(len, _grids(candidate, unknown.inner)))
 
 
 def _at_likeliest_period(fitted: Fitted, candidate: _Candidate, term: Term, gain: float) -> Term:

@@ -307,10 +307,11 @@ def try_formula(session: Session, typed: OwnFormula) -> None:
             threads=session.threads,
             **_calibration(session),
         )
+        trial = Trial.of(typed, effect, change)
 
         def apply() -> None:
             with session.lock:
-                session.trial = Trial(typed, effect, change)
+                session.trial = trial
 
         return apply
 

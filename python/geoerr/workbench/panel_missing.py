@@ -7,8 +7,9 @@ from typing import Any
 from dash import dcc, html
 
 from geoerr.diagnose.circles import CircleDiagnosis
-from geoerr.diagnose.words import value_words
+from geoerr.diagnose.words import sure_words, value_words
 from geoerr.fit.figures import ErrorFigures
+from geoerr.fit.from_nothing import SIGNIFICANCE
 from geoerr.terms import Parameter
 from geoerr.workbench.actions import MISSING, OWN
 from geoerr.workbench.explained import TRIAL
@@ -29,6 +30,7 @@ _KEPT = (
     "searches for them again, and finds the same. So does “Look again”, for the report too."
 )
 _HELPS, _HELPS_NOT = "It helps.", "It does not help: data that the fit did not see say so."
+_CHANCE = "It may be chance: where there is nothing, as much is often gained."
 _SAME = "It makes no difference: what it says the model has already, or these data do not show it."
 # A person's own formula states no units.
 _UNITS = ", in the units of the formula: mm, s, radians"
@@ -106,8 +108,9 @@ def own_result(session: Session) -> list[Any]:
     inside = [_headline(fitted.figures) for fitted in (before, after)]
     # A fall that does not show in the figures is none.
     changes = um(held[0]) != um(held[1])
-    helps = changes and held[0] is not None and held[1] is not None and held[1] < held[0]
-    verdict = _HELPS if helps else _HELPS_NOT if changes else _SAME
+    falls = changes and held[0] is not None and held[1] is not None and held[1] < held[0]
+    helps = falls and trial.p_value < SIGNIFICANCE
+    verdict = _HELPS if helps else _CHANCE if falls else _HELPS_NOT if changes else _SAME
     values = [tried_value(parameter) for term in trial.terms for parameter in (*term.coefficients, *term.inner)]
     return [
         problem(session, OWN),
@@ -121,6 +124,8 @@ def own_result(session: Session) -> list[Any]:
                 html.P(html.B(verdict)),
                 html.P(f"Held out {um(held[0])} → {um(held[1])}; residual {um(inside[0])} → {um(inside[1])}."),
                 html.P([html.B("Value: "), "; ".join(values), html.Span(_UNITS, className="why")]),
+                *(html.P([html.B("Other periods: "), sentence(one)]) for one in trial.other_periods),
+                html.P([html.B("Certainty: "), sure_words(trial.p_value)]) if falls else None,
                 html.Div(
                     [
                         button("Add it", "add-trial", is_main=helps, rests=True),

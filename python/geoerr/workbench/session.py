@@ -24,6 +24,7 @@ from geoerr.measurements import Measurements
 from geoerr.model import Model
 from geoerr.terms import Term
 from geoerr.workbench.calibration import Calibration
+from geoerr.workbench.certainty import chance_of, other_period_words
 from geoerr.workbench.circles import CircleRun, circle_runs
 from geoerr.workbench.history import Chapter, Step
 from geoerr.workbench.inputs import InputFile, as_known
@@ -39,17 +40,34 @@ Rows = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """An own effect that was tried: what was typed, the effect, and what adding it does."""
+    """An own effect that was tried.
+
+    Attributes
+    ----------
+    typed, effect, change
+        What was typed, the effect, and what adding it does.
+    terms
+        What it adds to the model, by the reference that it has there: with the column that it follows.
+    p_value
+        Probability that nothing looks as large.
+    other_periods
+        Sentences on periods that look the same.
+    """
 
     typed: OwnFormula
     effect: Effect
     change: Change
+    terms: tuple[Term, ...]
+    p_value: float
+    other_periods: tuple[str, ...]
 
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        """What it adds to the model, by the reference that it has there: with the column that it follows."""
-        known = {term.id for term in self.change.before.terms}
-        return tuple(term for term in self.change.after.terms if term.id not in known)
+    @classmethod
+    def of(cls, typed: OwnFormula, effect: Effect, change: Change) -> Trial:
+        """Ask how sure it is, which takes a while."""
+        known = {term.id for term in change.before.terms}
+        terms = tuple(term for term in change.after.terms if term.id not in known)
+        p_value = chance_of(change.before, change.after, terms)
+        return cls(typed, effect, change, terms, p_value, other_period_words(change.after, terms))
 
 
 @dataclass(frozen=True, eq=False)
