@@ -13,14 +13,11 @@ from geoerr.drawing import drawn
 from geoerr.error_functions import LI_SQUARENESS, ErrorFunctions, is_angular
 from geoerr.fit.sightings import Numbers
 from geoerr.states.chance import Largest, Spread, Test, largest_by_chance, whole_test
-from geoerr.states.functions import Estimate, Functions
+from geoerr.states.functions import Estimate, Functions, without_rounding
 from geoerr.states.volume import N_GRID, VolumeDifference, volume_difference
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
-
-# Standard deviations below this share of a function's largest are the gauge's zeros.
-_GAUGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,16 +106,13 @@ class Difference:
     @cached_property
     def estimate(self) -> Estimate:
         """Difference of the parameters."""
-        return self.after.minus(self.before)
+        return self.after.minus(self.before, self.functions.places)
 
     @cached_property
     def _values(self) -> _Values:
         rows = self.functions.stacked
         value, spread = rows @ self.estimate.parameters, self.estimate.spread.through(rows)
-        std = spread.std
-        for own in self.functions.spans.values():
-            # What the gauge holds at 0 is exactly 0: rounding has no sign to be significant.
-            std[own] = np.where(std[own] > _GAUGE * std[own].max(initial=0.0), std[own], 0.0)
+        std = without_rounding(spread.std, self.functions.spans)
         known = (std > 0.0)[:, None]
         held = replace(spread, root=np.where(known, spread.root, 0.0), part=np.where(known, spread.part, 0.0))
         return _Values(np.where(known[:, 0], value, 0.0), held, std)

@@ -30,7 +30,7 @@ from scipy import linalg
 
 from geoerr.errors import GeometryError
 from geoerr.fit.sightings import Numbers
-from geoerr.states.functions import Estimate, Functions
+from geoerr.states.functions import Estimate, Functions, without_rounding
 from geoerr.states.shapes import Shape
 
 # T is counted in hundreds of kelvins inside, so that T and T² are numbers of one size.
@@ -70,7 +70,7 @@ class Space:
             where they share no determined error.
         """
         total = np.sum([one.covariance for one in estimates], axis=0)
-        std = np.sqrt(np.diag(total)) * functions.determined
+        std = without_rounding(np.sqrt(np.diag(total)), functions.places)
         if not std.any():
             raise GeometryError("no error is determined in all states\nhint: measure all axes at every temperature")
         scale = np.where(std > 0.0, std, 1.0)

@@ -13,8 +13,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from geoerr.error_functions import ALL_NAMES, LI_SQUARENESS, ErrorFunction, ErrorFunctions, NotDetermined, Squareness
+from geoerr.error_functions import (
+    ALL_NAMES,
+    LI_SQUARENESS,
+    ErrorFunction,
+    ErrorFunctions,
+    NotDetermined,
+    Squareness,
+    is_angular,
+)
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms
@@ -24,6 +33,8 @@ from geoerr.states.chance import Spread
 from geoerr.terms import Term
 
 _RANK = 1e-10
+# Standard deviations below this share of the largest of their unit are zeros of the gauge or of the rigid motion.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +72,20 @@ class Estimate:
         """F (m, k) with F Fᵀ the covariance."""
         return self.spread.root
 
-    def minus(self, other: Estimate) -> Estimate:
-        """Give the difference of two that know nothing of each other."""
+    def minus(self, other: Estimate, places: Mapping[str, slice]) -> Estimate:
+        """Give the difference of two that know nothing of each other.
+
+        Parameters
+        ----------
+        places
+            ISO name of each function to the place of its parameters.
+        """
         covariance = self.covariance + other.covariance
         part = np.hstack([self.spread.part, other.spread.part])
         # Two estimated sizes count as one, of the degrees of freedom that the sum of two such variances has.
-        variance = np.maximum(np.diag(covariance), 1e-300)
-        sizes = [float(((one.spread.part**2).sum(axis=1) / variance).sum()) for one in (self, other)]
+        std = without_rounding(np.sqrt(np.maximum(np.diag(covariance), 0.0)), places)
+        known = std > 0.0
+        sizes = [float(((one.spread.part[known] / std[known, None]) ** 2).sum()) for one in (self, other)]
         wide = sum(size**2 / one.part_dof for size, one in zip(sizes, (self, other), strict=True))
         part_dof = sum(sizes) ** 2 / wide if wide > 0.0 else math.inf
         return Estimate(self.parameters - other.parameters, covariance, min(self.dof, other.dof), part, part_dof)
@@ -132,11 +150,16 @@ class Functions:
         return dict(zip((term.id for term in self.terms), self.compiled.coefficient_slices, strict=True))
 
     @cached_property
+    def places(self) -> dict[str, slice]:
+        """ISO name of what all states determine to its term's place among the parameters."""
+        return {name: self.own[term_id_of(name)] for name in self.names}
+
+    @cached_property
     def determined(self) -> Numbers:
         """Tell which parameters belong to errors that all states determine, (m,) of 0 and 1."""
         mask = np.zeros(self.compiled.n_coefficients)
-        for name in self.names:
-            mask[self.own[term_id_of(name)]] = 1.0
+        for own in self.places.values():
+            mask[own] = 1.0
         return mask
 
     @property
@@ -180,6 +203,31 @@ def root_of(covariance: Numbers) -> Numbers:
     value, vector = np.linalg.eigh(covariance * scale[:, None] * scale)
     kept = value > _RANK * max(float(value[-1]), 0.0) if len(value) else np.zeros(0, dtype=bool)
     return np.asarray(std[:, None] * vector[:, kept] * np.sqrt(value[kept]))
+
+
+def above_rounding(std: Numbers) -> npt.NDArray[np.bool_]:
+    """Tell which numbers of one unit are not held at 0: rounding has no size that could be compared."""
+    return np.asarray(std > _ROUNDING * std.max(initial=0.0))
+
+
+def without_rounding(std: Numbers, places: Mapping[str, slice]) -> Numbers:
+    """Give standard deviations with 0 for what the gauge holds at 0.
+
+    Parameters
+    ----------
+    std : (n,)
+        Of numbers of several functions.
+    places
+        ISO name of each function to the place of its numbers; what belongs to none is 0.
+    """
+    held = np.zeros_like(std)
+    # By unit, not by function: straightness of two positions is nothing but zeros.
+    for angular in (False, True):
+        alike = np.zeros(len(std), dtype=bool)
+        for own in (own for name, own in places.items() if is_angular(name) == angular):
+            alike[own] = True
+        held[alike] = std[alike] * above_rounding(std[alike])
+    return held
 
 
 def grid_mm(range_mm: Mapping[str, tuple[float, float]], n_points: int) -> Numbers:

@@ -24,7 +24,7 @@ from geoerr.errors import GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit.sightings import Numbers
 from geoerr.model.arrays import offsets, points
 from geoerr.states.chance import Largest, Spread, Test, deviations, largest_by_chance, whole_test
-from geoerr.states.functions import Estimate, Functions, grid_mm
+from geoerr.states.functions import Estimate, Functions, above_rounding, grid_mm
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -203,11 +203,13 @@ def volume_difference(
     root, part = (
         (one - orthonormal @ (orthonormal.T @ one)).reshape(len(places), 3, -1) for one in (spread.root, spread.part)
     )
+    # Where the rigid motion takes all, as in the middle of axes that stood at two places, nothing is left to test.
+    known = above_rounding(np.linalg.norm(root, axis=2))[:, :, None]
     return VolumeDifference(
         position_mm=places,
         shape=(n_points,) * 3 if q_mm is None else None,
         difference_mm=(raw - rigid @ motion).reshape(-1, 3),
-        spread=replace(spread, root=root, part=part),
+        spread=replace(spread, root=np.where(known, root, 0.0), part=np.where(known, part, 0.0)),
         shift_mm=motion[:3],
         turn_rad=motion[3:6],
         growth=motion[6:] if without_growth else None,
