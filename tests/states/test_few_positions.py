@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hot_machines import gantry
 from validation.hot_and_cold import NO_HEAT, Hot, observe
 
+from geoerr.errors import NotDeterminedError
 from geoerr.observations import Observations
+from geoerr.report.provenance import Provenance
+from geoerr.report.states_page import write_states_page
 from geoerr.states import States, identify_states
 
 STATES_DEGC = (20.0, 120.0)
@@ -61,3 +67,27 @@ def test_few_places_that_do_not_differ_show_nothing() -> None:
         assert difference.volume().p_values.min() > 0.01
         assert min(one.p_value for one in difference.by_name.values()) > 0.01
         assert states.temperature_fit.misfit.p_value > 0.01
+
+
+def test_axes_that_never_moved_in_one_state_leave_the_rest_to_be_compared(tmp_path: Path) -> None:
+    """Hot, one line along x was measured: x is compared, and the state and its file are named for the rest."""
+    hot = gantry(3)
+    warm = observe(hot, 60.0, 3)
+    along_x = replace(warm.select([line == "X1" for line in warm.texts("line")]), sources=("warm.csv",))
+    tables = {20.0: observe(hot, 20.0, 3), 60.0: along_x, 120.0: observe(hot, 120.0, 3)}
+    states = identify_states(tables, hot.machine, threads=1)
+    difference = states.difference(*STATES_DEGC)
+    assert {"EXX", "EYX", "EZX"} <= set(difference.by_name) <= {f"E{one}X" for one in "XYZABC"}
+    assert difference.by_name["EXX"].p_value < 1e-9
+    with pytest.raises(NotDeterminedError, match=r"the states share one position only of y, z"):
+        difference.volume()
+    report = " ".join(states.report().split())
+    for axis in "yz":
+        assert f"the {axis} axis never moved at 60 °C (warm.csv)" in report
+    document = states.to_document()
+    assert document["difference"]["volume"] is None
+    assert len(document["notes"]) == len(states.notes)
+    write_states_page(tmp_path / "states.html", states, Provenance("0", "geoerr states"))
+    page = (tmp_path / "states.html").read_text(encoding="utf-8")
+    assert "No map" in page
+    assert "warm.csv" in page

@@ -194,7 +194,7 @@ class Difference:
         Raises
         ------
         NotDeterminedError
-            where a function that moves the point is not determined.
+            where a function that moves the point is not determined, or the states share no volume.
         """
         return volume_difference(
             self.functions,

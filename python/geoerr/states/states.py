@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -172,6 +172,7 @@ class States:
             "temperature_terms": [term.to_document() for term in self.model.temperature_terms],
             "misfit_p_value": self.temperature_fit.misfit.p_value,
             "left_out": [one.to_document() for one in self.left_out],
+            "notes": list(self.notes),
         }
 
     @property
@@ -304,7 +305,7 @@ def _within_common_range(tables: Mapping[float, Observations]) -> tuple[dict[flo
         raise GeometryError(
             f"the states share no range of {', '.join(narrow)}\nhint: measure the same volume at every temperature"
         )
-    kept, notes = {}, []
+    kept, notes = {}, [note for temperature, table in tables.items() for note in _stood_still(temperature, table)]
     for temperature, table in tables.items():
         commanded = table.commanded_mm
         inside = ((commanded >= low - SAME_POSITION_MM) & (commanded <= high + SAME_POSITION_MM)).all(axis=1)
@@ -315,3 +316,14 @@ def _within_common_range(tables: Mapping[float, Observations]) -> tuple[dict[flo
                 "take no part"
             )
     return kept, tuple(notes)
+
+
+def _stood_still(temperature: float, table: Observations) -> Iterator[str]:
+    """Name the axes that never moved in a state: because of it, none of the states is compared along them."""
+    file = f" ({', '.join(table.sources)})" if table.sources else ""
+    for axis, span in zip(AXES, np.ptp(table.commanded_mm, axis=0), strict=True):
+        if span <= SAME_POSITION_MM:
+            yield (
+                f"the {axis} axis never moved at {temperature:g} °C{file}: its errors are not compared at any "
+                "temperature, and there is no map over the volume"
+            )

@@ -11,6 +11,7 @@ the places asked for: at another temperature the work is probed or homed anew.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ import numpy.typing as npt
 from geoerr import _core
 from geoerr.drawing import drawn
 from geoerr.errors import GeometryError, NotDeterminedError, ShapeError
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.model.arrays import offsets, points
 from geoerr.states.chance import Largest, Spread, Test, deviations, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions, above_rounding, grid_mm
@@ -177,6 +178,8 @@ def volume_difference(
     """Compare two estimates over the volume; see `Difference.volume`."""
     if q_mm is None and n_points < 2:
         raise ShapeError(f"a grid has two points or more along each edge, not {n_points}")
+    if q_mm is None:
+        _refuse_flat(functions.range_mm)
     places = grid_mm(functions.range_mm, n_points) if q_mm is None else points(q_mm, "q_mm")
     offset = np.ascontiguousarray(np.broadcast_to(offsets(offset_mm, len(places)), places.shape))
     tool = np.asarray(functions.machine.tool_offset_mm)
@@ -221,6 +224,17 @@ def rigid_columns(places_mm: Numbers) -> Numbers:
     turned = np.cross(np.eye(3)[None, :, :], places_mm[:, None, :]).transpose(0, 2, 1)
     shift = np.broadcast_to(np.eye(3), turned.shape)
     return np.concatenate([shift, turned], axis=2).reshape(3 * len(places_mm), 6)
+
+
+def _refuse_flat(range_mm: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse a grid without extent: what one state lacks, no map of the volume can have."""
+    flat = [axis for axis, (low, high) in range_mm.items() if high - low <= SAME_POSITION_MM]
+    if flat:
+        raise NotDeterminedError(
+            "the difference over the volume is not determined: the states share one position only of "
+            f"{', '.join(flat)}\n"
+            "hint: move all axes at every temperature; the functions that are known can be compared one by one"
+        )
 
 
 def _refuse_undetermined(functions: Functions, columns: Numbers, orthonormal: Numbers) -> None:
