@@ -158,6 +158,18 @@ def test_what_is_meant_wrongly_is_refused_before_anything_is_done(farm: Path) ->
     assert not (farm.parent / "out").exists()
 
 
+def test_a_link_is_a_machine_of_its_own_name(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    """Two names of one folder stop nothing: each has its results."""
+    (farm / "again").symlink_to("mill-0")
+    done, written = results(farm)
+    assert not done.failures
+    assert list(done.by_machine) == ["again", "mill-0", "mill-1", "mill-2", "mill-3"]
+    own = {name: content for name, content in written.items() if not name.startswith("again/")}
+    assert own == right_bytes
+    model = "model.json"
+    assert written[f"again/{model}"] == written[f"mill-0/{model}"]
+
+
 def test_a_step_that_a_folder_has_nothing_for_is_left_out(farm: Path) -> None:
     steps: tuple[Step, ...] = ("measure",)
     done, written = results(farm / "mill-0", Recipe(steps=steps))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,7 +49,7 @@ class FarmFolder:
     @property
     def name(self) -> str:
         """The machine's name in results."""
-        return self.path.resolve().name
+        return name_of(self.path)
 
     def carried(self, names: Sequence[str]) -> dict[str, bytes]:
         """Give files as bytes.
@@ -59,6 +60,12 @@ class FarmFolder:
             for a file that cannot be read.
         """
         return bytes_of({name: self.path / name for name in names})
+
+
+def name_of(path: Path) -> str:
+    """Name a machine as its folder is listed: a link is a machine of its own, whose name is the link's."""
+    # Without following links, as `resolve` does.
+    return Path(os.path.abspath(path)).name
 
 
 def bytes_of(files: Mapping[str, Path]) -> dict[str, bytes]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.farm.engine import FarmExecutor, Finished, finished_by, finished_here
-from geoerr.farm.folders import INPUTS, MODELS, FarmFolder, bytes_of, machine_paths, programs_in, read_folder
+from geoerr.farm.folders import INPUTS, MODELS, FarmFolder, bytes_of, machine_paths, name_of, programs_in, read_folder
 from geoerr.farm.job import Job
 from geoerr.farm.outcome import Farm, Outcome
 from geoerr.farm.recipe import STEPS, Recipe, Step, results_of
@@ -100,7 +100,7 @@ class _Run:
     def _check(self, paths: Sequence[Path]) -> None:
         names: dict[str, Path] = {}
         for path in paths:
-            name = path.resolve().name
+            name = name_of(path)
             if name in names:
                 raise InputFileError(
                     path, f"has the name of {names[name]}", remedy="results go by the folder's name: rename one"
@@ -112,7 +112,7 @@ class _Run:
                 )
 
     def _read(self, path: Path) -> FarmFolder | None:
-        name = path.resolve().name
+        name = name_of(path)
         self.outcomes[name, None] = []
         try:
             folder = read_folder(path)
