@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from small_farm import RECIPE, contents
@@ -130,6 +132,29 @@ def test_results_of_an_earlier_run_do_not_stand_beside_a_failure(farm: Path, rig
     assert {one.machine for one in done.failures} == {"mill-0", "mill-1", "mill-2", "mill-3"}
     kept = {name: right_bytes[name] for name in ("mill-2/model.json", "mill-2/diagnosis.json")}
     assert written == kept | others
+
+
+class Stopped:
+    """An executor whose user presses Ctrl-C when the first program's turn comes."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        if args[0].program is not None:
+            raise KeyboardInterrupt
+        future: Future[Any] = Future()
+        future.set_result(fn(*args))
+        return future
+
+
+def test_a_run_that_is_stopped_leaves_no_program_of_an_earlier_one(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    """By another model than that which now stands beside them; a given model may have changed, too."""
+    put(right_bytes, farm.parent / "out")
+    put({"mill-0/programs/other.gcode": b"mine"}, farm.parent / "out")
+    (farm / "mill-1/model.json").write_bytes(right_bytes["mill-2/model.json"])
+    with pytest.raises(KeyboardInterrupt):
+        geoerr.run_farm(farm, farm.parent / "out", replace(RECIPE, effects=()), executor=Stopped())
+    written = contents(farm.parent / "out")
+    assert written["mill-0/model.json"] != right_bytes["mill-0/model.json"]
+    assert {name for name in written if name.endswith((".gcode", ".nc"))} == {"mill-0/programs/other.gcode"}
 
 
 def test_steps_that_were_not_asked_for_leave_earlier_results(farm: Path, right_bytes: dict[str, bytes]) -> None:

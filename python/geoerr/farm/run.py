@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
+from contextlib import suppress
 from pathlib import Path
 
 from geoerr.errors import GeoerrError, InputFileError
@@ -81,6 +82,8 @@ class _Run:
         self.outcomes: dict[tuple[str, str | None], list[Outcome]] = {}
         # Where a machine's programs find its model; those whose model could not be made are not among them.
         self.models: dict[str, Path] = {}
+        # Programs of each machine that this run corrects.
+        self.programs: dict[str, tuple[str, ...]] = {}
         self.n_done = self.n_all = 0
 
     def farm(self, paths: Sequence[Path]) -> Farm:
@@ -93,7 +96,7 @@ class _Run:
         self._do(self._model_jobs(folders))
         self._do(self._program_jobs(folders))
         for folder in folders:
-            if not any(self.outcomes[folder.name, program] for program in (None, *self._programs(folder))):
+            if not any(self.outcomes[folder.name, program] for program in (None, *self.programs[folder.name])):
                 self.outcomes[folder.name, None] = [Outcome(folder.name, "read", says="nothing to do")]
         return Farm(tuple(one for outcomes in self.outcomes.values() for one in outcomes))
 
@@ -120,7 +123,8 @@ class _Run:
             failed = [Outcome(name, "read", error=str(error))]
             self.outcomes[name, None] = self._without_earlier(failed, name, None, self._results_of(path))
             return None
-        self.outcomes |= {(name, program): [] for program in self._programs(folder)}
+        self.programs[name] = self._programs(folder)
+        self.outcomes |= {(name, program): [] for program in self.programs[name]}
         return folder
 
     def _programs(self, folder: FarmFolder) -> tuple[str, ...]:
@@ -131,6 +135,7 @@ class _Run:
         for folder in folders:
             if folder.model is not None:
                 self.models[folder.name] = folder.path / folder.model
+                self._without_earlier_programs(folder.name)
             possible: set[Step] = {"diagnose"} if folder.model else {"identify", "fit", "diagnose"}
             steps: list[Step] = [step for step in STEPS if step in possible and step in self.recipe.steps]
             if folder.is_session and "measure" in self.recipe.steps:
@@ -143,7 +148,7 @@ class _Run:
     def _program_jobs(self, folders: Iterable[FarmFolder]) -> Iterator[Job]:
         """Make the job of each program, with the model from where it was written."""
         for folder in folders:
-            for program in self._programs(folder):
+            for program in self.programs[folder.name]:
                 model = self.models.get(folder.name)
                 if model is None:
                     self._ended(folder.name, program, [_without_model(folder, program)], [program])
@@ -173,6 +178,8 @@ class _Run:
     def _do(self, jobs: Iterator[Job]) -> None:
         finished = finished_here(jobs, self.workers) if self.executor is None else finished_by(self.executor, jobs)
         for job, became in finished:
+            if job.program is None:
+                self._without_earlier_programs(job.machine)
             outcomes = self._written(job, became)
             written = {name for one in outcomes for name in one.files}
             wanted = results_of(job.steps, job.files, job.program)
@@ -213,6 +220,13 @@ class _Run:
         except (GeoerrError, OSError):
             programs, there = (), []
         return [*results_of(self.recipe.steps, there), *programs]
+
+    def _without_earlier_programs(self, machine: str) -> None:
+        """Remove a machine's programs before its new model is there: a run that is stopped leaves none of another."""
+        for program in self.programs[machine]:
+            # What cannot be removed cannot be written either: that is told when its turn comes.
+            with suppress(OSError):
+                (self.output / machine / program).unlink()
 
     def _without_earlier(
         self, outcomes: list[Outcome], machine: str, program: str | None, missed: Iterable[str]
