@@ -19,6 +19,7 @@ from geoerr.fit.empirical import Curve, curve_of, empirical_term
 from geoerr.machine import Machine
 from geoerr.model import Model
 from geoerr.observations import Observations, observations_from_columns
+from geoerr.workbench.program import Wish, correct
 
 MACHINE = Machine.from_chain("wbXYZt", (400.0, 300.0, 250.0))
 STD_MM = 5e-3
@@ -127,3 +128,10 @@ def test_no_program_is_corrected_by_a_wave(tmp_path: Path) -> None:
     assert document["waves_left_out"] == ["empirical:z@t"]
     assert "stop it" in document["notes"][0]
     assert document["largest_correction_um"] == 0.0
+    compared = CliRunner().invoke(app, ["verify", "path", str(model), str(program), str(corrected), "--json"])
+    assert compared.exit_code == 0, compared.output
+    assert json.loads(compared.stdout)["max_error_um_after"] == 0.0
+    on_page = correct(
+        result_of(result).model, "model", "in.gcode", program.read_bytes(), Wish({}, "0, 0, 0", False, False)
+    )
+    assert on_page.left_because

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.model import Model
-from geoerr.model.program_conditions import needed_conditions
+from geoerr.model.program_conditions import needed_conditions, without_waves_in_time
 from geoerr.model.worth import well_known
 from geoerr.verify.path_trace import PathTrace, trace_paths
 from geoerr.workbench.typed import typed_number
@@ -111,7 +111,7 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
             result = compensate_program(model, before, after, options, at=at)
         except GeoerrError as error:
             raise GeoerrError(str(error).replace(f"{folder}/", "")) from error
-        known, _, rest = well_known(model, at)
+        known, _, rest = well_known(without_waves_in_time(model), at)
         trace = trace_paths(known, before, after, at=rest, work_offset_mm=offset)
         corrected = after.read_bytes()
     left_because = "" if corrected != content else _left_because(model, result)
