@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import replace
@@ -75,6 +77,25 @@ def test_a_pool_that_breaks_is_an_outcome_for_what_it_had(farm: Path, right_byte
     assert any("its process died" in text for text in told)
     assert all("\nhint: " in text for text in told)
     assert contents(farm.parent / "out").items() <= right_bytes.items()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be held back there")
+def test_a_worker_that_is_interrupted_as_it_begins_prints_nothing() -> None:
+    """It takes a second to load its libraries; Ctrl-C comes before, and is told to who asked."""
+    script = """
+import os, signal
+from multiprocessing import active_children
+from geoerr.farm.engine import _pool
+if __name__ == "__main__":
+    with _pool(1) as pool:
+        asked = pool.submit(os.getpid)
+        os.kill(active_children()[0].pid, signal.SIGINT)
+        print(type(asked.exception()).__name__)
+        print(pool.submit(os.getpid).result() > 0)
+"""
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.stdout.split(), done.stderr) == (["KeyboardInterrupt", "True"], "")
 
 
 class Odd:

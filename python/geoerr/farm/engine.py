@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
@@ -126,13 +127,42 @@ def _until(waiting: Iterator[Job], lost: list[Job]) -> Iterator[Job]:
         yield job
 
 
+class _Pool(ProcessPoolExecutor):
+    """Processes that Ctrl-C reaches in a job only: one that loads its libraries, or waits, has nothing to say."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Take a call; a process that begins for it inherits what is held back."""
+        with _interrupts(held_back=True):
+            return super().submit(_interruptible, fn, *args, **kwargs)
+
+
+def _interruptible(fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    """Do a job in a process of a pool: Ctrl-C that came before it stops it at once."""
+    with _interrupts(held_back=False):
+        return fn(*args, **kwargs)
+
+
+@contextmanager
+def _interrupts(*, held_back: bool) -> Iterator[None]:
+    """Hold SIGINT back meanwhile, or let it through; what was held back comes afterwards."""
+    if sys.platform == "win32":
+        yield
+        return
+    how = signal.SIG_BLOCK if held_back else signal.SIG_UNBLOCK
+    before = signal.pthread_sigmask(how, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 @contextmanager
 def _pool(n_workers: int) -> Iterator[ProcessPoolExecutor]:
     """Open a pool whose processes begin anew: threads of libraries do not survive a fork."""
     before = os.environ.get("OPENBLAS_NUM_THREADS")
     # Read by NumPy when a process loads it: a pool of threads in each would take the cores from the others.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    pool = ProcessPoolExecutor(n_workers, mp_context=get_context("spawn"))
+    pool = _Pool(n_workers, mp_context=get_context("spawn"))
     try:
         yield pool
     finally:
