@@ -98,6 +98,36 @@ def test_the_verb_from_files_to_a_corrected_program(
     assert (tmp_path / "hot.gcode").read_text() != (tmp_path / "cold.gcode").read_text()
 
 
+@pytest.mark.parametrize("before", [[], ["--"]])
+def test_a_temperature_below_zero_is_typed_as_it_is(
+    states: States, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: list[str]
+) -> None:
+    """`o` and `q` in the files' names are no options either."""
+    given: list[float] = []
+
+    def known(tables: dict[float, list[Observations]], *_: object, **__: object) -> States:
+        given.extend(tables)
+        return states
+
+    monkeypatch.setattr("geoerr.states.identify_states", known)
+    monkeypatch.chdir(tmp_path)
+    write_machine("machine.toml", states.machine)
+    for name in ("cold.csv", "q.csv", "lab.csv"):
+        write_observations(name, states.states[0].observations)
+    named = ["-20=cold.csv", "-.5=q.csv", "20=lab.csv"]
+    run = CliRunner().invoke(app, ["states", "--machine", "machine.toml", "--json", *before, *named])
+    assert run.exit_code == 0, run.output
+    assert sorted(given) == [-20.0, -0.5, 20.0]
+
+
+def test_an_option_that_there_is_not_is_named() -> None:
+    run = CliRunner().invoke(
+        app, ["states", "-20=cold.csv", "20=lab.csv", "--machine", "machine.toml", "--treads", "1"]
+    )
+    assert run.exit_code == 2
+    assert "No such option: --treads" in run.output
+
+
 @pytest.mark.parametrize("wrong", ["cold.csv", "=cold.csv", "20=", "warm=cold.csv", "nan=cold.csv"])
 def test_what_is_no_state_is_wrong_usage(wrong: str) -> None:
     run = CliRunner().invoke(app, ["states", wrong, "--machine", "machine.toml"])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+import typer.core
 
 from geoerr.cli.options import (
     JsonFlag,
@@ -29,12 +31,27 @@ if TYPE_CHECKING:
 _EXAMPLES = (
     "geoerr states 20=cold.csv 60=warm.csv 90=hot.csv --machine machine.toml -o model.json",
     "geoerr states 20=cold.csv 90=hot.csv --machine machine.toml --report states.html",
+    "geoerr states -20=winter.csv 20=lab.csv --machine machine.toml",
 )
+# Below zero: no option's name begins with a digit.
+_COLD = re.compile(r"-\.?[0-9]")
+
+
+class _States(typer.core.TyperCommand):
+    """Takes a temperature below zero for what it is, and no option, wherever it stands."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put such states where arguments only can be."""
+        end = args.index("--") if "--" in args else len(args)
+        cold = [one for one in args[:end] if _COLD.match(one)]
+        if cold:
+            args = [*(one for one in args[:end] if one not in cold), "--", *cold, *args[end + 1 :]]
+        return super().parse_args(ctx, args)
 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("states", epilog=examples(*_EXAMPLES))(states_verb)
+    app.command("states", cls=_States, epilog=examples(*_EXAMPLES))(states_verb)
 
 
 def states_verb(
