@@ -97,6 +97,8 @@ def test_refusals(hot: Hot, states: States) -> None:
     table = states[20.0].observations
     with pytest.raises(GeoerrError, match="two temperatures"):
         identify_states({20.0: table}, hot.machine)
+    with pytest.raises(GeoerrError, match="all 2 tables carry the same temperature, 20 °C"):
+        identify_states({20.0: [table, table]}, hot.machine)
     with pytest.raises(GeoerrError, match="no state at 75"):
         states.difference(20.0, 75.0)
     with pytest.raises(GeoerrError, match="does not differ from itself"):

@@ -224,8 +224,7 @@ def identify_states(
     passes are found by restricted likelihood and are part of every uncertainty. The calibration of the cameras is
     not: it is the same in all states, and cancels. Verified: tests/states, validation/hot_and_cold.py.
     """
-    if len(observations) < 2:
-        raise GeoerrError("a comparison needs two temperatures or more\nhint: give one table for each temperature")
+    _refuse_one_temperature(observations)
     if not is_column(covariate):
         raise GeoerrError(f"{covariate!r} cannot be a column's name\nhint: letters, digits and underscores, as temp")
     tables = {
@@ -255,6 +254,18 @@ def identify_states(
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
         states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
     return States(machine, covariate, functions, tuple(states), notes, threads)
+
+
+def _refuse_one_temperature(observations: Mapping[float, Observations | Sequence[Observations]]) -> None:
+    if len(observations) >= 2:
+        return
+    for temperature, given in observations.items():
+        if not isinstance(given, Observations) and len(given) > 1:
+            raise GeoerrError(
+                f"all {len(given)} tables carry the same temperature, {temperature:g} °C: a comparison needs two "
+                "temperatures or more\nhint: name each table by the temperature that it was measured at"
+            )
+    raise GeoerrError("a comparison needs two temperatures or more\nhint: give one table for each temperature")
 
 
 def _one_table(temperature: float, given: Observations | Sequence[Observations], covariate: str) -> Observations:
