@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from geoerr.drawing import drawn
 from geoerr.errors import InputFileError
-from geoerr.files import read_json, write_json
+from geoerr.files import check_written, read_json, write_json
 from geoerr.machine import AXES, Machine, machine_from_document
 from geoerr.summaries import number_text, sentences_html, summary_html, table_html
 
@@ -188,6 +188,7 @@ class ErrorFunctions:
 
 def write_errors(path: str | Path, errors: ErrorFunctions) -> None:
     """Write errors.json, whole or not at all."""
+    check_written(path, errors, ErrorFunctions, "write_errors(path, errors)")
     write_json(path, errors.to_document())
 
 

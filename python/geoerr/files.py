@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from geoerr.errors import InputFileError
+from geoerr.errors import InputFileError, ShapeError
 
 
 @contextlib.contextmanager
@@ -68,6 +68,32 @@ def refuse_no_file(output: Path) -> None:
         )
     if output.is_dir():
         raise InputFileError(output, "is a folder, a file is needed", remedy="name a file in it")
+
+
+def check_written(path: object, value: object, kind: type, call: str) -> None:
+    """Refuse arguments of a function that writes which are not what it takes; most often they are swapped.
+
+    Parameters
+    ----------
+    path, value
+        What was given.
+    kind
+        Class of what is written.
+    call
+        How the function is called.
+
+    Raises
+    ------
+    ShapeError
+        with the argument, what was given, and the call.
+    """
+    name = call.partition(", ")[2].rstrip(")")
+    if not isinstance(path, str | os.PathLike):
+        raise ShapeError(f"path: a value of type {type(path).__name__} was given where a file is named\nhint: {call}")
+    if not isinstance(value, kind):
+        raise ShapeError(
+            f"{name}: a value of type {type(value).__name__} was given where {kind.__name__} is needed\nhint: {call}"
+        )
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -12,7 +12,7 @@ import tomli_w
 
 from geoerr.denavit_hartenberg import DhRow, rows_from_document, structure_of
 from geoerr.errors import GeometryError, InputFileError
-from geoerr.files import read_toml, write_text
+from geoerr.files import check_written, read_toml, write_text
 
 AXES = ("x", "y", "z")
 
@@ -161,6 +161,7 @@ def read_machine(path: str | Path) -> Machine:
 
 def write_machine(path: str | Path, machine: Machine) -> None:
     """Write `machine.toml`, whole or not at all."""
+    check_written(path, machine, Machine, "write_machine(path, machine)")
     write_text(path, tomli_w.dumps(machine.to_document()))
 
 

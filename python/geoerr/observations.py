@@ -20,6 +20,7 @@ import polars as pl
 
 from geoerr.drawing import drawn
 from geoerr.errors import InputFileError, ShapeError
+from geoerr.files import check_written
 from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
 from geoerr.tables import RowProblem, Schema, check, is_temperature, read_raw, write_table
 
@@ -277,6 +278,7 @@ def read_lengths(path: str | Path) -> Lengths:
 
 def write_observations(path: str | Path, observations: Observations) -> None:
     """Write the table (`.csv`, `.parquet`, `-`), whole or not at all; the file's line numbers are not part of it."""
+    check_written(path, observations, Observations, "write_observations(path, observations)")
     write_table(path, observations.frame.drop("file_row", strict=False))
 
 

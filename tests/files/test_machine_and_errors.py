@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import geoerr
 from geoerr.error_functions import (
     ALL_NAMES,
     LI_NAMES,
@@ -23,7 +24,7 @@ from geoerr.error_functions import (
     read_errors,
     write_errors,
 )
-from geoerr.errors import InputFileError
+from geoerr.errors import InputFileError, ShapeError
 from geoerr.files import whole_or_absent, write_text
 from geoerr.machine import Axis, Machine, read_machine, write_machine
 
@@ -221,3 +222,19 @@ def test_what_is_no_file_is_given_what_was_written_and_never_replaced(tmp_path: 
     assert pipe.is_fifo()
     write_text(os.devnull, "nothing")
     assert Path(os.devnull).is_char_device()
+
+
+@pytest.mark.parametrize(
+    "name", ["write_errors", "write_model", "write_model_report", "write_observations", "write_rig"]
+)
+def test_swapped_arguments_are_named(tmp_path: Path, name: str) -> None:
+    write = getattr(geoerr, name)
+    with pytest.raises(ShapeError, match=rf"path: a value of type Machine was given[^\n]*\nhint: {name}\(path, "):
+        write(MACHINE, tmp_path / "out")
+    with pytest.raises(
+        ShapeError, match=rf": a value of type str was given where \w+ is needed\nhint: {name}\(path, "
+    ):
+        write(tmp_path / "out", "out")
+    with pytest.raises(ShapeError, match="path: a value of type Machine"):
+        write_machine(MACHINE, tmp_path / "out")  # type: ignore[arg-type]  # the point of the test
+    assert not list(tmp_path.iterdir())

@@ -7,7 +7,7 @@ from typing import Any
 
 from geoerr.error_functions import errors_from_document
 from geoerr.errors import InputFileError
-from geoerr.files import read_json, refusing_unreadable, write_json
+from geoerr.files import check_written, read_json, refusing_unreadable, write_json
 from geoerr.machine import read_machine
 from geoerr.model.document import document_of, is_model_document, model_from_document
 from geoerr.model.model import Model
@@ -44,6 +44,7 @@ def load_model(path: str | Path) -> Model:
 
 def write_model(path: str | Path, model: Model) -> None:
     """Write model.json, whole or not at all."""
+    check_written(path, model, Model, "write_model(path, model)")
     write_json(path, document_of(model))
 
 

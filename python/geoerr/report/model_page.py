@@ -8,6 +8,7 @@ from pathlib import Path
 
 from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.effects import Effect
+from geoerr.files import check_written
 from geoerr.model import Model
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report import model_report as parts
@@ -82,6 +83,7 @@ def write_model_report(
     GeoerrError
         for a stated condition that the model does not follow, and measurements that cannot be compared with it.
     """
+    check_written(path, model, Model, "write_model_report(path, model)")
     tables = [observations] if isinstance(observations, Observations | CircularTest | Lengths) else list(observations)
     gathered = model_report(model, *tables, at=at, search=search, effects=effects, threads=threads)
     sources = [source for table in tables for source in table.sources]

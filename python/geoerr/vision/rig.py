@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.errors import InputFileError
-from geoerr.files import read_json, write_json
+from geoerr.files import check_written, read_json, write_json
 from geoerr.vision.camera import (
     DISTORTION_COUNTS,
     DISTORTION_NAMES,
@@ -166,6 +166,7 @@ def _camera_names(distortion: Array) -> tuple[str, ...]:
 
 def write_rig(path: str | Path, rig: Rig) -> None:
     """Write `rig.json`, whole or not at all."""
+    check_written(path, rig, Rig, "write_rig(path, rig)")
     write_json(path, rig.to_document())
 
 
