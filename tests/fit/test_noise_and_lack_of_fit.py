@@ -117,10 +117,14 @@ def test_other_conditions_are_no_repeats() -> None:
 def test_a_running_number_is_told_to_hide_repeats() -> None:
     table = passes(2)
     assert not [note for note in sightings_of(table).notes if "repeat of another" in note]
-    counted = replaced(table, order=np.arange(len(table), dtype=np.float64), load=np.ones(len(table)))
+    number = np.arange(len(table), dtype=np.float64)
+    counted = replaced(table, order=number, load=np.ones(len(table)))
     notes = [note for note in sightings_of(counted).notes if "repeat of another" in note]
     assert len(notes) == 1
-    assert "for order is not the same" in notes[0]
+    assert "for order rises from row to row" in notes[0]
+    # What was changed from visit to visit is a condition.
+    changed = replaced(table, spool=number // 50)
+    assert not [note for note in sightings_of(changed).notes if "repeat of another" in note]
 
 
 @pytest.mark.parametrize("is_stated", [True, False])

@@ -17,7 +17,7 @@ from geoerr.fit.arguments import check_tables
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.fit.counted_twice import counted_twice
-from geoerr.fit.noise import unlike_visits
+from geoerr.fit.noise import running_numbers
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
 from geoerr.fit.weights import weighed
@@ -56,7 +56,7 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     joined = parts[0] if len(parts) == 1 else _joined(parts)
     told = (
         *counted_twice(joined),
-        *unlike_visits(joined),
+        *running_numbers(joined),
         *_without_name(joined),
         *unread_columns(joined.table.columns),
     )

@@ -18,6 +18,7 @@ from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import times_s
 from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import listed
+from geoerr.tables import is_temperature
 
 # Covariates are alike where they differ by less than this share of their spread: a twentieth of the spread changes a
 # linear effect by a twentieth, well below the noise wherever the effect itself is not far above it.
@@ -91,21 +92,19 @@ def groups_of(sightings: Sightings) -> np.ndarray:
     return numbers_of_alike([*_places(sightings), *_conditions(sightings).values()])
 
 
-def unlike_visits(sightings: Sightings) -> Iterator[str]:
-    """Say which conditions differ so that no visit of a place counts as a repeat of another."""
+def running_numbers(sightings: Sightings) -> Iterator[str]:
+    """Name columns that count rows, if but for them visits of a place would be repeats of each other."""
     conditions = _conditions(sightings)
-    if not conditions or _has_repeats(sightings.once("groups", groups_of)):
+    numbers = [name for name in conditions if name != "target" and not is_temperature(name)]
+    counting = [name for name in numbers if (np.diff(sightings.numbers(name)) > 0.0).all()]
+    if not counting or _has_repeats(sightings.once("groups", groups_of)):
         return
-    places = _places(sightings)
-    if not _has_repeats(numbers_of_alike(places)):
-        return
-    others = {name: [own for other, own in conditions.items() if other != name] for name in conditions}
-    alone = [name for name, own in others.items() if _has_repeats(numbers_of_alike([*places, *own]))]
-    whose = f"{listed(alone)} is" if len(alone) == 1 else f"{listed(alone or [*conditions])} are"
-    yield (
-        f"places were measured again, and no visit counts as a repeat of another, for {whose} not the same: "
-        "leave out a column that is no condition (a running number, say)"
-    )
+    others = [own for name, own in conditions.items() if name not in counting]
+    if _has_repeats(numbers_of_alike([*_places(sightings), *others])):
+        yield (
+            f"no visit of a place counts as a repeat of another, for {listed(counting)} rises from row to row and is "
+            "taken for a condition: leave a running number out"
+        )
 
 
 def _has_repeats(group: np.ndarray) -> bool:
