@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +162,40 @@ def test_a_column_of_the_tables_is_the_temperature(hot: Hot) -> None:
     assert states.model.model.conditions == ("temp_bed",)
     assert states.left_out == ()
     assert "three temperatures" in states.report()
+
+
+def test_the_uncertainty_of_an_expansion_counts_the_choice_of_terms(states: States) -> None:
+    """Each expansion has a hundredth of its square besides, too little to be taken: z is of unit size even so."""
+    functions, rng = states.functions, np.random.default_rng(5)
+    shapes = {shape.key: shape for shape in shapes_of(functions, with_squares=True)}
+    true = {"EXX": 11.5e-6, "EYY": 17.0e-6, "EZZ": 23.4e-6}
+    z, without_choice = [], []
+    for _ in range(60):
+        square = dict(zip(true, rng.normal(0.0, 0.01, 3), strict=True))
+        drawn = {}
+        for at, state in states.estimates.items():
+            heat = at - 20.0
+            moved = sum(
+                alpha * (heat + square[name] * heat**2 / 100.0) * shapes[name, 1, 1].parameters
+                for name, alpha in true.items()
+            )
+            noise = state.root @ rng.standard_normal(state.root.shape[1])
+            drawn[at] = replace(state, parameters=moved + noise)
+        fit = fit_temperature(functions, drawn, 20.0)
+        own = np.sqrt(np.diag(fit.covariance)[fit.basis.shape[1] :])
+        for shape, value, std, choice in zip(fit.shapes, fit.coefficients, own, fit.std_of_choice, strict=True):
+            if shape.key[1:] == (1, 1) and shape.name in true:
+                off = value - true[shape.name]
+                z.append(off / np.hypot(std, choice))
+                without_choice.append(off / std)
+    # Of 180 numbers of unit size the root mean square strays by 0.05; what is passed over is rather taken too large.
+    assert len(z) == 180
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.15
+    assert np.sqrt(np.mean(np.square(without_choice))) > 1.15
+    terms = {term.id: term for term in states.model.temperature_terms}
+    within = {term.id: term for term in states.model.model.terms}
+    for shape, choice in zip(states.temperature_fit.shapes, states.temperature_fit.std_of_choice, strict=True):
+        if shape.key[1:] == (1, 1) and shape.name in true:
+            told, alone = (next(iter(one[f"{shape.name}*T@temp"].coefficients)) for one in (terms, within))
+            assert told.name == alone.name == "alpha"
+            assert told.std == pytest.approx(np.hypot(alone.std, choice))

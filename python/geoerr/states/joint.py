@@ -72,6 +72,11 @@ class TemperatureFit:
     passed_size: Numbers
     taken_for: Numbers
 
+    @property
+    def std_of_choice(self) -> Numbers:
+        """Standard deviation (k,) that shapes which were not taken, and may be there, add to each coefficient."""
+        return np.asarray(np.linalg.norm(self.taken_for[self.basis.shape[1] :], axis=1))
+
     def at(self, temperature_degc: float) -> Estimate:
         """Predict the parameters at a temperature."""
         heat = temperature_degc - self.reference_degc

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -15,7 +16,7 @@ from geoerr.model import Model
 from geoerr.observations import Observations
 from geoerr.states.functions import Functions
 from geoerr.states.joint import TemperatureFit
-from geoerr.states.shapes import temperature_terms
+from geoerr.states.shapes import coefficient_name, temperature_terms, term_id
 from geoerr.terms import Term
 
 # Rows times unknowns of offsets that the joint fit takes along: with three components some 500 MB.
@@ -32,12 +33,15 @@ class TemperatureModel:
         The fit; `result.model` is written by `write_model` and compensates with `--at temp=90`.
     covariate
         The condition that predictions need.
+    chosen
+        What its terms were chosen by.
     notes
         Sentences for the reader.
     """
 
     result: FitResult
     covariate: str
+    chosen: TemperatureFit
     notes: tuple[str, ...] = ()
 
     @property
@@ -47,8 +51,24 @@ class TemperatureModel:
 
     @property
     def temperature_terms(self) -> tuple[Term, ...]:
-        """The terms that follow temperature, with values."""
-        return tuple(term for term in self.model.terms if self.covariate in term.variables)
+        """The terms that follow temperature, with values whose uncertainty counts the choice of terms.
+
+        The covariance of `model` does not: it holds for the terms chosen.
+        """
+        by_choice = {
+            (term_id(shape.name, shape.power, self.covariate), coefficient_name(shape)): float(std)
+            for shape, std in zip(self.chosen.shapes, self.chosen.std_of_choice, strict=True)
+        }
+        return tuple(
+            replace(
+                term,
+                coefficients=tuple(
+                    replace(one, std=math.hypot(one.std, by_choice[term.id, one.name])) for one in term.coefficients
+                ),
+            )
+            for term in self.model.terms
+            if self.covariate in term.variables
+        )
 
 
 def temperature_model(
@@ -90,7 +110,7 @@ def temperature_model(
         rig_sensitivity=offsets,
         rig_covariance=None if offsets is None else np.eye(offsets.shape[2]),
     )
-    return TemperatureModel(result_of(fitted), covariate, notes)
+    return TemperatureModel(result_of(fitted), covariate, chosen, notes)
 
 
 def _side_by_side(sensitivities: Sequence[Numbers]) -> Numbers | None:
