@@ -162,7 +162,8 @@ def _rivals(rivals: Sequence[Finding]) -> tuple[Paragraph, ...]:
 def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:
     blocks: list[Block] = [Paragraph(f"{unknown.words()}.")]
     if unknown.curve is not None:
-        caption = f"What has no name: it {unknown.shape}. It can be added to the model as a curve without a cause."
+        added = f"It can be added to the model as a {unknown.form} without a cause."
+        caption = f"What has no name: it {unknown.shape}. {added}"
         blocks.append(Figure(figures.unknown_curve(diagnosis), caption))
     return tuple(blocks)
 
