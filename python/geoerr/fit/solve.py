@@ -380,7 +380,7 @@ def _gauss_newton(
 
 def _is_settled(moved: float, before: float, settled: float) -> bool:
     """Tell whether a step, or the one that would come next by how fast they shorten, is negligible."""
-    return moved < settled or (moved < _TENFOLD * settled and _TENFOLD * moved < before)
+    return moved < settled or (moved < _TENFOLD * _SETTLED and _TENFOLD * moved < before)
 
 
 class _StepsSince:
