@@ -12,6 +12,7 @@ from geoerr.errors import GeoerrError, GeometryError
 from geoerr.fit.classic import spline
 from geoerr.observations import Observations
 from geoerr.states import States, identify_states
+from geoerr.states.common import estimate_of
 from geoerr.states.volume import rigid_columns
 from geoerr.terms import BasisSpec
 
@@ -137,3 +138,15 @@ def test_rows_outside_the_common_range_are_counted() -> None:
     assert len(states[20.0].observations) < len(cold)
     assert any("outside the range" in note for note in states.notes)
     assert states.functions.range_mm["x"][1] <= low + 0.8 * (high - low)
+
+
+def test_scatter_beyond_what_is_stated_counts_before_a_fit_can_tell_it(states: States) -> None:
+    """Of three fits as they are stated, some leave more than that: their covariance is as much larger (Birge)."""
+    ratios = []
+    for state in states.states:
+        fitted = state.fitted
+        assert fitted.scale == 1.0
+        ratio = fitted.solved.chi_squared / fitted.dof
+        assert estimate_of(fitted).covariance == pytest.approx(fitted.covariance * max(ratio, 1.0))
+        ratios.append(ratio)
+    assert min(ratios) < 1.0 < max(ratios)
