@@ -248,18 +248,17 @@ def not_offered_lines(not_offered: Sequence[tuple[str, str]], *, verbose: bool) 
 
 
 def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
-    lines = []
-    if diagnosis.found and not diagnosis.found[0].in_model:
-        lines.append(f"  {command} {diagnosis.found[0].reference}{options} -o model2.json")
-    if diagnosis.unknown is not None and not diagnosis.found and diagnosis.unknown.curve is not None:
-        lines.append(f"  {command} '{diagnosis.unknown.reference}'{options} -o model2.json")
-    if not lines:
+    found, unknown = diagnosis.found, diagnosis.unknown
+    if found and not found[0].in_model:
+        title, reference = "to add it and see the error fall:", str(found[0].reference)
+    elif unknown is not None and not found and unknown.curve is not None:
+        title, reference = f"to add it as an empirical {unknown.form}, without a cause:", f"'{unknown.reference}'"
+    else:
         return
     yield ""
-    of_name = f"as an empirical {diagnosis.unknown.form}, without a cause" if diagnosis.unknown is not None else ""
-    yield "to add it and see the error fall:" if diagnosis.found else f"to add it {of_name}:"
+    yield title
     # A line to copy is not broken.
-    yield from lines
+    yield f"  {command} {reference}{options} -o model2.json"
 
 
 def narrow(text: str, indent: str = "") -> list[str]:

@@ -202,7 +202,7 @@ def best_terms(
     """
     if effect.is_smooth:
         return effect.terms(reference.axis, reference.covariate, fitted.machine)
-    sigma = fitted.scale if math.isfinite(fitted.scale) and fitted.scale > 0.0 else 1.0
+    sigma = fitted.unit
     price = 0.5 * math.log(max(int(fitted.sightings.is_measured[fitted.solved.used].sum()), 2))
     found, most = None, -math.inf
     for term in ways_of(effect, reference, fitted.machine, fitted.sightings, way):

@@ -26,7 +26,7 @@ import numpy as np
 from geoerr import _core
 from geoerr.effects.definitions import number_text
 from geoerr.errors import GeoerrError, InputFileError
-from geoerr.fit.empirical_wave import TIME, Wave, turn_of
+from geoerr.fit.empirical_wave import TIME, EmpiricalWave, turn_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.seen import Seen
 from geoerr.fit.sightings import Numbers, Sightings
@@ -100,7 +100,7 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
             remedy="name a variable that the model does not have, or another component",
         )
     along = f"the work along {channel[-1]}" if channel.startswith("work") else f"the tool along {channel[-1]}"
-    wave = Wave.of(seen) if parsed.covariate == TIME else None
+    wave = EmpiricalWave.of(seen) if parsed.covariate == TIME else None
     if wave is not None and wave.evidence > evidence:
         return wave.term(parsed, channel, f"Empirical wave: {along} over time, cause unknown")
     letter = _free_letter("c", [one.name for one in variables])

@@ -26,7 +26,7 @@ _PERIOD = "P"
 
 
 @dataclass(frozen=True, eq=False)
-class Wave:
+class EmpiricalWave:
     """The wave in time with the most evidence.
 
     Attributes
@@ -49,7 +49,7 @@ class Wave:
     unit: str
 
     @classmethod
-    def of(cls, seen: Seen) -> Wave | None:
+    def of(cls, seen: Seen) -> EmpiricalWave | None:
         """Look at all frequencies that the data can show; None where they show none."""
         sightings = seen.fitted.sightings
         waves = WavesInTime(sightings)

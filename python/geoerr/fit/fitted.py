@@ -112,6 +112,11 @@ class Fitted:
         """Fit other terms to the same data; keywords are those of `Posed.fit`."""
         return self.fit_of_terms(terms, one_step=one_step, used=used, around=around, known_fit=self)
 
+    @property
+    def unit(self) -> float:
+        """Size of one standard deviation among the whitened residuals; 1 where nothing tells their scatter."""
+        return self.scale if math.isfinite(self.scale) and self.scale > 0.0 else 1.0
+
     @cached_property
     def residual_mm(self) -> Numbers:
         """Measured minus predicted in base axes, (n, 3); a radius in the first component."""

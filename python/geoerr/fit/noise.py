@@ -94,12 +94,11 @@ def groups_of(sightings: Sightings) -> np.ndarray:
 
 def running_numbers(sightings: Sightings) -> Iterator[str]:
     """Name columns that count rows, if but for them visits of a place would be repeats of each other."""
-    conditions = _conditions(sightings)
-    numbers = [name for name in conditions if name != "target" and not is_temperature(name)]
+    numbers = [name for name in _condition_columns(sightings) if not is_temperature(name)]
     counting = [name for name in numbers if (np.diff(sightings.numbers(name)) > 0.0).all()]
     if not counting or _has_repeats(sightings.once("groups", groups_of)):
         return
-    others = [own for name, own in conditions.items() if name not in counting]
+    others = [own for name, own in _conditions(sightings).items() if name not in counting]
     if _has_repeats(numbers_of_alike([*_places(sightings), *others])):
         yield (
             f"no visit of a place counts as a repeat of another, for {listed(counting)} rises from row to row and is "
@@ -123,11 +122,13 @@ def _places(sightings: Sightings) -> list[np.ndarray]:
     ]
 
 
+def _condition_columns(sightings: Sightings) -> list[str]:
+    return [name for name in sightings.covariate_columns if name not in NOT_CONDITIONS]
+
+
 def _conditions(sightings: Sightings) -> dict[str, np.ndarray]:
     keys: dict[str, np.ndarray] = {}
-    for name in sightings.covariate_columns:
-        if name in NOT_CONDITIONS:
-            continue
+    for name in _condition_columns(sightings):
         values = sightings.numbers(name)
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         least = _ALIKE_K if name.startswith("temp") else _ALIKE_SHARE * max(abs(low), abs(high))

@@ -41,8 +41,7 @@ class Seen:
             solved.state, solved.solution.covariance_root, solved.used.astype(np.float64), fitted.threads
         )
         self._spread = spread.reshape(-1, spread.shape[2])
-        self._sigma = fitted.scale if math.isfinite(fitted.scale) and fitted.scale > 0.0 else 1.0
-        self.residual = solved.whitened * solved.used[:, None] / self._sigma
+        self.residual = solved.whitened * solved.used[:, None] / fitted.unit
         self._n_numbers = int(fitted.sightings.is_measured[solved.used].sum())
 
     def off(self, functions: Numbers) -> tuple[Numbers, Numbers, Numbers]:

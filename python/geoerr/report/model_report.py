@@ -512,9 +512,9 @@ def _budget(
 ) -> tuple[Budget | None, UncertaintyMap | None]:
     """Make the budget: by the fit behind the comparison where these are its own data, else by the record alone."""
     subject: FitResult | Model = model
-    is_its_own = comparison is not None and comparison.freedom == "own" and comparison.model is model
-    if comparison is not None and is_its_own and comparison.fitted is not None:
-        subject = FitResult(model, comparison.fitted)
+    # Without its waves in time a model is not the one that was compared.
+    if comparison is not None and comparison.model is model and comparison.freedom == "own":
+        subject = model if comparison.fitted is None else FitResult(model, comparison.fitted)
     budget = parts.tried(BUDGET, lambda: uncertainty_budget(subject, at=_at_a_place(model, stated)))
     return budget, None if budget is None else parts.tried(BUDGET, lambda: uncertainty_map(budget))
 
