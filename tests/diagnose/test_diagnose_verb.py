@@ -20,7 +20,6 @@ from geoerr.cli.main import app
 from geoerr.diagnose import add_effect
 from geoerr.diagnose.advice import Advice, adviser_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms
-from geoerr.diagnose.explained import explained_um
 from geoerr.diagnose.search import reference_of, search, why_left
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
@@ -33,7 +32,6 @@ from geoerr.observations import Observations
 from geoerr.report import figures
 from geoerr.report.diagnosis_page import diagnosis_sections
 from geoerr.report.page import Table
-from geoerr.terms import EffectReference
 from geoerr.workbench.told import told_of
 
 PLAN = Plan(n_sessions=2, n_lines=20, n_points=14)
@@ -420,10 +418,22 @@ def test_circular_tests_alone_are_ranked(tmp_path: Path) -> None:
 
 def test_what_is_explained_row_by_row_is_worth_what_is_said(named: Diagnosis, unknown: Diagnosis) -> None:
     for diagnosis, what in ((named, named.found[0]), (unknown, unknown.unknown)):
-        moved_um = explained_um(diagnosis, what)
+        moved_um = what.explained_um
         used = diagnosis.fitted.solved.used
         assert np.sqrt((moved_um[used] ** 2).sum(axis=1).mean()) == pytest.approx(what.worth_um, rel=0.02)
-    growth_um = explained_um(named, named.found[0])
+    growth_um = named.found[0].explained_um
     assert np.abs(growth_um[:, 1]).max() > 5.0 * np.abs(growth_um[:, [0, 2]]).max()
-    with pytest.raises(GeoerrError, match="no candidate"):
-        explained_um(named, replace(named.found[0], reference=EffectReference("play", "x", None)))
+
+
+def test_a_diagnosis_says_the_same_without_the_numbers_behind_it(named: Diagnosis, unknown: Diagnosis) -> None:
+    for whole in (named, unknown):
+        alone = whole.without_numbers()
+        assert alone.to_document() == whole.to_document()
+        assert [one.words() for one in alone.candidates] == [one.words() for one in whole.candidates]
+        with pytest.raises(GeoerrError, match="diagnose again"):
+            _ = alone.searched
+    # What judged it is made anew where it is asked for, and says the same.
+    first = named.searched.found[0]
+    (rival,) = named.searched.rivals_at_last(first, first.rivals[:1])
+    (said,) = (one for one in named.candidates if one.reference == reference_of(first.rivals[0].judged))
+    assert rival.visible_um == pytest.approx(said.worth_um, rel=1e-9)

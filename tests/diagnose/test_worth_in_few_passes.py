@@ -7,7 +7,6 @@ from hidden_machine import Plan, machine, motion
 
 import geoerr
 from geoerr.diagnose import diagnose
-from geoerr.diagnose.explained import explained_um
 from geoerr.fit import FitOptions
 
 NOISE_UM, PLAY_UM = 2.0, 32.0
@@ -28,6 +27,4 @@ def test_in_a_session_of_few_passes_play_is_not_worth_more_than_was_measured(see
     of_play_um = np.sqrt(diagnosis.fitted.figures.headline_um**2 - 3.0 * NOISE_UM**2)
     assert play.worth_um == pytest.approx(of_play_um, rel=0.1)
     used = diagnosis.fitted.solved.used
-    assert np.sqrt((explained_um(diagnosis, play)[used] ** 2).sum(axis=1).mean()) == pytest.approx(
-        play.worth_um, rel=0.02
-    )
+    assert np.sqrt((play.explained_um[used] ** 2).sum(axis=1).mean()) == pytest.approx(play.worth_um, rel=0.02)

@@ -559,7 +559,9 @@ WHERE = Where("X", 3.0, 9.0, (200.0, 0.0, 0.0), (Span("temp", "high", 30.0, 40.0
 def test_keys_of_what_has_no_name_and_of_a_moment() -> None:
     period = Parameter("P", "s", 21.7, 0.01)
     curve = Curve("x", ("feed",), (np.zeros(2),), np.zeros(2), np.ones(2), period)
-    unknown = Unknown(("feed",), "x", 12.0, 1e-3, WHERE, "empirical:x@feed", curve, HeldOut(5.0, 2.0))
+    unknown = Unknown(
+        ("feed",), "x", 12.0, 1e-3, WHERE, np.zeros((1, 3)), "empirical:x@feed", curve, HeldOut(5.0, 2.0)
+    )
     assert not_described(unknown.to_document(), keys_of("json_diagnose.md", "structure-without-a-name")) == []
     moment = {"parameters": {"t0": Moment("hot", 812.0, (810.0, 816.0), "s").to_document()}}
     assert not_described(moment, keys_of("json_diagnose.md", "a-finding")) == []

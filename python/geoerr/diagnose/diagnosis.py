@@ -70,31 +70,48 @@ class Diagnosis(Answer):
 
     Attributes
     ----------
-    searched
-        Every number behind it.
+    between_passes
+        What does not come back from pass to pass, and what rows scatter, beside all that was found.
     as_it_was
         The fit that was given, or that of the model; `fitted` is the one that was searched, which has other bases
         beside a large effect.
     comparison
         The model held against the measurements; None where a fit was diagnosed.
+    search
+        What `searched` gives; None where it was let go.
     """
 
     found: tuple[Finding, ...]
     candidates: tuple[Finding, ...]
     unknown: Unknown | None
-    searched: Searched
+    between_passes: BetweenPasses
     as_it_was: Fitted
     comparison: Comparison | None = None
+    search: Searched | None = None
+
+    @property
+    def searched(self) -> Searched:
+        """Every number behind it.
+
+        Raises
+        ------
+        GeoerrError
+            where they were let go.
+        """
+        if self.search is None:
+            raise GeoerrError(
+                "the numbers behind this diagnosis were let go\nhint: diagnose again, and keep what that gives"
+            )
+        return self.search
+
+    def without_numbers(self) -> Diagnosis:
+        """Give what it says alone: the numbers behind it are, of 100,000 points, gigabytes."""
+        return replace(self, search=None)
 
     @cached_property
     def held_out_rmse_um(self) -> float | None:
         """Held-out error of the model as it was."""
         return held_out_um(self.as_it_was)
-
-    @cached_property
-    def between_passes(self) -> BetweenPasses:
-        """What does not come back from pass to pass, and what rows scatter, beside all that was found."""
-        return between_passes(self.searched.last.space)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -322,11 +339,15 @@ class _Summary:
             candidates,
             unknown,
             (*searched.not_offered, *_invisible(searched)),
-            searched,
+            between_passes(searched.last.space),
             self.as_it_was,
             self.comparison,
+            searched,
         )
-        return self._with_advice(diagnosis) if verdict == "ambiguous" else diagnosis
+        if verdict == "ambiguous":
+            diagnosis = self._with_advice(diagnosis)
+        searched.let_go()
+        return diagnosis
 
     def _with_advice(self, diagnosis: Diagnosis) -> Diagnosis:
         """Say with everything tied which one measurement tells all of it apart, for this machine and these data."""
@@ -411,6 +432,7 @@ class _Summary:
         assert settled.term is not None
         rival = None if against is None else self.known.separation(against.effect, reference.effect)
         variables = variables_of_term(settled.term, self.fitted.sightings.covariate_columns)
+        moved_um = displacement_um(settled.space, settled.displacement)
         return Finding(
             reference=reference,
             effect=self.known[reference.effect],
@@ -422,7 +444,8 @@ class _Summary:
             # By name where only rounding tells them apart, which is another on another processor.
             aliases=tuple(sorted(aliases, key=lambda alias: (-round(alias.correlation, 2), str(alias.reference)))),
             separate_by=None if rival is None else Separation(rival.separate_by, rival.plan, rival.minutes),
-            where=self._where(settled, variables),
+            where=self._where(moved_um, variables),
+            explained_um=moved_um,
             held_out=held_out,
             moments=moments_of(settled.term, self.fitted.sightings),
             in_model=str(reference) in self.held,
@@ -437,8 +460,7 @@ class _Summary:
         before = after.um(columns) if columns else held_out_um(self.as_it_was)
         return HeldOut(before, after.um([*columns, settled.raw]))
 
-    def _where(self, settled: Settled, variables: Sequence[str]) -> Where:
-        moved_um = displacement_um(settled.space, settled.displacement)
+    def _where(self, moved_um: Numbers, variables: Sequence[str]) -> Where:
         return where_of(self.fitted.sightings, moved_um, self.fitted.solved.used, variables)
 
     def _unknown(self, found: Found) -> Unknown:
@@ -455,12 +477,14 @@ class _Summary:
             after = fit_again(before, [*before.terms, term])
             curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
         columns = self.fitted.sightings.covariate_columns
+        moved_um = displacement_um(settled.space, settled.displacement)
         return Unknown(
             probe.depends_on,
             probe.component,
             settled.visible_um,
             min(_HALVES * judged.p_value, 1.0),
-            self._where(settled, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]),
+            self._where(moved_um, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]),
+            moved_um,
             reference,
             curve,
             held_out,

@@ -21,6 +21,7 @@ from geoerr.diagnose.words import (
 from geoerr.effects import Effect
 from geoerr.effects.plausible import plausible_match
 from geoerr.fit.empirical import Curve
+from geoerr.fit.sightings import Numbers
 from geoerr.summaries import capitalised, listed, uncapitalised
 from geoerr.terms import EffectReference, Parameter, Term
 
@@ -149,6 +150,8 @@ class Finding(Named):
     ----------
     where
         Where it is largest.
+    explained_um : (n, 3)
+        What neither the model nor the others that were found can do, in base axes, rows as in the fit.
     held_out
         Error without it and with it in the model; None where it was not computed.
     moments
@@ -165,6 +168,7 @@ class Finding(Named):
     """
 
     where: Where
+    explained_um: Numbers
     held_out: HeldOut | None
     moments: dict[str, Moment] = field(default_factory=dict)
     alike: dict[str, tuple[float, ...]] = field(default_factory=dict)
@@ -285,6 +289,8 @@ class Unknown(Nameless):
     ----------
     where
         Where it is largest.
+    explained_um : (n, 3)
+        What it is at each row of the fit, in base axes.
     reference
         What `geoerr add` takes to add it as a curve.
     curve
@@ -294,6 +300,7 @@ class Unknown(Nameless):
     """
 
     where: Where
+    explained_um: Numbers
     reference: str
     curve: Curve | None
     held_out: HeldOut | None

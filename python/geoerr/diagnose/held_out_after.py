@@ -126,10 +126,16 @@ class HeldOutAfter:
         order = np.argsort(fold, kind="stable")
         starts = np.flatnonzero(np.diff(fold[order], prepend=-1))
         return [
-            _Pass(rows, self.base[rows].reshape(3 * len(rows), -1))
+            _Pass(rows, _of_rows(self.base, rows).reshape(3 * len(rows), -1))
             for rows in np.split(order, starts[1:])
             if len(rows)
         ]
+
+
+def _of_rows(values: Numbers, rows: np.ndarray) -> Numbers:
+    """Give rows, which ascend: where they stand together no copy, for all passes together it would be the whole."""
+    first, last = int(rows[0]), int(rows[-1])
+    return values[first : last + 1] if last - first + 1 == len(rows) else values[rows]
 
 
 @dataclass(frozen=True, eq=False)

@@ -184,6 +184,8 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
         else:
             found = diagnose(model, *data.tables, **asked, **_calibration(session))
         told = told_of(found, effects)
+        if isinstance(found, Diagnosis):
+            found = found.without_numbers()
 
         def apply() -> None:
             with session.lock:

@@ -6,7 +6,6 @@ import numpy as np
 
 from geoerr.diagnose import Diagnosis
 from geoerr.diagnose.circles import CircleDiagnosis
-from geoerr.diagnose.explained import explained_um
 from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.fit.sightings import Numbers
 from geoerr.report.figures.style import UM_PER_MM
@@ -38,8 +37,8 @@ def what_is_shown(session: Session, name: str | None) -> Numbers | None:
     found = next((one for one in things if str(one.reference) == name), None)
     if found is None:
         return None
-    moved = explained_um(diagnosis, found)
-    return moved if len(moved) == len(seen.comparison.points.sightings) else None
+    moved_um = found.explained_um
+    return moved_um if len(moved_um) == len(seen.comparison.points.sightings) else None
 
 
 def _of_trial(session: Session) -> Numbers | None:

@@ -79,6 +79,12 @@ class Bench:
         self._of_last_look = self.scanner(space)
         return self._of_last_look
 
+    def let_go(self) -> None:
+        """Let go of what is kept because it may be asked for again."""
+        self._last_sums = None
+        for name in ("held_out", "_base_sums"):
+            self.__dict__.pop(name, None)
+
     @cached_property
     def held_out(self) -> HeldOutAfter:
         """The held-out error with more in the model."""

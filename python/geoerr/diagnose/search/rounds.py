@@ -107,6 +107,12 @@ class Searched:
         scanner = self.bench.scanner(space, n_draws=0)
         return [resettle(space, scanner, rival.settled) for rival in rivals]
 
+    def let_go(self) -> None:
+        """Let go of what is kept to judge more: of many rows it is gigabytes, and is made anew if need be."""
+        self.bench.let_go()
+        for looked in (self.first, self.last, *(one.looked for one in self.found)):
+            looked.scanner.let_go()
+
 
 def search(
     fitted: Fitted,
