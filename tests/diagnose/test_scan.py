@@ -30,9 +30,9 @@ N_DRAWS = 7
 
 
 @cache
-def _scene() -> tuple[Space, Channels, list[Candidate], list[Probe], Functions]:
+def _scene(n_lines: int = 16) -> tuple[Space, Channels, list[Candidate], list[Probe], Functions]:
     rng = np.random.default_rng(1)
-    plan = Plan(n_sessions=2, n_lines=16, n_points=12)
+    plan = Plan(n_sessions=2, n_lines=n_lines, n_points=12)
     observations = measure(rng, motion(rng, plan), Noise(offset=3.0, drift=3.0), plan=plan)
     fitted = fit_terms(machine(), [observations], options=FitOptions(threads=1))
     space = space_of(fitted)
@@ -47,8 +47,8 @@ def _scene() -> tuple[Space, Channels, list[Candidate], list[Probe], Functions]:
     )
 
 
-def _scanner(*, threads: int = 1) -> Scanner:
-    space, channels, candidates, probes, functions = _scene()
+def _scanner(*, threads: int = 1, n_lines: int = 16) -> Scanner:
+    space, channels, candidates, probes, functions = _scene(n_lines)
     names = all_channels([shapes for one in [*candidates, *probes] for shapes in one.shapes])
     return Scanner(space, channels, functions, names=names, n_draws=N_DRAWS, threads=threads)
 
@@ -181,6 +181,23 @@ def test_same_bytes_for_any_number_of_threads() -> None:
     for one, other in zip(_scanner(threads=1).scan(shapes), _scanner(threads=3).scan(shapes), strict=True):
         assert one.gain.tobytes() == other.gain.tobytes()
         assert one.largest.tobytes() == other.largest.tobytes()
+
+
+@pytest.mark.parametrize("name", ["backlash", "thermal-bending"])
+def test_one_candidate_over_many_rows_is_summed_in_parts_and_says_the_same(name: str) -> None:
+    n_lines = 220
+    space, channels, candidates, _, functions = _scene(n_lines)
+    # Rows of two parts at least.
+    assert len(space.rows) >= 2 * 2048
+    draws = space.draws(1).astype(np.float64)
+    shapes = next(one for one in candidates if one.effect.id == name).shapes[0]
+    found = _scanner(threads=1, n_lines=n_lines).exact(shapes)
+    by_threads = _scanner(threads=3, n_lines=n_lines).exact(shapes)
+    assert found.gain.tobytes() == by_threads.gain.tobytes()
+    for trial in {0, len(shapes.trials) - 1}:
+        expected = judge(space, channels, shapes, functions.values(shapes.codes[trial]), draws)
+        assert found.rank[trial] == expected.rank
+        assert found.gain[trial] == pytest.approx(expected.gain, rel=1e-7, abs=1e-9)
 
 
 def test_what_the_rigid_machine_owns_is_not_measurable() -> None:

@@ -78,9 +78,15 @@ impl<'a, T: Real> NodeOperands<'a, T> {
             }
             let place = self.channels.partition_point(|one| one.0 < channel);
             let OfChannel { operand, units } = &self.channels[place].1;
-            add_product_of_rows(&mut tile.products[first * width..(first + m) * width], &left, operand, n);
+            add_product_of_rows(
+                &mut tile.totals.products[first * width..(first + m) * width],
+                &left,
+                operand,
+                n,
+            );
             lanes::transpose(&mut across, &left, n);
-            for (level, unit) in tile.level.iter_mut().zip(units).filter(|(_, unit)| !unit.is_empty()) {
+            for (level, unit) in tile.totals.level.iter_mut().zip(units).filter(|(_, unit)| !unit.is_empty())
+            {
                 sums.clear();
                 sums.resize(n_blocks * m, T::default());
                 for (sum, entries) in sums.chunks_exact_mut(m).zip(unit) {
@@ -92,7 +98,7 @@ impl<'a, T: Real> NodeOperands<'a, T> {
                 level[first * n_blocks..(first + m) * n_blocks].copy_from_slice(&left);
             }
         }
-        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.information) {
+        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.totals.information) {
             let [f, g] = wanted.map(|pair| tile.pairs[pair]);
             let channels = [f.channel, g.channel];
             let place = self.together.partition_point(|one| one.0 < channels);

@@ -82,10 +82,10 @@ impl<T: Real + FftNum> WaveOperands<T> {
             *is_seen = own.is_seen.get(harmonic).is_some_and(|kinds| kinds[kind]);
             if *is_seen {
                 let products = &own.products[(2 * harmonic + kind) * width..][..width];
-                tile.products[pair * width..][..width].copy_from_slice(products);
+                tile.totals.products[pair * width..][..width].copy_from_slice(products);
             }
         }
-        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.information) {
+        for (&wanted, sum) in tile.wanted.iter().zip(&mut tile.totals.information) {
             if !wanted.iter().all(|&pair| is_seen[pair]) {
                 continue;
             }

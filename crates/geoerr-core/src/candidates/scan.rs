@@ -23,6 +23,9 @@ use crate::least_squares::Real;
 /// centre is tried with every temperature and every difference of two), and few enough for every thread to have tiles to
 /// the end.
 const PAIRS: usize = 512;
+/// Parts that sums over rows should have, of all tiles together: a single candidate is one tile. The same for any number
+/// of threads, for the sake of the same bytes.
+const PARTS: usize = 8;
 /// Coarser numbers than these only rank, and need no more digits than nodes give.
 const RANKING: f64 = 1e-10;
 
@@ -92,6 +95,8 @@ pub fn scan<T: Real + FftNum>(
             families.par_iter().enumerate().map(operands).collect()
         },
     );
+    let over_rows = tiles.iter().filter(|(place, _)| matches!(place, Place::Rows | Place::Moments)).count();
+    let parts = PARTS / over_rows.max(1);
     // From one queue: halves of a list, as threads share it otherwise, are not equally long.
     let mut found: Vec<(usize, Vec<Judged>)> = (tiles.iter().enumerate().par_bridge())
         .map(|(number, (place, pieces))| {
@@ -100,9 +105,9 @@ pub fn scan<T: Real + FftNum>(
                 Place::Waves(family) => of_waves[*family].sum(&mut tile, &numbering, &wave_of),
                 Place::Nodes(lattice) => at_nodes[*lattice].sum(&mut tile, sources, &numbering)?,
                 Place::Moments => at_moments.as_ref().map_or(Ok(()), |at| {
-                    at.with_sources(|own| by_rows::sum(&mut tile, own, &numbering, &at.moments))
+                    at.with_sources(|own| by_rows::sum(&mut tile, own, &numbering, &at.moments, parts))
                 })?,
-                Place::Rows => by_rows::sum(&mut tile, sources, &numbering, &rows)?,
+                Place::Rows => by_rows::sum(&mut tile, sources, &numbering, &rows, parts)?,
             }
             Ok((number, tile.judged(groups, pieces)))
         })

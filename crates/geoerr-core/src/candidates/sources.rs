@@ -123,15 +123,20 @@ pub(super) struct Evaluator<'a, T> {
     functions: Vec<Source>,
     /// Of functions that depend on the rows before: all rows. Empty for the others.
     whole: Vec<Vec<T>>,
-    /// All columns of one formula.
-    of_formula: Vec<f64>,
     /// Formulas whose columns for a series of ones do for all that are proportional to some series.
     alike: Vec<usize>,
     /// By function: its place among those, if it is proportional.
     place_of: Vec<Option<usize>>,
-    /// By place: their columns, of the block.
-    of_ones: Vec<Vec<f64>>,
     ones: Vec<f64>,
+}
+
+/// Room to evaluate a block in.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// All columns of one formula.
+    of_formula: Vec<f64>,
+    /// Columns of the formulas that others are multiples of.
+    of_ones: Vec<Vec<f64>>,
 }
 
 impl<'a, T: Real> Evaluator<'a, T> {
@@ -143,40 +148,37 @@ impl<'a, T: Real> Evaluator<'a, T> {
         let functions: Vec<Source> = functions.iter().map(|&function| numbering.source(function)).collect();
         let n_rows = sources.rows.n_rows;
         let (alike, place_of) = alike(sources, &functions);
-        let mut evaluator = Self {
-            sources,
-            functions,
-            whole: Vec::new(),
-            of_formula: Vec::new(),
-            of_ones: vec![Vec::new(); alike.len()],
-            ones: vec![1.0; if alike.is_empty() { 0 } else { n_rows }],
-            alike,
-            place_of,
-        };
-        let mut whole = Vec::with_capacity(evaluator.functions.len());
-        let mut known = usize::MAX;
-        for &source in &evaluator.functions {
+        let ones = vec![1.0; if alike.is_empty() { 0 } else { n_rows }];
+        let mut whole = Vec::with_capacity(functions.len());
+        let (mut known, mut of_formula) = (usize::MAX, Vec::new());
+        for &source in &functions {
             match source {
                 Source::Formula(formula, slot) if sources.formulas[formula].expression.needs_order() => {
                     if formula != known {
-                        evaluate(sources, formula, 0..n_rows, &mut evaluator.of_formula)?;
+                        evaluate(sources, formula, 0..n_rows, &mut of_formula)?;
                         known = formula;
                     }
-                    let own = &evaluator.of_formula[slot * n_rows..(slot + 1) * n_rows];
+                    let own = &of_formula[slot * n_rows..(slot + 1) * n_rows];
                     whole.push(own.iter().map(|&value| number(value)).collect());
                 }
                 _ => whole.push(Vec::new()),
             }
         }
-        evaluator.whole = whole;
-        Ok(evaluator)
+        Ok(Self { sources, functions, whole, alike, place_of, ones })
     }
 
     /// Sets `target` to the functions over some rows, column after column.
-    pub(super) fn set(&mut self, target: &mut Vec<T>, rows: Range<usize>) -> Result<(), CandidateError> {
+    pub(super) fn set(
+        &self,
+        target: &mut Vec<T>,
+        scratch: &mut Scratch,
+        rows: Range<usize>,
+    ) -> Result<(), CandidateError> {
+        let Scratch { of_formula, of_ones } = scratch;
         let n = rows.len();
         target.clear();
-        for (&formula, columns) in self.alike.iter().zip(&mut self.of_ones) {
+        of_ones.resize(self.alike.len(), Vec::new());
+        for (&formula, columns) in self.alike.iter().zip(&mut *of_ones) {
             evaluate_with(self.sources, formula, &self.ones, rows.clone(), columns)?;
         }
         let mut known = usize::MAX;
@@ -184,7 +186,7 @@ impl<'a, T: Real> Evaluator<'a, T> {
             if let (Source::Formula(formula, slot), Some(place)) = (source, place)
                 && let Some([_, series]) = self.sources.formulas[formula].series
             {
-                let of_one = self.of_ones[place][slot * n..(slot + 1) * n].iter();
+                let of_one = of_ones[place][slot * n..(slot + 1) * n].iter();
                 let series = &self.sources.series[series][rows.clone()];
                 target.extend(of_one.zip(series).map(|(&of_one, &value)| number::<T>(of_one * value)));
                 continue;
@@ -193,10 +195,10 @@ impl<'a, T: Real> Evaluator<'a, T> {
                 _ if !whole.is_empty() => target.extend_from_slice(&whole[rows.clone()]),
                 Source::Formula(formula, slot) => {
                     if formula != known {
-                        evaluate(self.sources, formula, rows.clone(), &mut self.of_formula)?;
+                        evaluate(self.sources, formula, rows.clone(), of_formula)?;
                         known = formula;
                     }
-                    let own = &self.of_formula[slot * n..(slot + 1) * n];
+                    let own = &of_formula[slot * n..(slot + 1) * n];
                     target.extend(own.iter().map(|&value| number::<T>(value)));
                 }
                 Source::Given(given) => {

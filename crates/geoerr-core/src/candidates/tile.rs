@@ -49,14 +49,39 @@ pub(super) struct Tile<'a, T> {
     pub pairs: Vec<Pair>,
     /// Places of two pairs, the first not behind the second, whose information is asked for; sorted.
     pub wanted: Vec<[usize; 2]>,
+    pub totals: Totals<T>,
+    /// Trial after trial of the pieces, by column: its pair.
+    places: Vec<usize>,
+}
+
+/// What is summed over rows.
+pub(super) struct Totals<T> {
     /// By wanted: `fᵀ V⁻¹ g`, of which `level` gives what is not white.
     pub information: Vec<f64>,
     /// By pair: products with basis, residual and draws.
     pub products: Vec<T>,
     /// By component and pair: sums by block of the noise. Nothing until it is laid out, and where no channel acts.
     pub level: [Vec<T>; 3],
-    /// Trial after trial of the pieces, by column: its pair.
-    places: Vec<usize>,
+}
+
+impl<T: Real> Totals<T> {
+    /// As many sums, all 0.
+    pub(super) fn zeros_like(&self) -> Self {
+        Self {
+            information: vec![0.0; self.information.len()],
+            products: vec![T::default(); self.products.len()],
+            level: self.level.each_ref().map(|level| vec![T::default(); level.len()]),
+        }
+    }
+
+    /// Adds the sums over other rows.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.information.iter_mut().zip(&other.information).for_each(|(sum, part)| *sum += part);
+        self.products.iter_mut().zip(&other.products).for_each(|(sum, part)| *sum += *part);
+        for (level, other) in self.level.iter_mut().zip(&other.level) {
+            level.iter_mut().zip(other).for_each(|(sum, part)| *sum += *part);
+        }
+    }
 }
 
 impl<'a, T: Real> Tile<'a, T> {
@@ -87,9 +112,11 @@ impl<'a, T: Real> Tile<'a, T> {
             functions,
             pairs,
             wanted: Vec::new(),
-            information: Vec::new(),
-            products: vec![T::default(); n * scene.width()],
-            level: Default::default(),
+            totals: Totals {
+                information: Vec::new(),
+                products: vec![T::default(); n * scene.width()],
+                level: Default::default(),
+            },
             places: Vec::new(),
         };
         for piece in pieces {
@@ -105,7 +132,7 @@ impl<'a, T: Real> Tile<'a, T> {
         }
         tile.wanted.sort_unstable();
         tile.wanted.dedup();
-        tile.information = vec![0.0; tile.wanted.len()];
+        tile.totals.information = vec![0.0; tile.wanted.len()];
         tile
     }
 
@@ -125,7 +152,7 @@ impl<'a, T: Real> Tile<'a, T> {
         let size = self.pairs.len() * self.scene.noise.n_blocks();
         for (channel, _, _) in self.channels() {
             for c in self.scene.components(channel) {
-                self.level[c].resize(size, T::default());
+                self.totals.level[c].resize(size, T::default());
             }
         }
     }
@@ -151,9 +178,10 @@ impl<'a, T: Real> Tile<'a, T> {
     /// Adds to the information what is not white.
     fn add_levels(&mut self) {
         let n_blocks = self.scene.noise.n_blocks();
-        for (c, level) in self.level.iter().enumerate().filter(|(_, level)| !level.is_empty()) {
+        let Totals { information, level, .. } = &mut self.totals;
+        for (c, level) in level.iter().enumerate().filter(|(_, level)| !level.is_empty()) {
             let beyond = self.scene.beyond_white_of_columns(c, level);
-            for (&[a, b], sum) in self.wanted.iter().zip(&mut self.information) {
+            for (&[a, b], sum) in self.wanted.iter().zip(&mut *information) {
                 let [a, b] = [a, b].map(|pair| pair * n_blocks..(pair + 1) * n_blocks);
                 *sum += lanes::dot(&level[a], &beyond[b]).double();
             }
@@ -182,14 +210,14 @@ impl<'a, T: Real> Tile<'a, T> {
         );
         for (a, (column, &place)) in group.columns.iter().zip(places).enumerate() {
             let (i, factor) = (column.coefficient, column.factor);
-            let products = &self.products[place * width..(place + 1) * width];
+            let products = &self.totals.products[place * width..(place + 1) * width];
             lanes::add_as_double(sums.inside.row_mut(i), factor, &products[..n_basis]);
             sums.score[i] += factor * products[n_basis].double();
             lanes::add_as_double(sums.draws.row_mut(i), factor, &products[n_basis + 1..]);
             for (b, (other, &there)) in group.columns.iter().zip(places).enumerate().skip(a) {
                 let wanted = [place.min(there), place.max(there)];
                 let at = self.wanted.partition_point(|&one| one < wanted);
-                let value = factor * other.factor * self.information[at];
+                let value = factor * other.factor * self.totals.information[at];
                 sums.information.row_mut(i)[other.coefficient] += value;
                 if b > a {
                     sums.information.row_mut(other.coefficient)[i] += value;
