@@ -69,7 +69,9 @@ def main() -> None:
     if not wants_record and known.get("made_by") != made_by():
         print(f"instructions were recorded for {known.get('made_by')}, not for {made_by()}: not compared")
         return
-    build = ["cargo", "build", "--release", "--locked", "--quiet", "-p", "geoerr-bench", "--bin", "instructions"]
+    # With the package of the wheel beside it, for its features: what a wheel was built with serves here too.
+    packages = ["-p", "geoerr-py", "-p", "geoerr-bench"]
+    build = ["cargo", "build", "--release", "--locked", "--quiet", *packages, "--bin", "instructions"]
     subprocess.run(build, cwd=ROOT, check=True)
     paths = subprocess.run([str(BINARY)], capture_output=True, text=True, check=True).stdout.split()
     counts = {path: of_one_run(path) for path in paths}
