@@ -44,7 +44,8 @@ pub(super) fn sum<T: Real>(
 
 /// Parts of so many moments, of whole steps but for the last.
 fn parts_of(n: usize, most: usize) -> Vec<Range<usize>> {
-    let size = n.div_ceil((n / LEAST_OF_PART).clamp(1, most.max(1))).next_multiple_of(MOMENTS);
+    let parts = (n / LEAST_OF_PART).clamp(1, most.max(1));
+    let size = n.div_ceil(parts).max(1).next_multiple_of(MOMENTS);
     (0..n).step_by(size).map(|start| start..(start + size).min(n)).collect()
 }
 
