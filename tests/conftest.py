@@ -19,11 +19,6 @@ if "PYTEST_XDIST_WORKER" in os.environ:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest: last, one process would be at them while the others wait."""
-    items.sort(key=lambda item: item.path.parent.name != "validation")
-
-
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """The folder that GEOERR_TEST_DATA names; tests that need it are skipped without it."""
