@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 import pytest
@@ -41,19 +42,25 @@ def wave(size_um: Curve) -> Curve:
     return lambda q: size_um(q) * np.sin(2.0 * np.pi * q / PERIOD_MM)
 
 
+def even_um(q: np.ndarray) -> np.ndarray:
+    return np.full_like(q, 4.0)
+
+
+@cache
+def diagnosed_wave(size_um: Curve) -> Diagnosis:
+    return diagnosed(np.random.default_rng(1), [wave(size_um)], 2.0)
+
+
 def test_a_wave_is_one_along_all_of_its_axis_also_where_it_wears() -> None:
-    for size_um in (lambda q: 4.0 + 0.0 * q, lambda q: 4.0 + 2.0 * q / LENGTH_MM):
-        found = diagnosed(np.random.default_rng(1), [wave(size_um)], 2.0)
+    for size_um in (even_um, lambda q: 4.0 + 2.0 * q / LENGTH_MM):
+        found = diagnosed_wave(size_um)
         assert [str(one.reference) for one in found.found] == ["periodic:x"]
         assert is_one_wave(found.searched.bench.functions, found.searched.found[0].settled)
 
 
 def test_a_wave_that_ends_midway_is_not_one_wave() -> None:
     """No screw turns in half of its length alone."""
-    whole, half = (
-        diagnosed(np.random.default_rng(1), [wave(size_um)], 2.0)
-        for size_um in (lambda q: 4.0 + 0.0 * q, lambda q: 4.0 * (q < 0.5 * LENGTH_MM))
-    )
+    whole, half = diagnosed_wave(even_um), diagnosed_wave(lambda q: 4.0 * (q < 0.5 * LENGTH_MM))
     (waves,) = whole.searched.found
     assert is_one_wave(whole.searched.bench.functions, waves.settled)
     # The same term, of what the machine with half a wave leaves.

@@ -1,6 +1,7 @@
 """Effects a hundred times the noise: what they hide of the machine is seen once they are known, and not named."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,6 +39,13 @@ def fitted_to(observations: Observations) -> Fitted:
     return fit_terms(machine(), [observations], options=FitOptions(threads=1))
 
 
+@cache
+def session(name: str, outliers: float = 0.0) -> tuple[Observations, Fitted]:
+    """Give what is measured of a machine with one of them, and the fit without it."""
+    observations = observed(HIDDEN[name], outliers=outliers)
+    return observations, fitted_to(observations)
+
+
 def added(fitted: Fitted, observations: Observations, name: str) -> Change:
     return add_effect(result_of(fitted).model, observations, reference=name, threads=1)
 
@@ -52,7 +60,7 @@ def named(found: Diagnosis) -> list[str]:
 
 @pytest.mark.parametrize("name", HIDDEN)
 def test_one_large_effect_has_one_name(name: str) -> None:
-    found = diagnose(fitted_to(observed(HIDDEN[name])), threads=1)
+    found = diagnose(session(name)[1], threads=1)
     assert named(found) == [name]
     assert found.unknown is None
     after = found.found[0].held_out_rmse_after_um
@@ -70,8 +78,7 @@ def test_two_large_effects_are_both_named() -> None:
 
 @pytest.mark.parametrize("name", HIDDEN)
 def test_beside_it_the_machine_has_the_functions_that_it_has_without(name: str) -> None:
-    observations = observed(HIDDEN[name])
-    stiff = fitted_to(observations)
+    observations, stiff = session(name)
     change = added(stiff, observations, name)
     clean = n_functions(fitted_to(observed(lambda moved: np.zeros_like(moved.q))))
     before, after = n_functions(stiff), n_functions(change.after)
@@ -83,8 +90,7 @@ def test_beside_it_the_machine_has_the_functions_that_it_has_without(name: str) 
 
 
 def test_bases_that_were_given_stay() -> None:
-    observations = observed(play)
-    stiff = fitted_to(observations)
+    observations, stiff = session("backlash:y")
     bases = {term.id: term.parts[0].basis for term in stiff.terms if term.parts[0].basis is not None}
     moved = {name: basis for name, basis in bases.items() if basis is not None and basis.kind == "bspline"}
     given = {
@@ -99,17 +105,16 @@ def test_bases_that_were_given_stay() -> None:
 
 @pytest.mark.parametrize("name", HIDDEN)
 def test_rows_that_are_far_by_what_is_missing_are_no_mistakes(name: str) -> None:
-    clean, dirty = (fitted_to(observed(HIDDEN[name], outliers=share)) for share in (0.0, 0.01))
+    (_, clean), (observations, dirty) = session(name), session(name, 0.01)
     n_rows = len(clean.sightings)
     assert len(clean.outliers) < 0.005 * n_rows
     # Where it is known, mistakes are found whatever it does.
-    observations = observed(HIDDEN[name], outliers=0.01)
     after = added(dirty, observations, name).after
     assert 0.007 * n_rows < len(after.outliers) < 0.02 * n_rows
 
 
 def test_first_order_about_a_fit_is_that_fit() -> None:
-    fitted = fitted_to(observed(play, outliers=0.01))
+    _, fitted = session("backlash:y", 0.01)
     again = fitted.again(fitted.terms, used=fitted.solved.used, around=fitted.solved.state)
     rows = fitted.solved.used
     np.testing.assert_array_equal(again.solved.used, rows)

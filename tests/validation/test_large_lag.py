@@ -8,11 +8,11 @@ from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.fit import fit_terms
 
 # Targets on the tool and on the work are seen from the floor; the axis that lags carries the work.
-PLAN, NOISE, N_ROWS = "volume-floor", "gauss-10", 10_000
+PLAN, NOISE = "volume-floor", "gauss-10"
 
 
-def diagnosed(number: int, kind: str, strength_um: float) -> tuple[Case, Diagnosis]:
-    case = generate(development_seed(number), None, PLAN, NOISE, [Hidden(kind)], strength_um, N_ROWS)
+def diagnosed(number: int, kind: str, strength_um: float, n_rows: int) -> tuple[Case, Diagnosis]:
+    case = generate(development_seed(number), None, PLAN, NOISE, [Hidden(kind)], strength_um, n_rows)
     fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
     return case, diagnose(fitted, threads=1)
 
@@ -22,7 +22,7 @@ def test_beside_a_curve_of_the_right_body_it_is_named() -> None:
 
     And where a small name stood beside it, as here, it was not fitted along.
     """
-    case, diagnosis = diagnosed(980_009, "lag", 100.0)
+    case, diagnosis = diagnosed(980_009, "lag", 100.0, 10_000)
     assert diagnosis.unknown is None
     (found,) = diagnosis.found
     assert str(found.reference) == "lag:z"
@@ -32,7 +32,7 @@ def test_beside_a_curve_of_the_right_body_it_is_named() -> None:
 
 def test_without_a_name_the_curve_is_one_of_the_body_that_moves() -> None:
     """What `geoerr add` is told to take lets the error fall."""
-    _, diagnosis = diagnosed(981_001, "direction-tilt-with-z", 30.0)
+    _, diagnosis = diagnosed(981_001, "direction-tilt-with-z", 30.0, 4_000)
     unknown = diagnosis.unknown
     assert unknown is not None
     assert unknown.reference == "empirical:work-x@d_x*z"
