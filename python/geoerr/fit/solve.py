@@ -25,6 +25,9 @@ _SETTLED = 1e-4
 # So is the next one, where this is no longer than so many times that, and so many times shorter than the one before:
 # with one triangle each is the same share of the one before it.
 _TENFOLD = 10.0
+# And where a hundred times what that share of it would be is negligible: of the first two steps it says little more
+# than the order of magnitude.
+_HUNDREDFOLD = 100.0
 # While gross rows are looked for: smaller ones make no row gross.
 _NEARLY_SETTLED = 0.03
 # After a correction of so little of its standard error, steps with the triangle that there is lead near the minimum.
@@ -380,7 +383,8 @@ def _gauss_newton(
 
 def _is_settled(moved: float, before: float, settled: float) -> bool:
     """Tell whether a step, or the one that would come next by how fast they shorten, is negligible."""
-    return moved < settled or (moved < _TENFOLD * _SETTLED and _TENFOLD * moved < before)
+    is_short = moved < _TENFOLD * _SETTLED and _TENFOLD * moved < before
+    return moved < settled or is_short or _HUNDREDFOLD * moved * moved < _SETTLED * before
 
 
 class _StepsSince:
