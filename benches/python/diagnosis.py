@@ -24,6 +24,7 @@ from joint_fit import LENGTH_MM, OFFSETS_MM, STD_MM, timed
 
 from geoerr.diagnose.candidates import Candidate, candidates_of
 from geoerr.diagnose.change import add_terms
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
 from geoerr.diagnose.scan import all_channels
@@ -113,7 +114,7 @@ def print_ranking(n_points: int, threads: int, repeats: int) -> None:
 def print_search(n_points: int, threads: int) -> None:
     """Print what a whole search costs."""
     fitted = fitted_to(n_points, threads)
-    row(n_points, threads, "search", timed(lambda: search(fitted, KNOWN, threads=threads), 1)[1])
+    row(n_points, threads, "search", timed(lambda: search(fitted, Offers(KNOWN), threads=threads), 1)[1])
 
 
 def print_add(n_points: int, threads: int, repeats: int, name: str) -> None:

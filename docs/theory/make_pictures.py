@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 import geoerr
 from geoerr.compensate.program import compensate_bytes
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import reference_of, search
 from geoerr.effects import catalogue
 from geoerr.error_functions import ErrorFunction, ErrorFunctions, Squareness
@@ -358,7 +359,7 @@ def chance() -> str:
     """Draw what chance finds in a search, and what was found: a small play in the noise of measurements."""
     table, machine = _with_play(0.0034)
     fitted = geoerr.compare(geoerr.fit_model(machine, table, components="12").model, table).points
-    look = search(fitted, catalogue()).first
+    look = search(fitted, Offers(catalogue())).first
     drawn = np.sort(look.null.largest)[::-1]
     shares = np.arange(1, len(drawn) + 1) / (len(drawn) + 1)
     drawing = Drawing(640, 300)

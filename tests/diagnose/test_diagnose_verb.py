@@ -20,6 +20,7 @@ from geoerr.cli.main import app
 from geoerr.diagnose import add_effect
 from geoerr.diagnose.advice import Advice, adviser_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import reference_of, search, why_left
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
@@ -69,7 +70,7 @@ def observed(hidden: Callable[[Motion], np.ndarray], seed: int = 1, feed_mm_min:
 
 def diagnosed(hidden: Callable[[Motion], np.ndarray], feed_mm_min: float | None = None) -> Diagnosis:
     fitted = geoerr.fit_model(machine(), observed(hidden, feed_mm_min=feed_mm_min), options=OPTIONS).fitted
-    return diagnosis_of(fitted, search(fitted, KNOWN, threads=1), KNOWN)
+    return diagnosis_of(fitted, search(fitted, Offers(KNOWN), threads=1), KNOWN)
 
 
 @pytest.fixture(scope="module")

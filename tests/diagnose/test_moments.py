@@ -10,6 +10,7 @@ import geoerr
 from geoerr.cli.fit_text import effect_rows
 from geoerr.diagnose.diagnosis import diagnosis_of, with_terms
 from geoerr.diagnose.moments import moment_of, moments_of, span_words
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import search
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
@@ -83,7 +84,7 @@ def test_a_jump_that_is_found_is_told_on_the_time_of_its_session() -> None:
     observations, before, after = jumped()
     fitted = geoerr.fit_model(machine(), observations, options=FitOptions(threads=1)).fitted
     known = Catalogue({name: catalogue()[name] for name in ("step", "backlash")})
-    found = diagnosis_of(fitted, search(fitted, known, threads=1), known).found[0]
+    found = diagnosis_of(fitted, search(fitted, Offers(known), threads=1), known).found[0]
     assert str(found.reference) == "step"
     words = f"session 1, between t = {before:g} and {after:g} s"
     assert words in found.value_words[-1]

@@ -10,6 +10,7 @@ from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 
 from geoerr.diagnose.candidates import candidates_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
@@ -93,13 +94,13 @@ def test_says_it_in_words() -> None:
 
 
 def test_two_effects_are_found_one_after_the_other() -> None:
-    searched = search(_fitted(2, _growth, _play), KNOWN, threads=1)
+    searched = search(_fitted(2, _growth, _play), Offers(KNOWN), threads=1)
     names = [str(one.settled.term.id) for one in searched.found if one.settled.term is not None]
     assert set(names) == {"thermal-expansion:y@temp_bed", "backlash:x"}
 
 
 def test_what_no_effect_explains_is_unknown_with_its_variables() -> None:
-    searched = search(_fitted(3, _strange), KNOWN, threads=1)
+    searched = search(_fitted(3, _strange), Offers(KNOWN), threads=1)
     assert not searched.found
     assert searched.unknown is not None
     probe = searched.unknown.judged.what
@@ -129,7 +130,7 @@ def test_a_temperature_that_is_cycled_is_not_called_time(degrees: float, depends
 
 
 def test_nothing_is_found_where_nothing_is_hidden() -> None:
-    searched = search(_fitted(4), KNOWN, threads=1)
+    searched = search(_fitted(4), Offers(KNOWN), threads=1)
     assert not searched.found
     assert searched.unknown is None
     assert searched.first.p_value > 0.05

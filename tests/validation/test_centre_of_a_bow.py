@@ -4,6 +4,7 @@ import pytest
 from validation.hidden_effects.record import OPTIONS
 from validation.hidden_effects.sets import single_set
 
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import search
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
@@ -18,7 +19,7 @@ def test_a_centre_is_as_sure_as_it_says(number: int) -> None:
     one = single_set("bed-bow", number, STRENGTH_UM)
     case = one.case(4_000, is_study=False)
     fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
-    (found,) = search(fitted, Catalogue({"bed-bow": catalogue()["bed-bow"]}), threads=1).found
+    (found,) = search(fitted, Offers(Catalogue({"bed-bow": catalogue()["bed-bow"]})), threads=1).found
     term = found.at_last.term
     assert term is not None
     told = {one.name: one for one in term.inner}

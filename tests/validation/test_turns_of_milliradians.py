@@ -6,6 +6,7 @@ from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Case, Hidden, Scene, acting_of, generate, in_effects
 from validation.hidden_effects.record import OPTIONS
 
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import Searched, search
 from geoerr.diagnose.second_order import second_order
 from geoerr.diagnose.whole_search import searched_whole
@@ -66,7 +67,7 @@ def test_what_only_shifts_has_no_second_order() -> None:
     hidden = (Hidden("reversal-spike", "x"),)
     case = generate(development_seed(700_000), CHAIN, "mixed", "gauss-10", hidden, 100.0, 4_000)
     fitted = fit_terms(case.machine, [case.observations], options=OPTIONS)
-    searched = search(fitted, Catalogue({"reversal-spike": catalogue()["reversal-spike"]}), threads=1)
+    searched = search(fitted, Offers(Catalogue({"reversal-spike": catalogue()["reversal-spike"]})), threads=1)
     term = searched.found[0].settled.term
     assert term is not None
     beside = refit(fitted, [*fitted.terms, term])

@@ -27,6 +27,12 @@ class Columns:
         """All of them, (n, n_rows)."""
         return self._room[: self._n]
 
+    def copy(self) -> Columns:
+        """Give the same ones, to which others can be added."""
+        other = Columns(self._room.shape[1])
+        other._room, other._n = self.array.copy(), self._n
+        return other
+
     def append(self, column: Numbers) -> int:
         """Add a column, and give its number."""
         if self._n == len(self._room):

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from geoerr.diagnose.candidates import Candidate, n_waves_in_some_form
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import Searched, waves_seen
 from geoerr.diagnose.steps import Steps
-from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted, refit
 from geoerr.fit.classic import positions_by_axis
 from geoerr.fit.sightings import SAME_POSITION_MM
@@ -40,9 +40,7 @@ class FewKnots:
         return _is_followed(self.fitted, self.changed, _waves_found(searched))
 
 
-def with_few_knots(
-    fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), steps: Steps, threads: int = 0
-) -> FewKnots | None:
+def with_few_knots(fitted: Fitted, offers: Offers, *, steps: Steps, threads: int = 0) -> FewKnots | None:
     """Fit with few knots; None where many follow no wave, or a first look at waves sees none beside few."""
     plain = without_waves(fitted)
     if plain is None:
@@ -50,7 +48,7 @@ def with_few_knots(
     steps.next("whether the model's curves follow waves")
     few = refit(fitted, plain)
     changed = tuple(before for before, after in zip(fitted.terms, plain, strict=True) if after != before)
-    seen = waves_seen(few, known, present=present, threads=threads)
+    seen = waves_seen(few, offers, threads=threads)
     return FewKnots(few, changed) if _is_followed(few, changed, seen) else None
 
 

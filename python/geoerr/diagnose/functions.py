@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,7 +78,6 @@ class Functions:
             parameters = {one.name for one in (*term.coefficients, *term.inner)}
             for part in term.parts:
                 names |= dict.fromkeys(name for name in part.names if name not in parameters)
-        self.fitted = fitted
         self.names = tuple(names)
         self.n_rows = len(sightings)
         # The last row is the column that some formulas follow, whichever it is at the time.
@@ -96,6 +96,13 @@ class Functions:
         self._proportional: dict[int, bool] = {}
         self._given = Columns(self.n_rows)
         self._products: list[tuple[int, int]] = []
+
+    def copy(self) -> Functions:
+        """Give the same functions, to which others can be added that these have not."""
+        other = copy(self)
+        other._trials, other._series, other._given = self._trials.copy(), self._series.copy(), self._given.copy()
+        other._series_of, other._products = dict(self._series_of), list(self._products)
+        return other
 
     def parts(self, term: Term, part: Part) -> list[CompiledPart]:
         """Compile a part of a term: two for what is proportional to a difference of two temperatures."""

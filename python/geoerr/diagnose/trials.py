@@ -30,6 +30,14 @@ class Trials:
         """Give one by its number."""
         return self._trials[number]
 
+    def copy(self) -> Trials:
+        """Give the same list, to which others can be added."""
+        other = Trials()
+        other._number, other._trials = dict(self._number), list(self._trials)
+        other._expressions, other._series = self._expressions[:], self._series[:]
+        other._inner, other._starts = self._inner[:], self._starts[:]
+        return other
+
     def number(self, trial: Trial) -> int:
         """Give the number of a trial, a new one if need be."""
         known = self._number.get(trial)

@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.diagnose.few_knots import with_few_knots
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import Found, Searched, channel_of, search
 from geoerr.diagnose.second_order import second_order
@@ -51,17 +52,16 @@ def searched_whole(
         Told what is done next.
     """
     steps = steps or Steps()
-    few = with_few_knots(fitted, known, present=present, steps=steps, threads=threads)
+    offers = Offers(known, present)
+    few = with_few_knots(fitted, offers, steps=steps, threads=threads)
     if few is not None:
-        beside_few = _searched(few.fitted, known, present, steps, threads)
+        beside_few = _searched(few.fitted, offers, steps, threads)
         if few.is_named_in(beside_few[1]):
             return beside_few
-    return _searched(fitted, known, present, steps, threads)
+    return _searched(fitted, offers, steps, threads)
 
 
-def _searched(
-    fitted: Fitted, known: Catalogue, present: Sequence[str], steps: Steps, threads: int
-) -> tuple[Fitted, Searched]:
+def _searched(fitted: Fitted, offers: Offers, steps: Steps, threads: int) -> tuple[Fitted, Searched]:
     """Search, and search again beside what was large; give the last search and the fit that it was of."""
     again, explained, beside_large = fitted, None, list[str]()
     rounds = RoundSteps(steps)
@@ -71,8 +71,7 @@ def _searched(
         searched = None
         searched = search(
             again,
-            known,
-            present=present,
+            offers,
             explained=explained,
             ends_beside_large=beside_large,
             steps=rounds,
@@ -87,7 +86,7 @@ def _searched(
     assert searched is not None
     if searched.ends_early:
         searched = None
-        searched = search(again, known, present=present, explained=explained, steps=rounds, threads=threads)
+        searched = search(again, offers, explained=explained, steps=rounds, threads=threads)
     return again, searched
 
 

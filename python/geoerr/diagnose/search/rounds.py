@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from geoerr.diagnose.candidates import Candidate, candidates_of
+from geoerr.diagnose.candidates import Candidate
 from geoerr.diagnose.gaps import unread_rows
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
@@ -116,9 +117,8 @@ class Searched:
 
 def search(
     fitted: Fitted,
-    known: Catalogue,
+    offers: Offers,
     *,
-    present: Sequence[str] = (),
     explained: Numbers | None = None,
     ends_beside_large: Sequence[str] | None = None,
     steps: RoundSteps | None = None,
@@ -131,8 +131,6 @@ def search(
 
     Parameters
     ----------
-    present
-        Ids of terms that the model has besides those of the fit.
     explained : (n, 3) or None
         What an earlier search explained of the residual, as `whitened_space` takes it.
     ends_beside_large
@@ -143,7 +141,7 @@ def search(
     """
     steps = steps or RoundSteps(Steps())
     steps.begin_search()
-    candidates, not_offered, functions = candidates_of(fitted, known, present)
+    candidates, not_offered, functions = offers.to(fitted)
     variables = variables_of(fitted)
     smooth, waves = probes_of(fitted, functions, variables), UnevenWaves(functions, variables)
     everything: list[Candidate | Probe] = [*candidates, *smooth]
@@ -211,7 +209,7 @@ def search(
             aside = [unknown.settled.raw, bent[1]]
             continue
         steps.next(f"what looks like {reference_of(best)}")
-        found.append(_found(bench, looked, best, settled, added, None if ends_early else known))
+        found.append(_found(bench, looked, best, settled, added, None if ends_early else offers.known))
         bench, found, finer, aside = _where_it_is_known(bench, found, finer, aside)
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
         found = _without_superfluous(bench, found, [*finer, *aside[1:]])
@@ -223,7 +221,7 @@ def search(
     together = tuple(in_helpful_order(bench, _together(bench, found, finer, aside, looked)))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
-    return Searched(bench, first, looked, together, unknown, tuple(not_offered), tuple(beside), ends_early, dropped)
+    return Searched(bench, first, looked, together, unknown, not_offered, tuple(beside), ends_early, dropped)
 
 
 def _formed(

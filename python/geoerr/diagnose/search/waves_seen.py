@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from geoerr.diagnose.candidates import candidates_of, is_wave_in_some_form, n_waves
+from geoerr.diagnose.candidates import is_wave_in_some_form, n_waves
+from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import scanned_best
-from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
 from geoerr.terms import Term
 
 
-def waves_seen(
-    fitted: Fitted, known: Catalogue, *, present: Sequence[str] = (), threads: int = 0
-) -> list[tuple[Term, float]]:
+def waves_seen(fitted: Fitted, offers: Offers, *, threads: int = 0) -> list[tuple[Term, float]]:
     """Give the waves that explain more than their freedom costs, and how many of each are over what was measured."""
-    candidates, _, functions = candidates_of(fitted, known, present)
+    candidates, _, functions = offers.to(fitted)
     waves = [one for one in candidates if is_wave_in_some_form(functions, one)]
     if not waves:
         return []

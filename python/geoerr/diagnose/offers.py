@@ -1,0 +1,56 @@
+"""What a catalogue offers for a fit, laid out once for searches that follow each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.diagnose.candidates import Candidate, candidates_of
+from geoerr.diagnose.functions import Functions
+from geoerr.effects.collection import Catalogue
+from geoerr.fit.fitted import Fitted
+
+
+@dataclass(frozen=True, eq=False)
+class _LaidOut:
+    fitted: Fitted
+    candidates: tuple[Candidate, ...]
+    not_offered: tuple[tuple[str, str], ...]
+    functions: Functions
+
+    def serves(self, other: Fitted) -> bool:
+        """Tell whether it is what another fit would be offered: the same rows, of which the same count, and terms."""
+        own = self.fitted
+        return (
+            own.sightings is other.sightings
+            and [term.id for term in own.terms] == [term.id for term in other.terms]
+            and np.array_equal(own.solved.used, other.solved.used)
+        )
+
+
+class Offers:
+    """What a catalogue offers for one fit after another, to the same rows mostly.
+
+    Parameters
+    ----------
+    known
+        The catalogue.
+    present
+        Ids of terms that the model has besides those of a fit.
+    """
+
+    def __init__(self, known: Catalogue, present: Sequence[str] = ()) -> None:
+        self.known, self.present = known, present
+        self._last: _LaidOut | None = None
+
+    def to(self, fitted: Fitted) -> tuple[list[Candidate], tuple[tuple[str, str], ...], Functions]:
+        """Give what `candidates_of` gives; functions are a search's own, to which it may add."""
+        if self._last is None or not self._last.serves(fitted):
+            # Two of them would be hundreds of megabytes of many rows.
+            self._last = None
+            candidates, not_offered, functions = candidates_of(fitted, self.known, self.present)
+            self._last = _LaidOut(fitted, tuple(candidates), tuple(not_offered), functions)
+        last = self._last
+        return list(last.candidates), last.not_offered, last.functions.copy()
