@@ -11,23 +11,29 @@ from geoerr.diagnose.candidates import Candidate, candidates_of
 from geoerr.diagnose.functions import Functions
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.sightings import Sightings
 
 
 @dataclass(frozen=True, eq=False)
 class _LaidOut:
-    fitted: Fitted
+    sightings: Sightings
+    used: np.ndarray
+    terms: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     not_offered: tuple[tuple[str, str], ...]
     functions: Functions
 
-    def serves(self, other: Fitted) -> bool:
-        """Tell whether it is what another fit would be offered: the same rows, of which the same count, and terms."""
-        own = self.fitted
+    def serves(self, fitted: Fitted) -> bool:
+        """Tell whether it is what a fit is offered: of the same rows the same count, and its terms are the same."""
         return (
-            own.sightings is other.sightings
-            and [term.id for term in own.terms] == [term.id for term in other.terms]
-            and np.array_equal(own.solved.used, other.solved.used)
+            self.sightings is fitted.sightings
+            and self.terms == _names(fitted)
+            and np.array_equal(self.used, fitted.solved.used)
         )
+
+
+def _names(fitted: Fitted) -> tuple[str, ...]:
+    return tuple(term.id for term in fitted.terms)
 
 
 class Offers:
@@ -51,6 +57,7 @@ class Offers:
             # Two of them would be hundreds of megabytes of many rows.
             self._last = None
             candidates, not_offered, functions = candidates_of(fitted, self.known, self.present)
-            self._last = _LaidOut(fitted, tuple(candidates), tuple(not_offered), functions)
+            own = fitted.sightings, fitted.solved.used, _names(fitted)
+            self._last = _LaidOut(*own, tuple(candidates), tuple(not_offered), functions)
         last = self._last
         return list(last.candidates), last.not_offered, last.functions.copy()

@@ -62,7 +62,8 @@ def _basis_of(term: Term) -> BasisSpec | None:
 
 def _with_inner_held(term: Term) -> Term:
     """Give a term whose inner parameters stay where they were found."""
-    return replace(term, inner=tuple(replace(one, low=one.value, high=one.value) for one in term.inner))
+    held = (one if one.is_fixed else replace(one, low=one.value, high=one.value) for one in term.inner)
+    return replace(term, inner=tuple(held))
 
 
 def _on(terms: Sequence[Term], bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
