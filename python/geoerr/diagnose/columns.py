@@ -28,9 +28,10 @@ class Columns:
         return self._room[: self._n]
 
     def copy(self) -> Columns:
-        """Give the same ones, to which others can be added."""
+        """Give the same ones, to which others can be added; until then both are one array."""
         other = Columns(self._room.shape[1])
-        other._room, other._n = self.array.copy(), self._n
+        # Without room for another: what is added to these does not show in those.
+        other._room, other._n = self.array, self._n
         return other
 
     def append(self, column: Numbers) -> int:
