@@ -20,9 +20,11 @@ from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle
 from geoerr.diagnose import diagnose
 from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
+from geoerr.model.document import document_of
 from geoerr.report import model_page
 from geoerr.terms import Parameter
 from geoerr.workbench import actions, marking, wiring
+from geoerr.workbench.addition import Addition
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.history import story
@@ -372,25 +374,37 @@ def test_undo_has_what_was_found_missing_again_at_once(tmp_path: Path) -> None:
     settle(session)
     wiring.do(session, "diagnose", "")
     settle(session)
-    seen, diagnosis = session.seen, session.diagnosis
+    seen, diagnosis, ahead = session.seen, session.diagnosis, session.prepared
     wiring.do(session, "add", "backlash:x")
-    settle(session)
+    assert session.job is None
     assert session.diagnosis is None
+    assert session.prepared is None
     added = session.seen
     wiring.do(session, "undo", "")
     assert session.job is None
     assert session.current == 1
     assert session.seen is seen
     assert session.diagnosis is diagnosis
+    assert session.prepared is ahead
     assert "Backlash of the drive" in texts(wiring.panels(session)["missing"])
     wiring.do(session, "show", "2")
     assert session.job is None
     assert session.seen is added
     assert session.diagnosis is None
+    assert session.prepared is None
     # Other data: what was seen of the earlier ones is nothing to come back to.
     wiring.do(session, "put-away", "observations.csv")
     settle(session)
     assert session.before is None
+
+
+def test_what_was_found_first_was_added_ahead_as_it_is_when_asked_for(learned: Session) -> None:
+    ahead, asked = learned.prepared, Addition.to(learned).of("backlash:x", learned.diagnosis)
+    assert ahead is not None
+    assert ahead.reference == "backlash:x"
+    comparison = ahead.seen.comparison
+    assert document_of(comparison.model) == document_of(asked.result.model)
+    assert comparison.points.held_out.figures == asked.after.held_out.figures
 
 
 def test_no_picture_offers_to_upload_itself(learned: Session) -> None:

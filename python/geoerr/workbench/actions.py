@@ -9,16 +9,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from geoerr.diagnose import Change, Comparison, Diagnosis, Finding, compare, diagnose
-from geoerr.diagnose.change import add_effect, add_terms, own_terms, remove_terms
+from geoerr.diagnose import Change, Comparison, Diagnosis, compare, diagnose
+from geoerr.diagnose.change import add_effect, own_terms, remove_terms
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.effects import catalogue, load_effects
-from geoerr.errors import GeoerrError, InputFileError
-from geoerr.fit import FitOptions, Fitted, fit_model
+from geoerr.errors import GeoerrError
+from geoerr.fit import FitOptions, fit_model
 from geoerr.measurements import Measurements, read_measurements
 from geoerr.model import Model, load_model
 from geoerr.model.document import document_of
-from geoerr.observations import CircularTest, Observations
+from geoerr.workbench.addition import Addition, fittable, seen_after
 from geoerr.workbench.calibration import Calibration, calibration_of
 from geoerr.workbench.history import Chapter, Step, figures_of_step, lineage
 from geoerr.workbench.inputs import ONE_OF_A_KIND, InputFile, dropped
@@ -159,21 +159,21 @@ def fit_classic(session: Session, components: str) -> None:
         effects = [term for term in own_terms(model) if term.kind != "classic"]
         fitted = fit_model(
             model.machine,
-            *_fittable(data),
+            *fittable(data),
             effects=effects,
             options=options,
             on_progress=advance,
             **_calibration(session),
         )
         seen = Seen.of(Comparison(fitted.model, "own", fitted.fitted))
-        return lambda: _take_step(session, f"{components} errors fitted", fitted.model, seen)
+        return lambda: _take_step(session, f"{components} errors fitted", seen)
 
     session.begin(f"fitting the {components} errors", DATA, work)
 
 
 def find_missing(session: Session, *, is_shown: bool = False) -> None:
     """Search for what the model lacks; `is_shown` draws the pictures anew when it is found."""
-    model, data, effects = session.model, session.data, session.known_effects
+    model, data, effects, addition = session.model, session.data, session.known_effects, Addition.to(session)
 
     def work(advance: Advance) -> Callable[[], None]:
         found: Diagnosis | CircleDiagnosis
@@ -186,10 +186,13 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
         told = told_of(found, effects)
         if isinstance(found, Diagnosis):
             found = found.without_numbers()
+        advance.say("adding what was found first, to have it ready")
+        prepared = addition.prepared(found)
 
         def apply() -> None:
             with session.lock:
                 session.diagnosis, session.told, session.reports = found, told, {}
+                session.prepared = prepared
                 session.sight += is_shown
 
         return apply
@@ -198,30 +201,18 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
 
 
 def add(session: Session, reference: str) -> None:
-    """Add an effect and fit again."""
-    model, data, effects = session.model, session.data, session.known_effects
-    found, known, searched = _found(session, reference), _own_fit(session), _searched_fit(session)
+    """Add an effect and fit again; what the search has added ahead is taken as it is."""
+    with session.lock:
+        prepared = session.prepared
+        if prepared is not None and prepared.reference == reference:
+            session.refuse_while_busy()
+            _take_step(session, f"+ {reference}", prepared.seen)
+            session.changed(is_kept=True)
+            return
+    addition, diagnosis = Addition.to(session), session.diagnosis
 
     def work(_: Advance) -> Callable[[], None]:
-        tables, threads = _fittable(data), session.threads
-        if found is None:
-            change = add_effect(
-                model, *tables, reference=reference, effects=effects, threads=threads, **_calibration(session)
-            )
-        else:
-            # The search has found its form, its inner parameters, and the freedom that the rest has beside it.
-            change = add_terms(
-                model,
-                tables,
-                [found.term],
-                reference,
-                found.effect.title,
-                known=known,
-                searched=searched,
-                threads=threads,
-                **_calibration(session),
-            )
-        return _step_of_change(session, f"+ {reference}", change)
+        return _step_of_change(session, f"+ {reference}", addition.of(reference, diagnosis))
 
     session.begin(f"adding {reference}", MISSING, work)
 
@@ -231,7 +222,7 @@ def remove(session: Session, reference: str) -> None:
     model, data = session.model, session.data
 
     def work(_: Advance) -> Callable[[], None]:
-        change = remove_terms(model, _fittable(data), reference, threads=session.threads, **_calibration(session))
+        change = remove_terms(model, fittable(data), reference, threads=session.threads, **_calibration(session))
         return _step_of_change(session, f"− {reference}", change)
 
     session.begin(f"removing {reference}", DATA, work)
@@ -303,7 +294,7 @@ def try_formula(session: Session, typed: OwnFormula) -> None:
     def work(_: Advance) -> Callable[[], None]:
         change = add_effect(
             model,
-            *_fittable(data),
+            *fittable(data),
             reference=typed.reference,
             effects=(*others, effect),
             threads=session.threads,
@@ -366,26 +357,6 @@ def select(session: Session, rows: np.ndarray | None) -> None:
         session.selected = None if rows is None or not rows.any() else np.asarray(rows, dtype=bool)
 
 
-def _found(session: Session, reference: str) -> Finding | None:
-    """Give what the search found of that name."""
-    diagnosis = session.diagnosis
-    if not isinstance(diagnosis, Diagnosis):
-        return None
-    return next((one for one in (*diagnosis.found, *diagnosis.candidates) if str(one.reference) == reference), None)
-
-
-def _own_fit(session: Session) -> Fitted | None:
-    """Give the fit of the model that is looked at, where it was fitted to these measurements."""
-    seen = session.seen
-    return seen.comparison.fitted if seen is not None and seen.comparison.freedom == "own" else None
-
-
-def _searched_fit(session: Session) -> Fitted | None:
-    """Give the fit beside which a search found what it found, where the model itself was free in it."""
-    found = session.diagnosis
-    return found.fitted if isinstance(found, Diagnosis) and _own_fit(session) is not None else None
-
-
 def _calibration(session: Session) -> dict[str, Any]:
     """Give the calibration's uncertainty as every fit and search takes it."""
     return vars(session.calibration)
@@ -393,14 +364,6 @@ def _calibration(session: Session) -> dict[str, Any]:
 
 def _compared(session: Session, model: Model, data: Measurements, calibration: Calibration) -> Comparison:
     return compare(model, *data.tables, *data.lengths, threads=session.threads, **vars(calibration))
-
-
-def _fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
-    if not data.tables:
-        raise InputFileError(
-            "the measurements", "hold lengths only, which no model is fitted to", remedy="give measured points"
-        )
-    return data.tables
 
 
 def _told_of(steps: list[Step], current: int, reference: int) -> set[int]:
@@ -425,15 +388,14 @@ def _first_name(model: Model, file_name: str) -> str:
 
 
 def _step_of_change(session: Session, name: str, change: Change) -> Callable[[], None]:
-    model = change.result.model
-    seen = Seen.of(Comparison(model, "own", change.after))
-    return lambda: _take_step(session, name, model, seen)
+    seen = seen_after(change)
+    return lambda: _take_step(session, name, seen)
 
 
-def _take_step(session: Session, name: str, model: Model, seen: Seen | None) -> None:
+def _take_step(session: Session, name: str, seen: Seen | None) -> None:
     with session.lock:
         assert seen is not None
-        step = Step(name, model, session.current, figures_of_step(seen.comparison))
+        step = Step(name, seen.comparison.model, session.current, figures_of_step(seen.comparison))
         session.steps = [*session.steps, step]
         session.before = session.looked()
         session.current = len(session.steps) - 1
@@ -448,7 +410,7 @@ def _look_back(session: Session, before: Looked) -> None:
     session.before = session.looked()
     session.current = before.number
     session.forget_step()
-    session.diagnosis, session.told = before.diagnosis, before.told
+    session.diagnosis, session.told, session.prepared = before.diagnosis, before.told, before.prepared
     _look(session, before.seen)
     session.changed(is_kept=True)
 

@@ -105,6 +105,14 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
+class Prepared:
+    """A model with what a search found first, ahead of its being asked for: `reference`, and what it looks like."""
+
+    reference: str
+    seen: Seen
+
+
+@dataclass(frozen=True, eq=False)
 class Looked:
     """A model that was looked at before this one, with what belongs to it: looking at it again takes no time."""
 
@@ -112,6 +120,7 @@ class Looked:
     seen: Seen | None
     diagnosis: Diagnosis | CircleDiagnosis | None
     told: Told | None
+    prepared: Prepared | None
 
 
 @dataclass(eq=False)
@@ -139,7 +148,7 @@ class Session:
         The models, which of them is looked at, and which the others are compared with.
     earlier
         The work before another machine or model began anew.
-    seen, diagnosis, told, trial, selected, program, dropped
+    seen, diagnosis, told, prepared, trial, selected, program, dropped
         What belongs to the current model: None until it was asked for. `told` is what the page says of a diagnosis;
         a saved session has it again, without the diagnosis itself. `selected` is (n,),
         and `is_marked_by_box` tells whether the box over the residual chose it. `dropped` is the program as it came,
@@ -174,6 +183,7 @@ class Session:
     seen: Seen | None = None
     diagnosis: Diagnosis | CircleDiagnosis | None = None
     told: Told | None = None
+    prepared: Prepared | None = None
     trial: Trial | None = None
     selected: Rows | None = None
     is_marked_by_box: bool = False
@@ -262,11 +272,11 @@ class Session:
 
     def looked(self) -> Looked:
         """Give the model that is looked at, to come back to."""
-        return Looked(self.current, self.seen, self.diagnosis, self.told)
+        return Looked(self.current, self.seen, self.diagnosis, self.told, self.prepared)
 
     def forget_step(self) -> None:
         """Forget what belongs to the model that was looked at, and what was refused of it or of its data."""
-        self.seen = self.diagnosis = self.told = self.trial = None
+        self.seen = self.diagnosis = self.told = self.trial = self.prepared = None
         self.problems.clear()
         self.reports = {}
 

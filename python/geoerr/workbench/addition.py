@@ -1,0 +1,106 @@
+"""Adding an effect to the model that is looked at: when it is asked for, or ahead of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geoerr.diagnose import Change, Comparison, Diagnosis, Finding
+from geoerr.diagnose.change import add_effect, add_terms
+from geoerr.diagnose.circles import CircleDiagnosis
+from geoerr.effects import Effect
+from geoerr.errors import GeoerrError, InputFileError
+from geoerr.fit import Fitted
+from geoerr.measurements import Measurements
+from geoerr.model import Model
+from geoerr.observations import CircularTest, Observations
+from geoerr.workbench.calibration import Calibration
+from geoerr.workbench.session import Prepared, Seen, Session
+
+
+@dataclass(frozen=True, eq=False)
+class Addition:
+    """What an effect is added to: the session's, as they were when this was made.
+
+    Attributes
+    ----------
+    own
+        The fit of the model as it is, where it was fitted to these measurements.
+    """
+
+    model: Model
+    data: Measurements
+    effects: tuple[Effect, ...]
+    calibration: Calibration
+    threads: int
+    own: Fitted | None
+
+    @classmethod
+    def to(cls, session: Session) -> Addition:
+        """Take what the session has."""
+        seen = session.seen
+        own = seen.comparison.fitted if seen is not None and seen.comparison.freedom == "own" else None
+        return cls(session.model, session.data, session.known_effects, session.calibration, session.threads, own)
+
+    def of(self, reference: str, diagnosis: Diagnosis | CircleDiagnosis | None) -> Change:
+        """Add an effect and fit again, from where a diagnosis found it, if it did."""
+        tables, found = fittable(self.data), _found(diagnosis, reference)
+        if not isinstance(diagnosis, Diagnosis) or found is None:
+            return add_effect(
+                self.model,
+                *tables,
+                reference=reference,
+                effects=self.effects,
+                threads=self.threads,
+                **vars(self.calibration),
+            )
+        # The search has found its form, its inner parameters, and the freedom that the rest has beside it.
+        return add_terms(
+            self.model,
+            tables,
+            [found.term],
+            reference,
+            found.effect.title,
+            known=self.own,
+            searched=None if self.own is None else diagnosis.fitted,
+            threads=self.threads,
+            **vars(self.calibration),
+        )
+
+    def prepared(self, diagnosis: Diagnosis | CircleDiagnosis) -> Prepared | None:
+        """Add what a search found first, ahead of being asked: beside the search it takes no time."""
+        if not isinstance(diagnosis, Diagnosis) or not diagnosis.found:
+            return None
+        reference = str(diagnosis.found[0].reference)
+        try:
+            seen = seen_after(self.of(reference, diagnosis))
+        except GeoerrError:
+            # Who asks for it is told.
+            return None
+        return None if seen is None else Prepared(reference, seen)
+
+
+def seen_after(change: Change) -> Seen | None:
+    """Look at the model that a change gives."""
+    return Seen.of(Comparison(change.result.model, "own", change.after))
+
+
+def fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
+    """Give the tables that a model is fitted to.
+
+    Raises
+    ------
+    InputFileError
+        where there are lengths only.
+    """
+    if not data.tables:
+        raise InputFileError(
+            "the measurements", "hold lengths only, which no model is fitted to", remedy="give measured points"
+        )
+    return data.tables
+
+
+def _found(diagnosis: Diagnosis | CircleDiagnosis | None, reference: str) -> Finding | None:
+    """Give what a search found of that name."""
+    if not isinstance(diagnosis, Diagnosis):
+        return None
+    return next((one for one in (*diagnosis.found, *diagnosis.candidates) if str(one.reference) == reference), None)
