@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,13 +15,15 @@ from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.inner import around, neighbours
 from geoerr.diagnose.search.judged import CLEARLY_BETTER, Judged, evidence_of, freedom_of_term
 from geoerr.diagnose.search.look import Round
-from geoerr.diagnose.search.settle import Settled, settle, settle_as
+from geoerr.diagnose.search.settle import Settled, resettle, settle, settle_as
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
-from geoerr.terms import Term
+from geoerr.terms import Parameter, Term
 
 # What was found with one harmonic may be the first of two, or the second.
 _MULTIPLES = (1.0, 2.0)
+# Standard errors from the least that is looked for at which an inner parameter is surely more.
+_SURELY = 3.0
 
 
 def in_best_form(bench: Bench, looked: Round, judged: Judged, added: Sequence[Numbers]) -> tuple[Judged, Settled]:
@@ -70,6 +73,36 @@ def in_form_of(first: Term, looked: Round, judged: Judged, plain: Settled) -> tu
     other = settle_as(looked.space, looked.scanner, term, inner, bounds)
     evidence = _more_evidence(looked.space, plain, other, 1)
     return (_rewritten(judged, plain, other, evidence), other) if evidence > 0.0 else (judged, plain)
+
+
+def beside_others(space: Space, scanner: Scanner, judged: Judged, settled: Settled) -> Settled:
+    """Give a candidate as it is estimated in another space, and without a lag that has come to be none there.
+
+    A drift that has learnt what a candidate does makes a lag of it, which goes where the candidate stands for itself.
+    """
+    again = resettle(space, scanner, settled)
+    plain = None if again.term is None else _without_what_is_least(again.term, judged)
+    if again.term is None or plain is None:
+        return again
+    inner = {one.name: one for one in again.term.inner}
+    own = [inner[one.name] for one in plain.inner]
+    bounds = {place: around(one, one.value, one.std) for place, one in enumerate(own) if one.std > 0.0}
+    other = settle_as(space, scanner, plain, [one.value for one in own], bounds)
+    earned = evidence_of(space, np.array(again.gain - other.gain), np.array(1), 1)
+    return other if float(earned) <= 0.0 else again
+
+
+def _without_what_is_least(term: Term, judged: Judged) -> Term | None:
+    """Give the form of a candidate that lacks one inner parameter that may be as little as its range begins with."""
+    if not isinstance(judged.what, Candidate):
+        return None
+    names = set(_names(term))
+    left = [names - {one.name} for one in term.inner if one.low is not None and _may_be(one.low, one)]
+    return next((one for one in judged.what.terms if set(_names(one)) in left), None)
+
+
+def _may_be(value: float, parameter: Parameter) -> bool:
+    return math.isclose(parameter.value, value) or abs(parameter.value - value) < _SURELY * parameter.std
 
 
 def _like(first: Term, judged: Judged) -> Term | None:

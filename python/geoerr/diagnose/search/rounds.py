@@ -16,7 +16,7 @@ from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
-from geoerr.diagnose.search.best_form import at_its_values, in_best_form
+from geoerr.diagnose.search.best_form import at_its_values, beside_others, in_best_form
 from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.finer import finer_functions
 from geoerr.diagnose.search.helpful_order import in_helpful_order
@@ -42,7 +42,7 @@ from geoerr.diagnose.search.nameless import (
 )
 from geoerr.diagnose.search.own_noise import in_own_noise
 from geoerr.diagnose.search.rivals import Found, Rival, rivals_of
-from geoerr.diagnose.search.settle import Settled, resettle, settle
+from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.steps import RoundSteps, Steps
@@ -106,7 +106,7 @@ class Searched:
         """Give rivals in the place of what was found: beside the others, in the noise that all of it leaves."""
         space = found.at_last.space
         scanner = self.bench.scanner(space, n_draws=0)
-        return [resettle(space, scanner, rival.settled) for rival in rivals]
+        return [beside_others(space, scanner, rival.judged, rival.settled) for rival in rivals]
 
     def let_go(self) -> None:
         """Let go of what is kept to judge more: of many rows it is gigabytes, and is made anew if need be."""
@@ -349,7 +349,7 @@ def _together(
 
 def _again(bench: Bench, one: Found, beside: list[Numbers], last: Round) -> tuple[Settled, Space]:
     space = bench.space_to_estimate_in(last.space.noise, beside)
-    return resettle(space, bench.scanner(space, n_draws=0), one.settled), space
+    return beside_others(space, bench.scanner(space, n_draws=0), one.judged, one.settled), space
 
 
 def _evidence(space: Space, settled: Settled, found: Found) -> float:
