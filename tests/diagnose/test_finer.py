@@ -61,3 +61,18 @@ def test_knots_that_follow_two_harmonics_are_held_against_both() -> None:
     assert [str(one.reference) for one in diagnosis.found] == ["periodic:x"]
     period = next(one for one in diagnosis.found[0].parameters if one.name == "P")
     assert period.value == pytest.approx(36.0, abs=4.0 * period.std)
+
+
+def test_a_yaw_that_the_model_lacked_has_more_than_its_beginning() -> None:
+    """A cubic is the beginning of an error of an axis: what it leaves is the rest of it, and takes no name away."""
+    rng = np.random.default_rng(3)
+    moved = motion(rng, Plan(n_sessions=2))
+    x_mm, y_mm, _ = moved.q.T
+    middle = np.exp(-(((x_mm - 200.0) / 150.0) ** 2))
+    yaw = 30e-6 * np.sin(2.0 * np.pi * 3.2 * x_mm / LENGTH_MM) * middle
+    hidden = np.outer(-1e3 * yaw * (y_mm - 200.0), [1.0, 0.0, 0.0])
+    observations = measure(rng, moved, Noise(white=(3.0, 3.0, 3.0)), hidden)
+    fitted = fit_terms(machine(), [observations], options=FitOptions(components="12", threads=1))
+    diagnosis = diagnose(fitted, threads=1)
+    assert {str(one.reference) for one in diagnosis.found} == {"angular:x", "angular:y"}
+    assert diagnosis.unknown is None

@@ -35,7 +35,9 @@ _NEARLY_ALL = 0.95
 _UNLIKELY = 3.0
 
 
-def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged) -> Numbers | None:
+def finer_functions(
+    bench: Bench, looked: Round, claim: Judged, as_found: Judged, found: Sequence[Term] = ()
+) -> Numbers | None:
     """Give columns (n, 3, k) of errors of an axis with more knots, if they have more evidence than what is claimed.
 
     Of what the model does most already, it is enough that they do as much, and predict better. So it is of what gains
@@ -49,11 +51,14 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
         A candidate or probe; only what is a function of the position of one axis can be such an error.
     as_found
         The same in the plain form that found it: one wave.
+    found
+        Errors of an axis that the model lacked, and that were found: a cubic polynomial each, which is the beginning
+        of one.
     """
-    axis = _axis_of(claim)
-    if axis is None:
+    functions = _functions(bench, found, claim)
+    if not functions:
         return None
-    ways = [_asked(bench, looked, way) for way in _ways(bench, claim, axis)]
+    ways = [_asked(bench, looked, way) for way in _ways(functions, claim)]
     is_smooth = _n_waves(bench, as_found) < MANY_WAVES
     does_as_much = [one for one in ways if one.gain >= _AS_MUCH * claim.gain]
     # Twice the logarithm that Schwarz takes for the fewest knots that do as much.
@@ -73,6 +78,29 @@ def finer_functions(bench: Bench, looked: Round, claim: Judged, as_found: Judged
             return much_more.columns
     most, columns = max(worth, key=lambda one: one[0], default=(-math.inf, None))
     return columns if most > least else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Function:
+    """An error of an axis, with more knots.
+
+    Attributes
+    ----------
+    channels
+        Those of its term.
+    channel, factor
+        Of its columns.
+    finer
+        Bases with more knots.
+    without
+        What stands beside them already: they are taken without it. None where that is in the model.
+    """
+
+    channels: frozenset[str]
+    channel: str
+    factor: float
+    finer: tuple[BasisSpec, ...]
+    without: BasisSpec | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,23 +127,52 @@ def _predicted(way: _Way) -> float:
     return way.gain - 2.0 * way.rank - _UNLIKELY * math.sqrt(2.0 * way.rank)
 
 
-def _asked(bench: Bench, looked: Round, way: Sequence[tuple[Term, BasisSpec]]) -> _Way:
-    columns = np.concatenate([_columns(bench, term, finer) for term, finer in way], axis=2)
+def _asked(bench: Bench, looked: Round, way: Sequence[tuple[_Function, BasisSpec]]) -> _Way:
+    columns = np.concatenate([_columns(bench, function, finer) for function, finer in way], axis=2)
     _, root, gain = estimate(looked.space, columns)
     return _Way(columns, root.shape[1], float(gain))
 
 
-def _ways(bench: Bench, claim: Judged, axis: str) -> Iterator[tuple[tuple[Term, BasisSpec], ...]]:
-    """Give terms with finer bases that may do what is claimed: each alone, and all that it acts on together."""
+def _functions(bench: Bench, found: Sequence[Term], claim: Judged) -> list[_Function]:
+    """Give the functions of an axis that may do what is claimed: the model's, and those that were found."""
+    names = variables_of(claim) if isinstance(claim.what, Probe) else set(_term_of(claim).variables)
+    if not names <= set(AXES):
+        return []
+    if len(names) == 1:
+        (axis,) = names
+        return [*_of_model(bench, axis), *(one for term in found for one in _of_find(bench, term, axis))]
+    # Over several axes there is a turn along one of them, which the others are the lever of.
+    turning = [one for term in found for axis in names for one in _of_find(bench, term, axis)]
+    return [one for one in turning if one.channel[1] in "ABC"] if isinstance(claim.what, Probe) else []
+
+
+def _of_model(bench: Bench, axis: str) -> Iterator[_Function]:
+    for term in bench.fitted.terms:
+        part = term.parts[0]
+        if len(term.parts) == 1 and part.basis is not None and part.basis.axis == axis:
+            yield _Function(frozenset(term.channels), part.channel, part.factor, tuple(_finer(part.basis)))
+
+
+def _of_find(bench: Bench, term: Term, axis: str) -> Iterator[_Function]:
+    """Give what a find may have beyond its beginning: that has the name, and all of it would make it superfluous."""
+    if term.axis != axis:
+        return
+    q_mm = bench.fitted.sightings.commanded_mm[bench.fitted.solved.used, AXES.index(axis)]
+    beginning = BasisSpec("polynomial", axis, degree=_CUBIC, low_mm=float(q_mm.min()), high_mm=float(q_mm.max()))
+    for part in term.parts:
+        yield _Function(frozenset([part.channel]), part.channel, part.factor, tuple(_finer(beginning)), beginning)
+
+
+def _ways(functions: Sequence[_Function], claim: Judged) -> Iterator[tuple[tuple[_Function, BasisSpec], ...]]:
+    """Give functions with finer bases that may do what is claimed: each alone, and all that it acts on together."""
     channels = None if isinstance(claim.what, Probe) else set(_term_of(claim).channels)
-    terms = [term for term in bench.fitted.terms if channels is None or channels & {*term.channels}]
-    own = [(term, finer) for term in terms if (finer := tuple(_finer(term, axis)))]
-    for term, finer in own:
-        for basis in finer:
-            yield ((term, basis),)
+    own = [one for one in functions if one.finer and (channels is None or channels & one.channels)]
+    for one in own:
+        for basis in one.finer:
+            yield ((one, basis),)
     if channels is not None and len(own) > 1:
         for place in range(len(_PARTS)):
-            yield tuple((term, finer[place]) for term, finer in own)
+            yield tuple((one, one.finer[place]) for one in own)
 
 
 def _n_waves(bench: Bench, claim: Judged) -> float:
@@ -125,32 +182,26 @@ def _n_waves(bench: Bench, claim: Judged) -> float:
     return n_waves(bench.functions, _term_of(claim), claim.shapes.trials[claim.trial])
 
 
-def _axis_of(claim: Judged) -> str | None:
-    names = variables_of(claim) if isinstance(claim.what, Probe) else set(_term_of(claim).variables)
-    return next(iter(names)) if len(names) == 1 and names <= set(AXES) else None
-
-
 def _term_of(claim: Judged) -> Term:
     assert claim.shapes.term is not None
     return claim.shapes.term
 
 
-def _finer(term: Term, axis: str) -> Iterator[BasisSpec]:
-    basis = term.parts[0].basis
-    if len(term.parts) != 1 or basis is None or basis.axis != axis:
-        return
+def _finer(basis: BasisSpec) -> Iterator[BasisSpec]:
     if basis.kind == "polynomial":
         assert basis.low_mm is not None
         assert basis.high_mm is not None
-        basis = BasisSpec("bspline", axis, knots_mm=(basis.low_mm, basis.high_mm), degree=_CUBIC)
+        basis = BasisSpec("bspline", basis.axis, knots_mm=(basis.low_mm, basis.high_mm), degree=_CUBIC)
     knots = np.array(basis.knots_mm)
     for parts in (_PARTS_OF_ONE if len(knots) == 2 else _PARTS) if knots.size else ():
         places = np.arange(parts * (len(knots) - 1) + 1) / parts
         yield replace(basis, knots_mm=tuple(np.interp(places, np.arange(len(knots)), knots).tolist()))
 
 
-def _columns(bench: Bench, term: Term, basis: BasisSpec) -> Numbers:
-    part = term.parts[0]
+def _columns(bench: Bench, function: _Function, basis: BasisSpec) -> Numbers:
     positions_mm = bench.fitted.sightings.commanded_mm[:, AXES.index(basis.axis)]
     values = basis_of(basis).evaluate(np.ascontiguousarray(positions_mm))
-    return part.factor * bench.channels[part.channel][:, :, None] * values[:, None, :]
+    if function.without is not None:
+        held = basis_of(function.without).evaluate(np.ascontiguousarray(positions_mm))
+        values = values - held @ np.linalg.lstsq(held, values, rcond=None)[0]
+    return function.factor * bench.channels[function.channel][:, :, None] * values[:, None, :]

@@ -171,7 +171,7 @@ def search(
         level = 0.5 * ALPHA * (FURTHER if found or unknown is not None else 1.0)
         best, probe = _claims(looked, level, found, unknown)
         formed = None if best is None else _formed(bench, looked, best, added, steps)
-        more = _finer(bench, looked, best, formed, probe)
+        more = _finer(bench, looked, best, formed, probe, found)
         if more is not None:
             finer.append(more)
             first = first if found or unknown is not None else None
@@ -185,11 +185,13 @@ def search(
             wrong = misnamed(found, probe)
             if wrong is not None:
                 found = [one for one in found if one is not wrong]
+                dropped[reference_of(wrong.judged)] = "follows another formula in its own variables"
                 looked = look(bench, bench.space([*finer, *(one.settled.raw for one in found)]), [], probes)
                 probe = simplest_to_pass(looked.probes, level) or probe
             unknown = _nameless(looked, probe)
             aside = [unknown.settled.raw]
-            found = not_taken_back(bench, found, unknown)
+            before, found = found, not_taken_back(bench, found, unknown)
+            dropped |= _gone(before, found, "may be a part of what has no name")
             continue
         if formed is None or len(found) >= MOST_EFFECTS:
             break
@@ -212,16 +214,24 @@ def search(
         found.append(_found(bench, looked, best, settled, added, None if ends_early else offers.known))
         bench, found, finer, aside = _where_it_is_known(bench, found, finer, aside)
         # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
-        found = _without_superfluous(bench, found, [*finer, *aside[1:]])
+        before, found = found, _without_superfluous(bench, found, [*finer, *aside[1:]])
+        dropped |= _gone(before, found, "what was found later does it, too")
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
     assert first is not None
     steps.next("each of what was found beside the others")
     beside = [*finer, *aside]
     together = tuple(in_helpful_order(bench, _together(bench, found, finer, aside, looked)))
+    dropped |= _gone(found, together, "nothing of it is left beside what was found")
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     return Searched(bench, first, looked, together, unknown, not_offered, tuple(beside), ends_early, dropped)
+
+
+def _gone(before: Sequence[Found], after: Sequence[Found], why: str) -> dict[EffectReference, str]:
+    """Give those that were found and are no more, with why."""
+    kept = {reference_of(one.judged) for one in after}
+    return {name: why for one in before if (name := reference_of(one.judged)) not in kept}
 
 
 def _formed(
@@ -279,7 +289,12 @@ def _claims(
 
 
 def _finer(
-    bench: Bench, looked: Round, best: Judged | None, formed: tuple[Judged, Settled] | None, probe: Judged | None
+    bench: Bench,
+    looked: Round,
+    best: Judged | None,
+    formed: tuple[Judged, Settled] | None,
+    probe: Judged | None,
+    found: Sequence[Found],
 ) -> Numbers | None:
     """Give the model more freedom where that does as well as the best of names and probes.
 
@@ -290,7 +305,16 @@ def _finer(
     claims = [] if best is None or formed is None else [(at_its_values(*formed), best)]
     if probe is not None:
         claims.append((probe, probe))
-    return finer_functions(bench, looked, *max(claims, key=lambda one: one[0].evidence)) if claims else None
+    if not claims:
+        return None
+    smooth = [one.settled.term for one in found if _is_smooth(one)]
+    claim = max(claims, key=lambda one: one[0].evidence)
+    return finer_functions(bench, looked, *claim, [term for term in smooth if term is not None])
+
+
+def _is_smooth(found: Found) -> bool:
+    """Tell whether what was found is an error of an axis that the model lacked."""
+    return isinstance(found.judged.what, Candidate) and found.judged.what.effect.is_smooth
 
 
 def _nameless(looked: Round, probe: Judged) -> Found:
