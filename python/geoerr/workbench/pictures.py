@@ -45,7 +45,7 @@ _EYES = {
     "above": {"x": 0.0, "y": 0.0, "z": 3.2},
     "front": {"x": 0.0, "y": -2.7, "z": 0.0},
     "side": {"x": 2.7, "y": 0.0, "z": 0.0},
-    CORNER: {"x": 1.5, "y": -1.76, "z": 1.03},
+    CORNER: {"x": 1.6, "y": -1.88, "z": 1.1},
 }
 # What is looked at: names of axes stand below the volume and at its left.
 _LOOKED_AT = {CORNER: {"x": -0.05, "y": -0.04, "z": -0.18}}
@@ -100,7 +100,7 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     if view.shows_shape and view.look in _DRAWN:
         caption += _add_shape(figure, session)
     ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}
-    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", **_scene_of(view, seen))
+    figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", **_scene_of(view, figure))
     for part in (one for trace in figure.data for one in (trace.line, trace.marker) if one.showscale):
         part.colorbar.update(_COLORBAR)
     return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)
@@ -230,8 +230,8 @@ def turned_volume(session: Session) -> Patch | None:
     view = session.view
     if session.seen is None or view.look == CIRCLE:
         return None
-    changed = Patch()
-    for name, value in _scene_of(view, session.seen).items():
+    changed, drawn = Patch(), volume_picture(session, session.seen, None).figure
+    for name, value in _scene_of(view, drawn).items():
         place = changed["layout"]["scene"]
         *above, last = name.split("_")
         for part in above:
@@ -333,10 +333,10 @@ def _volume(session: Session, seen: Seen) -> Volume:
     return replace(volume, magnification=view.exaggeration * magnification_of_means(seen.comparison))
 
 
-def _scene_of(view: View, seen: Seen) -> dict[str, Any]:
+def _scene_of(view: View, drawn: go.Figure) -> dict[str, Any]:
     """Give what of the volume depends on where it is looked at from; an axis that is looked along is a point."""
     along = _ALONG.get(view.stand)
-    farther = 1.0 if along is not None else _length_to_a_cube(seen) ** _FARTHER
+    farther = 1.0 if along is not None else _length_to_a_cube(drawn) ** _FARTHER
     # Plotly never again names an axis that was invisible once.
     hidden = {"title_text": "", "showticklabels": False, "showgrid": False, "showline": False, "zeroline": False}
     shown = {"showticklabels": True, "showgrid": True, "showline": True, "zeroline": True}
@@ -352,9 +352,13 @@ def _scene_of(view: View, seen: Seen) -> dict[str, Any]:
     }
 
 
-def _length_to_a_cube(seen: Seen) -> float:
-    """Give the diagonal of the places to that of a cube of the same volume; 1 of what lies in a plane."""
-    span_mm = np.ptp(places_mm(seen.comparison), axis=0)
+def _length_to_a_cube(drawn: go.Figure) -> float:
+    """Give the diagonal of what is drawn to that of a cube of the same volume; 1 where it is drawn as a cube."""
+    traces = [trace for trace in drawn.data if trace.type == "scatter3d"]
+    if drawn.layout.scene.aspectmode == "cube" or not traces:
+        return 1.0
+    by_axis = [np.concatenate([np.asarray(trace[axis], dtype=np.float64) for trace in traces]) for axis in AXES]
+    span_mm = np.array([np.nanmax(one) - np.nanmin(one) if np.isfinite(one).any() else 0.0 for one in by_axis])
     if not span_mm.all():
         return 1.0
     return float(np.linalg.norm(span_mm) / (np.sqrt(3.0) * np.cbrt(span_mm.prod())))

@@ -30,9 +30,11 @@ def known_regions(comparison: Comparison) -> list[tuple[int, Region]]:
 
 
 def magnification_of_means(comparison: Comparison) -> float:
-    """Give the magnification at which the longest mean is about half as long as the shortest edge of a box."""
+    """Give the magnification that draws means as half of a box's shortest edge at most, spreads as all of it."""
     regions = [region for _, region in known_regions(comparison)]
-    longest_mm = float(np.linalg.norm(_numbers(regions, "mean_um"), axis=1).max(initial=0.0)) / style.UM_PER_MM
+    means_um, spreads_um = _numbers(regions, "mean_um"), np.nan_to_num(_numbers(regions, "std_um"))
+    longest_um = max(np.linalg.norm(means_um, axis=1).max(initial=0.0), 0.5 * spreads_um.max(initial=0.0))
+    longest_mm = float(longest_um) / style.UM_PER_MM
     edges = np.array([np.subtract(one.high_mm, one.low_mm) for one in regions]).reshape(-1)
     shortest_mm = float(edges[edges > 0.0].min(initial=np.inf))
     if longest_mm == 0.0 or not np.isfinite(shortest_mm):
@@ -48,7 +50,8 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
     comparison
         Regions without a row are drawn empty.
     exaggeration
-        Times the magnification that draws the longest mean as about half of a box's shortest edge.
+        Times the magnification that draws the longest mean as about half of a box's shortest edge, and the longest
+        spread as about all of it.
 
     Returns
     -------
