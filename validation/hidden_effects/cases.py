@@ -18,7 +18,7 @@ def development_seed(number: int) -> int:
 
 
 def study_seed(number: int) -> int:
-    """Give the seed of study case `number`: nothing was tuned on these."""
+    """Give the seed of study case `number`: not to develop on (README.md tells what was looked at)."""
     if number < 0:
         raise ValueError(f"{number} is negative")
     return _STUDY_BEGINS + number
