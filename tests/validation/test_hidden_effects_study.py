@@ -55,6 +55,7 @@ def line(truth: list[str | None], found: list[dict[str, Any]], **more: Any) -> d
     return {
         "key": "single/k/4/0",
         "part": "single",
+        "number": 0,
         "n_rows": 10_000,
         "cell": "k",
         "strength_um": 4.0,
@@ -240,6 +241,18 @@ def test_tables_hold_every_part() -> None:
         assert title in text
     assert "| 4 | 1 | 1/1 = 100.0 %" in text
     assert "86 %" in text
+
+
+def test_rates_without_what_was_looked_at_leave_just_that_out() -> None:
+    right, wrong = [finding("lag:x")], [finding("periodic:y")]
+    lines = [line(["lag:x"], right, key=f"single/lag/4/{number}", cell="lag") for number in range(3)]
+    lines.append(line(["lag:x"], wrong, key="single/lag/4/3", cell="lag"))
+    lines += [line(["periodic:y"], wrong, key=f"single/periodic/4/{number}", cell="periodic") for number in range(5)]
+    noise = {"part": "nulls", "cell": "gauss-10"}
+    lines += [line([], [], key=f"nulls/gauss-10/0/{number}", number=number, **noise) for number in range(70, 80)]
+    section = tables(lines).partition("nobody had looked at")[2]
+    assert "| nothing hidden | 0/5 = 0.0 %" in section
+    assert "| catalogue, 4 µm | 3/4 = 75.0 %" in section
 
 
 def test_what_came_of_a_set_of_each_part() -> None:

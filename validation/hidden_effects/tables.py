@@ -306,8 +306,8 @@ def not_looked_at(by_part: dict[str, list[Line]]) -> str:
         rows.append([f"not in the catalogue, {size:g} µm", rate(exact, len(left)), "unknown, exactly right"])
     return (
         f"Without all sets of {', '.join(sorted(_LOOKED_AT))},\n"
-        "of which some were looked at while causes were mended before all were run again, and without null sets up to "
-        f"number {_NULLS_LOOKED_AT - 1} of each noise:\n\n"
+        "of which some were looked at while causes were mended before all were run again, and without null sets up "
+        f"to number {_NULLS_LOOKED_AT - 1} of each noise:\n\n"
     ) + table(["hidden", "sets", "which"], rows)
 
 
