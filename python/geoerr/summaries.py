@@ -52,6 +52,12 @@ def number_text(value: float | None, digits: int = 2) -> str:
     return _UNKNOWN if value is None or math.isnan(value) else f"{value:.{digits}f}".replace("-", "−")
 
 
+def number_words(value: float) -> str:
+    """Write a number with four figures, and no power of ten where people write none."""
+    text = f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
+    return text.replace("-", "−")
+
+
 def listed(texts: Sequence[str], last: str = "and") -> str:
     """Write `a, b and c`."""
     return ", ".join(texts) if len(texts) < 2 else f"{', '.join(texts[:-1])} {last} {texts[-1]}"

@@ -171,6 +171,41 @@ class Plausible:
         )
         _require(_is_text(self.what) and self.what != "", f"{self.what!r} does not say what the value is of")
 
+    def to_document(self) -> dict[str, Any]:
+        """Give plain values."""
+        return {"value": self.value, "what": self.what, "within": self.within}
+
+
+@dataclass(frozen=True)
+class UsualSpan:
+    """Sizes that are usual for a parameter where physics gives no one value; its sign does not count.
+
+    Attributes
+    ----------
+    low, high
+        In the parameter's unit; `low` is 0 where nothing is too small.
+    what
+        What has such sizes, in words (`a preloaded ball screw`).
+    source
+        Who says so: a standard, a paper, a maker, or what it is computed from.
+    """
+
+    low: float
+    high: float
+    what: str
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        good = _is_finite(self.low) and _is_finite(self.high) and 0.0 <= self.low < self.high
+        _require(good, f"{self.low!r} to {self.high!r} is not a span of sizes from 0 up")
+        _require(_is_text(self.what) and self.what != "", f"{self.what!r} does not say what the span is of")
+        _require(_is_text(self.source), f"source {self.source!r} is not a text")
+
+    def to_document(self) -> dict[str, Any]:
+        """Give plain values."""
+        document: dict[str, Any] = {"low": self.low, "high": self.high, "what": self.what}
+        return document | ({"source": self.source} if self.source else {})
+
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
@@ -185,7 +220,7 @@ class Parameter:
     value, std
         NaN while unknown.
     plausible
-        Values that physics would give.
+        Values that physics would give, and spans of usual sizes.
     low, high
         Range in which an inner parameter is searched; None for a linear coefficient. Equal ends hold it fixed.
     spacing
@@ -198,7 +233,7 @@ class Parameter:
     unit: str
     value: float = math.nan
     std: float = math.nan
-    plausible: tuple[Plausible, ...] = ()
+    plausible: tuple[Plausible | UsualSpan, ...] = ()
     low: float | None = None
     high: float | None = None
     spacing: Spacing = "linear"
@@ -268,9 +303,7 @@ class Parameter:
             "std": None if math.isnan(self.std) else self.std,
         }
         if self.plausible:
-            document["plausible"] = [
-                {"value": item.value, "what": item.what, "within": item.within} for item in self.plausible
-            ]
+            document["plausible"] = [item.to_document() for item in self.plausible]
         if self.low is not None:
             document |= {"low": self.low, "high": self.high, "spacing": self.spacing}
         if self.what:
@@ -290,7 +323,13 @@ class Parameter:
         return _checked(path, key, lambda: cls(name, unit, value, std, plausible, low, high, spacing, what))
 
 
-def _plausible(entries: _Entries) -> Plausible:
+def _plausible(entries: _Entries) -> Plausible | UsualSpan:
+    if "low" in entries.content or "high" in entries.content:
+        if "value" in entries.content:
+            raise entries.refuse("value", "stands beside low and high")
+        low, high = entries.number("low"), entries.number("high")
+        what, source = entries.text("what"), entries.text("source", "")
+        return _checked(entries.path, entries.key, lambda: UsualSpan(low, high, what, source))
     value, what, within = entries.number("value"), entries.text("what"), entries.number("within", Plausible.within)
     return _checked(entries.path, entries.key, lambda: Plausible(value, what, within))
 

@@ -13,9 +13,10 @@ from geoerr.diagnose.words import counted_words, plausibility_words, sure_words,
 from geoerr.fit import sightings_of
 from geoerr.fit.empirical import Curve
 from geoerr.observations import observations_from_columns
-from geoerr.terms import Parameter, Plausible
+from geoerr.terms import Parameter, Plausible, UsualSpan
 
 STEEL = (Plausible(11.5e-6, "steel"), Plausible(23.4e-6, "aluminium"))
+PLAY = (UsualSpan(0.02, 0.3, "a belt drive"),)
 
 
 @pytest.mark.parametrize(
@@ -49,6 +50,29 @@ def test_values(parameter: Parameter, text: str) -> None:
 )
 def test_what_physics_says(value: float, std: float, sign: int, words: str) -> None:
     assert plausibility_words(Parameter("alpha", "1/K", value, std, STEEL), sign) == words
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        (Parameter("b", "mm", 0.0312, 0.0021, PLAY), "usual: a belt drive has 20 to 300 µm"),
+        (Parameter("b", "mm", -0.0012, 0.0021, PLAY), "unusually small: a belt drive has 20 to 300 µm"),
+        (
+            Parameter("b", "mm", 0.1, 0.7, PLAY),
+            "too uncertain to tell whether it is usual: a belt drive has 20 to 300 µm",
+        ),
+        (Parameter("b", "mm", 0.1, math.nan, PLAY), None),
+        (
+            Parameter("k", "1/mm^2", 3e-8, 1e-9, (UsualSpan(0.0, 2e-7, "a beam"),)),
+            "usual: a beam has up to 200 ×10⁻⁹/mm²",
+        ),
+        # The end of a range is a bound.
+        (Parameter("tau", "s", 5.0, 0.1, PLAY, 5.0, 50.0, "log"), None),
+        (Parameter("tau", "s", 7.0, 0.1, PLAY, 5.0, 50.0, "log"), "unusually large: a belt drive has 0.02 to 0.3 s"),
+    ],
+)
+def test_what_is_usual(parameter: Parameter, words: str | None) -> None:
+    assert plausibility_words(parameter) == words
 
 
 def test_how_sure() -> None:

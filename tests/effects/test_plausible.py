@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from effect_machines import machine
 
-from geoerr.effects import catalogue, plausible_match, plausible_words
-from geoerr.terms import Parameter
+from geoerr.effects import catalogue, plausible_match, plausible_what, plausible_words
+from geoerr.errors import ShapeError
+from geoerr.fit.periods import likeliest
+from geoerr.terms import Parameter, Plausible, UsualSpan
 
 ALPHA = catalogue()["thermal-expansion"].term("x", "temp", machine()).coefficients[0]
 
@@ -47,3 +50,65 @@ def test_the_words_say_which_and_how_far() -> None:
     assert plausible_words(ALPHA, 14.2e-6, 1e-7) == "not a known value; the nearest is 1.15e-05 1/K (steel)"
     assert plausible_words(ALPHA, 11.8e-6, 4e-6) == "too uncertain to compare with known values"
     assert plausible_words(Parameter("b", "mm", 0.01, 0.001)) is None
+
+
+SCREW = UsualSpan(0.002, 0.02, "a ball screw of a mill")
+BELT = UsualSpan(0.03, 0.2, "a belt drive", "somebody's measurement")
+PLAY = Parameter("b", "mm", plausible=(SCREW, BELT))
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "words", "what"),
+    [
+        (0.012, 0.0004, "usual: a ball screw of a mill has 2 to 20 µm", "a ball screw of a mill"),
+        (-0.012, 0.0004, "usual: a ball screw of a mill has 2 to 20 µm", "a ball screw of a mill"),
+        (0.02, 0.0, "usual: a ball screw of a mill has 2 to 20 µm", "a ball screw of a mill"),
+        (0.1, 0.01, "usual: a belt drive has 30 to 200 µm", "a belt drive"),
+        # Two standard deviations reach an end, or they do not.
+        (0.21, 0.0051, "usual: a belt drive has 30 to 200 µm", "a belt drive"),
+        (0.21, 0.0049, "unusually large: a belt drive has 30 to 200 µm", None),
+        (0.001, 0.00051, "usual: a ball screw of a mill has 2 to 20 µm", "a ball screw of a mill"),
+        (0.001, 0.00049, "unusually small: a ball screw of a mill has 2 to 20 µm", None),
+        (0.0, 0.0, "unusually small: a ball screw of a mill has 2 to 20 µm", None),
+        (0.022, 0.0005, "unusual: a ball screw of a mill has 2 to 20 µm", None),
+        # Nearer to the one than to the other, in times.
+        (0.024, 0.0025, "usual: a ball screw of a mill has 2 to 20 µm", "a ball screw of a mill"),
+        # A value that may be smaller or larger than all of them says nothing.
+        (0.1, 0.5, "too uncertain to tell whether it is usual: a belt drive has 30 to 200 µm", None),
+        (math.nan, 0.1, None, None),
+        (0.01, math.nan, None, None),
+    ],
+)
+def test_a_span_holds_sizes_within_their_uncertainty(
+    value: float, std: float, words: str | None, what: str | None
+) -> None:
+    assert plausible_words(PLAY, value, std, factor=1e3, unit="µm") == words
+    assert plausible_what(replace(PLAY, value=value, std=std)) == what
+
+
+def test_a_span_from_0_has_nothing_too_small() -> None:
+    play = Parameter("b", "mm", 0.0, 1e-6, (UsualSpan(0.0, 0.015, "a ball bushing on its shaft"),))
+    assert plausible_words(play) == "usual: a ball bushing on its shaft has up to 0.015 mm"
+    assert plausible_words(play, 0.02, 0.001) == "unusually large: a ball bushing on its shaft has up to 0.015 mm"
+
+
+def test_a_value_of_physics_comes_before_a_span() -> None:
+    alpha = replace(ALPHA, plausible=(*ALPHA.plausible, UsualSpan(1e-6, 30e-6, "a metal")))
+    assert plausible_words(alpha, 11.8e-6, 4e-7) == "plausible: steel has 1.15e-05 1/K"
+    assert plausible_words(alpha, 14.2e-6, 1e-7) == "usual: a metal has 1e−06 to 3e−05 1/K"
+
+
+def test_only_values_of_physics_choose_a_period() -> None:
+    spans = (UsualSpan(1.0, 100.0, "anything that turns"),)
+    assert plausible_match(Parameter("P", "mm", 8.0, 0.001, spans, 0.5, 200.0, "log")) is None
+    period = Parameter(
+        "P", "mm", 8.0, 0.001, (Plausible(5.0, "a screw of 5 mm lead", 0.01), *spans), 0.5, 200.0, "log"
+    )
+    assert likeliest(period, (8.0, 5.0, 4.0)) == 5.0
+    assert likeliest(replace(period, plausible=spans), (8.0, 5.0, 4.0)) == 8.0
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.2, 0.1), (0.1, 0.1), (-0.1, 0.1), (0.1, math.inf), (math.nan, 0.1)])
+def test_what_is_no_span_of_sizes_is_refused(low: float, high: float) -> None:
+    with pytest.raises(ShapeError, match="is not a span of sizes from 0 up"):
+        UsualSpan(low, high, "a belt drive")

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from geoerr.effects import Effect, catalogue, load_catalogue, load_effects
 from geoerr.effects.collection import FAMILIES
 from geoerr.errors import InputFileError
+from geoerr.terms import Plausible, UsualSpan
 
 OWN = """
 [[effect]]
@@ -44,6 +45,19 @@ def load(tmp_path: Path, text: str) -> tuple[Effect, ...]:
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     return load_effects(path)
+
+
+def test_a_span_a_value_and_a_reason_are_read(tmp_path: Path) -> None:
+    both = '[{ value = 11.5e-6, what = "steel" }, { low = 1, high = 2e1, what = "a belt", source = "its maker" }]'
+    text = OWN.replace('[{ value = 11.5e-6, what = "steel" }]', both)
+    text = text.replace(
+        'unit = "mm"\n[effect.inner', 'unit = "mm"\nplausible = "the weather: any size"\n[effect.inner'
+    )
+    (effect,) = load(tmp_path, text)
+    alpha, c = effect.coefficients
+    assert alpha.plausible == (Plausible(11.5e-6, "steel"), UsualSpan(1.0, 20.0, "a belt", "its maker"))
+    assert (alpha.any_size, c.plausible, c.any_size) == ("", (), "the weather: any size")
+    assert effect.term("x", "temp", machine()).coefficients[0].plausible == alpha.plausible
 
 
 def test_a_user_s_effect_is_read_like_a_built_in_one(tmp_path: Path) -> None:
@@ -130,6 +144,20 @@ def test_short_ways_to_write_an_effect(tmp_path: Path, body: str, axis: str | No
         ('range = "axis"', 'Range = "axis"', "inner.q_fixed: Range", "did you mean range"),
         ("looks_like =", "looks_lke =", "looks_lke", "did you mean looks_like"),
         ("what =", "waht =", "plausible[1]: waht", "did you mean what"),
+        ("{ value", "{ low = 1e-6, value", "plausible[1]: value", "beside low and high.*\nhint: keep the value, or"),
+        ("value = 11.5e-6", "low = 1e-6", "plausible[1]: high", "is missing"),
+        ("value = 11.5e-6", "low = -1e-6, high = 1e-5", "plausible[1]: low", "below 0.*\nhint: .*leave the sign out"),
+        (
+            "value = 11.5e-6",
+            "low = 2e-5, high = 1e-5",
+            "plausible[1]: high",
+            "not above low.*\nhint: write the smaller",
+        ),
+        ("value = 11.5e-6", "low = 1e-6, high = inf", "plausible[1]: high", "not a finite number"),
+        ("value = 11.5e-6", "low = 1e-6, hihg = 1e-5", "plausible[1]: hihg", "did you mean high"),
+        ('value = 11.5e-6, what = "steel"', 'low = 1e-6, high = 1e-5, what = ""', "plausible[1]: what", "is empty"),
+        ('[{ value = 11.5e-6, what = "steel" }]', '""', "coefficients.alpha: plausible", "is empty.*\nhint: say why"),
+        ("some_key_of_mine = 5", "plausible = 5", "plausible", "not a text"),
         ("alpha*T*", "alpha*Tt*", "expression", r"unknown name `Tt` .*`T`.*\n  alpha\*Tt\*.*\n        \^\^\n"),
         ("alpha*T*", "alpha*T*dx*", "expression", r"`dx` .*`d_x`"),
         ("alpha*T*", "alpha*T*dir_x*", "expression", r"`dir_x` .*`d_x`"),

@@ -20,6 +20,7 @@ from geoerr.terms import (
     Part,
     Plausible,
     Term,
+    UsualSpan,
     is_rig_channel,
     parse_effect_reference,
 )
@@ -37,7 +38,7 @@ TERM = Term(
     ),
     (Parameter("alpha", "1/K", 1.1e-5, 2e-7, (Plausible(11.5e-6, "steel", 0.06),)),),
     (
-        Parameter("q_fixed", "mm", low=0.0, high=400.0),
+        Parameter("q_fixed", "mm", plausible=(UsualSpan(0.0, 50.0, "a screw", "ISO"),), low=0.0, high=400.0),
         Parameter("tau", "s", low=10.0, high=1e4, spacing="log"),
     ),
 )
@@ -166,6 +167,11 @@ def test_what_is_no_reference_is_refused_with_a_remedy(text: str) -> None:
         (("coefficients", 0, "std"), -1.0, r"term.coefficients\[1\]"),
         (("coefficients", 0, "low"), 0.0, r"term.coefficients\[1\]"),
         (("coefficients", 0, "plausible"), [{"value": 1.0}], r"term.coefficients\[1\].plausible\[1\].what"),
+        (("inner", 0, "plausible", 0, "high"), 0.0, r"term.inner\[1\].plausible\[1\]"),
+        (("inner", 0, "plausible", 0, "low"), -1.0, r"term.inner\[1\].plausible\[1\]"),
+        (("inner", 0, "plausible", 0, "value"), 1.0, r"term.inner\[1\].plausible\[1\].value"),
+        (("inner", 0, "plausible", 0, "source"), 1.0, r"term.inner\[1\].plausible\[1\].source"),
+        (("inner", 0, "plausible"), [{"low": 1.0, "what": "a screw"}], r"term.inner\[1\].plausible\[1\].high"),
         (("inner", 0, "low"), 500.0, r"term.inner\[1\]"),
         (("inner", 1, "low"), 0.0, r"term.inner\[2\]"),
         (("inner", 0, "low"), None, r"term.inner\[1\]"),

@@ -32,7 +32,7 @@ from geoerr.errors import InputFileError
 from geoerr.files import to_json
 from geoerr.model import FitRecord, HistoryEntry, Model, load_model, write_model
 from geoerr.model.document import document_of, model_from_document
-from geoerr.terms import BasisSpec, Parameter, Part, Plausible, Term
+from geoerr.terms import BasisSpec, Parameter, Part, Plausible, Term, UsualSpan
 
 AT = {"temp_bed": 60.0, "d_y": 1.0}
 
@@ -49,6 +49,8 @@ texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 names = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
 figures = st.dictionaries(texts, st.one_of(numbers, st.just(math.nan)), max_size=3)
 spans = st.tuples(numbers, numbers).map(lambda pair: (min(pair), max(pair)))
+values = numbers.map(lambda value: Plausible(value, "what"))
+usual = numbers.map(lambda value: UsualSpan(0.0, abs(value) or 1.0, "what", "who says so"))
 
 
 @st.composite
@@ -59,7 +61,7 @@ def parameters(draw: st.DrawFn, inner: bool) -> Parameter:
         draw(texts),
         draw(st.one_of(st.just(math.nan), numbers)),
         draw(st.one_of(st.just(math.nan), numbers.map(abs))),
-        tuple(Plausible(value, "what") for value in draw(st.lists(numbers, max_size=2))),
+        draw(st.lists(st.one_of(values, usual), max_size=2).map(tuple)),
         low,
         high,
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from geoerr.diagnose.document import comparison_document
-from geoerr.effects import plausible_match
+from geoerr.effects import plausible_what
 from geoerr.fit import FitResult, Fitted
 from geoerr.model import HistoryEntry
 from geoerr.report.provenance import provenance_of_command
@@ -41,9 +41,7 @@ def fit_document(
     document = result.to_document()
     for term in fitted.terms:
         for parameter in (*term.coefficients, *term.inner):
-            match = plausible_match(parameter)
-            entry = document["parameters"][f"{term.id}.{parameter.name}"]
-            entry["plausible"] = None if match is None else match.what
+            document["parameters"][f"{term.id}.{parameter.name}"]["plausible"] = plausible_what(parameter)
     return {
         "output": None if output is None else str(output),
         **document,

@@ -19,7 +19,7 @@ from geoerr.diagnose.words import (
     um_words,
 )
 from geoerr.effects import Effect
-from geoerr.effects.plausible import plausible_match
+from geoerr.effects.plausible import plausible_what
 from geoerr.fit.empirical import Curve
 from geoerr.fit.sightings import Numbers
 from geoerr.summaries import capitalised, listed, uncapitalised
@@ -357,10 +357,9 @@ def finite(value: float) -> float | None:
 
 
 def _parameter_document(parameter: Parameter) -> dict[str, Any]:
-    match = plausible_match(parameter)
     return {
         "value": None if is_open(parameter) else finite(parameter.value),
         "std": finite(parameter.std),
         "unit": parameter.unit,
-        "plausible": None if match is None else match.what,
+        "plausible": plausible_what(parameter),
     }

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from geoerr.diagnose.words import number_words
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import clock_s, times_s
+from geoerr.summaries import number_words
 from geoerr.terms import CLOCK_NAME, Term
 
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from geoerr.diagnose.moments import span_words
 from geoerr.diagnose.space import Space
-from geoerr.diagnose.words import number_words
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
+from geoerr.summaries import number_words
 from geoerr.terms import CLOCK_NAME, RAW_VARIABLES, Term, is_motion
 
 UM_PER_MM = 1e3

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from geoerr.effects.plausible import MAX_RELATIVE_STD, plausible_match
-from geoerr.summaries import listed
+from geoerr.effects.plausible import MAX_RELATIVE_STD, plausible_match, plausible_values, usual_spans, usual_words
+from geoerr.summaries import listed, number_words
 from geoerr.terms import Parameter
 
 # Units as people read them: text and factor. Others get a power of ten where they need one.
@@ -57,7 +57,7 @@ def is_open(parameter: Parameter) -> bool:
 
 
 def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:
-    """Say whether physics would give the value; None where nothing is known to compare it with.
+    """Say whether physics would give the value, or such a size is usual; None where nothing is known of it.
 
     Parameters
     ----------
@@ -68,13 +68,16 @@ def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:
         return f"not physical: it cannot be {'negative' if sign > 0 else 'positive'}"
     if not parameter.plausible or not math.isfinite(parameter.value):
         return None
-    _, factor = _read_in(parameter)
+    unit, factor = _read_in(parameter)
     match = plausible_match(parameter)
     if match is not None:
         return f"plausible: {match.what} has {number_words(match.value * factor)}"
+    if usual_spans(parameter):
+        # The end of a range is a bound: nothing says how large the value is.
+        return None if is_at_an_end(parameter) else usual_words(parameter, factor=factor, unit=unit)
     if not parameter.std <= MAX_RELATIVE_STD * abs(parameter.value):
         return "too uncertain to compare with known values"
-    nearest = min(parameter.plausible, key=lambda item: abs(item.value - parameter.value))
+    nearest = min(plausible_values(parameter), key=lambda item: abs(item.value - parameter.value))
     return f"no known value: the nearest is {number_words(nearest.value * factor)}, {nearest.what}"
 
 
@@ -164,12 +167,6 @@ def _number(value: float, std: float) -> str:
     digits = min(digits, 6) if std < abs(value) else min(digits - 1, 6)
     texts = [f"{round(number, digits):.{max(digits, 0)}f}" for number in (value, std)]
     return " ± ".join(texts).replace("-", "−")
-
-
-def number_words(value: float) -> str:
-    """Write a number with four figures, and no power of ten where people write none."""
-    text = f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
-    return text.replace("-", "−")
 
 
 def alike_words(values: Sequence[float], unit: str) -> str:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from geoerr.effects.collection import Catalogue, catalogue, load_catalogue, load_effects
 from geoerr.effects.description import Description, FormSpec, ParameterSpec, PartSpec, Rival, Twin
 from geoerr.effects.effect import Effect, PlacedEffect
-from geoerr.effects.plausible import plausible_match, plausible_words
+from geoerr.effects.plausible import plausible_match, plausible_what, plausible_words
 
 __all__ = [
     "Catalogue",
@@ -30,5 +30,6 @@ __all__ = [
     "load_catalogue",
     "load_effects",
     "plausible_match",
+    "plausible_what",
     "plausible_words",
 ]

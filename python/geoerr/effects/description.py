@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from geoerr.machine import AXES
-from geoerr.terms import REFERENCE_AXES, Plausible, TermSource
+from geoerr.terms import REFERENCE_AXES, Plausible, TermSource, UsualSpan
 
 # A part's channel says which channels of the chain it becomes for a given axis (`geoerr.effects.channels`).
 PART_CHANNELS = ("along", "across", "across-angle", "angular", "joint", "squareness", "tool", "work", "target", "rig")
@@ -33,7 +33,9 @@ class ParameterSpec:
     name, unit
         ASCII symbol; unit of its value.
     plausible
-        Values that physics would give.
+        Values that physics would give, and spans of usual sizes.
+    any_size
+        Why there are none of either; empty where there are, or where the entry does not say.
     range
         Of an inner parameter: two numbers, `axis`, `x`, `y`, `z` (that axis's range) or `time` (the data's span);
         None for a linear coefficient.
@@ -47,11 +49,12 @@ class ParameterSpec:
 
     name: str
     unit: str
-    plausible: tuple[Plausible, ...] = ()
+    plausible: tuple[Plausible | UsualSpan, ...] = ()
     range: tuple[float, float] | str | None = None
     spacing: Literal["linear", "log"] = "linear"
     sign: int = 0
     what: str = ""
+    any_size: str = ""
 
 
 @dataclass(frozen=True)
@@ -176,6 +179,8 @@ class Description:
         Whether it belongs to circular tests only.
     each_session
         Whether its coefficients repeat for each session after the first.
+    any_size
+        Of an entry without coefficients: why it has no usual size.
     """
 
     id: str
@@ -200,3 +205,4 @@ class Description:
     offered_as: str | None = None
     only_circular: bool = False
     each_session: bool = False
+    any_size: str = ""

@@ -25,7 +25,7 @@ from geoerr.effects.entries import Entries, is_finite_number, shortened
 from geoerr.errors import InputFileError
 from geoerr.files import read_toml
 from geoerr.machine import AXES
-from geoerr.terms import CONSTANTS, FUNCTIONS, Plausible, TermSource, is_column, is_effect_id, is_name
+from geoerr.terms import CONSTANTS, FUNCTIONS, Plausible, TermSource, UsualSpan, is_column, is_effect_id, is_name
 
 _ID_HINT = 'lower-case words joined by hyphens, for example id = "my-effect"'
 _DIRECTIONS: dict[str, tuple[str, ...]] = {
@@ -42,7 +42,7 @@ _FORM_KEYS = ("name", "covariates", "part", *_PART_KEYS)
 EFFECT_KEYS = (
     *("id", "title", "axes", "covariates", "source", "looks_like", "cause", "remedy", "mistaken_for", "twins"),
     *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session"),
-    *("one_direction", "part", "form", "coefficients", "inner", *_PART_KEYS),
+    *("one_direction", "part", "form", "coefficients", "inner", "plausible", *_PART_KEYS),
 )
 # Units that a person may mean, and those that a formula is in.
 _OTHER_UNITS = {
@@ -117,6 +117,7 @@ def _description(
         offered_as=entries.optional_text("offered_as"),
         only_circular=entries.flag("only_circular"),
         each_session=entries.flag("each_session"),
+        any_size=_any_size(entries),
     )
 
 
@@ -228,15 +229,17 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
             raise tables.refuse(name, "cannot be a parameter's name" + _why_not(name), remedy)
         entries = Entries(tables.table(name).content, tables.path, f"{tables.place}.{name}", tables.effect_number)
         entries.only(PARAMETER_KEYS)
+        reason = _any_size(entries) if isinstance(entries.content.get("plausible"), str) else ""
         found.append(
             ParameterSpec(
                 name=name,
                 unit=_unit(entries),
-                plausible=tuple(_plausible(item) for item in entries.tables("plausible")),
+                plausible=() if reason else tuple(_plausible(item) for item in entries.tables("plausible")),
                 range=_range(entries) if is_inner else None,
                 spacing="log" if entries.text("spacing", "linear", ("linear", "log")) == "log" else "linear",
                 sign=_SIGNS[entries.text("sign", "any", tuple(_SIGNS))],
                 what=entries.text("what", ""),
+                any_size=reason,
             )
         )
         _check_log_range(found[-1], entries)
@@ -256,7 +259,17 @@ def _why_not(name: str) -> str:
     return ": the name has a meaning already" if is_name(name) else ""
 
 
-def _plausible(entries: Entries) -> Plausible:
+def _any_size(entries: Entries) -> str:
+    """Read why nothing is known of a size, which stands in the place of what would be."""
+    reason = entries.text("plausible", "")
+    if "plausible" in entries.content and not reason:
+        raise entries.refuse("plausible", "is empty", "say why there is no usual size, or leave it out")
+    return reason
+
+
+def _plausible(entries: Entries) -> Plausible | UsualSpan:
+    if "low" in entries.content or "high" in entries.content:
+        return _usual_span(entries)
     entries.only(("value", "what", "within"))
     value, what, within = entries.number("value"), entries.text("what"), entries.number("within", Plausible.within)
     if not what:
@@ -264,6 +277,20 @@ def _plausible(entries: Entries) -> Plausible:
     if within < 0.0:
         raise entries.refuse("within", f"{within:g} is below 0", "write the tolerance as a part of the value, 0.05")
     return Plausible(value, what, within)
+
+
+def _usual_span(entries: Entries) -> UsualSpan:
+    entries.only(("low", "high", "what", "source"))
+    if "value" in entries.content:
+        raise entries.refuse("value", "stands beside low and high", "keep the value, or the span from low to high")
+    low, high, what = entries.number("low"), entries.number("high"), entries.text("what")
+    if low < 0.0:
+        raise entries.refuse("low", f"{low:g} is below 0", "a span is of sizes: leave the sign out")
+    if not low < high:
+        raise entries.refuse("high", f"{high:g} is not above low, {low:g}", "write the smaller as low")
+    if not what:
+        raise entries.refuse("what", "is empty", "say what the span is of")
+    return UsualSpan(low, high, what, entries.text("source", ""))
 
 
 def _range(entries: Entries) -> tuple[float, float] | str:

@@ -157,7 +157,7 @@ def parameter_words(term: Term, parameter: Parameter) -> str:
     text = f"{parameter.label} = {_value_with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
     if parameter.is_fixed:
         text += ", held"
-    words = plausible_words(parameter)
+    words = plausible_words(parameter, factor=factor, unit=unit)
     return text if words is None else f"{text}, {words}"
 
 

@@ -25,7 +25,7 @@ from geoerr.fit.classic import is_straightness, title_of
 from geoerr.fit.sightings import Numbers
 from geoerr.model.groups import POSITIONING
 from geoerr.states.functions import Functions, term_id_of
-from geoerr.terms import BasisSpec, Parameter, Part, Plausible, Term
+from geoerr.terms import BasisSpec, Parameter, Part, Plausible, Term, UsualSpan
 
 # A shape's order to what it is, in words.
 _WHAT = {0: "turn", 1: "slope", 2: "bow", 3: "S-shape"}
@@ -180,7 +180,7 @@ def _what(shape: Shape) -> str:
     return "expansion" if coefficient_name(shape) == "alpha" else _WHAT[shape.order]
 
 
-def _plausible(shape: Shape) -> tuple[Plausible, ...]:
+def _plausible(shape: Shape) -> tuple[Plausible | UsualSpan, ...]:
     """Give what an expansion may be of: the metals of the catalogue."""
     if coefficient_name(shape) != "alpha":
         return ()
