@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from geoerr.effects import Catalogue, Effect, FormSpec, ParameterSpec, catalogue
+from geoerr.terms import Plausible, UsualSpan
 
 PAGE = Path(__file__).with_name("catalogue.md")
 
@@ -32,6 +33,8 @@ as `q_low` always does), `t` the time in a session, `clock` the time with all se
 `T` a temperature minus the reference or a difference of two temperatures. Lengths are in mm, angles in rad, times
 in s. A coefficient *across* an axis or of its *angles* exists once for each direction, with `_x`, `_y` or `_z`
 behind its name. Reports, terminal and workbench show a coefficient in the words before its letter here.
+Values that physics would give it are in brackets; sizes that are usual for it, whatever its sign, have a line of
+their own, with who says so or why there are none.
 What each of them looks like: [the gallery](gallery.md). How to write effects of your own:
 [My effect is not in the catalogue](guides/own_effect.md) and `python/geoerr/effects/README.md`.
 """
@@ -73,6 +76,7 @@ def _entry(effect: Effect, effects: Catalogue) -> str:
     needs = [needed for form in effect.forms[:1] for needed in form.covariates]
     if needs:
         lines.append(f"- **Needs:** {', '.join(f'`{_cell(needed)}`' for needed in needs)}")
+    lines += _usual_sizes(effect)
     lines += [f"- **{note}**" for note in _notes(effect)]
     for twin in effects.twins(effect.id):
         lines.append(f"- **The same by construction as** {_link(twin.effect)}: {twin.why}")
@@ -136,9 +140,24 @@ def _parameter(spec: ParameterSpec) -> str:
         text += f", {words.get(spec.range, f'over the range of {spec.range}')}"
     if spec.sign:
         text += f", {'positive' if spec.sign > 0 else 'negative'}"
-    if spec.plausible:
-        text += " (" + ", ".join(f"{item.value:g}: {item.what}" for item in spec.plausible) + ")"
-    return text
+    values = [f"{item.value:g}: {item.what}" for item in spec.plausible if isinstance(item, Plausible)]
+    return f"{text} ({', '.join(values)})" if values else text
+
+
+def _usual_sizes(effect: Effect) -> list[str]:
+    """Say what is usual for each parameter and by whom, or why nothing is; alike ones together."""
+    named: dict[str, list[str]] = {effect.any_size: []} if effect.any_size else {}
+    for spec in (*effect.coefficients, *effect.inner):
+        spans = [_span(item, spec.unit) for item in spec.plausible if isinstance(item, UsualSpan)]
+        if spans or spec.any_size:
+            named.setdefault("; ".join(spans) or spec.any_size, []).append(f" `{spec.name}`")
+    return [f"- **Usual size**{','.join(names)}: {words}" for words, names in named.items()]
+
+
+def _span(span: UsualSpan, unit: str) -> str:
+    size = f"{span.low:g} to {span.high:g}" if span.low > 0.0 else f"up to {span.high:g}"
+    words = f"{span.what} has {size}" + ("" if unit in ("", "1") else f" {unit}")
+    return f"{words} ({span.source})" if span.source else words
 
 
 def _link(name: str | None) -> str:

@@ -166,7 +166,7 @@ def test_text_fits_the_terminal_and_says_it_in_words(folder: Path) -> None:
     assert "(before: the same model without the effects)" in lines
     assert any(line.startswith("what is left is noise, as far as can be told (p = ") for line in lines)
     assert "  scale:x: Scale of an axis" in lines
-    (gap,) = [match for line in lines if (match := re.fullmatch(r"    lost motion b = (\S+) ± (\S+) µm", line))]
+    (gap,) = [match for line in lines if (match := re.fullmatch(r"    lost motion b = (\S+) ± (\S+) µm \(.*", line))]
     assert abs(float(gap[1]) - B_MM * 1e3) < 4.0 * float(gap[2])
     assert any(line.startswith("  2. added backlash:x: ") for line in lines)
     assert result.stderr.splitlines()[-1] == f"model: {folder / 'model.json'}"
@@ -348,10 +348,12 @@ def test_an_own_effect_is_fitted_and_predicted_as_a_built_in_one(folder: Path) -
 def test_a_plausible_value_is_named(folder: Path) -> None:
     grid(3, slope=0.0, alpha=ALPHA).write_csv(folder / "grid.csv")
     arguments = ("--components", "none", "--add", "thermal-expansion:x@temp_bed", "--add", "backlash:x")
-    assert "plausible: steel has" in " ".join(done(folder, *arguments).split())
+    text = " ".join(done(folder, *arguments).split())
+    assert "plausible: steel has" in text
+    assert "µm (usual: a ball screw of a milling machine has up to 20 µm)" in text
     document = json.loads(done(folder, *arguments, "--json"))
     assert document["parameters"]["thermal-expansion:x@temp_bed.alpha"]["plausible"] == "steel"
-    assert document["parameters"]["backlash:x.b"]["plausible"] is None
+    assert document["parameters"]["backlash:x.b"]["plausible"] == "a ball screw of a milling machine"
 
 
 def test_before_has_the_rows_that_after_has(folder: Path) -> None:

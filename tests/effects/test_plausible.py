@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from effect_machines import machine
 
-from geoerr.effects import catalogue, plausible_match, plausible_what, plausible_words
+from geoerr.effects import Effect, catalogue, plausible_match, plausible_what, plausible_words
 from geoerr.errors import ShapeError
 from geoerr.fit.periods import likeliest
 from geoerr.terms import Parameter, Plausible, UsualSpan
@@ -112,3 +112,13 @@ def test_only_values_of_physics_choose_a_period() -> None:
 def test_what_is_no_span_of_sizes_is_refused(low: float, high: float) -> None:
     with pytest.raises(ShapeError, match="is not a span of sizes from 0 up"):
         UsualSpan(low, high, "a belt drive")
+
+
+@pytest.mark.parametrize("effect", catalogue(), ids=lambda effect: effect.id)
+def test_every_entry_says_what_is_usual_or_why_nothing_is(effect: Effect) -> None:
+    searched = [spec for spec in effect.inner if isinstance(spec.range, tuple) and spec.range[0] < spec.range[1]]
+    for spec in (*effect.coefficients, *searched):
+        assert bool(spec.plausible) != bool(spec.any_size), spec.name
+        for item in spec.plausible:
+            assert not isinstance(item, UsualSpan) or item.source, f"{spec.name}: who says so"
+    assert bool(effect.any_size) == (not effect.coefficients)
