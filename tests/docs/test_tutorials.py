@@ -52,6 +52,16 @@ def test_numbers_done_again_are_those_that_were_said() -> None:
     assert names["value"][0] == pytest.approx(names["finding"].term.coefficients[0].value, rel=1e-3)
     worth_um = np.sqrt((names["explained"][names["used"]] ** 2).sum(axis=1).mean())
     assert worth_um == pytest.approx(names["finding"].worth_um, rel=1e-3)
+    assert names["std"] == pytest.approx([one.std for one in names["growth"].parameters], rel=1e-3)
+    assert names["overall_p"] == pytest.approx(names["after"].p_value, rel=1e-6)
+    where = names["growth"].where
+    assert (names["most"], names["on_line"][names["most"]]) == (where.line, pytest.approx(where.line_um, rel=1e-6))
+    assert max(names["thirds"]) == pytest.approx(where.spans[0].rms_um, rel=1e-6)
+    between = names["between"]
+    assert (names["passes_um"], names["rows_um"]) == pytest.approx((between.worth_um, between.rows_um), rel=1e-6)
+    assert names["unknown_um"] == pytest.approx(names["unknown"].worth_um, rel=1e-3)
+    assert names["curve_um"] == pytest.approx(names["unknown"].curve.value_um, abs=0.01)
+    assert names["minutes"] == pytest.approx(names["advice"].minutes, rel=1e-6)
 
 
 def test_all_three_are_named() -> None:
@@ -67,5 +77,9 @@ def test_the_bed_tells_what_the_frame_does_not() -> None:
     """Trained while heating: the error on cooling, frame alone and with the bed, as known of these data."""
     forward = _run("what_is_missing.md")["forward"]
     assert forward["frame"] == pytest.approx(123.0, abs=2.0)
-    assert forward["frame and bed"] < 18.5
+    assert forward["frame, bed"] < 18.5
     assert forward["both lagged"] < 4.6
+    # What fits the heating half best is not what predicts the cooling half.
+    assert forward["frame, bed lagged"] > 0.95 * forward["frame, bed"]
+    assert forward["frame lagged, bed"] < 0.5 * forward["frame, bed"]
+    assert forward["all four lagged"] > 5.0 * forward["both lagged"]
