@@ -1,12 +1,14 @@
 """What is no unevenness along an axis has no name; an uneven wave, and a special case, keep their own."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hidden_machine import LENGTH_MM, Motion, Noise, Numbers, Plan, machine, measure, motion
 
 from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.search.uneven import most_uneven
 from geoerr.fit import FitOptions, fit_terms
 
 REFERENCE_DEGC = 20.0
@@ -68,3 +70,12 @@ def test_a_tilt_about_one_axis_is_no_racking() -> None:
     racking = next(one for one in found.candidates if str(one.reference) == "gantry-racking:x")
     assert not racking.tied
     assert racking.aliases[0].correlation == pytest.approx(1.0, abs=1e-3)
+
+
+def test_an_effect_that_explains_nothing_is_uneven_nowhere() -> None:
+    searched = diagnosed(yaw_on_reversal, 4).searched
+    settled = searched.found[0].settled
+    assert settled.term is not None
+    assert most_uneven(settled.space, settled) is not None
+    nothing = replace(settled, term=settled.term.with_values([0.0], [], coefficients_std=[np.nan]))
+    assert most_uneven(settled.space, nothing) is None

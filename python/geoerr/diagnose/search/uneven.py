@@ -56,6 +56,9 @@ def most_uneven(space: Space, settled: Settled, *, is_added: bool = False) -> Un
         Whether the effect at its mean size is the space's own already.
     """
     explained = explained_by(settled)
+    if not explained.any():
+        # The model can take all of it over: nothing of it is somewhere more than elsewhere.
+        return None
     found = [
         _uneven(space, explained, axis, column, is_added=is_added)
         for axis, column in zip(AXES, space.fitted.sightings.commanded_mm.T, strict=True)
