@@ -20,6 +20,7 @@ WORK = {"vision", "fit", "diagnose", "identify", "states", "budget", "compensate
 ALLOWED: dict[str, set[str]] = {
     "drawing": set(),
     "errors": set(),
+    "installation": set(),
     "summaries": set(),
     "files": {"errors"},
     "quoted_cells": {"errors"},
@@ -46,11 +47,11 @@ ALLOWED: dict[str, set[str]] = {
     "verify": MODEL,
     "simulate": TABLES | {"vision.patterns", "vision.images"},
     "farm": MODEL | {"vision", "fit", "identify", "diagnose", "compensate", "measurements"},
-    "report": MODEL | WORK,
+    "report": MODEL | WORK | {"installation"},
     "demo": MODEL | WORK | {"report"},
     "workbench": MODEL | WORK | {"measurements", "report"},
     "__main__": {"cli"},
-    "cli": MODEL | WORK | {"measurements", "report", "demo", "workbench", "farm"},
+    "cli": MODEL | WORK | {"installation", "measurements", "report", "demo", "workbench", "farm"},
 }
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import platform
 import re
 import subprocess
 import sys
 from html.parser import HTMLParser
+from importlib import metadata
 
 import numpy as np
 import plotly.graph_objects as go
@@ -142,6 +144,13 @@ def test_provenance_has_digests_of_files_only(tmp_path, monkeypatch):
     assert provenance.command == "geoerr verify ballbar 'a b.json'"
     assert provenance.inputs == ((str(tmp_path / "a.json"), hashlib.sha256(b"abc").hexdigest()),)
     assert set(provenance.to_document()) == {"version", "command", "inputs"}
+
+
+def test_a_page_names_what_its_numbers_were_made_with() -> None:
+    page = a_page()
+    said = [f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"]
+    said += [f"numpy {np.__version__}", f"scipy {metadata.version('scipy')}"]
+    assert f"<p>geoerr {PROVENANCE.version}, {', '.join(said)}, opencv-python-headless " in page
 
 
 def test_no_figure_offers_to_upload_itself() -> None:

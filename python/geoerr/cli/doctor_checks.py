@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import platform
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ from typing import Any, Literal
 from geoerr import __version__
 from geoerr.cli.options import install_command
 from geoerr.errors import GeoerrError, InputFileError
+from geoerr.installation import python_and_platform, version_of
 
 State = Literal["ok", "note", "wrong"]
 
@@ -58,7 +58,7 @@ class Check:
 def installation_checks() -> Iterator[Check]:
     """Look at what geoerr runs on."""
     yield Check("geoerr", "ok", f"{__version__}, in {Path(__file__).parents[1]}")
-    yield Check("python", "ok", f"{platform.python_version()} on {platform.system()} {platform.machine()}")
+    yield Check("python", "ok", python_and_platform())
     try:
         yield _core()
     except ImportError as error:
@@ -111,10 +111,10 @@ def _cores() -> int:
 def _library(distribution: str, module: str) -> Check:
     needed = _least(distribution)
     try:
-        loaded = importlib.import_module(module)
+        importlib.import_module(module)
     except ImportError as error:
         return Check(distribution, "wrong", f"cannot be loaded: {error}", f"pip install '{distribution}{needed}'")
-    version = _version(distribution, loaded)
+    version = version_of(distribution, module)
     if needed and _numbers(version) < _numbers(needed):
         return Check(
             distribution, "wrong", f"{version}, {needed} is needed", f"pip install --upgrade '{distribution}{needed}'"
@@ -124,20 +124,12 @@ def _library(distribution: str, module: str) -> Check:
 
 def _extra(extra: str, distribution: str, module: str, purpose: str) -> Check:
     try:
-        loaded = importlib.import_module(module)
+        importlib.import_module(module)
     except ImportError as error:
         absent = isinstance(error, ModuleNotFoundError) and error.name == module
         text = f"not installed: no `{purpose}`" if absent else f"cannot be loaded: {error}"
         return Check(distribution, "note" if absent else "wrong", text, install_command(extra))
-    return Check(distribution, "ok", f"{_version(distribution, loaded)}, for `{purpose}`")
-
-
-def _version(distribution: str, module: Any) -> str:
-    # A library may come as another distribution than the required one, as OpenCV with its contributed modules does.
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return str(getattr(module, "__version__", "of unknown version"))
+    return Check(distribution, "ok", f"{version_of(distribution, module)}, for `{purpose}`")
 
 
 def _least(distribution: str) -> str:

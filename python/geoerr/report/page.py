@@ -122,7 +122,7 @@ def render_report(title: str, summary: Sequence[str], sections: Sequence[Section
     sections
         In order.
     provenance
-        Version, command and digests for the last section.
+        Versions, command and digests for the last section.
 
     Returns
     -------
@@ -141,6 +141,7 @@ def render_report(title: str, summary: Sequence[str], sections: Sequence[Section
         contents="\n".join(contents),
         sections="\n".join(body),
         version=escape(provenance.version),
+        runs_on=escape(", ".join(f"{name} {version}" for name, version in provenance.runs_on)),
         command=escape(provenance.command),
         inputs=_inputs(provenance),
         plotly=get_plotlyjs() if figures else "",

@@ -1,16 +1,17 @@
-"""Where a result comes from: version, command, and digests of the inputs. Never a date, never a machine's name."""
+"""Where a result comes from: versions, command, and digests of the inputs. Never a date, never a machine's name."""
 
 from __future__ import annotations
 
 import shlex
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from geoerr import __version__
 from geoerr.files import digest
+from geoerr.installation import versions
 
 
 @dataclass(frozen=True)
@@ -25,11 +26,14 @@ class Provenance:
         The command line that gives the result.
     inputs
         File name and SHA-256 of each input.
+    runs_on
+        Versions of Python and of the libraries that numbers are made with, by name; for reports.
     """
 
     version: str
     command: str
     inputs: tuple[tuple[str, str], ...] = ()
+    runs_on: tuple[tuple[str, str], ...] = field(default_factory=versions)
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""
