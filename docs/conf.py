@@ -1,6 +1,7 @@
 """How Sphinx makes a site of the Markdown pages: `sphinx-build -W --keep-going -b html -c docs . site`.
 
-The source is the whole repository, so that links between pages lead where they lead on a git host.
+The source is the whole repository, so that links between pages lead where they lead on a git host. Tutorials, guides
+and theory are run first; `-D run_pages=0` leaves that out.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from geoerr import __version__
 
-sys.path.insert(0, str(Path(__file__).with_name("extensions")))
+sys.path[:0] = [str(Path(__file__).with_name("extensions")), str(Path(__file__).parent)]
 
 project = "geoerr"
 author = "the authors of geoerr"
@@ -26,6 +27,7 @@ extensions = [
     "docstrings",
     "mathml",
     "navigation",
+    "run_pages",
 ]
 root_doc = "docs/README"
 # Named one by one: a clone also holds a virtual environment, builds, and results of examples.

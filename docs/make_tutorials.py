@@ -10,20 +10,23 @@ are the project's:
 What a block prints stands in a block of text after it. A command that is refused stands below
 `<!-- exit status 1 -->`; what only a person can do (cameras, a machine) below `<!-- not run -->`. Blocks below
 `<!-- needs GEOERR_TEST_DATA -->` run where that variable names the folder of real data, and else keep what they
-printed there. Tests run the pages too, and hold them to what they claim.
+printed there. Whoever builds the site runs the pages too (`extensions/run_pages.py`), and so do tests, and both hold
+them to what stands in them.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
 import re
 import subprocess
 import sys
 import tempfile
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 DOCS = Path(__file__).parent
 FOLDERS = ("tutorials", "guides", "theory")
@@ -33,11 +36,26 @@ _BLOCK = re.compile(
 )
 _REAL_DATA = "<!-- needs GEOERR_TEST_DATA -->"
 _COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*)$", re.MULTILINE)
+_FINGERPRINT = re.compile(r"model [0-9a-f]{12}")
+_NUMBER = re.compile(r"[−-]?\d+(?:\.\d+)?(?:e[−-]?\d+)?")
+
+
+class Difference(NamedTuple):
+    """A line of a page, from 1 on, and the line that came out in its place."""
+
+    line: int
+    there: str
+    now: str
 
 
 def pages() -> list[Path]:
     """Give all pages that run."""
     return [path for folder in FOLDERS for path in sorted((DOCS / folder).glob("*.md"))]
+
+
+def has_real_data() -> bool:
+    """Tell whether GEOERR_TEST_DATA names a folder."""
+    return Path(os.environ.get("GEOERR_TEST_DATA") or DOCS / "none").is_dir()
 
 
 def run_page(page: str, *, with_real_data: bool) -> tuple[str, dict[str, Any]]:
@@ -53,6 +71,33 @@ def run_page(page: str, *, with_real_data: bool) -> tuple[str, dict[str, Any]]:
             if real and with_real_data:
                 real = _BLOCK.sub(lambda block: _done(block, names), real)
     return own + (_REAL_DATA + real if real else ""), names
+
+
+def differences(page: str, made: str) -> list[Difference]:
+    """Tell where a page says something else than what came out; of unlike numbers of lines the first place.
+
+    Words count to the letter, numbers to 5 % or two of the last digit: other processors round otherwise.
+    """
+    # A model's fingerprint has all its digits in it.
+    there, now = (_FINGERPRINT.sub("model #", text).splitlines() for text in (page, made))
+    lines = enumerate(zip_longest(there, now, fillvalue="(the end)"), start=1)
+    found = [Difference(number, *both) for number, both in lines if not _says(*both)]
+    return found if len(there) == len(now) else found[:1]
+
+
+def _says(there: str, now: str) -> bool:
+    if _NUMBER.sub("#", there).split() != _NUMBER.sub("#", now).split():
+        return False
+    return all(map(_near, _NUMBER.findall(there), _NUMBER.findall(now)))
+
+
+def _near(there: str, now: str) -> bool:
+    one, other = (float(text.replace("−", "-")) for text in (there, now))
+    # A probability far from any that matters is told by its power of ten.
+    if 0.0 < one < 1e-6 and 0.0 < other < 1e-6:
+        return math.isclose(math.log(one), math.log(other), rel_tol=0.05)
+    digits = len(there.partition("e")[0].partition(".")[2])
+    return math.isclose(one, other, rel_tol=0.05, abs_tol=2.0 * 10.0**-digits)
 
 
 def _done(block: re.Match[str], names: dict[str, Any]) -> str:
@@ -103,5 +148,5 @@ def _printed_by_commands(code: str, *, status: int) -> str:
 
 if __name__ == "__main__":
     for path in [Path(name) for name in sys.argv[1:]] or pages():
-        made, _ = run_page(path.read_text(encoding="utf-8"), with_real_data="GEOERR_TEST_DATA" in os.environ)
+        made, _ = run_page(path.read_text(encoding="utf-8"), with_real_data=has_real_data())
         path.write_text(made, encoding="utf-8")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,17 +15,30 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 @cache
-def _run(name: str) -> dict[str, Any]:
-    """Run a page once for all tests, to its end where there are real data."""
+def _maker() -> ModuleType:
     spec = importlib.util.spec_from_file_location("make_tutorials", DOCS / "make_tutorials.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    return module
+
+
+@cache
+def _made(name: str) -> tuple[str, dict[str, Any]]:
+    """Run a page once for all tests, to its end where there are real data."""
     page = (DOCS / "tutorials" / name).read_text(encoding="utf-8")
-    has_real_data = Path(os.environ.get("GEOERR_TEST_DATA") or DOCS / "none").is_dir()
-    names: dict[str, Any] = module.run_page(page, with_real_data=has_real_data)[1]
-    return names
+    made: tuple[str, dict[str, Any]] = _maker().run_page(page, with_real_data=_maker().has_real_data())
+    return made
+
+
+def _run(name: str) -> dict[str, Any]:
+    return _made(name)[1]
+
+
+def test_what_it_prints_is_what_stands_there() -> None:
+    page = (DOCS / "tutorials" / "what_is_missing.md").read_text(encoding="utf-8")
+    assert not _maker().differences(page, _made("what_is_missing.md")[0])
 
 
 def test_the_error_falls_three_times_to_the_noise() -> None:
