@@ -1,6 +1,6 @@
 """What a diagnosis costs: candidates laid out, the space of a fit, the ranking, one search; and adding a find.
 
-    python benches/python/diagnosis.py [--points 10000] [--threads 1 2] [--repeats 7]
+    python benches/python/diagnosis.py [--points 10000] [--threads 1 2] [--repeats 7] [--peers]
 
 The data are points like those of `joint_fit.py`, with passes, directions, feeds, times and three
 temperatures. Nothing is hidden in them, but where something is added. `ranking` is one look at everything: all
@@ -9,26 +9,36 @@ of noise. `search` is a whole search; on such data it is one look. `add` puts wh
 the bases that the search had, as the workbench does: the refit, and the held-out error before and after. The median
 of the repeats counts, wall and processor seconds: the latter where others use the machine too. At the end, how much
 memory it took.
+
+Accuracy: of a ranking, gains in single precision beside whitening, products and directions written out in NumPy, for
+some of the candidates; of an add, coefficients beside `scipy.optimize.least_squares` on the same residuals and
+columns, and what was hidden. `--peers` also asks LassoLarsIC, OMP, stepwise BIC and lmfit, as
+`validation/hidden_effects/peers.py` does: residual and columns are handed to them, at fewer trial values, without
+chance; two minutes and several gigabytes.
 """
 
 from __future__ import annotations
 
 import argparse
 import resource
+import sys
+import warnings
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from joint_fit import LENGTH_MM, OFFSETS_MM, STD_MM, timed
+from joint_fit import LENGTH_MM, OFFSETS_MM, STD_MM, by_scipy, difference, timed
 
-from geoerr.diagnose.candidates import Candidate, candidates_of
+from geoerr.diagnose.candidates import Candidate, Shapes, candidates_of
 from geoerr.diagnose.change import add_terms
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
-from geoerr.diagnose.scan import all_channels
+from geoerr.diagnose.scan import OWNED, Scanner, all_channels
 from geoerr.diagnose.search import Bench, look, search
+from geoerr.diagnose.space import Space
 from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, Fitted, fit_terms, result_of
@@ -42,6 +52,12 @@ FEEDS_MM_MIN = (300.0, 1000.0, 3000.0, 6000.0)
 HIDDEN = {"backlash:x": {"play_mm": 0.01}, "thermal-expansion:y@temp_bed": {"growth_per_k": 11.5e-6}}
 MACHINE = Machine("bench", "wbXYZt", {axis: Axis((0.0, LENGTH_MM)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0))
 KNOWN = catalogue()
+# What the value that was hidden is called in the model, and how it is told: unit and size.
+VALUES = {"backlash:x": ("b", "mm", 0.01), "thermal-expansion:y@temp_bed": ("alpha", "/K", 11.5e-6)}
+# Groups of columns whose gain is made in NumPy too.
+N_IN_NUMPY = 40
+# SciPy takes 3 s for 10,000 points.
+PEER_UP_TO = 10_000
 
 
 def measured(
@@ -76,9 +92,30 @@ def measured(
     return observations_from_columns(columns)
 
 
-def row(n_points: int, threads: int, step: str, seconds: tuple[float, float]) -> None:
+def row(n_points: int, threads: int, step: str, seconds: tuple[float, float], accuracy: str = "") -> None:
     """Print a row."""
-    print(f"| {n_points} | {threads} | {step} | {seconds[0]:.3f} | {seconds[1]:.3f} |", flush=True)
+    print(f"| {n_points} | {threads} | {step} | {seconds[0]:.4f} | {seconds[1]:.4f} | {accuracy} |", flush=True)
+
+
+def gain_in_numpy(space: Space, raw: npt.NDArray[np.float64]) -> float:
+    """Give by how much the sum of squares falls with columns (n, 3, k), one step after the other in NumPy."""
+    basis = space.basis.reshape(-1, space.basis.shape[2])
+    columns = space.noise.whiten(raw).reshape(len(basis), -1)
+    apart, size, _ = np.linalg.svd(columns, full_matrices=False)
+    apart = apart[:, size > 1e-6 * max(size[0], 1e-300)]
+    own, share, _ = np.linalg.svd(apart - basis @ (basis.T @ apart), full_matrices=False)
+    return float(((own[:, share**2 > OWNED].T @ space.residual.reshape(-1)) ** 2).sum())
+
+
+def off_numpy(scanner: Scanner, shapes: Sequence[Shapes]) -> float:
+    """Give the largest difference from NumPy's gain, of some groups at their best; relative for gains above 1."""
+    some = shapes[:: max(len(shapes) // N_IN_NUMPY, 1)]
+    off = []
+    for one, scanned in zip(some, scanner.scan(some), strict=True):
+        best = int(np.argmax(scanned.gain))
+        expected = gain_in_numpy(scanner.space, scanner.raw_columns(one, best))
+        off.append(abs(float(scanned.gain[best]) - expected) / max(expected, 1.0))
+    return max(off)
 
 
 def fitted_to(n_points: int, threads: int) -> Fitted:
@@ -106,7 +143,13 @@ def print_ranking(n_points: int, threads: int, repeats: int) -> None:
     bench = Bench(fitted, functions, names=all_channels(shapes), threads=threads)
     space, seconds = timed(lambda: bench.space([]), repeats)
     told("noise fitted, space whitened", seconds)
-    told("ranking of names, with what chance finds", timed(lambda: look(bench, space, candidates, []), repeats)[1])
+    _, seconds = timed(lambda: look(bench, space, candidates, []), repeats)
+    named = [one for what in candidates for one in what.shapes]
+    told(
+        "ranking of names, with what chance finds",
+        seconds,
+        f"gains within {off_numpy(bench.scanner(space), named):.0e}",
+    )
     _, seconds = timed(lambda: look(bench, space, candidates, probes), repeats)
     told("ranking of names and of what has no name, with what chance finds", seconds)
 
@@ -130,7 +173,38 @@ def print_add(n_points: int, threads: int, repeats: int, name: str) -> None:
     add = partial(
         add_terms, model, [table], [found], name, found.title, known=fitted, searched=beside, threads=threads
     )
-    row(n_points, threads, f"add {name}", timed(add, repeats)[1])
+    change, seconds = timed(add, repeats)
+    symbol, unit, hidden = VALUES[name]
+    value = change.result.model.parameter(f"{name}.{symbol}")
+    accuracy = f"{value.value:.5g} ± {value.std:.1g} {unit}, {hidden:g} hidden"
+    if threads > 1 or n_points > PEER_UP_TO:
+        row(n_points, threads, f"add {name}", seconds, accuracy)
+        return
+    coefficients, of_scipy = timed(lambda: by_scipy(change.after), 1)
+    off = f"; coefficients within {difference(change.after, coefficients):.0e} std of SciPy's"
+    row(n_points, threads, f"add {name}", seconds, accuracy + off)
+    row(n_points, threads, f"peer of add {name}: scipy least_squares", of_scipy)
+
+
+def print_peers(n_points: int) -> None:
+    """Print what general-purpose tools take to name something, columns and residual given."""
+    sys.path.insert(0, str(Path(__file__).parents[2]))
+    from validation.hidden_effects.peers import PEERS, problem_of
+
+    bench, candidates = laid_out(n_points, 1)
+    looked = look(bench, bench.space([]), candidates, [])
+    problem = problem_of(looked, bench.fitted, with_noise_model=True)
+    for name, ask in PEERS.items():
+        with warnings.catch_warnings():
+            # Paths that end early, fits that stop at their number of calls.
+            warnings.simplefilter("ignore")
+            try:
+                said, seconds = timed(partial(ask, problem), 1)
+            except ImportError:
+                print(f"{name} is not installed.", file=sys.stderr)
+                continue
+        wrongly = "right, nothing is hidden" if said is None else f"wrong, names {said}"
+        row(n_points, 1, f"peer of the ranking: {name}", seconds, wrongly)
 
 
 def main() -> None:
@@ -139,17 +213,22 @@ def main() -> None:
     parser.add_argument("--points", type=int, nargs="+", default=[10_000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument(
+        "--peers", action="store_true", help="general-purpose tools too, of the smallest number of points"
+    )
     arguments = parser.parse_args()
-    print("| points | threads | step | wall s | CPU s |\n| --- | --- | --- | --- | --- |")
+    print("| points | threads | step | wall s | CPU s | accuracy |\n| --- | --- | --- | --- | --- | --- |")
     for n_points in arguments.points:
         for threads in arguments.threads:
             print_ranking(n_points, threads, arguments.repeats)
             print_search(n_points, threads)
             for name in HIDDEN:
                 print_add(n_points, threads, arguments.repeats, name)
-    # In kilobytes.
+    # In kilobytes; before the peers.
     most_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"\nMemory, at most: {most_gb:.1f} GB, of {max(arguments.points):,} points.")
+    if arguments.peers:
+        print_peers(min(arguments.points))
+    print(f"\nMemory, at most, without peers: {most_gb:.1f} GB, of {max(arguments.points):,} points.")
 
 
 if __name__ == "__main__":
