@@ -130,6 +130,8 @@ def _printed_by_commands(code: str, *, status: int) -> str:
     shell = f'python() {{ "{sys.executable}" "$@"; }}; geoerr() {{ python -m geoerr "$@"; }}; set -o pipefail\n'
     commands = [shell + command for command in _COMMAND.findall(code)]
     environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
+    # A page is the same, however wide the window is in which it is made.
+    environment.pop("COLUMNS", None)
     printed = []
     for number, command in enumerate(commands, start=1):
         done = subprocess.run(

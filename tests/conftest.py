@@ -12,6 +12,9 @@ from hypothesis import settings
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
+# However wide the window is in which they run, lines are not folded.
+os.environ.pop("COLUMNS", None)
+
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Processes run beside each other, one for each core: threads of each would only wait for those of the others. Set
     # before NumPy is loaded and before the core makes its threads, here and in what a test starts.

@@ -160,8 +160,8 @@ def test_text_fits_the_terminal_and_says_it_in_words(folder: Path) -> None:
     result = run(folder, *SMALL, "-o", str(folder / "model.json"))
     assert result.exit_code == 0
     lines = result.stdout.splitlines()
-    assert max(map(len, lines)) <= 100
-    assert lines[0].startswith("one that nobody listed (wYbZXt): no components, 2 effects; 264 rows in 24 passes")
+    assert max(map(len, lines)) <= 80
+    assert lines[0].startswith("one that nobody listed (wYbZXt): no components, 2 effects; 264 rows in 24")
     assert any(line.startswith("residual, rms") for line in lines)
     assert "(before: the same model without the effects)" in lines
     assert any(line.startswith("what is left is noise, as far as can be told (p = ") for line in lines)

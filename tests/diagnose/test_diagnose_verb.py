@@ -15,8 +15,9 @@ from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 from typer.testing import CliRunner
 
 import geoerr
-from geoerr.cli.diagnose_text import WIDTH, diagnosis_lines
+from geoerr.cli.diagnose_text import diagnosis_lines
 from geoerr.cli.main import app
+from geoerr.cli.text_tables import WIDTH
 from geoerr.diagnose import add_effect
 from geoerr.diagnose.advice import Advice, adviser_of
 from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms

@@ -144,7 +144,7 @@ def test_the_report_says_it_in_words(states: States) -> None:
     assert "120 °C minus 20 °C" in text
     assert "EXX*T@temp: expansion alpha" in text
     assert "beyond" in text
-    assert all(len(line) <= 100 for line in text.splitlines())
+    assert all(len(line) <= 80 for line in text.splitlines())
     document = states.to_document()
     assert document["difference"]["functions"]["EXX"]["p_value"] < 1e-9
     assert len(document["left_out"]) == 3

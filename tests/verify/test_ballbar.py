@@ -324,7 +324,8 @@ def test_what_the_model_says_of_itself_is_no_proof(tmp_path):
     trace = measured_file(tmp_path / "trace.csv", machine, circle_to_test(machine))
     said = "(before and after by the model itself; a measured circle "
     alone = run_command(errors, "--report", page).stdout
-    assert f"{said}proves it: geoerr verify ballbar {errors} --trace circle.csv)" in alone
+    # A line to copy stands by itself.
+    assert f"{said}proves it)\n  geoerr verify ballbar {errors} --trace circle.csv\n" in alone
     assert "By the model itself, on a circle" in page.read_text(encoding="utf-8")
     assert "a measured circle proves the model" in page.read_text(encoding="utf-8")
     assert f"{said}is compared below)" in run_command(errors, "--trace", trace).stdout

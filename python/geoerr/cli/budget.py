@@ -9,6 +9,7 @@ import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, print_json
 from geoerr.cli.program_options import At, conditions, followed_conditions, triple
+from geoerr.cli.text_tables import say
 
 _EXAMPLES = (
     "geoerr budget model.json --at temp_bed=90 --at-std temp_bed=2",
@@ -83,7 +84,7 @@ def budget(
     if as_json:
         print_json(null_for_nan({**found.to_document(), "provenance": provenance.to_document()}))
         return
-    typer.echo(budget_text(found), nl=False)
+    say(budget_text(found).rstrip())
     if report is not None:
         note(f"report: {report}", quiet)
 

@@ -9,6 +9,7 @@ import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, print_json, session_files
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 if TYPE_CHECKING:
     from geoerr.vision.calibrate import Calibration
@@ -55,7 +56,7 @@ def calibrate_session(
         provenance = provenance_of_command([session.description_path])
         print_json({**calibration.to_document(), "provenance": provenance.to_document()})
     else:
-        typer.echo("\n".join(_report(calibration)))
+        say("\n".join(_report(calibration)))
 
 
 def _report(calibration: Calibration) -> list[str]:

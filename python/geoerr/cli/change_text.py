@@ -6,11 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import typer
-
 from geoerr.cli.fit_document import fit_document
-from geoerr.cli.fit_text import effect_rows, figure_rows, not_determined_rows, quality_in_words, wrapped
+from geoerr.cli.fit_text import effect_rows, figure_rows, not_determined_rows, quality_in_words
 from geoerr.cli.options import note, note_left_out, note_set_aside, print_json
+from geoerr.cli.text_tables import WIDTH, named_row, say, wrapped
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
 from geoerr.diagnose.error_scale import ErrorScale
@@ -19,7 +18,7 @@ from geoerr.fit.result import CALIBRATION_UNKNOWNS
 from geoerr.measurements import Measurements
 from geoerr.model import HistoryEntry, Model, write_model
 
-_BAR_WIDTH = 44
+_MOST_CELLS, _LEAST_CELLS = 44, 20
 _FULL, _HELD_OUT, _FLOOR = "█", "░", "│"
 
 
@@ -28,7 +27,7 @@ def change_text(change: Change) -> list[str]:
     after = change.after
     lines = [*figure_rows({"before": comparison_document(change.before), "after": comparison_document(after)}), ""]
     for sentence in quality_in_words(after):
-        lines += wrapped(sentence, "")
+        lines += wrapped(sentence)
     lines += effect_rows(after)
     record = change.result.model.record
     assert record is not None
@@ -45,14 +44,22 @@ def fall(history: Sequence[HistoryEntry]) -> list[str]:
     errors_um = [figures[name] for _, figures in steps for name in ("rmse_um", "held_out_rmse_um")]
     noises_um = [noise for _, figures in steps if math.isfinite(noise := _noise_um(figures))]
     scale = ErrorScale.of(errors_um, noises_um[-1] if noises_um else None)
-    width = max(len(name) for name, _ in steps)
+    texts = [_of_a_step(figures) for _, figures in steps]
+    names, behind = (max(map(len, column)) for column in ([name for name, _ in steps], texts))
+    # Indent, two spaces behind a name and one before the figures; the bar's own end has a cell.
+    width = min(names, WIDTH - 6 - behind - _LEAST_CELLS)
+    cells = min(WIDTH - 6 - behind - width, _MOST_CELLS)
     axis = ", logarithmic from the noise" if scale.is_logarithmic else ""
-    lines = [f"the error, µm{axis} ({_FULL} residual rms, {_HELD_OUT} held out, {_FLOOR} noise):"]
-    for name, figures in steps:
-        inside, held = figures["rmse_um"], figures["held_out_rmse_um"]
-        text = f"{inside:.2f}" + (f", held out {held:.2f}" if math.isfinite(held) else "")
-        lines.append(f"  {name:<{width}}  {_bar(inside, held, _noise_um(figures), scale)} {text}")
+    lines = wrapped(f"the error, µm{axis} ({_FULL} residual rms, {_HELD_OUT} held out, {_FLOOR} noise):")
+    for (name, figures), text in zip(steps, texts, strict=True):
+        bar = _bar(figures["rmse_um"], figures["held_out_rmse_um"], _noise_um(figures), scale, cells)
+        lines += named_row(name, width + 2, f"{bar} {text}", "  ")
     return lines
+
+
+def _of_a_step(figures: Mapping[str, float]) -> str:
+    held = figures["held_out_rmse_um"]
+    return f"{figures['rmse_um']:.2f}" + (f", held out {held:.2f}" if math.isfinite(held) else "")
 
 
 def _noise_um(figures: Mapping[str, float]) -> float:
@@ -60,15 +67,15 @@ def _noise_um(figures: Mapping[str, float]) -> float:
     return floor_um if math.isfinite(floor_um) else figures["noise_um"]
 
 
-def _bar(inside: float, held: float, noise: float, scale: ErrorScale) -> str:
+def _bar(inside: float, held: float, noise: float, scale: ErrorScale, width: int) -> str:
     def cells(value: float) -> int:
-        return round(_BAR_WIDTH * scale.share(value)) if math.isfinite(value) else 0
+        return round(width * scale.share(value)) if math.isfinite(value) else 0
 
     bar = [_FULL] * cells(inside)
     bar += [_HELD_OUT] * max(cells(held) - len(bar), 0)
-    bar += [" "] * (_BAR_WIDTH + 1 - len(bar))
+    bar += [" "] * (width + 1 - len(bar))
     if math.isfinite(noise) and 0.0 < noise <= scale.largest_um:
-        bar[min(cells(noise), _BAR_WIDTH)] = _FLOOR
+        bar[min(cells(noise), width)] = _FLOOR
     return "".join(bar)
 
 
@@ -110,7 +117,7 @@ def report_change(
         print_json(null_for_nan(fit_document(change.result, change.before, output, inputs, measured.set_aside)))
         return
     for line in change_text(change):
-        typer.echo(line)
+        say(line)
     note_set_aside(measured.set_aside, quiet)
     note_left_out(change.after.sightings, quiet)
     if output is not None:

@@ -23,6 +23,7 @@ from geoerr.cli.options import (
     print_result,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 _EXAMPLES = (
     "geoerr compare model.json observations.csv",
@@ -93,7 +94,7 @@ def compare_verb(
         print_result(document, report=report, set_aside=measured.set_aside, provenance=provenance)
         return
     for line in comparison_lines(comparison, document, places_of(comparison, measured)):
-        typer.echo(line)
+        say(line)
     print_notes(comparison, measured, quiet)
     if report is not None:
         note(f"report: {report}", quiet)

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from geoerr.cli.fit_text import figure_rows, quality_in_words, wrapped
+from geoerr.cli.fit_text import figure_rows, quality_in_words
 from geoerr.cli.options import note, note_left_out, note_set_aside
+from geoerr.cli.text_tables import named_row, wrapped
 from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
 from geoerr.diagnose.labels import variable_meaning
 from geoerr.diagnose.regions import region_name
@@ -45,13 +46,13 @@ def comparison_lines(comparison: Comparison, document: Mapping[str, Any], places
         Where the worst rows stand, by number of the row.
     """
     machine = comparison.model.machine
-    lines = [f"{machine.name} ({machine.chain}): {_data_in_words(comparison)}"]
+    lines = wrapped(f"{machine.name} ({machine.chain}): {_data_in_words(comparison)}")
     fitted = comparison.fitted
     if fitted is not None:
-        lines += [*wrapped(_MEANINGS[comparison.freedom], ""), "", *figure_rows({"": document})]
+        lines += [*wrapped(_MEANINGS[comparison.freedom]), "", *figure_rows({"": document})]
         lines += [*_expected(comparison), *_set_up(comparison), ""]
         for sentence in _quality(comparison):
-            lines += wrapped(sentence, "")
+            lines += wrapped(sentence)
         lines += _part_table("by line, worst first", comparison.by_line, is_sorted=True)
         lines += _part_table("by direction of approach", comparison.by_direction)
         lines += _part_table("by what carries the target", comparison.by_carrier)
@@ -113,10 +114,10 @@ def _part_table(title: str, parts: Sequence[Part], *, is_sorted: bool = False) -
         return
     ordered = sorted(parts, key=lambda part: -(part.rmse_um or 0.0)) if is_sorted else parts
     yield ""
-    yield f"{title + ', µm':<30}{'rms':>9}{'rows':>8}   mean"
+    yield f"{title + ', µm':<30}{'rms':>9}{'rows':>8}  mean"
     for part in ordered[:_MOST_LINES]:
         figure = "–" if part.rmse_um is None else f"{part.rmse_um:.2f}"
-        yield f"  {_short(part.name, 27):<28}{figure:>9}{part.figures.n:>8}   {_means(part.mean_um)}"
+        yield f"  {_short(part.name, 27):<28}{figure:>9}{part.figures.n:>8}  {_means(part.mean_um)}"
     if len(ordered) > _MOST_LINES:
         yield f"  and {len(ordered) - _MOST_LINES} more"
 
@@ -127,9 +128,10 @@ def _region_table(regions: Sequence[Region]) -> Iterator[str]:
         return
     worst = sorted(held, key=lambda region: -(region.rmse_um or 0.0))
     yield ""
-    yield f"{'by region, worst first, µm':<46}{'rms':>9}{'rows':>8}   mean"
+    yield f"{'by region, worst first, µm':<30}{'rms':>9}{'rows':>8}  mean"
     for region in worst[:_MOST_REGIONS]:
-        yield f"  {region_name(region):<44}{region.rmse_um:>9.2f}{region.n:>8}   {_means(region.mean_um)}"
+        figures = f"{region.rmse_um:>9.2f}{region.n:>8}  {_means(region.mean_um)}"
+        yield from named_row(region_name(region), 28, figures, "  ")
     rest = [f"{len(worst) - _MOST_REGIONS} more"] if len(worst) > _MOST_REGIONS else []
     if len(held) < len(regions):
         rest.append(f"nothing measured in {len(regions) - len(held)} of {len(regions)}")
@@ -150,10 +152,13 @@ def _trend_tables(comparison: Comparison) -> Iterator[str]:
         yield "the residual follows nothing in these data by more than a tenth of itself"
         return
     behind = ", pixels last" if any(trend.variable in PIXELS for trend in comparison.trends) else ""
-    yield f"what the residual follows (mean ± standard error of its bins, µm), the largest first{behind}:"
+    yield from wrapped(
+        f"what the residual follows (mean ± standard error of its bins, µm), the largest first{behind}:"
+    )
     for trend in shown[:_MOST_TRENDS]:
         what = "radius" if trend.component == "radius" else f"along {trend.component}"
-        yield f"  {what} over {trend.variable} ({variable_meaning(trend.variable)}): worth {trend.worth_um:.2f} µm"
+        over = f"{what} over {trend.variable} ({variable_meaning(trend.variable)})"
+        yield from wrapped(f"{over}: worth {trend.worth_um:.2f} µm", "  ")
         for one in trend.bins:
             span = f"{one.low:.6g}" if one.low == one.high else f"{one.low:.6g} to {one.high:.6g}"
             error = "–" if math.isnan(one.std_error_um) else f"{one.std_error_um:.2f}"
@@ -163,7 +168,7 @@ def _trend_tables(comparison: Comparison) -> Iterator[str]:
         for trend in shown[_MOST_TRENDS:]
     ]
     if rest:
-        yield from wrapped(f"then, in µm: {'; '.join(rest[:_MOST_LINES])}")
+        yield from wrapped(f"then, in µm: {'; '.join(rest[:_MOST_LINES])}", "  ")
 
 
 def _is_same(one: Trend, other: Trend) -> bool:
@@ -189,12 +194,12 @@ def _named(comparison: Comparison, rows: Sequence[int], places: Mapping[int, str
             )
         name = f"line {lines[row]}, " if lines[row] else ""
         text = f"{places.get(row, f'row {row + 1}')}: {name}at ({at}) mm, {off}"
-        yield from (line.replace("\u00a0", " ") for line in wrapped(text))
+        yield from wrapped(text, "  ")
 
 
 def _lengths(lengths: LengthComparison) -> Iterator[str]:
     yield ""
-    yield f"{'lengths, figures in µm':<44}"
+    yield "lengths, figures in µm"
     yield f"{'residual, rms':<44}{lengths.rms_um:>12.2f}"
     floor = "–" if lengths.noise_floor_um is None else f"{lengths.noise_floor_um:.2f}"
     yield f"{'noise floor (what repeats scatter)':<44}{floor:>12}"

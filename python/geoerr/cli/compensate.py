@@ -24,6 +24,7 @@ from geoerr.cli.program_options import (
     triple,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def compensate(
     elif str(output) == "-":
         note(_report(result), quiet)
     else:
-        typer.echo(_report(result))
+        say(_report(result))
 
 
 def _report(result: CompensationResult) -> str:

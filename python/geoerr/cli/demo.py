@@ -40,7 +40,7 @@ def demo(
 
     Leaves plan, pictures, rig.json, observations.csv, errors.json, both programs and report.html in DIRECTORY.
     """
-    from geoerr.cli.text_tables import print_table
+    from geoerr.cli.text_tables import print_table, say
     from geoerr.demo.job import run_demo
     from geoerr.demo.summary import sentences, write_demo_report
     from geoerr.report.error_tables import error_function_table, squareness_table
@@ -65,12 +65,12 @@ def demo(
         error_function_table(result.errors, result.truth.errors),
         squareness_table(result.errors, result.truth.errors),
     ):
-        typer.echo("")
+        say("")
         print_table(table.header, table.rows, n_text_columns=3)
-    typer.echo("")
+    say("")
     for sentence in sentences(result):
-        typer.echo(f"- {sentence}")
-    typer.echo(f"\nReport: {report}")
+        say(f"- {sentence}")
+    say(f"\nReport: {report}")
 
 
 def _document(result: DemoResult, report: Path) -> dict[str, object]:

@@ -28,6 +28,7 @@ from geoerr.cli.options import (
     print_result,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 if TYPE_CHECKING:
     from geoerr.diagnose.circles import CircleDiagnosis
@@ -126,7 +127,7 @@ def diagnose_verb(
             fit_first = f"geoerr fit {tables} --machine {model}{options} -o model.json"
         lines = diagnosis_lines(diagnosis, command, options, fit_first=fit_first, verbose=verbose)
     for line in lines:
-        typer.echo(line)
+        say(line)
     note_set_aside(measured.set_aside, quiet)
     note_left_out(diagnosis.fitted.sightings, quiet)
     if report is not None:

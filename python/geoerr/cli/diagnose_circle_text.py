@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from geoerr.cli.diagnose_text import alias_lines, narrow, not_offered_lines, remedy_lines
+from geoerr.cli.diagnose_text import alias_lines, not_offered_lines, remedy_lines
+from geoerr.cli.text_tables import named_row, wrapped
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
 from geoerr.diagnose.words import chance_words, um_words
 from geoerr.summaries import capitalised, counted
@@ -18,28 +19,28 @@ def circle_diagnosis_lines(
 ) -> Iterator[str]:
     """Give everything that the verb prints; parameters as for `diagnosis_lines`."""
     machine = diagnosis.fitted.machine
-    yield from narrow(f"{machine.name} ({machine.chain}): {counted(len(diagnosis.runs), 'circular run')}")
+    yield from wrapped(f"{machine.name} ({machine.chain}): {counted(len(diagnosis.runs), 'circular run')}")
     yield ""
     sentence = diagnosis.sentence
-    yield from narrow(f"{capitalised(sentence)}.")
+    yield from wrapped(f"{capitalised(sentence)}.")
     shares = diagnosis.shares
-    yield from narrow(
+    yield from wrapped(
         f"of the trace {um_words(shares.total**0.5)} rms: causes {um_words(shares.explained**0.5)}, "
         f"unexplained {um_words(shares.rest**0.5)} ({shares.percent_unexplained:.0f} % of what is more than noise), "
         f"noise {um_words(diagnosis.noise_um)}"
     )
     if diagnosis.found or diagnosis.unknown is not None:
-        yield from narrow(f"that nothing is missing: {chance_words(diagnosis.p_value)}")
+        yield from wrapped(f"that nothing is missing: {chance_words(diagnosis.p_value)}")
     for number, cause in enumerate(diagnosis.ranked, start=1):
         yield ""
         yield from _cause(cause, f"{number}. ")
     if diagnosis.unknown is not None:
         yield ""
-        yield from narrow(f"unknown: {diagnosis.unknown.words()}")
+        yield from wrapped(f"unknown: {diagnosis.unknown.words()}")
     yield from _others(diagnosis, verbose=verbose)
     yield from _runs(diagnosis)
     for text in diagnosis.notes:
-        yield from narrow(f"note: {text}")
+        yield from wrapped(f"note: {text}")
     yield from not_offered_lines(diagnosis.not_offered, verbose=verbose)
     if diagnosis.ranked:
         yield ""
@@ -49,14 +50,14 @@ def circle_diagnosis_lines(
 
 def _cause(cause: Cause, number: str) -> Iterator[str]:
     share = "" if cause.percent is None else f", {cause.percent:.0f} %".replace("-", "−")
-    yield from narrow(f"{number}{cause.reference}{share}: {cause.effect.title}")
+    yield from wrapped(f"{number}{cause.reference}{share}: {cause.effect.title}")
     for reading in cause.readings:
-        yield from narrow(reading.words().replace("-", "−"), "    ")
-    yield from narrow(cause.worth_words, "    ")
+        yield from wrapped(reading.words().replace("-", "−"), "    ")
+    yield from wrapped(cause.worth_words, "    ")
     yield from remedy_lines(cause, "the measuring device")
     yield from alias_lines(cause)
     if cause.separate_by is not None:
-        yield from narrow(f"these runs cannot tell it apart; what would: {cause.separate_by.words}", "    ")
+        yield from wrapped(f"these runs cannot tell it apart; what would: {cause.separate_by.words}", "    ")
 
 
 def _others(diagnosis: CircleDiagnosis, *, verbose: bool) -> Iterator[str]:
@@ -67,9 +68,9 @@ def _others(diagnosis: CircleDiagnosis, *, verbose: bool) -> Iterator[str]:
     yield ""
     yield f"{'looked at and left, best first':<{_NAME_WIDTH}}{'worth':>11}{'p':>9}"
     for cause in others if verbose else others[:_MOST_OTHERS]:
-        tied = "   cannot be told from the first" if cause.tied else ""
+        tied = "  not told from the first" if cause.tied else ""
         name, worth = str(cause.reference), um_words(cause.worth_um)
-        yield f"  {name:<{_NAME_WIDTH - 2}}{worth:>11}{cause.p_value:>9.1g}{tied}"
+        yield from named_row(name, _NAME_WIDTH - 2, f"{worth:>11}{cause.p_value:>9.1g}{tied}", "  ")
     if not verbose and len(others) > _MOST_OTHERS:
         yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
 

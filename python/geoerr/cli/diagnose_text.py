@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from geoerr.cli.text_tables import named_row, wrapped
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Finding, Named, Unknown
 from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.fit.empirical import Curve
 from geoerr.summaries import by_reason, capitalised, counted, listed
 
-WIDTH = 80
 _MEANINGS = {
     "own": "the model was fitted to these data: its own numbers take part",
     "refit": "the model's numbers are fitted to these data (--refit)",
@@ -48,12 +47,12 @@ def diagnosis_lines(
     yield from _data(diagnosis)
     yield ""
     for text in diagnosis.notes:
-        yield from narrow(f"note: {text}")
+        yield from wrapped(f"note: {text}")
     if fit_first is not None:
         yield from ("to fit them first:", f"  {fit_first}")
     if diagnosis.notes:
         yield ""
-    yield from narrow(f"{capitalised(diagnosis.sentence)}.")
+    yield from wrapped(f"{capitalised(diagnosis.sentence)}.")
     yield from _figures(diagnosis)
     drifts_most = diagnosis.between_passes.worth_um > max((one.worth_um for one in diagnosis.found), default=0.0)
     if drifts_most:
@@ -76,16 +75,16 @@ def _between_passes(diagnosis: Diagnosis) -> Iterator[str]:
     """Say what does not come back from pass to pass, where that is more than rows scatter."""
     if diagnosis.between_passes.stands_out:
         yield ""
-        yield from narrow(diagnosis.between_passes.words())
+        yield from wrapped(diagnosis.between_passes.words())
 
 
 def _data(diagnosis: Diagnosis) -> Iterator[str]:
     sightings = diagnosis.fitted.sightings
     machine = diagnosis.fitted.machine
     rows = f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')}"
-    yield from narrow(f"{machine.name} ({machine.chain}): {rows}")
+    yield from wrapped(f"{machine.name} ({machine.chain}): {rows}")
     if diagnosis.comparison is not None:
-        yield from narrow(_MEANINGS[diagnosis.comparison.freedom])
+        yield from wrapped(_MEANINGS[diagnosis.comparison.freedom])
 
 
 def _figures(diagnosis: Diagnosis) -> Iterator[str]:
@@ -96,45 +95,45 @@ def _figures(diagnosis: Diagnosis) -> Iterator[str]:
         texts.append(f"noise floor {um_words(floor)} (what repeats scatter)")
     elif noise is not None:
         texts.append(f"noise {um_words(noise)} as stated")
-    yield from narrow(f"error now: {', '.join(texts)}")
+    yield from wrapped(f"error now: {', '.join(texts)}")
     if diagnosis.found or diagnosis.unknown is not None:
-        yield from narrow(f"that nothing is missing: {chance_words(diagnosis.p_value)}")
+        yield from wrapped(f"that nothing is missing: {chance_words(diagnosis.p_value)}")
 
 
 def _finding(finding: Finding, number: str) -> Iterator[str]:
     whose = ", of the cameras" if finding.is_rig else ""
-    yield from narrow(f"{number}{finding.reference}{whose}: {finding.effect.title}")
+    yield from wrapped(f"{number}{finding.reference}{whose}: {finding.effect.title}")
     for text in finding.value_words:
-        yield from narrow(text, "    ")
-    yield from narrow(f"worth {um_words(finding.worth_um)} rms, {finding.where.words()}", "    ")
+        yield from wrapped(text, "    ")
+    yield from wrapped(f"worth {um_words(finding.worth_um)} rms, {finding.where.words()}", "    ")
     if finding.held_out_words is not None:
-        yield from narrow(finding.held_out_words, "    ")
+        yield from wrapped(finding.held_out_words, "    ")
     yield from remedy_lines(finding, "the cameras")
     if finding.left_because is not None:
-        yield from narrow(f"left: {finding.left_because}", "    ")
+        yield from wrapped(f"left: {finding.left_because}", "    ")
     if finding.in_model:
-        yield from narrow("the model has it with another value: fit it to these data (--refit)", "    ")
+        yield from wrapped("the model has it with another value: fit it to these data (--refit)", "    ")
     if not finding.tied:
         yield from alias_lines(finding)
 
 
 def remedy_lines(named: Named, device: str) -> Iterator[str]:
     """Say how sure an effect is, what causes it and what to do; `device` is what an effect of the rig is of."""
-    yield from narrow(sure_words(named.p_value), "    ")
+    yield from wrapped(sure_words(named.p_value), "    ")
     # A user's own effect need not say either.
     if named.effect.cause:
-        yield from narrow(f"cause: {named.effect.cause}", "    ")
+        yield from wrapped(f"cause: {named.effect.cause}", "    ")
     if named.effect.remedy:
-        yield from narrow(f"to do: {named.effect.remedy}", "    ")
+        yield from wrapped(f"to do: {named.effect.remedy}", "    ")
     if named.is_rig:
-        yield from narrow(f"an error of {device} is explained, and never compensated in a program", "    ")
+        yield from wrapped(f"an error of {device} is explained, and never compensated in a program", "    ")
 
 
 def alias_lines(named: Named) -> Iterator[str]:
     """Name what an effect looks like."""
     if named.aliases:
         names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in named.aliases[:_MOST_OTHERS]]
-        yield from narrow(f"looks like (correlation): {', '.join(names)}", "    ")
+        yield from wrapped(f"looks like (correlation): {', '.join(names)}", "    ")
 
 
 def _tied(diagnosis: Diagnosis) -> Iterator[str]:
@@ -142,33 +141,33 @@ def _tied(diagnosis: Diagnosis) -> Iterator[str]:
     if not rivals:
         return
     yield ""
-    yield from narrow("these data cannot tell it from:")
+    yield from wrapped("these data cannot tell it from:")
     for rival in rivals:
-        yield from narrow(f"{rival.reference}: {rival.effect.title}{rival.others_words}", "  ")
-        yield from narrow("; ".join(rival.value_words), "    ")
+        yield from wrapped(f"{rival.reference}: {rival.effect.title}{rival.others_words}", "  ")
+        yield from wrapped("; ".join(rival.value_words), "    ")
         after = "" if rival.held_out_words is None else f", {rival.held_out_words}"
-        yield from narrow(f"worth {um_words(rival.worth_um)} rms{after}", "    ")
+        yield from wrapped(f"worth {um_words(rival.worth_um)} rms{after}", "    ")
     separations = dict.fromkeys(one.separate_by for one in rivals if one.separate_by is not None)
     for separation in separations:
         would = "" if separation.plan is None else "what would: "
-        yield from narrow(f"{would}{separation.words}", "  ")
+        yield from wrapped(f"{would}{separation.words}", "  ")
 
 
 def _unknown(unknown: Unknown) -> Iterator[str]:
     yield ""
-    yield from narrow(
+    yield from wrapped(
         f"unknown: acts along {unknown.component}, depends on {listed(unknown.depends_on)}, "
         f"worth {um_words(unknown.worth_um)} rms"
     )
-    yield from narrow(unknown.where.words(), "    ")
+    yield from wrapped(unknown.where.words(), "    ")
     if unknown.shape is not None:
-        yield from narrow(f"shape: it {unknown.shape}", "    ")
-    yield from narrow(sure_words(unknown.p_value), "    ")
+        yield from wrapped(f"shape: it {unknown.shape}", "    ")
+    yield from wrapped(sure_words(unknown.p_value), "    ")
     held = unknown.held_out
     if held is not None and held.before_um is not None and held.after_um is not None:
-        yield from narrow(f"as a {unknown.form}: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
+        yield from wrapped(f"as a {unknown.form}: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
     if unknown.is_the_models_own:
-        yield from narrow("one position alone: the model's error functions are too stiff here", "    ")
+        yield from wrapped("one position alone: the model's error functions are too stiff here", "    ")
     if unknown.curve is not None:
         yield from _curve(unknown.curve)
 
@@ -221,14 +220,11 @@ def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
     for finding in others[:_MOST_OTHERS]:
         held = finding.held_out_words or ""
         worth, p_value = um_words(finding.worth_um), f"{finding.p_value:.1g}"
-        name = str(finding.reference)
-        if len(name) > _NAME_WIDTH - 4:
-            yield f"  {name}"
-            name = ""
-        yield f"  {name:<{_NAME_WIDTH - 2}}{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}".rstrip()
+        figures = f"{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}"
+        yield from named_row(str(finding.reference), _NAME_WIDTH - 2, figures, "  ")
     reasons = [(str(one.reference), one.left_because) for one in others[:_MOST_OTHERS] if one.left_because]
     for why, names in by_reason(reasons).items():
-        yield from narrow(f"{', '.join(names)}: {why}", "  ")
+        yield from wrapped(f"{', '.join(names)}: {why}", "  ")
     if len(others) > _MOST_OTHERS:
         yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
 
@@ -242,7 +238,7 @@ def not_offered_lines(not_offered: Sequence[tuple[str, str]], *, verbose: bool) 
     ordered = sorted(by_reason(not_offered).items(), key=lambda item: -len(item[1]))
     for why, names in ordered if verbose else ordered[:_MOST_REASONS]:
         shown = names if verbose or len(names) <= _MOST_EFFECTS else [*names[:_MOST_EFFECTS], "..."]
-        yield from narrow(f"{', '.join(shown)}: {why}", "  ")
+        yield from wrapped(f"{', '.join(shown)}: {why}", "  ")
     if not verbose and len(ordered) > _MOST_REASONS:
         yield f"  and {counted(len(ordered) - _MOST_REASONS, 'more reason')} (--verbose)"
 
@@ -259,15 +255,6 @@ def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
     yield title
     # A line to copy is not broken.
     yield f"  {command} {reference}{options} -o model2.json"
-
-
-def narrow(text: str, indent: str = "") -> list[str]:
-    """Break a sentence into lines of eighty columns, the first indented, the next ones more."""
-    # A number stays with its sign, its error and its unit.
-    for tied in (" µm", " mm", " ± ", " = "):
-        text = text.replace(tied, tied.replace(" ", "\u00a0"))
-    lines = textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False)
-    return [line.replace("\u00a0", " ") for line in lines]
 
 
 def _plain(value: float) -> str:

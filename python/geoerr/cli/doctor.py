@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, print_json
+from geoerr.cli.text_tables import say
 
 if TYPE_CHECKING:
     from geoerr.cli.doctor_checks import Check
@@ -57,9 +58,9 @@ def doctor(
     else:
         for check in (*installed, *read):
             if check.state != "ok" or not quiet:
-                typer.echo("\n".join(_lines(check)))
+                say("\n".join(_lines(check)))
         if not quiet:
-            typer.echo(f"\nwrong: {len(wrong)}" if wrong else "\nnothing is wrong")
+            say(f"\nwrong: {len(wrong)}" if wrong else "\nnothing is wrong")
     if wrong:
         raise typer.Exit(1)
 

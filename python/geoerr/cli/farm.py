@@ -24,6 +24,7 @@ from geoerr.cli.program_options import (
     triple,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 from geoerr.errors import GeoerrError
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def farm(
         print_json({"output": str(output), **done.to_document(), "provenance": provenance.to_document()})
     else:
         for line in _lines(done):
-            typer.echo(line)
+            say(line)
         note(f"results: {output}", quiet)
     if done.failures:
         raise typer.Exit(1)

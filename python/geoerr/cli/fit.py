@@ -25,6 +25,7 @@ from geoerr.cli.options import (
     print_json,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 
 class ComponentsChoice(StrEnum):
@@ -116,7 +117,7 @@ def fit(
         print_json(null_for_nan(document))
         return
     for line in outcome_lines(outcome, components.value):
-        typer.echo(line)
+        say(line)
     print_notes(outcome, rig, quiet)
     if output is not None:
         note(f"model: {output}", quiet)

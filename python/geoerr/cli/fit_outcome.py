@@ -13,9 +13,9 @@ from geoerr.cli.fit_text import (
     not_determined_rows,
     quality_in_words,
     scale_sentence,
-    wrapped,
 )
 from geoerr.cli.options import note, note_left_out, note_set_aside
+from geoerr.cli.text_tables import wrapped
 from geoerr.diagnose.document import comparison_document
 from geoerr.error_functions import ALL_NAMES
 from geoerr.fit import Components, FitResult
@@ -65,17 +65,19 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
     """Give everything that the verb prints."""
     result, fitted = outcome.result, outcome.result.fitted
     machine = fitted.machine
-    lines = [
+    lines = wrapped(
         f"{machine.name} ({machine.chain}): {'no' if components == 'none' else components} components, "
         f"{counted(outcome.n_added, 'effect')}; {counted(len(fitted.sightings), 'row')} in "
-        f"{counted(fitted.sightings.n_passes, 'pass')}, {counted(fitted.n_parameters, 'parameter')}",
+        f"{counted(fitted.sightings.n_passes, 'pass')}, {counted(fitted.n_parameters, 'parameter')}"
+    )
+    lines += [
         "",
         *figure_rows({"before": comparison_document(result.before), "after": comparison_document(fitted)}),
         f"(before: {outcome.meaning_of_before})",
         "",
     ]
     for sentence in quality_in_words(fitted):
-        lines += wrapped(sentence, "")
+        lines += wrapped(sentence)
     lines += effect_rows(fitted)
     classic = {iso_name(term.id) for term in fitted.terms if term.kind == "classic"}
     if classic:
@@ -83,7 +85,7 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
         lines += ["", *error_rows(result.model.error_functions(), shown, freedom_of(fitted), "fitted as")]
         scales = scale_sentence(result.model.mean_scales())
         if scales is not None:
-            lines += wrapped(scales, "")
+            lines += wrapped(scales)
     record = result.model.record
     assert record is not None
     if record.not_determined:
@@ -97,7 +99,9 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
                 f"{entry.figures_before[name]:.2f} to {entry.figures_after[name]:.2f}"
                 for name in ("rmse_um", "held_out_rmse_um")
             ]
-            lines += wrapped(f"{number}. {entry.action} {entry.reference}: {', '.join(figures)}".replace("nan", "–"))
+            lines += wrapped(
+                f"{number}. {entry.action} {entry.reference}: {', '.join(figures)}".replace("nan", "–"), "  "
+            )
     return lines
 
 
@@ -107,7 +111,7 @@ def _outlier_lines(outcome: FitOutcome) -> list[str]:
     for outlier, place in list(zip(outliers, outlier_places(outcome), strict=True))[:_MOST_OUTLIERS_NAMED]:
         at = ", ".join(f"{value:g}" for value in outlier.commanded_mm)
         size = ", ".join(f"{value:.0f}" for value in outlier.residual_um)
-        lines += wrapped(f"{place}: " + f"at ({at}) mm, off by ({size}) µm".replace("-", "−"))
+        lines += wrapped(f"{place}: " + f"at ({at}) mm, off by ({size}) µm".replace("-", "−"), "  ")
     if len(outliers) > _MOST_OUTLIERS_NAMED:
         lines.append(f"  and {len(outliers) - _MOST_OUTLIERS_NAMED} more")
     return lines

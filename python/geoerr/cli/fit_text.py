@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from geoerr.cli.text_tables import WIDTH, wrapped
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.words import alike_words, bounded_value_words, plausibility_words
 from geoerr.error_functions import (
@@ -29,7 +29,6 @@ from geoerr.model.fit_words import FAR_BELOW_STATED, far_below_stated_words, lac
 from geoerr.summaries import by_reason
 from geoerr.terms import Term
 
-WIDTH = 96
 _MICRO = 1e6
 _UM_PER_MM = 1e3
 _KINDS = {"bspline": "spline", "fourier": "waves", "linear": "linear elements", "quadratic": "quadratic elements"}
@@ -43,11 +42,6 @@ _FIGURES = {
 }
 _ALWAYS_SHOWN = ("held_out_rmse_um", "noise_floor_um")
 # Units in which a linear coefficient is read.
-
-
-def wrapped(text: str, indent: str = "  ") -> list[str]:
-    """Break a sentence into lines, the first indented, the next ones more."""
-    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False)
 
 
 def freedom_of(fitted: Fitted) -> dict[str, str]:
@@ -77,13 +71,15 @@ def error_rows(errors: ErrorFunctions, names: Iterable[str], last: Mapping[str, 
     title
         Of that column.
     """
-    yield f"{'ISO':<6}{'Li':<8}{'from':>10}{'to':>10}{'peak-to-peak':>15}{'typical ±':>14}   {title}"
+    yield f"{'ISO':<5}{'Li':<6}{'from':>8}{'to':>8}{'peak-to-peak':>14}{'typ. ±':>8}  {title}"
     for name in names:
-        yield _error_row(errors, name, last.get(name, "")).rstrip()
+        row = _error_row(errors, name, last.get(name, ""))
+        # What it is over stands below where an axis has long numbers.
+        yield from [row.rstrip()] if len(row) <= WIDTH else wrapped(row)
 
 
 def _error_row(errors: ErrorFunctions, name: str, last: str) -> str:
-    head = f"{name:<6}{LI_NAMES[name]:<8}"
+    head = f"{name:<5}{LI_NAMES[name]:<6}"
     unit, factor = ("µrad", _MICRO) if is_angular(name) else ("µm", _UM_PER_MM)
     table = errors.functions.get(name)
     if table is not None:
@@ -93,22 +89,22 @@ def _error_row(errors: ErrorFunctions, name: str, last: str) -> str:
             last or f"{name[2].lower()} {table.position_mm[0]:g} to {table.position_mm[-1]:g} mm, {len(value)} points"
         )
         peak = f"{high - low:.1f} {unit}"
-        return f"{head}{low:>10.1f}{high:>10.1f}{peak:>15}{_typical(table, factor, unit):>14}   {place}"
+        return f"{head}{low:>8.1f}{high:>8.1f}{peak:>14}{_typical(table, factor):>8}  {place}"
     one = errors.squareness.get(name)
     if one is not None:
-        return f"{head}{one.value_rad * factor:>10.1f}{'':>10}{unit:>15}{_uncertainty(one, factor, unit):>14}"
-    return f"{head}{'–':>10}{'–':>10}{'not determined':>15}"
+        return f"{head}{one.value_rad * factor:>8.1f}{'':>8}{unit:>14}{_uncertainty(one, factor):>8}"
+    return f"{head}{'–':>8}{'–':>8}{'':>2}not determined"
 
 
-def _typical(table: ErrorFunction, factor: float, unit: str) -> str:
+def _typical(table: ErrorFunction, factor: float) -> str:
     """Root mean square of the standard uncertainties (the first point, 0 by convention, left out)."""
     if table.std is None or len(table.std) < 2 or not np.isfinite(table.std).all():
         return "–"
-    return f"{float(np.sqrt(np.mean(table.std[1:] ** 2))) * factor:.1f} {unit}"
+    return f"{float(np.sqrt(np.mean(table.std[1:] ** 2))) * factor:.1f}"
 
 
-def _uncertainty(one: Squareness, factor: float, unit: str) -> str:
-    return "–" if one.std_rad is None or not math.isfinite(one.std_rad) else f"{one.std_rad * factor:.1f} {unit}"
+def _uncertainty(one: Squareness, factor: float) -> str:
+    return "–" if one.std_rad is None or not math.isfinite(one.std_rad) else f"{one.std_rad * factor:.1f}"
 
 
 def figure_rows(columns: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
@@ -133,7 +129,7 @@ def figure_rows(columns: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _figure_row(name: str, cells: Sequence[str]) -> str:
-    return f"{name:<44}" + "".join(f"{cell:>12}" for cell in cells)
+    return (f"{name:<44}" + "".join(f"{cell:>12}" for cell in cells)).rstrip()
 
 
 def _figure(value: float | None) -> str:
@@ -190,7 +186,7 @@ def effect_rows(fitted: Fitted) -> Iterator[str]:
 def _parameter_rows(term: Term, fitted: Fitted) -> Iterator[str]:
     """Give a term's parameters: a moment on the clock of all sessions by its session, a period with those alike."""
     moments, alike = moments_of(term, fitted.sightings), other_periods(fitted, term)
-    yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""))
+    yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""), "  ")
     for parameter in (*term.coefficients, *term.inner):
         moment = moments.get(parameter.name)
         read = parameter if moment is None else replace(parameter, unit=moment.unit)
@@ -214,4 +210,4 @@ def not_determined_rows(items: Iterable[NotDetermined]) -> Iterator[str]:
     """Give what the data do not determine, grouped by reason."""
     with_li = {name: f"{name} ({li})" for name, li in LI_NAMES.items()}
     for why, names in by_reason((with_li.get(item.name, item.name), item.why) for item in items).items():
-        yield from wrapped(f"{', '.join(names)}: {why}")
+        yield from wrapped(f"{', '.join(names)}: {why}", "  ")

@@ -22,6 +22,7 @@ from geoerr.cli.options import (
     print_json,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 
 class Method(StrEnum):
@@ -132,7 +133,7 @@ def identify(
         )
         return
     for line in identification_lines(result):
-        typer.echo(line)
+        say(line)
     print_notes(result, table, quiet)
     if rig is None and isinstance(result, JointResult):
         note("note: the calibration's uncertainty is not included", quiet)

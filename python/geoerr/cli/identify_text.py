@@ -9,9 +9,9 @@ from geoerr.cli.fit_text import (
     not_determined_rows,
     quality_in_words,
     scale_sentence,
-    wrapped,
 )
 from geoerr.cli.options import note, note_set_aside
+from geoerr.cli.text_tables import wrapped
 from geoerr.error_functions import ALL_NAMES, LI_NAMES
 from geoerr.fit import figures_document
 from geoerr.identify import NineLineResult, TangentVerdict
@@ -26,9 +26,11 @@ def identification_lines(result: NineLineResult | JointResult) -> list[str]:
     """Give everything that the verb prints."""
     errors = result.errors
     freedom = freedom_of(result.result.fitted) if isinstance(result, JointResult) else {}
-    lines = [
+    lines = wrapped(
         f"{errors.machine.name} ({errors.machine.chain}): {len(errors.functions)} of 18 error functions and "
-        f"{len(errors.squareness)} of 3 squarenesses, method {errors.method}",
+        f"{len(errors.squareness)} of 3 squarenesses, method {errors.method}"
+    )
+    lines += [
         "",
         *error_rows(errors, ALL_NAMES, freedom, "fitted as" if freedom else "over"),
         "",
@@ -37,7 +39,8 @@ def identification_lines(result: NineLineResult | JointResult) -> list[str]:
     if result.tangent:
         lines += [
             "",
-            "direct against integrated straightness (the same where a carriage follows its guideway's tangent):",
+            "direct against integrated straightness",
+            "(the same where a carriage follows its guideway's tangent):",
         ]
         lines += [_verdict(verdict) for verdict in result.tangent]
     if errors.not_determined:
@@ -52,19 +55,18 @@ def _fit_in_words(result: JointResult) -> list[str]:
     lines = wrapped(
         f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')} and "
         f"{counted(len(sightings.sessions), 'session')}; {fitted.problem.n_columns} unknowns, of which "
-        f"{fitted.solved.solution.rank} are determined",
-        "",
+        f"{fitted.solved.solution.rank} are determined"
     )
     lines += ["", *figure_rows({"": figures_document(fitted)}), ""]
     for sentence in quality_in_words(fitted):
-        lines += wrapped(sentence, "")
+        lines += wrapped(sentence)
     scales = scale_sentence(result.result.model.mean_scales())
-    return lines + ([] if scales is None else wrapped(scales, ""))
+    return lines + ([] if scales is None else wrapped(scales))
 
 
 def _lines_in_words(result: NineLineResult) -> list[str]:
     """Name the lines that were found, by axis, and their redundancy."""
-    sentences = []
+    sentences: list[str] = []
     scatter = {one.axis: one for one in result.scatter}
     for axis in dict.fromkeys(line.axis for line in result.lines):
         members = [line for line in result.lines if line.axis == axis]
@@ -80,12 +82,12 @@ def _lines_in_words(result: NineLineResult) -> list[str]:
             text += f"; residual {one.rms_mm * _UM_PER_MM:.1f} µm rms"
         if one.chi_squared_per_dof is not None:
             text += f", χ²/ν = {one.chi_squared_per_dof:.2f} (ν = {one.dof})"
-        sentences.append(text)
+        sentences += wrapped(text)
     return sentences
 
 
 def _verdict(verdict: TangentVerdict) -> str:
-    head = f"  {verdict.name:<6}{LI_NAMES[verdict.name]:<8}{verdict.rms_mm * _UM_PER_MM:>8.1f} µm rms"
+    head = f"  {verdict.name:<5}{LI_NAMES[verdict.name]:<6}{verdict.rms_mm * _UM_PER_MM:>8.1f} µm rms"
     if verdict.p_value is None:
         return f"{head}   cannot be judged without uncertainties"
     answer = "follows, as far as can be told" if verdict.follows else "does not follow"

@@ -136,5 +136,8 @@ def run() -> None:
     try:
         app()
     except GeoerrError as error:
-        typer.echo(f"error: {error}", err=True)
+        # The list of verbs does without it.
+        from geoerr.cli.text_tables import say
+
+        say(f"error: {error}", is_talk=True)
         sys.exit(1)

@@ -20,6 +20,7 @@ from geoerr.cli.options import (
     session_files,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 if TYPE_CHECKING:
     from geoerr.vision.measured import Measured
@@ -86,7 +87,7 @@ def measure_session(
         inputs = [session.description_path, session.directory / "frames.csv", chosen]
         print_json({**measured.to_document(), "provenance": provenance_of_command(inputs).to_document()})
     elif str(output) != "-":
-        typer.echo("\n".join(_report(measured, output)))
+        say("\n".join(_report(measured, output)))
 
 
 def _rig(session: Session, path: Path | None, threads: int, quiet: bool) -> Rig:

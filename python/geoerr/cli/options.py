@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from geoerr.cli.text_tables import say
 from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def print_json(document: Any) -> None:
 def note(text: str, quiet: bool) -> None:
     """Say something to the person at the terminal: standard error, so that results can be piped."""
     if not quiet:
-        typer.echo(text, err=True)
+        say(text, is_talk=True)
 
 
 def note_set_aside(problems: Sequence[RowProblem], quiet: bool) -> None:

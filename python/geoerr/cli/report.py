@@ -25,6 +25,7 @@ from geoerr.cli.options import (
 )
 from geoerr.cli.program_options import At, followed_conditions
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 _EXAMPLES = (
     "geoerr report model.json observations.csv -o report.html",
@@ -100,7 +101,7 @@ def report_verb(
         print_result(gathered.to_document(), report=output, set_aside=set_aside, provenance=provenance)
         return
     for sentence in report_sentences(gathered):
-        typer.echo(sentence)
+        say(sentence)
     for why, sections in gathered.left_out_by_reason.items():
         note(f"left out: {'; '.join(sections)} ({why})", quiet)
     note_set_aside(set_aside, quiet)

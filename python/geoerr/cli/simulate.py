@@ -10,6 +10,7 @@ import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 PlanFile = Annotated[Path, typer.Argument(help="The plan (.toml): machine, cameras, targets, errors, passes.")]
 SessionFolder = Annotated[
@@ -71,7 +72,7 @@ def simulate(
             }
         )
         return
-    typer.echo(
+    say(
         f"{output}: {truth.n_frames} stereo frames of {len(plan.targets)} targets, "
         f"{truth.n_board_views} board views, truth.json"
     )

@@ -24,6 +24,7 @@ from geoerr.cli.options import (
     print_json,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 
 if TYPE_CHECKING:
     from geoerr.observations import Observations
@@ -100,7 +101,7 @@ def states_verb(
         document = {"output": None if output is None else str(output), **null_for_nan(found.to_document())}
         print_json({**document, "provenance": provenance_of_command(inputs).to_document()})
         return
-    typer.echo(found.report(), nl=False)
+    say(found.report().rstrip())
     _print_notes(list(tables.values()), [path for path in (output, report) if path is not None], quiet)
 
 

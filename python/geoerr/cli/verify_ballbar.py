@@ -10,6 +10,7 @@ import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, files_given, note, print_json
 from geoerr.cli.program_options import At, followed_conditions, positive
+from geoerr.cli.text_tables import say
 from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -133,21 +134,24 @@ def _numbers(text: str) -> list[float]:
 def _print_result(result: CircularTestResult, model: Path) -> None:
     circle = result.before[0].circle
     place = ", ".join(f"{value:g}" for value in circle.center_mm)
-    typer.echo(f"circle in {circle.plane}, centre ({place}) mm, radius {circle.radius_mm:g} mm")
-    typer.echo("")
-    typer.echo(f"{'circular deviation G (ISO 230-4)':<40}{'before':>12}{'after':>12}")
+    say(f"circle in {circle.plane}, centre ({place}) mm, radius {circle.radius_mm:g} mm")
+    say("")
+    say(f"{'circular deviation G (ISO 230-4)':<40}{'before':>12}{'after':>12}")
     for number, sense in enumerate(("counter-clockwise", "clockwise")):
-        typer.echo(f"  {sense:<38}{_um(result.before[number])}{_um(result.after[number])}")
+        say(f"  {sense:<38}{_um(result.before[number])}{_um(result.after[number])}")
     if result.eq23 is not None:
-        typer.echo(f"  {'Li Eq. 23 as printed, no squareness':<38}{_um(result.eq23)}")
+        say(f"  {'Li Eq. 23 as printed, no squareness':<38}{_um(result.eq23)}")
     if result.is_predicted:
-        proof = "is compared below" if result.runs else f"proves it: geoerr verify ballbar {model} --trace circle.csv"
-        typer.echo(f"(before and after by the model itself; a measured circle {proof})")
+        if result.runs:
+            say("(before and after by the model itself; a measured circle is compared below)")
+        else:
+            say("(before and after by the model itself; a measured circle proves it)")
+            say(f"  geoerr verify ballbar {model} --trace circle.csv")
     if result.runs:
-        typer.echo("")
-        typer.echo(f"{'measured run':<28}{'points':>8}{'measured G':>13}{'predicted G':>13}{'rms difference':>16}")
+        say("")
+        say(f"{'measured run':<28}{'points':>8}{'measured G':>13}{'predicted G':>13}{'rms difference':>16}")
         for run in result.runs:
-            typer.echo(
+            say(
                 f"  {run.name + _SENSE[run.direction]:<26}{len(run.measured.angle_rad):>8}"
                 f"{run.measured.circular_deviation_mm * 1e3:>10.1f} µm"
                 f"{run.predicted.circular_deviation_mm * 1e3:>10.1f} µm"

@@ -21,6 +21,7 @@ from geoerr.cli.program_options import (
     triple,
 )
 from geoerr.cli.progress import progress_bar
+from geoerr.cli.text_tables import say
 from geoerr.errors import GeoerrError
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def path(
         provenance = provenance_of_command([model, before, after])
         print_json({**result.to_document(), "provenance": provenance.to_document()})
     else:
-        typer.echo(_report(result))
+        say(_report(result))
     if not result.moves_compared:
         note("note: no move of the program could be compared", quiet)
     _check(result, tolerance)

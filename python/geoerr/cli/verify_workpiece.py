@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
+from geoerr.cli.text_tables import named_row, say
 
 if TYPE_CHECKING:
     from geoerr.verify.workpiece import GroupComparison, GroupFigures, WorkpieceResult
@@ -48,13 +49,12 @@ def workpiece(
 def _print_result(result: WorkpieceResult) -> None:
     of_lengths = result.kind == "lengths"
     what = "measured minus nominal length" if of_lengths else "error against the first point of the line"
-    typer.echo(f"relative positioning error: {what}")
-    typer.echo("")
-    typer.echo(f"{'group':<20}{'n':>11}{'RMSE before':>24}{'RMSE after':>24}{'after/before':>14}")
+    say(f"relative positioning error: {what}")
+    say("")
+    say(f"{'group':<16}{'n':>10}{'RMSE before':>20}{'RMSE after':>20}{'after/before':>14}")
     for group in (*result.groups, result.total):
-        typer.echo(
-            f"{group.name:<20}{_counts(group):>11}{_rmse(group.before)}{_rmse(group.after)}{_ratio(group):>14}"
-        )
+        figures = f"{_counts(group):>10}{_rmse(group.before)}{_rmse(group.after)}{_ratio(group):>14}"
+        say("\n".join(named_row(group.name, 16, figures)))
 
 
 def _counts(group: GroupComparison) -> str:
@@ -64,8 +64,8 @@ def _counts(group: GroupComparison) -> str:
 
 def _rmse(figures: GroupFigures | None) -> str:
     if figures is None:
-        return f"{'–':>24}"
-    return f"{figures.rmse_mm:>10.4f} mm {figures.rmse_mm * 1e3:>7.1f} µm"
+        return f"{'–':>20}"
+    return f"{figures.rmse_mm:>7.4f} mm {figures.rmse_mm * 1e3:>6.1f} µm"
 
 
 def _ratio(group: GroupComparison) -> str:

@@ -14,7 +14,7 @@ from geoerr.states.difference import Difference
 if TYPE_CHECKING:
     from geoerr.states.states import States
 
-WIDTH = 100
+WIDTH = 80
 _SIGNIFICANCE = 0.05
 # What is written of a probability: below it, there is nothing to tell apart.
 _LEAST_P = 1e-99
@@ -23,12 +23,16 @@ _UM_PER_MM = 1e3
 
 
 def states_report(states: States) -> str:
-    """Give the report's text, at most 100 columns wide."""
+    """Give the report's text, at most eighty columns wide."""
     first, last = states.temperatures_degc[0], states.temperatures_degc[-1]
-    lines = [
+    lines = textwrap.wrap(
         f"{states.machine.name} ({states.machine.chain}) at "
         + ", ".join(f"{value:g}" for value in states.temperatures_degc)
         + f" °C: {len(states.functions.names)} of 21 errors comparable",
+        WIDTH,
+        subsequent_indent="  ",
+    )
+    lines += [
         "",
         *difference_lines(states.difference(first, last)),
         "",
@@ -93,15 +97,16 @@ def _left_out_lines(states: States) -> Iterator[str]:
     if not states.left_out:
         yield "  needs three temperatures: one that is left out leaves a line through two"
         return
-    yield "                    over the volume, µm rms      measured points, µm rms    inside"
-    yield "      °C                 off     by chance         off       own fit          95 %           p"
+    yield "                   over the volume,  measured points,"
+    yield "                        µm rms            µm rms       inside"
+    yield "      °C             off  by chance    off   own fit     95 %           p"
     for one in states.left_out:
         kind = "beyond " if one.is_extrapolation else "between"
         p_value = _probability(one.difference.p_value).removeprefix("= ")
-        volume = f"{_number(one.rms_um):>9}     {_number(one.rms_by_chance_um):>9}"
-        points = f"{_number(one.predicted_rmse_um):>10}    {_number(one.own_rmse_um):>10}"
-        judged = f"{100.0 * one.coverage:>5.1f} %  {p_value:>10}"
-        yield f"  {one.temperature_degc:>6.1f}  {kind}  {volume}  {points}       {judged}"
+        volume = f"{_number(one.rms_um):>7}{_number(one.rms_by_chance_um):>11}"
+        points = f"{_number(one.predicted_rmse_um):>7}{_number(one.own_rmse_um):>10}"
+        judged = f"{100.0 * one.coverage:>7.1f} %{p_value:>12}"
+        yield f"  {one.temperature_degc:>6.1f}  {kind}{volume}{points}{judged}"
 
 
 def _not_determined(states: States) -> list[str]:
