@@ -85,7 +85,9 @@ def by_scipy(fitted: Fitted) -> Array:
     rows = gauge_rows(fitted.terms)
     gauge = np.zeros((len(rows), problem.n_columns))
     gauge[:, : rows.shape[1]] = rows
-    free = null_space(gauge)
+    # What does nothing but rounding the fit holds at 0.
+    held = np.flatnonzero(~fitted.solved.solution.covariance_root.any(axis=1))
+    free = null_space(np.vstack([gauge, np.eye(problem.n_columns)[held]]))
     scale = np.ones(len(sightings))
     # Unknowns of like size, as the covariance has them: SciPy's steps and tolerances know no units.
     free /= np.linalg.norm(problem.design(problem.start, scale, 0, len(sightings), 0) @ free, axis=0)
