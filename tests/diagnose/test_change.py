@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 import geoerr
 from geoerr.cli.main import app
-from geoerr.diagnose import diagnose
-from geoerr.diagnose.change import add_terms, remove_terms
+from geoerr.diagnose import compare, diagnose
+from geoerr.diagnose.change import add_effect, add_terms, remove_terms
 from geoerr.effects import catalogue
 from geoerr.errors import GeoerrError
 from geoerr.fit import FitOptions, fit_terms, result_of
@@ -93,6 +93,39 @@ def test_taking_away_undoes_adding(observations: Observations) -> None:
     record = change.result.model.record
     assert record is not None
     assert [entry.action for entry in record.history] == ["added", "added", "removed"]
+
+
+def test_a_fit_that_is_known_is_not_made_again_and_changes_nothing(observations: Observations) -> None:
+    base = added(Model(MACHINE), observations, "backlash:x")
+    growth, known = "thermal-expansion:x@temp_bed", compare(base, observations).fitted
+    asked, again = (add_effect(base, observations, reference=growth, known=one) for one in (None, known))
+    assert again.before is known
+    for one, other in ((asked.before, again.before), (asked.after, again.after)):
+        assert other.held_out.figures.headline_um == pytest.approx(one.held_out.figures.headline_um, rel=1e-9)
+    value, expected = (one.result.model.parameter(f"{growth}.alpha") for one in (again, asked))
+    assert (value.value, value.std) == pytest.approx((expected.value, expected.std), rel=1e-7)
+
+
+def test_a_change_says_what_it_does(observations: Observations) -> None:
+    said, counts = [], []
+
+    def count(done: int, total: int) -> None:
+        counts.append((done, total))
+
+    change = add_effect(Model(MACHINE), observations, reference="backlash:x", progress=count, on_step=said.append)
+    assert "the fit with backlash:x" in said
+    assert said[-1] == "each pass predicted by the others, before and after"
+    assert [done for done, _ in counts] == [*range(len(said)), len(said)]
+    assert counts[-1] == (len(said), len(said))
+    said.clear()
+    remove_terms(change.result.model, [observations], "backlash:x", on_step=said.append)
+    assert said[:2] == ["the model as it is", "the fit without backlash:x"]
+
+    def stop(_: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        add_effect(Model(MACHINE), observations, reference="backlash:x", on_step=stop)
 
 
 def test_rows_that_lacked_what_an_effect_needed_come_back_without_it(observations: Observations) -> None:

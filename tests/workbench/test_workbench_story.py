@@ -407,6 +407,24 @@ def test_what_was_found_first_was_added_ahead_as_it_is_when_asked_for(learned: S
     assert comparison.points.held_out.figures == asked.after.held_out.figures
 
 
+def test_trying_adding_and_removing_say_what_they_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("geoerr.workbench.job.Advance.say", lambda _, what: said.append(what))
+    session = tried(tmp_path, OwnFormula("Gap of x", "along", "x", "g*d/2"))
+    assert "the fit with gap-of-x:x" in said
+    assert said[-2:] == ["what chance finds", "what looks the same"]
+    said.clear()
+    wiring.do(session, "add", "backlash:x")
+    settle(session)
+    assert session.step.name == "+ backlash:x"
+    assert "the fit with backlash:x" in said
+    said.clear()
+    wiring.do(session, "remove", "backlash:x")
+    settle(session)
+    assert session.step.name == "− backlash:x"
+    assert "the fit without backlash:x" in said
+
+
 def test_no_picture_offers_to_upload_itself(learned: Session) -> None:
     actions.compensate(learned, "part.gcode", PROGRAM, Wish({}))
     settle(learned)

@@ -71,10 +71,9 @@ def add(
     check_output(output, inputs)
     start = load_model(model)
     own = effects_of(effects)
-    with progress_bar("add", quiet) as advance:
-        advance(0, 2)
+    with progress_bar("add", quiet, says_steps=True) as advance:
+        advance.say("reading the measurements")
         measured = read_measurements(paths)
-        advance(1, 2)
         sensitivity, covariance = calibration(rig, measured.points)
         change = add_effect(
             start,
@@ -84,9 +83,10 @@ def add(
             way=way_of(lag, form),
             rig_sensitivity=sensitivity,
             rig_covariance=covariance,
+            progress=advance,
+            on_step=advance.say,
             threads=threads,
         )
-        advance(2, 2)
     report_change(change, start, measured, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)
     for sentence in change.sign_notes([*catalogue(), *own]):
         note(f"note: {sentence}", quiet)

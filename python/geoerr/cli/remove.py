@@ -20,6 +20,7 @@ from geoerr.cli.options import (
     examples,
     files_given,
 )
+from geoerr.cli.progress import progress_bar
 
 _EXAMPLES = ("geoerr remove model2.json observations.csv backlash:x -o model.json",)
 
@@ -54,14 +55,19 @@ def remove(
     paths, reference = observations_and_reference(arguments)
     inputs = files_given(model, paths, rig)
     check_output(output, inputs)
-    start, measured = load_model(model), read_measurements(paths)
-    sensitivity, covariance = calibration(rig, measured.points)
-    change = remove_terms(
-        start,
-        measured.tables,
-        reference,
-        rig_sensitivity=sensitivity,
-        rig_covariance=covariance,
-        threads=threads,
-    )
+    start = load_model(model)
+    with progress_bar("remove", quiet, says_steps=True) as advance:
+        advance.say("reading the measurements")
+        measured = read_measurements(paths)
+        sensitivity, covariance = calibration(rig, measured.points)
+        change = remove_terms(
+            start,
+            measured.tables,
+            reference,
+            rig_sensitivity=sensitivity,
+            rig_covariance=covariance,
+            progress=advance,
+            on_step=advance.say,
+            threads=threads,
+        )
     report_change(change, start, measured, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)

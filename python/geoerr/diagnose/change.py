@@ -7,12 +7,13 @@ no part in either figure. The model file remembers every change (`history`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import change_html
 from geoerr.diagnose.words import has_wrong_sign
 from geoerr.effects import Effect, catalogue
@@ -85,8 +86,11 @@ def add_effect(
     reference: str,
     effects: Sequence[Effect] = (),
     way: Way | None = None,
+    known: Fitted | None = None,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
+    progress: Progress | None = None,
+    on_step: OnStep | None = None,
     threads: int = 0,
 ) -> Change:
     """Add what a reference names, and fit the whole model again.
@@ -106,9 +110,15 @@ def add_effect(
         A user's own, beside the catalogue's.
     way
         How the effect is written, where that is not for the data to say.
+    known
+        As for `add_terms`.
     rig_sensitivity, rig_covariance
         The calibration's uncertainty, as for `geoerr.fit_model`: of a model that was fitted with it, it is needed
         again.
+    progress
+        Called with the steps done and the least number that there will be.
+    on_step
+        Called with what comes next, in words. What either raises ends the work between two steps.
 
     Raises
     ------
@@ -117,14 +127,16 @@ def add_effect(
     GeoerrError
         where the model has the effect already.
     """
-    known = catalogue().extended(effects, "effects") if effects else catalogue()
+    names = catalogue().extended(effects, "effects") if effects else catalogue()
     _refuse_held(model, str(parse_effect_reference(reference)))
-    data = _Data(tables, rig_sensitivity, rig_covariance, threads)
-    like = () if is_empirical(reference) else usual_terms(*known.resolve(reference), model.machine, data.sightings)
-    own = _own_beside(model, data, like)
+    data = _Data(tables, rig_sensitivity, rig_covariance, threads, known, Steps(progress, on_step))
+    data.steps.next("the measurements are put together")
+    like = () if is_empirical(reference) else usual_terms(*names.resolve(reference), model.machine, data.sightings)
+    own = _own_beside(model, data, like, known)
 
     def fit(more: Sequence[Term]) -> Fitted:
         nonlocal own
+        data.steps.next(f"the fit that {reference} is chosen beside")
         if more or own.has_fewer_knots:
             return data.fitted(model, [*own.terms, *more])
         # What the form is chosen beside is what was before, too.
@@ -132,7 +144,7 @@ def add_effect(
         assert own.fitted is not None
         return own.fitted
 
-    found = additions([reference], known, model.machine, data.sightings, "none", fit, way)[0]
+    found = additions([reference], names, model.machine, data.sightings, "none", fit, way)[0]
     return _added(model, data, own, found.terms, found.reference, found.title)
 
 
@@ -154,6 +166,8 @@ def add_terms(
     searched: Fitted | None = None,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
+    progress: Progress | None = None,
+    on_step: OnStep | None = None,
     threads: int = 0,
 ) -> Change:
     """Add an effect and fit the whole model again.
@@ -174,7 +188,7 @@ def add_terms(
     searched
         The fit that a diagnosis found the effect beside: its bases are what the data choose beside what is missing.
         Without it they are chosen once more here, which takes two fits.
-    rig_sensitivity, rig_covariance
+    rig_sensitivity, rig_covariance, progress, on_step
         As for `add_effect`.
 
     Raises
@@ -182,7 +196,7 @@ def add_terms(
     GeoerrError
         where the model has the effect already.
     """
-    data = _Data(tables, rig_sensitivity, rig_covariance, threads, known)
+    data = _Data(tables, rig_sensitivity, rig_covariance, threads, known, Steps(progress, on_step))
     own = _own_beside(model, data, terms, known) if searched is None else _own_as_searched(model, known, searched)
     return _added(model, data, own, terms, reference, title)
 
@@ -206,7 +220,9 @@ def _own_beside(model: Model, data: _Data, terms: Sequence[Term], fitted: Fitted
     shared = {one.id for one in own if any(may_be_followed(one, term) for term in terms)}
     if not shared:
         return _Own(own, fitted)
-    fitted = fitted or data.fitted(model, own)
+    if fitted is None:
+        data.steps.next("the model as it is")
+        fitted = data.fitted(model, own)
     few = {term.id: term for term in without_waves(fitted) or () if term.id in shared}
     return _Own([few.get(one.id, one) for one in own], fitted, bool(few))
 
@@ -219,16 +235,20 @@ def _own_as_searched(model: Model, fitted: Fitted | None, searched: Fitted) -> _
 
 def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], reference: str, title: str) -> Change:
     _refuse_held(model, *(term.id for term in terms))
+    data.steps.next(f"the fit with {reference}")
     after = data.fitted(model, [*own.terms, *terms])
+    if own.fitted is None:
+        data.steps.next("the model as it is, on the same rows")
     before = own.fitted or _before(model, own, after)
     if not own.are_chosen and is_worth_asking(before.scale, after.scale):
+        data.steps.next(f"the freedom that the rest needs beside {reference}")
         chosen = choose_again(after)
         if chosen is not None:
             # The same rows, joined and placed already.
             after = after.again(chosen)
     if not _are_of_the_same_rows(before, after) or before is own.fitted:
         before = _before(model, own, after)
-    return _change(model, before, after, "added", reference, title, [term.id for term in terms])
+    return _change(model, data, before, after, "added", reference, title, [term.id for term in terms])
 
 
 def _before(model: Model, own: _Own, after: Fitted) -> Fitted:
@@ -258,6 +278,8 @@ def remove_terms(
     *,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
+    progress: Progress | None = None,
+    on_step: OnStep | None = None,
     threads: int = 0,
 ) -> Change:
     """Take an effect away and fit what is left again.
@@ -266,7 +288,7 @@ def remove_terms(
     ----------
     reference
         The effect's, as the model's report writes it: `thermal-expansion:x@temp_bed`.
-    rig_sensitivity, rig_covariance
+    rig_sensitivity, rig_covariance, progress, on_step
         As for `add_effect`.
 
     Raises
@@ -281,13 +303,15 @@ def remove_terms(
             f"the model has no effect {reference!r}\nhint: it has {', '.join(effects) if effects else 'no effects'}"
         )
     title = next(term.title for term in terms if term.id == reference)
-    data = _Data(tables, rig_sensitivity, rig_covariance, threads)
+    data = _Data(tables, rig_sensitivity, rig_covariance, threads, steps=Steps(progress, on_step))
+    data.steps.next("the model as it is")
     before = data.fitted(model, terms)
     left = [term for term in before.terms if term.id != reference]
+    data.steps.next(f"the fit without {reference}")
     after = refit(before, left)
     # Rows that lacked what the effect needed come back: the model does without it.
     whole = data.fitted(model, left) if LACKING in before.sightings.left_out else after
-    return _change(model, before, after, "removed", reference, title, [reference], whole=whole)
+    return _change(model, data, before, after, "removed", reference, title, [reference], whole=whole)
 
 
 def own_terms(model: Model) -> tuple[Term, ...]:
@@ -300,6 +324,7 @@ class _Data:
     """Measurements, joined once, with how the calibration moves the points (n, 3, p) and its covariance (p, p).
 
     `known` is a fit to them, if there is one: where it needed all of their rows it holds them joined, and placed.
+    `steps` is told what comes next.
     """
 
     tables: Sequence[Observations | CircularTest]
@@ -307,6 +332,7 @@ class _Data:
     rig_covariance: Numbers | None
     threads: int
     known: Fitted | None = None
+    steps: Steps = field(default_factory=Steps)
 
     @cached_property
     def sightings(self) -> Sightings:
@@ -333,6 +359,7 @@ class _Data:
 
 def _change(
     model: Model,
+    data: _Data,
     before: Fitted,
     after: Fitted,
     action: str,
@@ -344,6 +371,7 @@ def _change(
 ) -> Change:
     """Give a change with both fits to the same rows; the model is that of `whole`, where that has more rows."""
     held = after if action == "added" else before
+    data.steps.next("each pass predicted by the others, before and after")
     entry = HistoryEntry(
         reference=reference,
         title=title,
@@ -353,4 +381,6 @@ def _change(
         action="added" if action == "added" else "removed",
     )
     earlier = () if model.record is None else model.record.history
-    return Change(result_of(whole or after, (*earlier, entry)), before, after)
+    result = result_of(whole or after, (*earlier, entry))
+    data.steps.end()
+    return Change(result, before, after)

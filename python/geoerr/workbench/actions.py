@@ -186,8 +186,7 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
         told = told_of(found, effects)
         if isinstance(found, Diagnosis):
             found = found.without_numbers()
-        advance.say("adding what was found first, to have it ready")
-        prepared = addition.prepared(found)
+        prepared = addition.prepared(found, lambda what: advance.say(f"adding what was found first: {what}"))
 
         def apply() -> None:
             with session.lock:
@@ -211,8 +210,9 @@ def add(session: Session, reference: str) -> None:
             return
     addition, diagnosis = Addition.to(session), session.diagnosis
 
-    def work(_: Advance) -> Callable[[], None]:
-        return _step_of_change(session, f"+ {reference}", addition.of(reference, diagnosis))
+    def work(advance: Advance) -> Callable[[], None]:
+        change = addition.of(reference, diagnosis, advance, advance.say)
+        return _step_of_change(session, f"+ {reference}", change)
 
     session.begin(f"adding {reference}", MISSING, work)
 
@@ -221,8 +221,9 @@ def remove(session: Session, reference: str) -> None:
     """Take an effect away and fit again."""
     model, data = session.model, session.data
 
-    def work(_: Advance) -> Callable[[], None]:
-        change = remove_terms(model, fittable(data), reference, threads=session.threads, **_calibration(session))
+    def work(advance: Advance) -> Callable[[], None]:
+        asked: dict[str, Any] = {"progress": advance, "on_step": advance.say, "threads": session.threads}
+        change = remove_terms(model, fittable(data), reference, **asked, **_calibration(session))
         return _step_of_change(session, f"− {reference}", change)
 
     session.begin(f"removing {reference}", DATA, work)
@@ -290,17 +291,21 @@ def try_formula(session: Session, typed: OwnFormula) -> None:
     columns = () if data.points is None else tuple(data.points.frame.columns)
     effect = own_effect(typed, columns, session.folder)
     others = tuple(one for one in session.known_effects if one.id != effect.id)
+    own = Addition.to(session).own
 
-    def work(_: Advance) -> Callable[[], None]:
+    def work(advance: Advance) -> Callable[[], None]:
         change = add_effect(
             model,
             *fittable(data),
             reference=typed.reference,
             effects=(*others, effect),
+            known=own,
+            progress=advance,
+            on_step=advance.say,
             threads=session.threads,
             **_calibration(session),
         )
-        trial = Trial.of(typed, effect, change)
+        trial = Trial.of(typed, effect, change, advance.say)
 
         def apply() -> None:
             with session.lock:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from geoerr.diagnose import Change, Comparison, Diagnosis, Finding
 from geoerr.diagnose.change import add_effect, add_terms
 from geoerr.diagnose.circles import CircleDiagnosis
+from geoerr.diagnose.steps import OnStep, Progress
 from geoerr.effects import Effect
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit import Fitted
@@ -41,8 +43,15 @@ class Addition:
         own = seen.comparison.fitted if seen is not None and seen.comparison.freedom == "own" else None
         return cls(session.model, session.data, session.known_effects, session.calibration, session.threads, own)
 
-    def of(self, reference: str, diagnosis: Diagnosis | CircleDiagnosis | None) -> Change:
-        """Add an effect and fit again, from where a diagnosis found it, if it did."""
+    def of(
+        self,
+        reference: str,
+        diagnosis: Diagnosis | CircleDiagnosis | None,
+        progress: Progress | None = None,
+        on_step: OnStep | None = None,
+    ) -> Change:
+        """Add an effect and fit again, from where a diagnosis found it, if it did; say what comes next."""
+        told: Any = {"progress": progress, "on_step": on_step, "threads": self.threads, **vars(self.calibration)}
         tables, found = fittable(self.data), _found(diagnosis, reference)
         if not isinstance(diagnosis, Diagnosis) or found is None:
             return add_effect(
@@ -50,8 +59,8 @@ class Addition:
                 *tables,
                 reference=reference,
                 effects=self.effects,
-                threads=self.threads,
-                **vars(self.calibration),
+                known=self.own,
+                **told,
             )
         # The search has found its form, its inner parameters, and the freedom that the rest has beside it.
         return add_terms(
@@ -62,17 +71,16 @@ class Addition:
             found.effect.title,
             known=self.own,
             searched=None if self.own is None else diagnosis.fitted,
-            threads=self.threads,
-            **vars(self.calibration),
+            **told,
         )
 
-    def prepared(self, diagnosis: Diagnosis | CircleDiagnosis) -> Prepared | None:
+    def prepared(self, diagnosis: Diagnosis | CircleDiagnosis, on_step: OnStep) -> Prepared | None:
         """Add what a search found first, ahead of being asked: beside the search it takes no time."""
         if not isinstance(diagnosis, Diagnosis) or not diagnosis.found:
             return None
         reference = str(diagnosis.found[0].reference)
         try:
-            seen = seen_after(self.of(reference, diagnosis))
+            seen = seen_after(self.of(reference, diagnosis, on_step=on_step))
         except GeoerrError:
             # Who asks for it is told.
             return None

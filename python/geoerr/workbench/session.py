@@ -62,11 +62,15 @@ class Trial:
     other_periods: tuple[str, ...]
 
     @classmethod
-    def of(cls, typed: OwnFormula, effect: Effect, change: Change) -> Trial:
-        """Ask how sure it is, which takes a while."""
+    def of(
+        cls, typed: OwnFormula, effect: Effect, change: Change, on_step: Callable[[str], None] = lambda what: None
+    ) -> Trial:
+        """Ask how sure it is, and say what of it comes next."""
         known = {term.id for term in change.before.terms}
         terms = tuple(term for term in change.after.terms if term.id not in known)
+        on_step("what chance finds")
         p_value = chance_of(change.before, change.after, terms)
+        on_step("what looks the same")
         return cls(typed, effect, change, terms, p_value, other_period_words(change.after, terms))
 
 
