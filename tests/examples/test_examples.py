@@ -27,7 +27,7 @@ SAYS = {
         "printer-07/observations.csv:1: ",
     ],
     "folder_of_programs.sh": ["corner.gcode  ", "inches.ngc  ", "refused: programs/too-far.gcode:4: "],
-    "how_sure.py": ["passes that were left out", "condition temp_bed                  3 °C"],
+    "how_sure.py": ["passes that were left out", "condition temp_bed                        3 °C"],
     "laser_run.py": ["(5 was put in)", "EXY: the y axis never moved"],
     "own_effect.py": ["depends on spool and x", "an effect is missing: the gantry bends under the spool"],
     "pictures_to_program.sh": ["18 of 18 error functions and 3 of 3 squarenesses", "largest error, µm"],
