@@ -70,11 +70,11 @@ def test_a_terminal_draws_the_fall_on_the_same_scale() -> None:
     first, last = figures(1000.0, 1000.0, 1.0), figures(10.0, math.nan, 1.0)
     heading, *rows = fall([HistoryEntry("backlash:x", "Backlash", first, last)])
     assert "logarithmic" in heading
-    assert [row.count("█") for row in rows] == [43, 14]
+    assert [row.count("█") for row in rows] == [36, 11]
     assert all(row.count("│") == 1 for row in rows)
     heading, *rows = fall([HistoryEntry("backlash:x", "Backlash", figures(40.0, 40.0), figures(10.0, math.nan))])
     assert "logarithmic" not in heading
-    assert [row.count("█") for row in rows] == [43, 10]
+    assert [row.count("█") for row in rows] == [40, 9]
 
 
 def test_without_repeats_the_stated_noise_is_drawn() -> None:
