@@ -151,6 +151,27 @@ def test_each_picture_is_one_call(shown: dict[str, Any], name: str, method: str,
     json.loads(figure.to_json())
 
 
+def test_what_a_finding_would_explain_is_drawn_over_the_residual(shown: dict[str, Any]) -> None:
+    comparison, finding = shown["comparison"], shown["diagnosis"].found[0]
+    drawn = [one.name for one in comparison.plot_residuals("x", explained_um=finding.explained_um).data]
+    assert "explained" in drawn
+    volume = comparison.plot_volume(explained_um=finding.explained_um, shape_at={})
+    plain = comparison.plot_volume()
+    assert [one.name for one in volume.data[: len(plain.data)]] == [one.name for one in plain.data]
+    strokes, *grid = volume.data[len(plain.data) :]
+    assert strokes.name == "would be explained"
+    assert len(grid) == 2
+    # A stroke is a point, where it would move to, and a gap.
+    moved = np.column_stack([np.diff(np.asarray(strokes[axis], dtype=float).reshape(-1, 3)[:, :2]) for axis in "xyz"])
+    explained = finding.explained_um[np.isfinite(finding.explained_um).all(axis=1)]
+    moved_mm, explained_um = (np.linalg.norm(one, axis=1) for one in (moved, explained))
+    # Both drawn with one magnification: the shares of their sums are those of their largest.
+    assert moved_mm.sum() / moved_mm.max() == pytest.approx(explained_um.sum() / explained_um.max(), rel=0.01)
+    for draw in (comparison.plot_residuals, comparison.plot_volume):
+        with pytest.raises(GeoerrError, match=r"\(2, 3\).* rows were compared"):
+            draw(explained_um=np.zeros((2, 3)))
+
+
 def test_pictures_show_the_numbers(shown: dict[str, Any]) -> None:
     comparison, diagnosis = shown["comparison"], shown["diagnosis"]
     most = comparison.trends[0].variable

@@ -37,6 +37,7 @@ from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import with_rows
 from geoerr.model import Model
+from geoerr.model.conditions import Conditions
 from geoerr.model.tables import terms_of_errors
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.terms import Term
@@ -191,20 +192,31 @@ class Comparison:
         """Give plain values for `compare --json`."""
         return document_of(self)
 
-    def plot_residuals(self, over: str | None = None, color_by: str | None = None) -> go.Figure:
-        """Draw the residual over a variable, or over what it follows most, coloured by another variable."""
-        return drawn("residual_over", self, over, color_by)
+    def plot_residuals(
+        self, over: str | None = None, color_by: str | None = None, explained_um: Numbers | None = None
+    ) -> go.Figure:
+        """Draw the residual over a variable, or over what it follows most, coloured by another variable.
+
+        Over it what an effect would explain, (n, 3): `explained_um` of a finding.
+        """
+        return drawn("residual_over", self, over, color_by, explained_um)
 
     def plot_volume(
-        self, look: Literal["length", "magnitude", "direction", "region"] = "length", exaggeration: float = 1.0
+        self,
+        look: Literal["length", "magnitude", "direction", "region"] = "length",
+        exaggeration: float = 1.0,
+        explained_um: Numbers | None = None,
+        shape_at: Conditions | None = None,
     ) -> go.Figure:
         """Draw every residual at its place: strokes coloured by length or direction, or dots of its magnitude.
 
-        By region: the mean of each box of the volume beside its spread.
+        Over it what an effect would explain, (n, 3), `explained_um` of a finding; and the machine's shape at these
+        conditions ({} where the model needs none), its errors magnified. By region: the mean of each box of the
+        volume beside its spread, alone.
         """
         if look == "region":
             return drawn("residual_of_regions", self, exaggeration=exaggeration)
-        return drawn("residual_in_volume", self, look, exaggeration)
+        return drawn("residual_in_volume", self, look, exaggeration, explained_um, shape_at)
 
     def plot_regions(self) -> go.Figure:
         """Draw mean, spread and number of rows by region of the volume."""

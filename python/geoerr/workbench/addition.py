@@ -81,8 +81,8 @@ class Addition:
         reference = str(diagnosis.found[0].reference)
         try:
             seen = seen_after(self.of(reference, diagnosis, on_step=on_step))
-        except GeoerrError:
-            # Who asks for it is told.
+        except (GeoerrError, MemoryError):
+            # Who asks for it is told; what was found stays found.
             return None
         return None if seen is None else Prepared(reference, seen)
 

@@ -20,7 +20,15 @@ from geoerr.report.figures.error_field import field_difference, grid_traces
 from geoerr.report.figures.regions import magnification_of_means
 from geoerr.report.figures.residuals import of_component
 from geoerr.report.figures.style import Numbers
-from geoerr.report.figures.volume import Look, Volume, marked_strokes, places_mm, residual_volume, volume_of
+from geoerr.report.figures.volume import (
+    Look,
+    Volume,
+    explained_strokes,
+    marked_strokes,
+    places_mm,
+    residual_volume,
+    volume_of,
+)
 from geoerr.workbench.circles import CircleRun
 from geoerr.workbench.parts import um
 from geoerr.workbench.program import conditions_of
@@ -94,7 +102,7 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
     figure.add_traces(
         [
             _marked(seen.comparison, session.selected, volume, view.look),
-            _explained(seen.comparison, explained_um, volume),
+            explained_strokes(volume, places_mm(seen.comparison), explained_um),
         ]
     )
     if view.shows_shape and view.look in _DRAWN:
@@ -253,7 +261,7 @@ def explanation(session: Session, seen: Seen, explained_um: Numbers | None) -> t
     in_volume, in_residual = Patch(), Patch()
     run = _chosen_run(session, seen)
     if session.view.look != CIRCLE:
-        trace = _explained(seen.comparison, explained_um, _volume(session, seen))
+        trace = explained_strokes(_volume(session, seen), places_mm(seen.comparison), explained_um)
         for axis in "xyz":
             in_volume["data"][_EXPLAINED][axis] = _plain(trace[axis])
     elif run is not None:
@@ -393,14 +401,6 @@ def _marked(comparison: Comparison, selected: Rows | None, volume: Volume, look:
         places_mm(comparison)[rows], error[rows], magnification, style.VERMILLION, "marked", most=MOST_MARKED
     )
     return trace if is_stroke else trace.update(mode="markers", marker={"size": 1.5, "color": style.VERMILLION})
-
-
-def _explained(comparison: Comparison, explained_um: Numbers | None, volume: Volume) -> go.Scatter3d:
-    rows = volume.rows if explained_um is not None else np.zeros(0, dtype=np.int64)
-    moved = np.zeros((len(rows), 3)) if explained_um is None else explained_um[rows] / style.UM_PER_MM
-    return marked_strokes(
-        places_mm(comparison)[rows], moved, volume.magnification, style.ORANGE, "would be explained", most=MOST_MARKED
-    )
 
 
 def _add_shape(figure: go.Figure, session: Session) -> str:

@@ -18,9 +18,18 @@ from geoerr.diagnose.trends import trend_of, variables_of
 from geoerr.errors import GeoerrError
 from geoerr.fit import Fitted
 from geoerr.machine import AXES
+from geoerr.model.conditions import Conditions
 from geoerr.report.figures import style
+from geoerr.report.figures.error_field import grid_traces
 from geoerr.report.figures.style import Numbers, thinned
-from geoerr.report.figures.volume import MOST_POINTS, Look, residual_volume, volume_of
+from geoerr.report.figures.volume import (
+    MOST_POINTS,
+    Look,
+    explained_strokes,
+    places_mm,
+    residual_volume,
+    volume_of,
+)
 
 _ROW_PX = 230
 _REGION_PX = 440
@@ -138,24 +147,62 @@ def residual_against(
     )
 
 
-def residual_over(comparison: Comparison, over: str | None = None, color_by: str | None = None) -> go.Figure:
-    """Draw the residual over a variable, or over the one that it follows most.
+def residual_over(
+    comparison: Comparison,
+    over: str | None = None,
+    color_by: str | None = None,
+    explained_um: Numbers | None = None,
+) -> go.Figure:
+    """Draw the residual over a variable, or over the one that it follows most; over it what an effect would explain.
 
     Raises
     ------
     GeoerrError
-        for a variable that the data do not have, naming those that there are; where nothing varies.
+        for a variable that the data do not have, naming those that there are; where nothing varies; for an effect's
+        displacements (n, 3) that are not of these rows.
     """
+    _refuse_other_rows(comparison, explained_um)
     if over is None and not comparison.trends:
         raise GeoerrError("nothing varies in these data\nhint: name what to draw the residual over")
-    return residual_against(comparison, over or comparison.trends[0].variable, color_by)
+    return residual_against(comparison, over or comparison.trends[0].variable, color_by, explained_um=explained_um)
 
 
-def residual_in_volume(comparison: Comparison, look: Look = "length", exaggeration: float = 1.0) -> go.Figure:
-    """Draw every residual in the volume: as a stroke coloured by length or direction, or as a dot (`magnitude`)."""
+def residual_in_volume(
+    comparison: Comparison,
+    look: Look = "length",
+    exaggeration: float = 1.0,
+    explained_um: Numbers | None = None,
+    shape_at: Conditions | None = None,
+) -> go.Figure:
+    """Draw every residual in the volume: as a stroke coloured by length or direction, or as a dot (`magnitude`).
+
+    Parameters
+    ----------
+    explained_um : (n, 3)
+        What an effect would explain, drawn as strokes over it.
+    shape_at
+        Conditions at which the machine's shape is drawn, a grid with its errors magnified; {} of a model that needs
+        none. None draws none.
+    """
     if look not in get_args(Look):
         raise GeoerrError(f"{look!r} is no way to look at residuals\nhint: there are {', '.join(get_args(Look))}")
-    return residual_volume(volume_of(comparison, exaggeration=exaggeration), look)
+    _refuse_other_rows(comparison, explained_um)
+    volume = volume_of(comparison, exaggeration=exaggeration)
+    figure = residual_volume(volume, look)
+    if explained_um is not None:
+        figure.add_trace(explained_strokes(volume, places_mm(comparison), explained_um))
+    if shape_at is not None:
+        figure.add_traces(grid_traces(comparison.model, exaggeration=exaggeration, at=shape_at)[0])
+    return figure
+
+
+def _refuse_other_rows(comparison: Comparison, explained_um: Numbers | None) -> None:
+    n = len(comparison.points.sightings)
+    if explained_um is not None and np.shape(explained_um) != (n, 3):
+        raise GeoerrError(
+            f"what would be explained has the shape {np.shape(explained_um)}, and {n} rows were compared\n"
+            "hint: take `explained_um` of a finding in a diagnosis of the same model and data"
+        )
 
 
 def residual_vectors(comparison: Comparison) -> go.Figure:

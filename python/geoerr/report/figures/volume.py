@@ -113,6 +113,15 @@ def residual_volume(volume: Volume, look: Look) -> go.Figure:
     )
 
 
+def explained_strokes(volume: Volume, at_mm: Numbers, explained_um: Numbers | None) -> go.Scatter3d:
+    """Draw what an effect would explain, (n, 3) of all rows, where the volume draws rows; None draws nothing."""
+    rows = volume.rows if explained_um is not None else np.zeros(0, dtype=np.int64)
+    moved_mm = np.zeros((len(rows), 3)) if explained_um is None else explained_um[rows] / style.UM_PER_MM
+    return marked_strokes(
+        at_mm[rows], moved_mm, volume.magnification, style.ORANGE, "would be explained", most=MOST_MARKED
+    )
+
+
 def marked_strokes(
     at_mm: Numbers, moved_mm: Numbers, magnification: float, color: str, name: str, *, most: int = MOST_MARKED
 ) -> go.Scatter3d:
