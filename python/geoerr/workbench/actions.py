@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from geoerr.diagnose import Change, Comparison, Diagnosis, compare, diagnose
-from geoerr.diagnose.change import add_effect, own_terms, remove_terms
+from geoerr.diagnose.change import own_terms, remove_terms
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.effects import catalogue, load_effects
 from geoerr.errors import GeoerrError
@@ -287,24 +287,14 @@ def try_formula(session: Session, typed: OwnFormula) -> None:
         session.refuse_while_busy()
         # Beside a refusal an earlier trial would pass for that of this formula.
         session.trial = None
-    model, data = session.model, session.data
+    data = session.data
     columns = () if data.points is None else tuple(data.points.frame.columns)
     effect = own_effect(typed, columns, session.folder)
     others = tuple(one for one in session.known_effects if one.id != effect.id)
-    own = Addition.to(session).own
+    addition = replace(Addition.to(session), effects=(*others, effect))
 
     def work(advance: Advance) -> Callable[[], None]:
-        change = add_effect(
-            model,
-            *fittable(data),
-            reference=typed.reference,
-            effects=(*others, effect),
-            known=own,
-            progress=advance,
-            on_step=advance.say,
-            threads=session.threads,
-            **_calibration(session),
-        )
+        change = addition.of(typed.reference, None, advance, advance.say)
         trial = Trial.of(typed, effect, change, advance.say)
 
         def apply() -> None:
