@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import typer.main
+from typer.testing import CliRunner
 
 from geoerr.cli import effect_options
 from geoerr.cli.main import VERBS, app
@@ -73,3 +74,9 @@ def test_effects_are_completed_with_their_axes_and_do_not_hide_files() -> None:
     assert effect_options.complete_effect("squareness:") == ["squareness:xy", "squareness:xz", "squareness:yz"]
     assert effect_options.complete_effect("nothing-like-it:") == []
     assert effect_options.complete_effect("") == []
+
+
+def test_a_wrong_choice_names_the_choices() -> None:
+    result = CliRunner().invoke(app, ["fit", "points.csv", "--machine", "machine.toml", "--components", "13"])
+    assert result.exit_code == 2
+    assert "Invalid value for '--components': '13' is not one of '21', '12', 'none'." in result.stderr

@@ -114,6 +114,13 @@ def test_shapes(shape: object, words: str) -> None:
     assert text.split(",")[0] == wavy.split(",")[0]
 
 
+def test_what_turns_once_is_not_said_to_be_odd() -> None:
+    # More than nine tenths of its sum of squares are odd about the middle; it does not fall there before it rises.
+    words = shape_words(curve(lambda u: 10.0 * np.sin(0.65 * np.pi * u + 0.2), AT))
+    assert "rises, then falls with feed (turning at 0.65), 20.0 µm in all" in words
+    assert "(odd)" not in words
+
+
 def test_the_shape_of_a_direction_and_of_two_variables() -> None:
     flips = curve(lambda d: -3.0 * d, np.array([-1.0, 1.0]), "d_x")
     assert shape_words(flips) == "flips by 6.0 µm with the direction of x (−6.0 µm on the way up)"

@@ -17,14 +17,14 @@ from dash import dcc
 from flask.testing import FlaskClient
 from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle, texts
 
-from geoerr.diagnose import diagnose
+from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.diagnose.words import value_words
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.model.document import document_of
 from geoerr.report import model_page
 from geoerr.terms import Parameter
 from geoerr.workbench import actions, marking, wiring
-from geoerr.workbench.addition import Addition
+from geoerr.workbench.addition import AHEAD, Addition
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
 from geoerr.workbench.history import story
@@ -378,7 +378,7 @@ def test_undo_has_what_was_found_missing_again_at_once(tmp_path: Path) -> None:
     wiring.do(session, "add", "backlash:x")
     assert session.job is None
     assert session.diagnosis is None
-    assert session.prepared is None
+    assert session.prepared == ()
     added = session.seen
     wiring.do(session, "undo", "")
     assert session.job is None
@@ -391,20 +391,23 @@ def test_undo_has_what_was_found_missing_again_at_once(tmp_path: Path) -> None:
     assert session.job is None
     assert session.seen is added
     assert session.diagnosis is None
-    assert session.prepared is None
+    assert session.prepared == ()
     # Other data: what was seen of the earlier ones is nothing to come back to.
     wiring.do(session, "put-away", "observations.csv")
     settle(session)
     assert session.before is None
 
 
-def test_what_was_found_first_was_added_ahead_as_it_is_when_asked_for(learned: Session) -> None:
-    ahead, asked = learned.prepared, Addition.to(learned).of("backlash:x", learned.diagnosis)
-    assert ahead is not None
-    assert ahead.reference == "backlash:x"
-    comparison = ahead.seen.comparison
-    assert document_of(comparison.model) == document_of(asked.result.model)
-    assert comparison.points.held_out.figures == asked.after.held_out.figures
+def test_what_was_found_was_added_ahead_as_it_is_when_asked_for(learned: Session) -> None:
+    diagnosis = learned.diagnosis
+    assert isinstance(diagnosis, Diagnosis)
+    names = dict.fromkeys(str(one.reference) for one in (*diagnosis.found, *diagnosis.tied))
+    assert [one.reference for one in learned.prepared] == list(names)[:AHEAD]
+    for ahead in learned.prepared:
+        asked = Addition.to(learned).of(ahead.reference, diagnosis)
+        comparison = ahead.seen.comparison
+        assert document_of(comparison.model) == document_of(asked.result.model)
+        assert comparison.points.held_out.figures == asked.after.held_out.figures
 
 
 def test_trying_adding_and_removing_say_what_they_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,6 +65,10 @@ class _Verbs(typer.core.TyperGroup):
             result = super().invoke(ctx)
             if sys.stdout is not None:
                 sys.stdout.flush()
+        except typer.BadParameter as error:
+            # What checks the value says first that it is one who checks.
+            error.message = error.message.removeprefix("Value error, ")
+            raise
         except BrokenPipeError:
             _stop_writing()
             raise typer.Exit from None

@@ -43,7 +43,7 @@ def _one(name: str, at: Numbers, value_um: Numbers, std_um: Numbers) -> str:
     end = f"{at[0]:.4g} to {at[-1]:.4g}".replace("-", "−")
     texts = [f"{_course(name, at, value_um, ways)}, {swing:.1f} µm in all ({name} {end})"]
     if len(ways) > 1:
-        texts += _symmetry(at, value_um)
+        texts += _symmetry(at, value_um, len(ways))
     return ", ".join(texts)
 
 
@@ -89,17 +89,21 @@ def _bend(at: Numbers, value_um: Numbers) -> str:
     return ", most of it at low values" if first > second else ", most of it at high values"
 
 
-def _symmetry(at: Numbers, value_um: Numbers) -> list[str]:
-    """Say whether the curve is odd or even about the middle of its range."""
+def _symmetry(at: Numbers, value_um: Numbers, n_ways: int) -> list[str]:
+    """Say whether the curve is odd or even about the middle of its range, where its rises and falls do not deny it.
+
+    An odd curve has an odd number of them, an even one an even number: one that falls a little, then rises far, would
+    be said to be opposite on both sides of where it does not turn.
+    """
     mirrored = np.interp(at[0] + at[-1] - at, at, value_um)
     odd, even = 0.5 * (value_um - mirrored), 0.5 * (value_um + mirrored)
     even = even - even.mean()
     whole = float(odd @ odd + even @ even)
     if len(at) < 4 or whole == 0.0:
         return []
-    if float(even @ even) > _NEARLY_ALL * whole:
+    if n_ways % 2 == 0 and float(even @ even) > _NEARLY_ALL * whole:
         return ["alike on both sides of the middle (even)"]
-    if float(odd @ odd) > _NEARLY_ALL * whole:
+    if n_ways % 2 == 1 and float(odd @ odd) > _NEARLY_ALL * whole:
         return ["opposite on both sides of the middle (odd)"]
     return []
 

@@ -186,7 +186,7 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
         told = told_of(found, effects)
         if isinstance(found, Diagnosis):
             found = found.without_numbers()
-        prepared = addition.prepared(found, lambda what: advance.say(f"adding what was found first: {what}"))
+        prepared = addition.prepared(found, advance.say)
 
         def apply() -> None:
             with session.lock:
@@ -202,8 +202,8 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
 def add(session: Session, reference: str) -> None:
     """Add an effect and fit again; what the search has added ahead is taken as it is."""
     with session.lock:
-        prepared = session.prepared
-        if prepared is not None and prepared.reference == reference:
+        prepared = next((one for one in session.prepared if one.reference == reference), None)
+        if prepared is not None:
             session.refuse_while_busy()
             _take_step(session, f"+ {reference}", prepared.seen)
             session.changed(is_kept=True)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from itertools import islice
+from typing import Any, Final
 
 from geoerr.diagnose import Change, Comparison, Diagnosis, Finding
 from geoerr.diagnose.change import add_effect, add_terms
@@ -17,6 +20,9 @@ from geoerr.model import Model
 from geoerr.observations import CircularTest, Observations
 from geoerr.workbench.calibration import Calibration
 from geoerr.workbench.session import Prepared, Seen, Session
+
+# So many names are added ahead at most: each model holds the measurements anew.
+AHEAD: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +80,26 @@ class Addition:
             **told,
         )
 
-    def prepared(self, diagnosis: Diagnosis | CircleDiagnosis, on_step: OnStep) -> Prepared | None:
-        """Add what a search found first, ahead of being asked: beside the search it takes no time."""
-        if not isinstance(diagnosis, Diagnosis) or not diagnosis.found:
-            return None
-        reference = str(diagnosis.found[0].reference)
-        try:
-            seen = seen_after(self.of(reference, diagnosis, on_step=on_step))
-        except (GeoerrError, MemoryError):
-            # Who asks for it is told; what was found stays found.
-            return None
-        return None if seen is None else Prepared(reference, seen)
+    def prepared(self, diagnosis: Diagnosis | CircleDiagnosis, say: Callable[[str], None]) -> tuple[Prepared, ...]:
+        """Add what a search found, each alone, ahead of being asked: beside the search it takes no time."""
+        if not isinstance(diagnosis, Diagnosis):
+            return ()
+        ready = []
+        found = dict.fromkeys(str(one.reference) for one in (*diagnosis.found, *diagnosis.tied))
+        for reference in islice(found, AHEAD):
+            try:
+                change = self.of(reference, diagnosis, on_step=partial(_said_ahead, say, reference))
+                seen = seen_after(change)
+            except (GeoerrError, MemoryError):
+                # Who asks for it is told; what was found stays found.
+                continue
+            if seen is not None:
+                ready.append(Prepared(reference, seen))
+        return tuple(ready)
+
+
+def _said_ahead(say: Callable[[str], None], reference: str, what: str) -> None:
+    say(f"adding {reference} ahead: {what}")
 
 
 def seen_after(change: Change) -> Seen | None:

@@ -110,7 +110,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A model with what a search found first, ahead of its being asked for: `reference`, and what it looks like."""
+    """A model with what a search found, ahead of its being asked for: `reference`, and what it looks like."""
 
     reference: str
     seen: Seen
@@ -124,7 +124,7 @@ class Looked:
     seen: Seen | None
     diagnosis: Diagnosis | CircleDiagnosis | None
     told: Told | None
-    prepared: Prepared | None
+    prepared: tuple[Prepared, ...]
 
 
 @dataclass(eq=False)
@@ -187,7 +187,7 @@ class Session:
     seen: Seen | None = None
     diagnosis: Diagnosis | CircleDiagnosis | None = None
     told: Told | None = None
-    prepared: Prepared | None = None
+    prepared: tuple[Prepared, ...] = ()
     trial: Trial | None = None
     selected: Rows | None = None
     is_marked_by_box: bool = False
@@ -280,7 +280,8 @@ class Session:
 
     def forget_step(self) -> None:
         """Forget what belongs to the model that was looked at, and what was refused of it or of its data."""
-        self.seen = self.diagnosis = self.told = self.trial = self.prepared = None
+        self.seen = self.diagnosis = self.told = self.trial = None
+        self.prepared = ()
         self.problems.clear()
         self.reports = {}
 
