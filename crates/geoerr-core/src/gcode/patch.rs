@@ -14,12 +14,15 @@ const NODE: f64 = 0.866_025_403_784_438_6;
 const PROBES: [f64; 4] = [0.0, 0.25, 0.75, 1.0];
 
 /// Errors that change faster than this (mm/mm) are left to Newton's method.
-const STEEPEST: f64 = 0.1;
+pub const STEEPEST: f64 = 0.1;
 
 /// A place at a knot is at most so far from it.
 const ROUNDED_MM: f64 = 1e-9;
 
-/// Steps to a command, each of which leaves at most that share of the miss.
+/// A smaller miss leaves less than a rounding after its step.
+const SETTLED_MM: f64 = 1e-13;
+
+/// Steps to a command at most, each of which leaves at most that share of the miss.
 const STEPS: usize = 16;
 
 /// A machine in one box of commands, in which its errors are smooth: commands for targets, and places for commands.
@@ -37,6 +40,8 @@ pub struct Patch {
     pub slopes: [[f64; 3]; 3],
     /// Bound of the second derivative of the correction along any line, 1/mm.
     pub bend_per_mm: f64,
+    /// Bound of its third derivative, 1/mm².
+    pub twist_per_mm2: f64,
     /// Largest distance of a target from the middle.
     pub radius_mm: f64,
 }
@@ -77,6 +82,9 @@ impl Patch {
             for _ in 0..STEPS {
                 let miss_mm = minus(&error.added_to(&command_mm), target_mm);
                 command_mm = minus(&command_mm, &miss_mm);
+                if miss_mm.iter().all(|miss| miss.abs() < SETTLED_MM) {
+                    break;
+                }
             }
             is_between(&command_mm, &low_mm, &high_mm).then(|| minus(&command_mm, target_mm))
         })?;
@@ -86,6 +94,7 @@ impl Patch {
             high_mm,
             slopes: correction.slopes(),
             bend_per_mm: correction.bend(),
+            twist_per_mm2: correction.twist(),
             radius_mm: half_mm.iter().map(|half| half * half).sum::<f64>().sqrt(),
             correction,
             error,
@@ -120,6 +129,40 @@ impl Patch {
             self.low_mm[axis] - ROUNDED_MM <= command_mm[axis]
                 && command_mm[axis] <= self.high_mm[axis] + ROUNDED_MM
         })
+    }
+
+    /// How far outside the patch's box a command lies, along one axis; 0 inside.
+    #[inline]
+    pub fn outside_mm(&self, command_mm: &[f64; 3]) -> f64 {
+        let beyond =
+            |axis: usize| (self.low_mm[axis] - command_mm[axis]).max(command_mm[axis] - self.high_mm[axis]);
+        (0..3).map(beyond).fold(0.0, f64::max)
+    }
+
+    /// Where commands leave the box as their target goes on by shares of `way_mm`: that share, the axis, and whether upwards.
+    ///
+    /// Of the first order: off by what the correction bends on the way.
+    #[inline]
+    pub fn way_out(&self, command_mm: &[f64; 3], way_mm: &[f64; 3]) -> (f64, usize, bool) {
+        let mut first = (f64::INFINITY, 0, true);
+        for axis in 0..3 {
+            let turn: f64 = (0..3).map(|along| self.slopes[axis][along] * way_mm[along]).sum();
+            let goes_mm = way_mm[axis] + turn;
+            let face_mm = if goes_mm > 0.0 { self.high_mm[axis] } else { self.low_mm[axis] };
+            let share = (face_mm - command_mm[axis]) / goes_mm;
+            if share < first.0 {
+                first = (share, axis, goes_mm > 0.0);
+            }
+        }
+        first
+    }
+
+    /// By how much, at most, the derivative of the correction differs here and in another box.
+    #[inline]
+    pub fn turn_to(&self, other: &Self) -> f64 {
+        let rows = self.slopes.iter().flatten().zip(other.slopes.iter().flatten());
+        let jump = rows.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+        jump + self.bend_per_mm * self.radius_mm + other.bend_per_mm * other.radius_mm
     }
 
     /// Whether a command lies in the patch's box.
@@ -232,7 +275,16 @@ impl Quadratic {
 
     /// Bound of the second derivative along any line.
     fn bend(&self) -> f64 {
-        (0..9).map(|pair| self.bound(&[pair / 3, pair % 3]).powi(2)).sum::<f64>().sqrt()
+        let pairs = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
+        let orders = [1.0, 1.0, 1.0, 2.0, 2.0, 2.0];
+        pairs.iter().zip(orders).map(|(pair, n)| n * self.bound(pair).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Bound of the third derivative along any line; no coordinate has one of its own.
+    fn twist(&self) -> f64 {
+        let triples = [[0, 0, 1], [0, 0, 2], [1, 1, 0], [1, 1, 2], [2, 2, 0], [2, 2, 1]];
+        let mixed = triples.iter().map(|triple| 3.0 * self.bound(triple).powi(2)).sum::<f64>();
+        (mixed + 6.0 * self.bound(&[0, 1, 2]).powi(2)).sqrt()
     }
 }
 

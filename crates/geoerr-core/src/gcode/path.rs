@@ -126,7 +126,8 @@ pub enum SplitError {
 /// Tables are straight between knots, so the deviation along a piece is smooth between the places where a commanded
 /// axis crosses a knot, and there all but quadratic (a rotation that changes evenly times a lever that does): its ends
 /// `d_0, d_1` and its middle `d_m` bound it by `max(|d_0|, |d_m|, |d_1|) + |d_m − (d_0 + d_1)/2| / 4`.
-/// A piece over the limit is split where the deviation is largest.
+/// A piece over the limit is split where the deviation is largest. (Where a machine has a `Grid`, its boxes are asked first:
+/// `Grid::walk`.)
 ///
 /// # Errors
 /// [`SplitError::NotSolved`] where a node has no command; [`SplitError::NotHeld`] where the shortest pieces deviate.
@@ -302,8 +303,9 @@ fn knot_crossings(map: &impl PathMap, from: &Node, to: &Node, crossings: &mut Ve
     crossings.sort_by(f64::total_cmp);
 }
 
+/// The place at a share of the way from one to another.
 #[inline]
-fn between(a: &[f64; 3], b: &[f64; 3], share: f64) -> [f64; 3] {
+pub fn between(a: &[f64; 3], b: &[f64; 3], share: f64) -> [f64; 3] {
     std::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]))
 }
 
@@ -319,8 +321,9 @@ pub fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     norm(&[a[0] - b[0], a[1] - b[1], a[2] - b[2]])
 }
 
+/// Length of a vector.
 #[inline]
-fn norm(v: &[f64; 3]) -> f64 {
+pub fn norm(v: &[f64; 3]) -> f64 {
     square(v).sqrt()
 }
 

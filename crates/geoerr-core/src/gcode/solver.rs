@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::block::{Block, Way};
 use super::course::Course;
-use super::grid::{Grid, Gridded, Solved};
+use super::grid::{Grid, Gridded, Solved, Walk};
 use super::options::Options;
 use super::path::{Closeness, Node, PathMap, SplitError, split};
 use super::reader::Move;
@@ -18,6 +18,13 @@ const MARGIN: f64 = 0.02;
 
 /// Remaining error of a solved command, where the tolerance does not ask for less.
 const NEWTON_MM: f64 = 1e-7;
+
+/// What the moves of a task are split with.
+#[derive(Debug, Default)]
+struct Memory {
+    walk: Walk,
+    crossings: Vec<f64>,
+}
 
 /// Solves moves; knows where the last one ended.
 #[derive(Debug)]
@@ -63,13 +70,13 @@ impl Solver {
                 Some(before) => self.end(map, &moves[before], &course_of(before)).ok(),
                 None => self.last,
             };
-            let mut crossings = Vec::new();
+            let mut memory = Memory::default();
             for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
                 let (a_move, course) = (&moves[index], course_of(index));
                 match self.end(map, a_move, &course) {
                     Ok(solved) => {
                         *end = Some(solved);
-                        *way = self.way(map, a_move, &course, before.as_ref(), &solved, &mut crossings);
+                        *way = self.way(map, a_move, &course, before.as_ref(), &solved, &mut memory);
                     }
                     Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
                 }
@@ -103,17 +110,22 @@ impl Solver {
         course: &Course,
         begin: Option<&Solved>,
         end: &Solved,
-        crossings: &mut Vec<f64>,
+        memory: &mut Memory,
     ) -> Way {
         // A move from a place that no corrected move has reached has no straight path to keep.
         let Some(begin) = begin.filter(|_| !a_move.is_first) else { return Way::Whole };
         let closeness = &self.closeness[usize::from(a_move.is_inch)];
-        if self.grid.as_ref().is_some_and(|grid| grid.is_straight(begin, end, closeness)) {
-            return Way::Whole;
+        if let Some(grid) = &self.grid {
+            if grid.is_straight(begin, end, closeness) {
+                return Way::Whole;
+            }
+            if let Some(pieces) = grid.walk(map, begin, end, closeness, &mut memory.walk) {
+                return if let [_] = pieces { Way::Whole } else { Way::Pieces(pieces.to_vec()) };
+            }
         }
         let begin = Node { share: 0.0, ..begin.node };
         let map = Gridded { map, grid: self.grid.as_ref() };
-        match split(&map, course, &begin, &end.node, closeness, crossings) {
+        match split(&map, course, &begin, &end.node, closeness, &mut memory.crossings) {
             Ok(None) => Way::Whole,
             Ok(Some(pieces)) => Way::Pieces(pieces),
             Err(error) => Way::Refused(error),

@@ -7,15 +7,17 @@
 //! What a box's polynomials are, and whether it has any, depends on the machine alone: the same target has the same
 //! command in every program, on any number of threads, whatever was forgotten in between.
 
+mod edges;
+mod walk;
+
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use self::edges::Edges;
 use super::patch::Patch;
 use super::path::{Closeness, Node, PathMap, distance};
 use crate::volumetric::{Approach, MotionNeeds};
-
-/// Widest box.
-const WIDEST_MM: f64 = 10.0;
+pub use walk::Walk;
 
 /// More rows of boxes than this are too many to list: 12 MB.
 const MOST_ROWS: usize = 1 << 19;
@@ -144,6 +146,13 @@ impl Grid {
     }
 
     #[inline]
+    fn cells_at(&self, place: u32) -> [usize; 3] {
+        let (nx, ny) = (self.axes[0].n_cells(), self.axes[1].n_cells());
+        let place = place as usize;
+        [place % nx, place / nx % ny, place / nx / ny]
+    }
+
+    #[inline]
     fn made(&self, place: u32) -> Option<&Patch> {
         let (row, cell) = (place as usize / self.axes[0].n_cells(), place as usize % self.axes[0].n_cells());
         self.rows.get(row)?.get()?.get(cell)?.get()?.as_deref()
@@ -165,19 +174,15 @@ impl Grid {
     #[cold]
     fn make(&self, map: &impl PathMap, cells: [usize; 3]) -> Option<Box<Patch>> {
         self.n_made.fetch_add(1, Ordering::Relaxed);
-        let edge = |axis: usize, further: usize| self.axes[axis].edges_mm[cells[axis] + further];
-        let low_mm = std::array::from_fn(|axis| edge(axis, 0));
-        let high_mm = std::array::from_fn(|axis| edge(axis, 1));
-        Patch::new(map, low_mm, high_mm, self.tolerance_mm).map(Box::new)
+        let ends: [(f64, f64); 3] = std::array::from_fn(|axis| self.axes[axis].ends(cells[axis]));
+        Patch::new(map, ends.map(|(low, _)| low), ends.map(|(_, high)| high), self.tolerance_mm).map(Box::new)
     }
 
     /// Whether two boxes share a face: a line from one to the other then lies in these two.
     #[inline]
     fn are_neighbours(&self, one: u32, other: u32) -> bool {
-        let (nx, ny) = (self.axes[0].n_cells() as u32, self.axes[1].n_cells() as u32);
-        let cells = |place: u32| [place % nx, place / nx % ny, place / nx / ny];
-        let (one, other) = (cells(one), cells(other));
-        (0..3).map(|axis| one[axis].abs_diff(other[axis])).sum::<u32>() == 1
+        let (one, other) = (self.cells_at(one), self.cells_at(other));
+        (0..3).map(|axis| one[axis].abs_diff(other[axis])).sum::<usize>() == 1
     }
 }
 
@@ -246,68 +251,6 @@ fn norm_of_difference(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// Edges of the boxes along one axis, with a way to find the cell of a position without searching.
-#[derive(Debug)]
-struct Edges {
-    edges_mm: Vec<f64>,
-    low_mm: f64,
-    buckets_per_mm: f64,
-    /// The cell in which each bucket begins.
-    first: Vec<u32>,
-}
-
-impl Edges {
-    fn new(range_mm: (f64, f64), knots_mm: &[f64]) -> Option<Self> {
-        let (low_mm, high_mm) = range_mm;
-        let length_mm = high_mm - low_mm;
-        if !(length_mm > 0.0 && length_mm.is_finite()) {
-            return None;
-        }
-        let inner = knots_mm.iter().copied().filter(|&knot| low_mm < knot && knot < high_mm);
-        let kinks_mm: Vec<f64> = std::iter::once(low_mm).chain(inner).chain([high_mm]).collect();
-        let wanted: f64 = kinks_mm.windows(2).map(|pair| ((pair[1] - pair[0]) / WIDEST_MM).ceil()).sum();
-        if wanted > MOST_ROWS as f64 {
-            return None;
-        }
-        let mut edges_mm = Vec::new();
-        for pair in kinks_mm.windows(2) {
-            let n_cells = ((pair[1] - pair[0]) / WIDEST_MM).ceil().max(1.0);
-            let inside =
-                (0..n_cells as u32).map(|cell| pair[0] + f64::from(cell) / n_cells * (pair[1] - pair[0]));
-            edges_mm.extend(inside);
-        }
-        edges_mm.push(high_mm);
-        let n_buckets = 4 * (edges_mm.len() - 1);
-        let buckets_per_mm = n_buckets as f64 / length_mm;
-        let begin_mm = |bucket: usize| low_mm + bucket as f64 / buckets_per_mm;
-        // A bucket too early is put right by the search for the cell; one too late would not be.
-        let cell_of = |at_mm: f64| edges_mm.partition_point(|&edge| edge <= at_mm).saturating_sub(1);
-        let first =
-            (0..n_buckets).map(|bucket| cell_of(begin_mm(bucket) - 1e-9 * length_mm) as u32).collect();
-        Some(Self { low_mm, buckets_per_mm, first, edges_mm })
-    }
-
-    #[inline]
-    fn n_cells(&self) -> usize {
-        self.edges_mm.len() - 1
-    }
-
-    /// The cell from its lower edge to below its upper one; None outside.
-    #[inline]
-    fn cell(&self, at_mm: f64) -> Option<usize> {
-        let bucket = (at_mm - self.low_mm) * self.buckets_per_mm;
-        // Not a number is outside.
-        if !(0.0..f64::INFINITY).contains(&bucket) {
-            return None;
-        }
-        let mut cell = *self.first.get(bucket as i64 as usize)? as usize;
-        while *self.edges_mm.get(cell + 1)? <= at_mm {
-            cell += 1;
-        }
-        Some(cell)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,10 +259,10 @@ mod tests {
     use crate::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Squareness, Table};
     use proptest::prelude::*;
 
-    const RANGE_MM: [(f64, f64); 3] = [(-5.0, 210.0), (0.0, 180.0), (0.0, 60.0)];
+    pub const RANGE_MM: [(f64, f64); 3] = [(-5.0, 210.0), (0.0, 180.0), (0.0, 60.0)];
 
     /// All 21 errors, with knots that differ from axis to axis.
-    fn machine(size: f64) -> MachineModel {
+    pub fn machine(size: f64) -> MachineModel {
         let mut errors = ErrorTables::default();
         for (a, axis) in Axis::ALL.into_iter().enumerate() {
             let knots: Vec<f64> = (0..12).map(|k| f64::from(k) * (17.0 + 3.0 * a as f64)).collect();
@@ -335,12 +278,12 @@ mod tests {
         MachineModel::new(Chain::parse("wYbXZt").unwrap(), errors, [5.0, -20.0, -30.0])
     }
 
-    fn place() -> impl Strategy<Value = [f64; 3]> {
+    pub fn place() -> impl Strategy<Value = [f64; 3]> {
         // Beyond the range too.
         RANGE_MM.map(|(low, high)| low - 3.0..high + 3.0)
     }
 
-    const NEWTON_MM: f64 = 1e-7;
+    pub const NEWTON_MM: f64 = 1e-7;
 
     proptest! {
         #[test]
@@ -407,22 +350,6 @@ mod tests {
                         split(&machine, &Course::default(), &start, &to.node, &closeness, &mut Vec::new());
                     prop_assert_eq!(pieces, Ok(None));
                 }
-            }
-        }
-
-        #[test]
-        fn the_cell_is_found_without_searching(
-            knots in proptest::collection::btree_set(0_u32..2000, 0..30),
-            at in proptest::collection::vec(-10.0_f64..220.0, 20),
-        ) {
-            let knots: Vec<f64> = knots.into_iter().map(|knot| f64::from(knot) * 0.1).collect();
-            let edges = Edges::new((0.0, 200.0), &knots).unwrap();
-            prop_assert!(edges.edges_mm.windows(2).all(|pair| pair[0] < pair[1] && pair[1] - pair[0] <= 10.0 + 1e-9));
-            prop_assert!(knots.iter().all(|knot| edges.edges_mm.contains(knot)));
-            for at_mm in at.into_iter().chain(edges.edges_mm.clone()) {
-                let n_below = edges.edges_mm.partition_point(|&edge| edge <= at_mm);
-                let expected = (n_below > 0 && n_below < edges.edges_mm.len()).then(|| n_below - 1);
-                prop_assert_eq!(edges.cell(at_mm), expected, "at {}", at_mm);
             }
         }
     }
