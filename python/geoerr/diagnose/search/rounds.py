@@ -247,7 +247,7 @@ def _found(
     """Give what was found with its values, and its rivals from a catalogue; with none where that is None."""
     settled = at_likeliest_period(looked.space, looked.scanner, settled)
     rivals = () if known is None else tuple(rivals_of(looked, known, best, settled))
-    return Found(best, in_own_noise(bench, settled, added), rivals, looked)
+    return Found(best, in_own_noise(bench, best, settled, added), rivals, looked)
 
 
 def _is_large_and_new(bench: Bench, settled: Settled, added: Sequence[Numbers], known: Sequence[str] | None) -> bool:
