@@ -16,7 +16,7 @@ from geoerr.summaries import by_reason, capitalised, counted, listed
 _MEANINGS = {
     "own": "the model was fitted to these data: its own numbers take part",
     "refit": "the model's numbers are fitted to these data (--refit)",
-    "held": "the model's numbers stay as they are; only the measuring frames are fitted",
+    "held": "the model's numbers stay, as uncertain as they are; measuring frames are fitted",
 }
 _MOST_OTHERS = 5
 _MOST_REASONS = 4

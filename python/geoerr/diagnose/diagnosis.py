@@ -15,6 +15,7 @@ from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.notes import is_without_errors, notes_of
+from geoerr.diagnose.own_uncertainty import own_doubt
 from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import (
     Found,
@@ -218,7 +219,7 @@ def diagnose(
     ----------
     subject
         A model, or a fit. Where a model was fitted to these very measurements its own freedom takes part; else only
-        the measuring frames do.
+        the measuring frames do, and by as much as the model may be off by its covariance it lacks nothing.
     tables
         Measurements; none where `subject` is a fit. Circular tests beside points; alone they are for
         `geoerr.diagnose.circles.diagnose_circles`.
@@ -273,7 +274,8 @@ def diagnose(
     # A model that is held has its terms outside the fit.
     is_held = comparison is not None and comparison.freedom == "held"
     held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
-    whole, searched = searched_whole(fitted, known, present=held, steps=steps, threads=threads)
+    doubt = own_doubt(comparison.model, fitted) if comparison is not None and is_held else None
+    whole, searched = searched_whole(fitted, known, present=held, doubt=doubt, steps=steps, threads=threads)
     found = diagnosis_of(whole, searched, known, comparison, as_it_was=fitted, steps=steps)
     steps.end()
     return found

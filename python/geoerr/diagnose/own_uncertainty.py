@@ -52,19 +52,15 @@ class OwnUncertainty:
 
 def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
     """Bring the model's covariance to the rows that a fit of the frames alone used; None where it has none."""
-    record = model.record
-    if record is None or not record.covariance.any():
+    root = _covariance_root(model)
+    if root is None:
         return None
-    value, vector = np.linalg.eigh(_unitless(record.covariance))
-    scale = np.sqrt(np.diagonal(record.covariance))
-    keep = value > 1e-12 * max(float(value.max()), 0.0)
-    root = scale[:, None] * vector[:, keep] * np.sqrt(value[keep])
     problem = with_terms(model.machine, fitted, model.terms)
     state = problem.start
     row_scale = fitted.solved.used.astype(np.float64)
     whitened = fitted.solved.whitened * row_scale[:, None]
-    n_model, n_columns = len(record.covariance), problem.n_columns
-    k = root.shape[1]
+    n_columns = problem.n_columns
+    n_model, k = root.shape
     total = np.zeros((k + n_columns - n_model + 1,) * 2)
     for block in _blocks(len(row_scale)):
         design = problem.design(state, row_scale, block.start, block.stop, fitted.threads)
@@ -82,6 +78,34 @@ def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
         squares += (np.einsum("nij,njk->nik", unwhitening[block], left) ** 2).sum(axis=(0, 2))
     count = np.maximum(fitted.sightings.is_measured[fitted.solved.used].sum(axis=0), 1)
     return OwnUncertainty(gram, moment, float((squares / count).sum()) * _UM_PER_MM**2)
+
+
+def own_doubt(model: Model, fitted: Fitted) -> Numbers | None:
+    """Give how far a given model may be off at the rows of a fit of frames alone, (n, 3, k); None where it is sure.
+
+    Whitened by the stated uncertainties; each column one standard deviation, independent of the others: W J F.
+    """
+    root = _covariance_root(model)
+    if root is None:
+        return None
+    problem = with_terms(model.machine, fitted, model.terms)
+    row_scale = fitted.solved.used.astype(np.float64)
+    blocks = [
+        problem.design(problem.start, row_scale, block.start, block.stop, fitted.threads)[:, : len(root)] @ root
+        for block in _blocks(len(row_scale))
+    ]
+    return np.concatenate(blocks).reshape(len(row_scale), 3, -1)
+
+
+def _covariance_root(model: Model) -> Numbers | None:
+    """Give F (p, k) with the covariance F Fᵀ of a model's coefficients; None where it has none."""
+    record = model.record
+    if record is None or not record.covariance.any():
+        return None
+    value, vector = np.linalg.eigh(_unitless(record.covariance))
+    scale = np.sqrt(np.diagonal(record.covariance))
+    keep = value > 1e-12 * max(float(value.max()), 0.0)
+    return np.asarray(scale[:, None] * vector[:, keep] * np.sqrt(value[keep]))
 
 
 def _unitless(covariance: Numbers) -> Numbers:

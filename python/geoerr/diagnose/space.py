@@ -7,6 +7,7 @@ its scores do not shrink by what the fit has absorbed of them (Bell & McCaffrey 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -31,6 +32,8 @@ _DRAWN_TOGETHER = 1000
 _OWN = 1e-3
 # Of the numbers, a share that tails may have: of Student's with three degrees of freedom 1.5 % are winsorised.
 _FEW = 0.02
+# A direction in which a given model is known better than to so many standard deviations of the noise is known.
+_DOUBT = 0.3
 # Columns whose part off the others has less than this share of their square are inside already. The core's.
 INSIDE = 1e-9
 
@@ -48,7 +51,9 @@ class Space:
     rows : (n, 3)
         1 where a number counts, else 0.
     basis : (n, 3, r)
-        Q, whitened.
+        Q, whitened. Of a model that is given, the directions in which it may be off are columns shorter than 1: with
+        U g for what it may be off by beside unit noise, (I + U g² Uᵀ)⁻¹ = I − B Bᵀ where B = U g (1 + g²)^(−1/2). So
+        what is off by as much is no news, and what is off by far more is.
     residual : (n, 3)
         r, whitened, off Q, winsorised but for last estimates.
     """
@@ -115,7 +120,7 @@ class Space:
     def with_columns(self, columns: Numbers) -> Space:
         """Give the space in which these whitened columns (n, 3, k) are the model's own too."""
         flat = self.basis.reshape(-1, self.basis.shape[2])
-        new = beyond(flat, columns.reshape(-1, columns.shape[2]))
+        new = beyond_in_metric(flat, columns.reshape(-1, columns.shape[2]))
         residual = self.residual.reshape(-1)
         residual = residual - new @ (new.T @ residual)
         return replace(
@@ -181,6 +186,7 @@ def whitened_space(
     *,
     is_winsorised: bool = True,
     explained: Numbers | None = None,
+    doubt: Doubt | None = None,
 ) -> Space:
     """Bring a fit's residual and basis into the metric of a noise model.
 
@@ -193,6 +199,8 @@ def whitened_space(
     ----------
     explained : (n, 3) or None
         What is known to be no chance of the residual, whitened by the stated uncertainties: the rest is winsorised.
+    doubt
+        How far a given model may be off; its columns are among those of `sums`.
     """
     whitened = sums.whitened_basis(noise)
     if whitened is None:
@@ -200,6 +208,8 @@ def whitened_space(
         basis = orthonormal(whitened.reshape(-1, whitened.shape[2]), threads=sums.threads)
     else:
         basis = whitened.reshape(-1, whitened.shape[2])
+    if doubt is not None:
+        basis = doubt.shortened(basis, noise)
     flat = noise.whiten(fitted.solved.whitened * rows).reshape(-1)
     flat = flat - basis @ (basis.T @ flat)
     if not is_winsorised:
@@ -217,6 +227,50 @@ def whitened_space(
     clipped = known + np.clip(left, -limit, limit)
     clipped = clipped - basis @ (basis.T @ clipped)
     return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), clipped.reshape(rows.shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """How far a given model may be off, beside what is free.
+
+    Attributes
+    ----------
+    columns : (n, 3, k)
+        Each one standard deviation, independent of the others, whitened by the stated uncertainties.
+    free : (n, 3, r)
+        Columns of what is free in any case, whitened likewise.
+    """
+
+    columns: Numbers
+    free: Numbers
+
+    def shortened(self, basis: Numbers, noise: NoiseModel) -> Numbers:
+        """Give a basis (3 n, r + k) of both from an orthonormal one; the doubt is as long as this noise leaves it."""
+        free, columns = (
+            basis.T @ noise.whiten(one).reshape(len(basis), -1) if one.shape[2] else np.zeros((basis.shape[1], 0))
+            for one in (self.free, self.columns)
+        )
+        own, size, _ = np.linalg.svd(free, full_matrices=False)
+        own = own[:, size > INSIDE * max(float(size.max(initial=0.0)), 1e-300)]
+        turn, size, _ = np.linalg.svd(columns - own @ (own.T @ columns), full_matrices=False)
+        return np.asarray(basis @ np.concatenate([own, turn * (size / np.sqrt(1.0 + size**2))], axis=1))
+
+
+def doubt_that_counts(columns: Numbers, free: Numbers, scatter: float) -> Numbers:
+    """Give the directions (n, 3, m) of a doubt (n, 3, k) that are seen beside what is free (n, 3, r) and scatter."""
+    flat, basis = columns.reshape(-1, columns.shape[2]), free.reshape(-1, free.shape[2])
+    left = flat - basis @ (basis.T @ flat)
+    value, vector = np.linalg.eigh(left.T @ left)
+    seen = vector[:, value > (_DOUBT * scatter) ** 2]
+    return np.asarray((flat @ seen).reshape(*columns.shape[:2], seen.shape[1]))
+
+
+def scatter_of(fitted: Fitted, rows: Numbers) -> float:
+    """Give how far numbers scatter from row to row, as a standard deviation: what is smooth takes no part."""
+    counts = (rows[1:] > 0.0) & (rows[:-1] > 0.0)
+    steps = np.abs(np.diff(fitted.solved.whitened, axis=0)[counts])
+    # The middle of absolute values knows no jumps; 0.6745 makes it a standard deviation.
+    return float(np.median(steps)) / 0.6745 / math.sqrt(2.0) if len(steps) else 0.0
 
 
 def offset_weights(fitted: Fitted) -> Numbers:
@@ -241,6 +295,19 @@ def beyond(basis: Numbers, columns: Numbers) -> Numbers:
     keep = value > INSIDE
     own = own @ (vector[:, keep] / np.sqrt(value[keep]))
     return orthonormal(own - basis @ (basis.T @ own))
+
+
+def beyond_in_metric(basis: Numbers, columns: Numbers) -> Numbers:
+    """Give what columns (n, k) add to a basis (n, r) some of whose columns are shorter than 1.
+
+    With M = I − B Bᵀ that is N = M X (Xᵀ M X)^(−1/2): where X is free too, M becomes M − N Nᵀ.
+    """
+    size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
+    unit = columns / np.where(size > 0.0, size, 1.0)
+    left = unit - basis @ (basis.T @ unit)
+    value, vector = np.linalg.eigh(unit.T @ left)
+    keep = value > INSIDE
+    return np.asarray(left @ (vector[:, keep] / np.sqrt(value[keep])))
 
 
 def independent(gram: Numbers, least: float) -> Numbers:

@@ -39,6 +39,7 @@ def searched_whole(
     known: Catalogue,
     *,
     present: Sequence[str] = (),
+    doubt: Numbers | None = None,
     steps: Steps | None = None,
     threads: int = 0,
 ) -> tuple[Fitted, Searched]:
@@ -48,6 +49,8 @@ def searched_whole(
     ----------
     present
         Ids of terms that the model has besides those of the fit.
+    doubt : (n, 3, k) or None
+        How far that part of the model may be off.
     steps
         Told what is done next.
     """
@@ -55,13 +58,15 @@ def searched_whole(
     offers = Offers(known, present)
     few = with_few_knots(fitted, offers, steps=steps, threads=threads)
     if few is not None:
-        beside_few = _searched(few.fitted, offers, steps, threads)
+        beside_few = _searched(few.fitted, offers, doubt, steps, threads)
         if few.is_named_in(beside_few[1]):
             return beside_few
-    return _searched(fitted, offers, steps, threads)
+    return _searched(fitted, offers, doubt, steps, threads)
 
 
-def _searched(fitted: Fitted, offers: Offers, steps: Steps, threads: int) -> tuple[Fitted, Searched]:
+def _searched(
+    fitted: Fitted, offers: Offers, doubt: Numbers | None, steps: Steps, threads: int
+) -> tuple[Fitted, Searched]:
     """Search, and search again beside what was large; give the last search and the fit that it was of."""
     again, explained, beside_large = fitted, None, list[str]()
     rounds = RoundSteps(steps)
@@ -74,6 +79,7 @@ def _searched(fitted: Fitted, offers: Offers, steps: Steps, threads: int) -> tup
             offers,
             explained=explained,
             ends_beside_large=beside_large,
+            doubt=doubt,
             steps=rounds,
             threads=threads,
         )
@@ -86,7 +92,7 @@ def _searched(fitted: Fitted, offers: Offers, steps: Steps, threads: int) -> tup
     assert searched is not None
     if searched.ends_early:
         searched = None
-        searched = search(again, offers, explained=explained, steps=rounds, threads=threads)
+        searched = search(again, offers, explained=explained, doubt=doubt, steps=rounds, threads=threads)
     return again, searched
 
 

@@ -12,7 +12,17 @@ from geoerr.diagnose.held_out_after import HeldOutAfter
 from geoerr.diagnose.noise import NoiseModel, NoiseSums
 from geoerr.diagnose.null import N_DRAWS
 from geoerr.diagnose.scan import Scanner
-from geoerr.diagnose.space import Channels, Space, beyond, freedom_of, noise_sums, whitened_space
+from geoerr.diagnose.space import (
+    Channels,
+    Doubt,
+    Space,
+    beyond,
+    doubt_that_counts,
+    freedom_of,
+    noise_sums,
+    scatter_of,
+    whitened_space,
+)
 from geoerr.fit import has_covariates
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
@@ -24,7 +34,8 @@ class Bench:
     """A fit, the effects added so far, and the space that they leave.
 
     `explained` (n, 3) is what an earlier search explained of the fit's residual, as `whitened_space` takes it;
-    `left_out` (n,) tells rows that do not count, besides those that the fit does not use.
+    `left_out` (n,) tells rows that do not count, besides those that the fit does not use; `doubt` (n, 3, k) how far a
+    model that is given may be off (`own_doubt`).
     """
 
     def __init__(
@@ -35,10 +46,11 @@ class Bench:
         names: Sequence[str],
         explained: Numbers | None = None,
         left_out: np.ndarray | None = None,
+        doubt: Numbers | None = None,
         threads: int = 0,
     ) -> None:
         self.fitted, self.functions, self.names, self.threads = fitted, functions, tuple(names), threads
-        self.explained = explained
+        self.explained, self.doubt = explained, doubt
         solved = fitted.solved
         used = solved.used if left_out is None else solved.used & ~left_out
         self.rows = (fitted.sightings.is_measured & used[:, None]).astype(np.float64)
@@ -58,6 +70,7 @@ class Bench:
             names=self.names,
             explained=self.explained,
             left_out=left_out | ~self.rows.any(axis=1),
+            doubt=self.doubt,
             threads=self.threads,
         )
         bench.noise, bench.held_out = self.noise, self.held_out
@@ -92,7 +105,29 @@ class Bench:
 
     @cached_property
     def _base_sums(self) -> NoiseSums:
-        return noise_sums(self.fitted, self.rows, self.base, threads=self.threads)
+        return noise_sums(self.fitted, self.rows, self._taken, threads=self.threads)
+
+    @cached_property
+    def _own_doubt(self) -> Numbers | None:
+        """What of the doubt is seen in the rows that count."""
+        if self.doubt is None:
+            return None
+        scatter = scatter_of(self.fitted, self.rows)
+        columns = doubt_that_counts(self.doubt * self.rows[:, :, None], self.base, scatter)
+        return columns if columns.shape[2] else None
+
+    @cached_property
+    def _taken(self) -> Numbers:
+        """What the noise is estimated beside: all that is free, and all that a given model may be off by."""
+        if self._own_doubt is None:
+            return self.base
+        new = beyond(*(one.reshape(-1, one.shape[2]) for one in (self.base, self._own_doubt)))
+        return np.concatenate([self.base, new.reshape(*self.rows.shape, -1)], axis=2)
+
+    def _doubt_beside(self, added: Sequence[Numbers]) -> Doubt | None:
+        return (
+            None if self._own_doubt is None else Doubt(self._own_doubt, np.concatenate([self.base, *added], axis=2))
+        )
 
     def sums(self, added: Sequence[Numbers]) -> NoiseSums:
         """Give what the likelihood of the noise depends on, with the model and what was added in its basis."""
@@ -104,22 +139,24 @@ class Bench:
 
     def _sums_with(self, added: Sequence[Numbers]) -> NoiseSums:
         columns = np.concatenate(added, axis=2)
-        new = beyond(self.base.reshape(-1, self.base.shape[2]), columns.reshape(-1, columns.shape[2]))
+        new = beyond(*(one.reshape(-1, one.shape[2]) for one in (self._taken, columns)))
         return self._base_sums.with_columns(new.reshape(*self.rows.shape, -1))
 
     def space(self, added: Sequence[Numbers]) -> Space:
         """Give the space that the model and what was added leave, the noise estimated anew."""
         sums = self.sums(added)
         self.noise = sums.fit(start=self.noise)
-        return self.space_in(self.noise, sums)
+        return self.space_in(self.noise, added)
 
-    def space_in(self, noise: NoiseModel, sums: NoiseSums) -> Space:
-        """Give the space of what these sums are of, in this noise."""
-        return whitened_space(self.fitted, noise, self.rows, sums, explained=self.explained)
+    def space_in(self, noise: NoiseModel, added: Sequence[Numbers]) -> Space:
+        """Give the space that the model and what was added leave, in this noise."""
+        doubt = self._doubt_beside(added)
+        return whitened_space(self.fitted, noise, self.rows, self.sums(added), explained=self.explained, doubt=doubt)
 
     def space_to_estimate_in(self, noise: NoiseModel, added: Sequence[Numbers]) -> Space:
         """Give the space that the model and what was added leave, in this noise, as it was measured."""
-        return whitened_space(self.fitted, noise, self.rows, self.sums(added), is_winsorised=False)
+        doubt = self._doubt_beside(added)
+        return whitened_space(self.fitted, noise, self.rows, self.sums(added), is_winsorised=False, doubt=doubt)
 
 
 def _are_the_same(first: Sequence[Numbers], second: Sequence[Numbers]) -> bool:

@@ -65,7 +65,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     sums = bench.sums(added)
     calm_noise = without_drift(looked.space.noise, without_offsets=is_offset)
-    calm = bench.space_in(calm_noise, sums)
+    calm = bench.space_in(calm_noise, added)
     scanner = bench.scanner(calm, n_draws=0)
     tops = scanned_best(scanner, [one.what for one in like])
     clear = sorted((one for one, _ in tops if one and one.surprise > _LEAST_SURPRISE), key=lambda one: -one.evidence)

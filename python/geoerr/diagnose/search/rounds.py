@@ -121,6 +121,7 @@ def search(
     *,
     explained: Numbers | None = None,
     ends_beside_large: Sequence[str] | None = None,
+    doubt: Numbers | None = None,
     steps: RoundSteps | None = None,
     threads: int = 0,
 ) -> Searched:
@@ -136,6 +137,8 @@ def search(
     ends_beside_large
         Whether to end where something is found that lets the error fall far: all but the terms of these ids; None to
         go on in any case.
+    doubt : (n, 3, k) or None
+        How far a given model may be off (`geoerr.diagnose.own_uncertainty.own_doubt`).
     steps
         Told what is looked at next.
     """
@@ -147,7 +150,7 @@ def search(
     everything: list[Candidate | Probe] = [*candidates, *smooth]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
     unread = unread_rows(fitted.sightings)
-    bench = Bench(fitted, functions, names=names, explained=explained, left_out=unread, threads=threads)
+    bench = Bench(fitted, functions, names=names, explained=explained, left_out=unread, doubt=doubt, threads=threads)
     found: list[Found] = []
     unknown: Found | None = None
     # Columns of what has no name: of its probe, and where it is left of a name what is uneven or bent in that.

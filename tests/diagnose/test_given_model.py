@@ -1,0 +1,101 @@
+"""A model that is given is off by as much as it may be: that is no news, and what is off by more is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from validation.hidden_effects.cases import development_seed
+from validation.hidden_effects.generate import Case, Hidden, generate
+
+from geoerr.diagnose import Diagnosis, diagnose
+from geoerr.diagnose.space import Doubt, beyond_in_metric, doubt_that_counts, orthonormal
+from geoerr.fit import FitOptions, fit_model
+from geoerr.fit.sightings import Numbers
+from geoerr.model import Model
+from geoerr.observations import Observations
+
+ROWS, N_SESSIONS = 40, 2
+# Noise that is white already.
+WHITE: Any = SimpleNamespace(whiten=lambda columns: columns)
+FREE = 1e6
+
+
+def drawn(columns: int, seed: int, size: float = 1.0) -> Numbers:
+    return size * np.random.default_rng(seed).normal(size=(ROWS, 3, columns))
+
+
+def dense_metric(doubt: Numbers, *free: Numbers) -> Numbers:
+    """Invert the covariance that noise, a doubt and what is free have together."""
+    flat = [one.reshape(3 * ROWS, -1) for one in (doubt, *free)]
+    covariance = np.eye(3 * ROWS) + flat[0] @ flat[0].T
+    for one in flat[1:]:
+        basis = np.linalg.qr(one)[0]
+        covariance += FREE * basis @ basis.T
+    return np.asarray(np.linalg.inv(covariance))
+
+
+def shortened(doubt: Numbers, free: Numbers) -> Numbers:
+    whole = orthonormal(np.concatenate([free, doubt], axis=2).reshape(3 * ROWS, -1))
+    return Doubt(doubt, free).shortened(whole, WHITE)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.3, 3.0])
+def test_short_columns_are_the_inverse_covariance(size: float) -> None:
+    doubt, free = drawn(5, 1, size), drawn(4, 2)
+    basis = shortened(doubt, free)
+    np.testing.assert_allclose(np.eye(3 * ROWS) - basis @ basis.T, dense_metric(doubt, free), atol=5e-6)
+
+
+def test_what_is_added_becomes_free_in_the_same_metric() -> None:
+    doubt, free = drawn(5, 1), drawn(4, 2)
+    # Partly what the model may be off by anyway.
+    added = drawn(2, 3) + doubt[:, :, :2]
+    basis = shortened(doubt, free)
+    new = beyond_in_metric(basis, added.reshape(3 * ROWS, -1))
+    metric = np.eye(3 * ROWS) - basis @ basis.T - new @ new.T
+    np.testing.assert_allclose(metric, dense_metric(doubt, free, added), atol=5e-6)
+
+
+def test_a_doubt_far_below_the_scatter_does_not_count() -> None:
+    doubt = np.concatenate([drawn(2, 1), drawn(3, 2, 1e-3)], axis=2)
+    free = orthonormal(drawn(4, 3).reshape(3 * ROWS, -1)).reshape(ROWS, 3, -1)
+    assert doubt_that_counts(doubt, free, 1.0).shape == (ROWS, 3, 2)
+    assert doubt_that_counts(doubt, free, 1e-4).shape == (ROWS, 3, 5)
+
+
+def case_of(number: int, *hidden: Hidden) -> Case:
+    noise = ("gauss-10", "offsets-3", "drift-2", "heavy-tails")[number % 4]
+    plan = ("volume-floor", "volume-relative")[number // 4 % 2]
+    return generate(development_seed(996_000 + number), None, plan, noise, hidden, 8.0 if hidden else 0.0, 3_000)
+
+
+def sessions(observations: Observations, *, first: bool) -> Observations:
+    names = observations.frame["session"].unique(maintain_order=True).to_list()
+    part = names[:N_SESSIONS] if first else names[N_SESSIONS:]
+    return replace(observations, frame=observations.frame.filter(pl.col("session").is_in(part)))
+
+
+def told_of_the_rest(case: Case) -> tuple[Model, Diagnosis]:
+    """Fit a model to the first sessions, and ask what it lacks in the others."""
+    options = FitOptions(threads=1)
+    model = fit_model(case.machine, sessions(case.observations, first=True), options=options).model
+    return model, diagnose(model, sessions(case.observations, first=False), threads=1)
+
+
+def test_a_right_model_lacks_nothing_in_other_data() -> None:
+    p_values = [told_of_the_rest(case_of(number))[1].p_value for number in range(6)]
+    # At 5 %, three of six would be a chance of one in 400.
+    assert sum(p < 0.05 for p in p_values) < 3, p_values
+    assert max(p_values) > 0.2, p_values
+
+
+@pytest.mark.parametrize(("number", "kind"), [(20, "backlash"), (21, "screw-wobble")])
+def test_what_is_off_by_more_than_the_model_may_be_is_named(number: int, kind: str) -> None:
+    case = case_of(number, Hidden(kind))
+    _, diagnosis = told_of_the_rest(case)
+    assert diagnosis.found[0].reference.effect == kind
