@@ -111,6 +111,14 @@ def test_the_second_look_at_the_end_of_a_run_has_no_direction(times: dict[str, l
     assert known.tolist() == [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]
 
 
+def test_an_axis_that_stands_while_another_turns_keeps_its_direction() -> None:
+    """Along y and back, at the x where it came to rest; x goes back later only, with the way to the next line."""
+    x, y = [0.0, 10.0, 10.0, 10.0, 10.0, 0.0], [0.0, 0.0, 5.0, 5.0, 0.0, 0.0]
+    d_x, d_y = variable_columns(sightings_of(Observations(rows(x=x, y=y))), ["d_x", "d_y"])
+    assert np.nan_to_num(d_x).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, -1.0]
+    assert np.nan_to_num(d_y).tolist() == [0.0, 0.0, 1.0, 0.0, -1.0, -1.0]
+
+
 def test_targets_of_one_moment_and_looks_before_going_on_keep_their_direction() -> None:
     """Three targets seen at the end of a run are one look; a place that is looked at twice on the way is passed."""
     plate = rows(x=[0.0, 10.0, 10.0, 10.0, 0.0], target=["a", "a", "b", "c", "a"])

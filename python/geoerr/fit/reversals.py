@@ -2,8 +2,8 @@
 
 The usual run of ISO 230-2 goes beyond its last point and comes back to it: two rows of one place, the first reached
 the one way, the second the other way. A machine that waits there, is looked at twice and then turns makes the same
-rows. So where a place is looked at again before an axis goes back, the direction of that look is unknown, unless it
-is stated.
+rows. So where a place is looked at again and an axis goes back from there, the direction of that look is unknown,
+unless it is stated.
 """
 
 from __future__ import annotations
@@ -46,15 +46,17 @@ def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:
         looks = np.cumsum(~is_new_place & is_later)
         first = np.maximum.accumulate(np.where(is_new_place, np.arange(n_rows), 0))
         is_again = looks > looks[first]
-        for axis in range(3):
-            before = sightings.directions[rows, axis]
-            turns = (before != 0) & (_next_direction(step[:, axis]) == -before)
-            result[rows, axis] = is_again & turns
+        before = sightings.directions[rows]
+        turns = (before != 0) & (_next_directions(step, is_new_place) == -before)
+        result[rows] = is_again[:, None] & turns
     return result
 
 
-def _next_direction(step: Numbers) -> np.ndarray:
-    """Give the direction of the next step that is one, behind each row; 0 where there is none."""
-    moves = np.flatnonzero(np.isfinite(step) & (step != 0.0))
-    following = np.searchsorted(moves, np.arange(len(step)), side="right")
-    return np.append(np.sign(step[moves]), 0.0)[following]
+def _next_directions(step: Numbers, is_new_place: np.ndarray) -> np.ndarray:
+    """Give the directions (n, 3) in which axes go to the next place from each row; 0 of one that stays.
+
+    An axis that goes back later only, while others move, has not gone beyond its place here.
+    """
+    places = np.flatnonzero(is_new_place)
+    following = np.searchsorted(places, np.arange(len(step)), side="right")
+    return np.append(np.sign(step[places]), np.zeros((1, 3)), axis=0)[following]
