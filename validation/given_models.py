@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -58,21 +58,30 @@ def exact(model: Model) -> Model:
     return replace(model, record=replace(model.record, covariance=np.zeros_like(model.record.covariance)))
 
 
-def diagnoses(case: Case) -> tuple[Diagnosis, Diagnosis]:
+@dataclass(frozen=True)
+class Told:
+    """What a diagnosis says: its verdict, and the effects that it names first or as tied with the first."""
+
+    verdict: str
+    names: frozenset[str]
+
+    @classmethod
+    def by(cls, diagnosis: Diagnosis) -> Told:
+        """Keep what it says, and not its numbers."""
+        named = (*diagnosis.found[:1], *diagnosis.tied)
+        return cls(diagnosis.verdict, frozenset(one.reference.effect for one in named))
+
+
+def told_of(case: Case) -> tuple[Told, Told]:
     """Diagnose a model of the first sessions with the others: with its covariance, and as if it were exact."""
     model = fit_model(case.machine, sessions(case.observations, seen=True), options=FitOptions(threads=1)).model
     others = sessions(case.observations, seen=False)
-    return diagnose(model, others, threads=1), diagnose(exact(model), others, threads=1)
-
-
-def _is_named(diagnosis: Diagnosis, kind: str) -> bool:
-    names = {one.reference.effect for one in (*diagnosis.found[:1], *diagnosis.tied)}
-    return kind in names
+    return Told.by(diagnose(model, others, threads=1)), Told.by(diagnose(exact(model), others, threads=1))
 
 
 def nulls(n_sets: int) -> str:
     """Give how many right models are told to lack something."""
-    told = [(plan, noise, *diagnoses(case)) for plan, noise, case in cases(n_sets, 0)]
+    told = [(plan, noise, *told_of(case)) for plan, noise, case in cases(n_sets, 0)]
     rows = []
     for name in ("all", *PLANS, *NOISES):
         own = [both for plan, noise, *both in told if name in ("all", plan, noise)]
@@ -85,8 +94,8 @@ def hidden_effects(n_sets: int) -> str:
     """Give how often what the model lacks is named first, or tied with what is."""
     rows = []
     for place, kind in enumerate(KINDS):
-        told = [diagnoses(case) for _, _, case in cases(n_sets, 1_000 * (place + 1), Hidden(kind))]
-        named = (sum(_is_named(both[way], kind) for both in told) for way in (0, 1))
+        told = [told_of(case) for _, _, case in cases(n_sets, 1_000 * (place + 1), Hidden(kind))]
+        named = (sum(kind in both[way].names for both in told) for way in (0, 1))
         unknown = (sum(both[way].verdict == "unknown" for both in told) for way in (0, 1))
         rows.append([kind, *(f"{count}/{n_sets}" for count in (*named, *unknown))])
     head = [f"{STRENGTH_UM:g} µm hidden", "named", "named, exact", "unknown", "unknown, exact"]
