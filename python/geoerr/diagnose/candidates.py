@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 
 from geoerr.diagnose.classic import lacking_classics
+from geoerr.diagnose.faded import has_heights, shows_at, wanting_words
 from geoerr.diagnose.functions import CompiledPart, Functions
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.covariates import columns_wanting, temperature_choices
@@ -48,6 +49,8 @@ _MOMENTS, _MOST_MOMENTS, _TOWARDS_AN_END = 32, 128, 1.6
 # Two neighbouring trials with a smaller cosine get one between them: what lies between has 0.8 of its gain.
 _ALIKE = 0.6
 _DEEPEST = 14
+# Times that the span is halved in which an effect fades from sight.
+_HALVINGS = 12
 _MOST_TRIALS = 4000
 _ROWS_TO_COMPARE = 300
 # A formula is affine in a parameter where the middle is the mean of the ends to this share.
@@ -168,12 +171,79 @@ def candidates_of(
         if references and len(offered) == n_before and not any(str(one) in taken for one in references):
             not_offered.append((effect.id, "wanting: rows at more than one position of its axis"))
     functions = Functions(fitted, [term for *_, terms, refined in offered for term in (*terms, *refined)])
+    found, faded = _laid_out(functions, offered, fitted.solved.used)
+    return found, [*not_offered, *faded], functions
+
+
+def _laid_out(
+    functions: Functions, offered: Sequence[tuple[EffectReference, Effect, list[Term], list[Term]]], used: np.ndarray
+) -> tuple[list[Candidate], list[tuple[str, str]]]:
+    """Give candidates with their shapes; those of which the rows show nothing apart, and what is wanting."""
     before = LaidOut()
-    found = [
-        Candidate(reference, effect, tuple(shapes_of(functions, term, before) for term in terms), tuple(refined))
-        for reference, effect, terms, refined in offered
-    ]
-    return found, not_offered, functions
+    found: list[Candidate] = []
+    faded: list[tuple[EffectReference, str]] = []
+    for reference, effect, terms, refined in offered:
+        laid_out = [_shown(functions, term, before, used) for term in terms]
+        shapes = tuple(one for one in laid_out if one is not None)
+        if shapes:
+            found.append(Candidate(reference, effect, shapes, tuple(refined)))
+        else:
+            faded.append((reference, wanting_words(terms[0])))
+    shown = {one.effect.id for one in found}
+    names = {(one.effect if one.effect not in shown else str(one)): why for one, why in faded}
+    return found, list(names.items())
+
+
+def _shown(functions: Functions, term: Term, before: LaidOut, used: np.ndarray) -> Shapes | None:
+    """Lay out a term where the rows see something of it; None where they see nothing at any value that is tried."""
+    formulas = Formulas(functions, term)
+    middle = [_middle(parameter) for parameter in term.inner]
+    if not has_heights(term) or formulas.is_jump or wave_along(formulas, term, middle) is not None:
+        # Waves and jumps do not fade.
+        return shapes_of(functions, term, before)
+    few = None if formulas.needs_order else _few_rows(functions.n_rows)
+
+    def shows(inner: Sequence[float]) -> bool:
+        return shows_at(formulas.at, inner, few, used)
+
+    free = [place for place, one in enumerate(term.inner) if is_free(one)]
+    if len(free) == 1:
+        # What refines its value later stays in the range that is shown, too.
+        narrowed = _shown_range(
+            term.inner[free[0]], lambda value: shows([*middle[: free[0]], value, *middle[free[0] + 1 :]])
+        )
+        if narrowed is None:
+            return None
+        inner = (*term.inner[: free[0]], narrowed, *term.inner[free[0] + 1 :])
+        return shapes_of(functions, replace(term, inner=inner), before)
+    shapes = shapes_of(functions, term, before)
+    seen = np.array([shows(trial) for trial in shapes.trials])
+    if not seen.any():
+        return None
+    trials = tuple(trial for trial, is_seen in zip(shapes.trials, seen, strict=True) if is_seen)
+    return replace(shapes, trials=trials, codes=shapes.codes[seen])
+
+
+def _shown_range(parameter: Parameter, shows: Callable[[float], bool]) -> Parameter | None:
+    """Give a parameter with its range narrowed to where the rows show something; None where they show nothing."""
+    values = _spaced(parameter, _TRIALS[1])
+    seen = [number for number, value in enumerate(values) if shows(value)]
+    if not seen:
+        return None
+    low, high = values[seen[0]], values[seen[-1]]
+    if seen[0] > 0:
+        low = _edge(parameter, values[seen[0] - 1], low, shows)
+    if seen[-1] < len(values) - 1:
+        high = _edge(parameter, values[seen[-1] + 1], high, shows)
+    return replace(parameter, low=low, high=high)
+
+
+def _edge(parameter: Parameter, unseen: float, seen: float, shows: Callable[[float], bool]) -> float:
+    """Give the value nearest to one at which nothing shows at which something does."""
+    for _ in range(_HALVINGS):
+        between = float(np.sqrt(unseen) * np.sqrt(seen)) if parameter.spacing == "log" else 0.5 * (unseen + seen)
+        unseen, seen = (unseen, between) if shows(between) else (between, seen)
+    return seen
 
 
 def _why_not(effect: Effect, fitted: Fitted, columns: Sequence[str], is_circular: bool) -> str | None:

@@ -25,6 +25,8 @@ _READ_IN = {
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Beyond these a number is written with a power of ten.
 _SMALLEST, _LARGEST = 1e-2, 1e5
+# Larger ones are not written out: nobody counts so many digits.
+_WRITTEN_OUT = 1e9
 # Probabilities below this say no more by being smaller.
 _LEAST_P = 1e-9
 _FEW_ALIKE = 3
@@ -162,6 +164,8 @@ def _read_in(parameter: Parameter) -> tuple[str, float]:
 def _number(value: float, std: float) -> str:
     if not (math.isfinite(std) and std > 0.0) or std > 1e6 * max(abs(value), 1e-300):
         return number_words(value)
+    if max(abs(value), std) >= _WRITTEN_OUT:
+        return f"{value:.2g} ± {std:.1g}".replace("-", "−")
     digits = 1 - math.floor(math.log10(std))
     # An error as large as the value needs no second figure.
     digits = min(digits, 6) if std < abs(value) else min(digits - 1, 6)
