@@ -29,7 +29,7 @@ from geoerr.errors import GeoerrError
 from geoerr.fit import refit
 from geoerr.model import Model
 from geoerr.observations import CircularTest
-from geoerr.summaries import capitalised, listed, uncapitalised
+from geoerr.summaries import capitalised, counted, listed, uncapitalised
 from geoerr.terms import EffectReference, Term
 
 if TYPE_CHECKING:
@@ -349,8 +349,8 @@ def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str
 def _cause(searched: Searched, place: int, shares: Shares, known: Catalogue) -> Cause:
     runs, found = searched.runs, searched.found[place]
     term, covariance, by_run = _valued(searched, place)
-    trace = searched.traces[:, place]
-    together = runs.set_up[runs.run]
+    trace, whole = searched.whole_traces[:, place], searched.whole
+    together = whole.set_up[whole.run]
     peak = max(float(np.ptp(trace[together == number])) for number in np.unique(together))
     tied = [rival for rival in searched.rivals[place] if rival.is_tied]
     against = tied[0].suspect.reference if tied else None
@@ -509,8 +509,11 @@ def _unknown(searched: Searched) -> CircleUnknown | None:
 
 
 def _run_figures(searched: Searched) -> tuple[RunFigures, ...]:
-    runs = searched.runs
-    explained = searched.traces.sum(axis=1)
+    # Of all rows: a spike is highest where it is not known on which side of the reversal a row lies.
+    runs = searched.whole
+    set_up = orthonormal(runs.set_up_columns)
+    signal = runs.signal_um - set_up @ (set_up.T @ runs.signal_um)
+    explained = searched.whole_traces.sum(axis=1)
     figures = []
     for number, own in enumerate(runs.slices):
         angle = runs.angle_rad[own]
@@ -529,7 +532,7 @@ def _run_figures(searched: Searched) -> tuple[RunFigures, ...]:
                 own.stop - own.start,
                 deviation(runs.measured_um[own]),
                 deviation(explained[own]),
-                deviation(searched.rest_um[own]),
+                deviation(signal[own] - explained[own]),
             )
         )
     return tuple(figures)
@@ -562,6 +565,11 @@ def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
         notes.append("one feed only: what grows with speed is not told from what does not; run a second feed")
     if runs.n_runs == 1:
         notes.append("a single run: noise that wanders along the circle is not told from smooth structure; repeat it")
+    if len(searched.whole) > len(searched.runs):
+        notes.append(
+            f"{counted(len(searched.whole) - len(searched.runs), 'row')} beside a reversal decided nothing: on which "
+            "side of it they lie, or how the circle was entered, the record does not tell"
+        )
     if searched.n_gross:
         stand, were = ("row stands", "was") if searched.n_gross == 1 else ("rows stand", "were")
         notes.append(f"{searched.n_gross} {stand} alone far off the others and {were} left out")

@@ -67,7 +67,7 @@ class Searched:
     Attributes
     ----------
     runs
-        Rows that count; gross ones are left out.
+        Rows that decide; gross ones are left out, and those of which the record does not tell the side of a reversal.
     noise
         The noise, beside causes and structure without a name.
     found
@@ -90,6 +90,10 @@ class Searched:
         Of all coefficients and inner parameters of the found causes, one cause after the other.
     traces : (n, n_found)
         What each does to the radius, µm, off the set-up.
+    whole
+        All rows but the gross ones.
+    whole_traces : (n_whole, n_found)
+        The same as `traces` in those.
     rest_um : (n,)
         What causes leave.
     rest_without_jumps_um : (n,)
@@ -110,5 +114,7 @@ class Searched:
     estimate: Numbers
     covariance: Numbers
     traces: Numbers
+    whole: Runs
+    whole_traces: Numbers
     rest_um: Numbers
     rest_without_jumps_um: Numbers

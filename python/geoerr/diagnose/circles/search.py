@@ -8,13 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.diagnose.circles.causes import Suspect
+from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.found import Found, Searched
 from geoerr.diagnose.circles.gross import misfit_um, stand_alone
+from geoerr.diagnose.circles.held_out import without_idle
 from geoerr.diagnose.circles.names import Names
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.circles.structure import Structure
+from geoerr.diagnose.circles.undecided import after_entry, beside_reversals, turns_at_reversals
 from geoerr.diagnose.circles.values import CAUTION_OF_VALUES, joint, rivals_of, traces_of
 from geoerr.diagnose.steps import Steps
 from geoerr.fit.jumps import is_jump_in_time
@@ -30,17 +33,23 @@ def search(runs: Runs, suspects: Sequence[Suspect], steps: Steps) -> Searched:
     n = len(runs)
     runs = runs.without(stand_alone(runs, runs.signal_um, np.zeros(n)))
     n_gross = n - len(runs)
-    searched = _searched(runs.averaged(), suspects, steps)
+    whole = runs.averaged()
+    entered = after_entry(whole)
+    searched = _searched(whole.without(entered | beside_reversals(whole)), suspects, steps)
+    if not any(turns_at_reversals(one.way.term) for one in searched.found):
+        # Without a gap a row's side does not matter, and a narrow spike shows beside the reversal alone.
+        searched = _searched(whole.without(entered), suspects, steps, ", beside reversals too")
     for _ in range(_ROUNDS):
         level = searched.noise.sigma_um * searched.noise.level + misfit_um(searched)
         gross = stand_alone(searched.runs, searched.rest_without_jumps_um, level)
         if not gross.any():
             break
         n_gross += int(gross.sum())
+        whole = whole.without(np.isin(whole.rows, searched.runs.rows[gross]))
         searched = _searched(
             searched.runs.without(gross), suspects, steps, f", without {counted(n_gross, 'gross row')}"
         )
-    return replace(searched, n_gross=n_gross)
+    return replace(searched, n_gross=n_gross, whole=whole, whole_traces=_traces_in(whole, searched))
 
 
 def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str = "") -> Searched:
@@ -57,9 +66,10 @@ def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str
     seen = {one.what for one in judged}
     names = Names(state, chance)
     structure = Structure(state, probe_chance)
-    named = names.search()
+    named, idle = without_idle(state, names.search())
     steps.next(f"structure without a name{beside}")
     found, withdrawn, unknown = structure.probed(named)
+    withdrawn = [*idle, *withdrawn]
     found = names.refined(found)
     steps.next(f"what else would say the same, and values{beside}")
     rivals = tuple(rivals_of(state, found, place) for place in range(len(found)))
@@ -81,9 +91,24 @@ def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str
         estimate=estimate,
         covariance=covariance,
         traces=traces,
+        whole=runs,
+        whole_traces=traces,
         rest_um=runs.signal_um - state.plain(runs.signal_um) - traces.sum(axis=1),
         rest_without_jumps_um=_rest_without_jumps_um(state, found, structure.columns),
     )
+
+
+def _traces_in(runs: Runs, searched: Searched) -> Numbers:
+    """Give what each cause does to the radius of all rows, off the set-up, (n, n_found)."""
+    radii, set_up, first = Radii(runs), orthonormal(runs.set_up_columns), 0
+    traces = np.zeros((len(runs), len(searched.found)))
+    for place, one in enumerate(searched.found):
+        columns = radii.columns_um(one.way.term, one.inner)[:, list(one.seen)]
+        columns = radii.by_run(columns) if one.judged.group.by_run else columns
+        own = columns @ searched.estimate[first : first + columns.shape[1]]
+        traces[:, place] = own - set_up @ (set_up.T @ own)
+        first += columns.shape[1] + len(one.inner)
+    return traces
 
 
 def _rest_without_jumps_um(state: State, found: Sequence[Found], structure: Numbers) -> Numbers:

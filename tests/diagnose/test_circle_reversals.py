@@ -1,0 +1,133 @@
+"""Rows beside reversals: what the record does not tell of them makes no names, and narrow spikes still show there."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+import pytest
+
+from geoerr.diagnose.circles import diagnose_circles
+from geoerr.diagnose.circles.causes import suspects_of
+from geoerr.diagnose.circles.held_out import held_out_square, without_idle
+from geoerr.diagnose.circles.names import Names
+from geoerr.diagnose.circles.runs import Runs, checked, runs_of
+from geoerr.diagnose.circles.state import State
+from geoerr.diagnose.circles.undecided import after_entry, beside_reversals
+from geoerr.diagnose.comparison import compare
+from geoerr.effects import catalogue
+from geoerr.machine import Machine
+from geoerr.model import Model
+from geoerr.observations import CircularTest
+
+Numbers = npt.NDArray[np.float64]
+MODEL = Model(Machine.from_chain("wZbXYt", (400.0, 400.0, 300.0)))
+R_MM, CENTRE_MM = 100.0, np.array([200.0, 210.0, 0.0])
+BOTH = ((1, 600.0), (-1, 600.0), (1, 2400.0), (-1, 2400.0))
+
+
+def travel(theta: Numbers, sense: int) -> tuple[Numbers, Numbers]:
+    """Give X's direction, and its angle since it reversed."""
+    since = np.mod(sense * theta, np.pi)
+    return -np.where(np.mod(sense * theta, 2.0 * np.pi) < np.pi, 1.0, -1.0), since
+
+
+def backlash(theta: Numbers, sense: int, feed: float) -> Numbers:
+    return -9.0 * travel(theta, sense)[0] * np.cos(theta)
+
+
+def windup_from_rest(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """15 µm within 0.5 mm; at its first row each run has been standing on the side to which it goes."""
+    direction, since = travel(theta, sense)
+    turned = sense * (theta - theta[0])
+    filled = np.where(turned < np.pi / 2.0, 0.0, 2.0 * np.exp(-R_MM * (1.0 - np.cos(since)) / 0.5))
+    return -7.5 * direction * (1.0 - filled) * np.cos(theta)
+
+
+def spike(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """It fades within a third of a degree."""
+    direction, since = travel(theta, sense)
+    return -6.0 * direction * np.exp(-since * R_MM / (feed / 60.0) / 0.03) * np.cos(theta)
+
+
+def circular(
+    radius: object,
+    passes: tuple[tuple[int, float], ...] = BOTH,
+    *,
+    start: float = 0.3,
+    off: float = 0.0,
+    n: int = 720,
+    seed: int = 0,
+) -> CircularTest:
+    """Run circles whose record is turned by `off` (rad)."""
+    rng = np.random.default_rng(seed)
+    frames = []
+    for sense, feed in passes:
+        theta = start + sense * np.arange(n) * 2.0 * np.pi / n
+        um = radius(theta, sense, feed) + 14.0 * np.cos(theta) + 0.5 * rng.standard_normal(n)  # type: ignore[operator]
+        said = theta + off
+        columns = {"line": ["XY"] * n, "dir": [sense] * n, "feed": [feed] * n, "z": np.zeros(n)}
+        columns |= {"x": CENTRE_MM[0] + R_MM * np.cos(said), "y": CENTRE_MM[1] + R_MM * np.sin(said)}
+        frames.append(pl.DataFrame(columns | {"r": R_MM + 1e-3 * um}))
+    return CircularTest(pl.concat(frames), ("memory",))
+
+
+def names_of(test: CircularTest) -> list[str]:
+    return [str(one.reference) for one in diagnose_circles(MODEL, test).found]
+
+
+def runs_from(test: CircularTest) -> Runs:
+    usable, problems, notes = checked((test,))
+    return runs_of(compare(MODEL, *usable).points, problems, notes)
+
+
+def test_a_record_that_is_turned_by_a_row_makes_no_names() -> None:
+    assert names_of(circular(backlash, off=np.radians(0.45))) == ["backlash:x"]
+
+
+def test_wind_up_is_told_whether_a_circle_is_entered_from_rest_or_not() -> None:
+    assert names_of(circular(windup_from_rest, start=0.004)) == ["reversal-windup:x"]
+
+
+def test_a_spike_that_shows_beside_reversals_alone_is_found() -> None:
+    test = circular(spike, ((1, 1200.0), (-1, 1200.0)), start=0.1)
+    diagnosis = diagnose_circles(MODEL, test)
+    assert [str(one.reference) for one in diagnosis.found] == ["reversal-spike:x"]
+
+
+def test_all_rows_are_in_the_figures_and_what_decided_nothing_is_said() -> None:
+    diagnosis = diagnose_circles(MODEL, circular(backlash, n=360, seed=1))
+    assert [run.n_rows for run in diagnosis.runs] == [360] * 4
+    (note,) = [note for note in diagnosis.notes if "decided nothing" in note]
+    assert note.startswith(f"{len(diagnosis.searched.whole) - len(diagnosis.searched.runs)} rows beside a reversal")
+
+
+@pytest.mark.parametrize(("sense", "start"), [(1, 0.005), (-1, -0.005), (1, 0.3), (-1, -0.3)])
+def test_rows_that_decide_nothing(sense: int, start: float) -> None:
+    runs = runs_from(circular(backlash, ((sense, 600.0),), start=start, n=360))
+    for some in (runs, runs.without(np.arange(len(runs)) == 0)):
+        degrees = np.degrees(some.angle_rad)
+        beside = np.abs(degrees - 90.0 * np.rint(degrees / 90.0)) < 1.001
+        assert np.array_equal(beside_reversals(some), beside)
+        # Nothing has reversed within 12 degrees before 0.3 rad.
+        assert after_entry(some).sum() == (12 - (len(some) < len(runs)) if abs(start) < 0.1 else 0)
+
+
+def test_what_one_corner_alone_says_is_not_named_beside_others() -> None:
+    def cornered(theta: Numbers, sense: int, feed: float) -> Numbers:
+        """Backlash of X, and a bump behind one of the reversals of Y."""
+        return backlash(theta, sense, feed) + 6.0 * np.exp(-0.5 * ((np.mod(theta, 2.0 * np.pi) - 1.65) / 0.03) ** 2)
+
+    runs = runs_from(circular(cornered, ((1, 600.0),), n=360))
+    suspects, _ = suspects_of(runs, catalogue())
+    state = State(runs, suspects)
+    names = Names(state, state.bench.chance(*state.context([])[:1], state.n))
+    found = []
+    for name in ("backlash:x", "reversal-spike:y"):
+        basis, left = state.context(found)
+        judged = state.bench.judge(basis, left, state.n)
+        own = next(one for one in judged if str(suspects[one.what].reference) == name)
+        found.append(names._settled(own, basis, left, 0.0))
+    assert state.evidence(found[1], found[:1])[0] > 0.0
+    assert held_out_square(state, found) > held_out_square(state, found[:1])
+    assert without_idle(state, found) == (found[:1], found[1:])
