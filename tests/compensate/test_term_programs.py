@@ -285,7 +285,8 @@ def test_a_formula_that_divides_by_zero_under_the_conditions_is_named_with_them(
     for recorded in (model, with_record(model, 1e-5)):
         with pytest.raises(GeoerrError, match=r"^mine:x gives no finite number at hum = 50\nhint: .*divides by zero"):
             compensate_bytes(recorded, program, at={"hum": 50.0})
-        assert compensate_bytes(recorded, program, at={"hum": 45.0})[1].notes == ()
+        told = compensate_bytes(recorded, program, at={"hum": 45.0})[1].notes
+        assert not [note for note in told if "not in the model" not in note]
     (tmp_path / "a.gcode").write_bytes(program)
     with pytest.raises(GeoerrError, match="mine:x gives no finite number at hum = 50"):
         compare_paths(model, tmp_path / "a.gcode", tmp_path / "a.gcode", at={"hum": 50.0})
@@ -331,7 +332,9 @@ def test_a_correction_is_shown_beside_its_uncertainty():
     _, sure = compensate_bytes(with_record(model, 1e-4), program, at={"temp_bed": 70.0})
     # 50 K of 1 µm/K, to 0.1 µm/K.
     assert (sure.correction_rms_um, sure.correction_std_um) == pytest.approx((50.0, 5.0))
-    assert not sure.notes
+    # Ten times as large as its uncertainty, which is that of all there is in the model: and no more.
+    assert sure.notes == ("not in the model, taken as 0: all of the 21 errors: nothing of them is corrected",)
+    assert len(sure.to_document()["not_in_model"]) == 21
     with pytest.raises(GeoerrError, match="the data had temp_bed 20 to 80"):
         compensate_bytes(with_record(model, 1e-4), program)
 
@@ -393,7 +396,7 @@ def test_conditions_far_from_the_data_are_refused_unless_asked_for():
     program = b"G1 X10 Y10 Z5\nG1 X20\n"
     _, near = compensate_bytes(model, program, at={"temp_bed": 95.0})
     told = "15 °C above what the model was fitted to (20 to 80 °C), 0.25 of that span's width"
-    assert near.notes == (f"temp_bed = 95 is extrapolated: {told}",)
+    assert near.notes[0] == f"temp_bed = 95 is extrapolated: {told}"
     assert near.to_document()["extrapolated"] == [
         {"name": "temp_bed", "value": 95.0, "low": 20.0, "high": 80.0, "beyond": 15.0}
     ]

@@ -14,7 +14,7 @@ from geoerr.budget.columns import Predictor, owners_of
 from geoerr.budget.combine import effective_dof, expanded, expanded_length
 from geoerr.budget.estimator import Estimator
 from geoerr.budget.implementation import Implementation
-from geoerr.budget.places import grid_axes_mm, grid_of, outside_measured, stated_places
+from geoerr.budget.places import grid_axes_mm, grid_of, outside_measured, stated_places, volume_mm
 from geoerr.budget.source import Source
 from geoerr.budget.sources import (
     Stage,
@@ -31,6 +31,7 @@ from geoerr.machine import AXES
 from geoerr.model import GROUPS, Model
 from geoerr.model.arrays import Numbers, points
 from geoerr.model.conditions import Conditions
+from geoerr.model.in_model import is_about_the_model, not_in_model_words
 from geoerr.model.program_conditions import extrapolated_conditions
 from geoerr.summaries import facts_html, number_text, summary_html, table_html
 from geoerr.terms import Term
@@ -88,8 +89,8 @@ class Budget:
     place_names, q_mm
         The places, (n, 3).
     is_determined
-        (n, 3) whether the data determine x, y, z of the error there; numbers are NaN where they do not, and those of
-        the length where one of the three is not determined.
+        (n, 3) whether the data determine x, y, z of the error there, and the model has what these are about; numbers
+        are NaN where not, and those of the length where one of the three is not.
     sources
         Each once.
     stages
@@ -113,7 +114,22 @@ class Budget:
     @property
     def not_counted(self) -> tuple[str, ...]:
         """Sentences: what is in none of the numbers, at these places and at any."""
-        return (*outside_measured(self.model, self.place_names, self.q_mm), *self.not_counted_anywhere)
+        absent = self.model.not_in_model
+        told = (not_in_model_words(absent),) if absent else ()
+        return (*told, *outside_measured(self.model, self.place_names, self.q_mm), *self.not_counted_anywhere)
+
+    @property
+    def is_in_model(self) -> npt.NDArray[np.bool_]:
+        """Tell for x, y, z at the places (n, 3) whether the model has the errors that this component is about."""
+        return self._in_model(self.q_mm)
+
+    def _in_model(self, q_mm: Numbers) -> npt.NDArray[np.bool_]:
+        absent = self.model.not_in_model
+        if not absent:
+            return np.ones(q_mm.shape, dtype=np.bool_)
+        stood, (low, _) = self.model.stood_mm, volume_mm(self.model)
+        from_mm = np.array([stood.get(axis, first) for axis, first in zip(AXES, low.tolist(), strict=True)])
+        return is_about_the_model(absent, q_mm, from_mm)
 
     def at_places(self, q_mm: npt.ArrayLike, names: Sequence[str] | None = None) -> Budget:
         """Give the same budget at other places (n, 3)."""
@@ -124,7 +140,8 @@ class Budget:
             self,
             place_names=tuple(names or (f"({x:g}, {y:g}, {z:g})" for x, y, z in places)),
             q_mm=places,
-            is_determined=self.model.is_determined_at(places, self.predictor.offset_mm, at=self.predictor.at),
+            is_determined=self._in_model(places)
+            & self.model.is_determined_at(places, self.predictor.offset_mm, at=self.predictor.at),
             roots_mm=_roots(self.sources, self.predictor, places),
         )
 
@@ -414,7 +431,7 @@ def _at_usual_places(budget: Budget) -> Budget:
         places["worst"] = budget.worst()[0]
     except NotDeterminedError:
         there = budget.at_places(np.array(list(places.values())), list(places))
-        if not there.is_determined.any():
+        if there.is_in_model.any() and not there.is_determined.any():
             raise
         return there
     return budget.at_places(np.array(list(places.values())), list(places))

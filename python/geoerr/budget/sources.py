@@ -63,11 +63,13 @@ def stages_of_parameters(model: Model, at: Conditions) -> list[Stage]:
     tables = model.error_functions(_N_ENTRIES, at=at)
     stages = []
     for group in ("positioning", "straightness", "pitch-yaw", "roll"):
-        known = [tables.functions[name] for name in GROUPS[group] if name in tables.functions]
-        std = [np.asarray(function.std)[1:] for function in known if function.std is not None]
+        known = {name: tables.functions[name] for name in GROUPS[group] if name in tables.functions}
+        std = {name: np.asarray(function.std)[1:] for name, function in known.items() if function.std is not None}
         if std:
             is_angle = group in ("pitch-yaw", "roll")
-            size = float(np.median(np.concatenate(std)))
+            # A table that conditions alone make is exact where they are, and says nothing of the error's own.
+            own = [values for name, values in std.items() if name not in model.not_in_model]
+            size = float(np.median(np.concatenate(own))) if own else math.nan
             stages.append(
                 Stage("parameters", group, size * (_URAD if is_angle else _UM_PER_MM), "µrad" if is_angle else "µm")
             )

@@ -30,8 +30,14 @@ def budget_text(budget: Budget) -> str:
     for head, row in zip(heads, shown, strict=True):
         name = budget.place_names[row]
         x, y, z = budget.q_mm[row]
-        unknown = "".join(np.array(list("xyz"))[~budget.is_determined[row]])
-        known = f"  not determined: {', '.join(unknown)}" if unknown else ""
+        known = "".join(
+            f"  {what}: {', '.join(np.array(list('xyz'))[of_these])}"
+            for what, of_these in (
+                ("not in the model", ~budget.is_in_model[row]),
+                ("not determined", budget.is_in_model[row] & ~budget.is_determined[row]),
+            )
+            if of_these.any()
+        )
         named = name if name.endswith(head) else f"{head}: {name}"
         lines += _row(named, 30, f"{x:9.1f} {y:9.1f} {z:9.1f}{known}")
     lines += ["[[From the picture to the parameters]] standard uncertainties, medians"]

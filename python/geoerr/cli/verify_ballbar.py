@@ -90,7 +90,7 @@ def ballbar(
     for sentence in result.notes:
         note(f"note: {sentence}", quiet)
     if result.assumed_zero:
-        note(f"note: not determined, taken as 0 here: {', '.join(result.assumed_zero)}", quiet)
+        note(f"note: not determined or not in the model, taken as 0 here: {', '.join(result.assumed_zero)}", quiet)
     if report is not None:
         note(f"report: {report}", quiet)
 

@@ -21,6 +21,7 @@ from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions, constants_of
 from geoerr.model.finite import not_finite_notes
+from geoerr.model.in_model import not_in_model_words
 from geoerr.model.program_conditions import (
     Extrapolated,
     extrapolated_conditions,
@@ -138,6 +139,8 @@ class CompensationResult:
         Terms that hum or breathe in time, by id: no program knows how they will stand when it runs.
     uncertain_left_out
         Terms that are not corrected, for on average over the measured volume that would do more harm than good.
+    not_in_model
+        Errors of the 21 that a fitted model does not have: nothing of them is corrected, nor in `correction_std_um`.
     extrapolated
         Conditions outside what the model was fitted to.
     warnings
@@ -162,6 +165,7 @@ class CompensationResult:
     left_out: tuple[str, ...]
     waves_left_out: tuple[str, ...]
     uncertain_left_out: tuple[UncertainTerm, ...]
+    not_in_model: tuple[str, ...]
     extrapolated: tuple[Extrapolated, ...]
     warnings: tuple[ProgramWarning, ...]
     notes: tuple[str, ...]
@@ -284,6 +288,7 @@ class _Job:
     at: dict[str, float]
     uncertain: tuple[UncertainTerm, ...]
     extrapolated: tuple[Extrapolated, ...]
+    not_in_model: tuple[str, ...]
 
 
 def _job(model: Model, options: CompensationOptions, model_name: str, at: Conditions | None, threads: int) -> _Job:
@@ -318,7 +323,9 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
         measured_mm=[measured[axis] or (-np.inf, np.inf) for axis in AXES],
         model_name=model_name,
     )
-    return _Job(rewriter, corrected, waves, given, uncertain, extrapolated)
+    return _Job(
+        rewriter, corrected, waves, given, uncertain, extrapolated, () if model.record is None else model.not_in_model
+    )
 
 
 def _rewrite(
@@ -409,6 +416,7 @@ def _result(job: _Job, threads: int) -> CompensationResult:
         left_out=left_out,
         waves_left_out=job.waves,
         uncertain_left_out=job.uncertain,
+        not_in_model=job.not_in_model,
         extrapolated=job.extrapolated,
         warnings=tuple(ProgramWarning(*row) for row in job.rewriter.warnings()),
         notes=_notes(job, benefit, left_out),
@@ -436,4 +444,5 @@ def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tup
             "what their uncertainties have in common, as a model.json does, of which such errors are left as they are"
         )
     notes.extend(not_finite_notes(job.corrected, job.at))
-    return (*notes, *map(str, job.extrapolated), *(() if benefit is None else benefit.notes))
+    lacking = (f"{not_in_model_words(job.not_in_model)}: nothing of them is corrected",) if job.not_in_model else ()
+    return (*notes, *map(str, job.extrapolated), *(() if benefit is None else benefit.notes), *lacking)

@@ -19,7 +19,7 @@ from geoerr import _core
 from geoerr.bases import basis_of
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, PlacedEffect, catalogue
-from geoerr.error_functions import ErrorFunctions
+from geoerr.error_functions import ALL_NAMES, ErrorFunctions
 from geoerr.errors import GeoerrError, NotConvergedError, NotDeterminedError, ShapeError
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, contiguous, offsets, points
@@ -27,6 +27,7 @@ from geoerr.model.commands import STATUS, Commands
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.model.conditions import OF_POSITION, Conditions, bound_conditions, constants_of, variables_of
 from geoerr.model.gauge import N_ENTRIES, MeanScale, mean_scales, tables_of_terms
+from geoerr.model.in_model import in_order, names_in_model
 from geoerr.model.leave_out import names_left_out, terms_without
 from geoerr.model.parameters import (
     Correlation,
@@ -167,6 +168,17 @@ class Model:
         )
         coefficients, _ = start_values(self.all_machine_terms)
         return self.has_values and has_only_terms_in_coefficients and not coefficients.any()
+
+    @cached_property
+    def not_in_model(self) -> tuple[str, ...]:
+        """Names of the 21 errors that nothing in the model stands for, and that no data were asked for: taken as 0.
+
+        What data were asked for and do not determine is named elsewhere, by the record or the tables.
+        """
+        told = () if self.errors is None else self.errors.not_determined
+        told += () if self.record is None else self.record.not_determined
+        known = names_in_model(self.machine, self.errors, self.machine_terms) | {item.name for item in told}
+        return in_order(set(ALL_NAMES) - known)
 
     @property
     def measured_box_mm(self) -> tuple[tuple[float, float], ...]:

@@ -30,7 +30,7 @@ def write_ballbar_report(path: str | Path, result: CircularTestResult, provenanc
             f"{run.set_up.rms_mm * _UM_PER_MM:.1f} µm rms round the circle."
         )
     if result.assumed_zero:
-        summary.append(f"Not determined and taken as 0 here: {', '.join(result.assumed_zero)}.")
+        summary.append(f"Not determined or not in the model, and taken as 0 here: {', '.join(result.assumed_zero)}.")
     write_report(path, "Circular test", summary, [Section("Circular test", circular_test_blocks(result))], provenance)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from geoerr.budget import Budget, Contribution, UncertaintyMap
 from geoerr.machine import AXES
+from geoerr.model.in_model import not_in_model_words
 from geoerr.report.figures import style, uncertainty_slices
 from geoerr.report.page import NOT_DETERMINED, Block, Figure, Paragraph, Section, Table, write_report
 from geoerr.report.provenance import Provenance
@@ -42,11 +43,20 @@ def budget_sentences(budget: Budget) -> list[str]:
     if not budget.is_determined[last].all():
         known = [axis for axis, is_known in zip(AXES, budget.is_determined[last], strict=True) if is_known]
         of_them = f"of the error only its part along {listed(known)} is known" if known else "nothing is known"
-        return [f"At the place named {where} {of_them}; the data do not determine the rest."]
+        whys = []
+        if (budget.is_in_model[last] & ~budget.is_determined[last]).any():
+            whys.append("the data do not determine the rest")
+        if not budget.is_in_model[last].all():
+            whys.append(not_in_model_words(budget.model.not_in_model))
+        return [f"At the place named {where} {of_them}; {'; '.join(whys)}."]
     lengths = {of: budget.expanded_length_um(of)[last] for of in ("prediction", "part")}
+    # What a sentence begins with names it; why it is not counted stands in its section.
+    without = [sentence.partition(":")[0] for sentence in budget.not_counted_anywhere]
+    absent = budget.model.not_in_model
+    told = [not_in_model_words(absent), *without] if absent else without
     return [
         f"At the place named {where} the predicted error is known to {_um(lengths['prediction'])} (95 %).",
-        f"There a compensated part stays within {_um(lengths['part'])} (95 %).",
+        f"There a compensated part stays within {_um(lengths['part'])} (95 %), not counting: {'; '.join(told)}.",
     ]
 
 

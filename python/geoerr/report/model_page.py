@@ -10,6 +10,7 @@ from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.effects import Effect
 from geoerr.files import check_written
 from geoerr.model import Model
+from geoerr.model.in_model import not_in_model_words
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report import model_report as parts
 from geoerr.report.budget_page import budget_sections, budget_sentences
@@ -39,6 +40,7 @@ from geoerr.report.page import (
 )
 from geoerr.report.provenance import Provenance, provenance_of_call
 from geoerr.report.standard_blocks import circle_blocks, diagonal_blocks, positioning_blocks
+from geoerr.summaries import capitalised
 
 
 def write_model_report(
@@ -120,7 +122,7 @@ def report_sentences(report: ModelReport) -> list[str]:
     sentences += _circle_sentences(report)
     if report.diagonal_systematic_um is not None:
         sentences.append(
-            f"As the model has them, space diagonals deviate by up to {style.text_um(report.diagonal_systematic_um)} "
+            f"As the model has them, space diagonals deviate by {style.up_to_um(report.diagonal_systematic_um)} "
             f"(E_d, ISO 230-6){_known_to(report)}."
         )
     # Of a prediction that lacks whole axes the uncertainty would be that of a part of it.
@@ -128,12 +130,18 @@ def report_sentences(report: ModelReport) -> list[str]:
         sentences += budget_sentences(report.budget)
     if report.not_determined:
         count, names = len(report.not_determined), ", ".join(report.not_determined)
-        sentences.append(f"{count} of the 21 errors are not determined; predictions take them as 0: {names}.")
+        are = "is" if count == 1 else "are"
+        them = "it" if count == 1 else "them"
+        sentences.append(f"{count} of the 21 errors {are} not determined; predictions take {them} as 0: {names}.")
+    if report.not_in_model:
+        sentences.append(f"{capitalised(not_in_model_words(report.not_in_model))}.")
     return sentences or ["The machine, without any errors, and nothing measured of it."]
 
 
 def _known_to(report: ModelReport) -> str:
     """Say how well the model knows the diagonals: a figure that is smaller than that says nothing of the machine."""
+    if report.model.record is not None and any(one.not_in_model for one in report.diagonals.values()):
+        return "; how well is not known, for errors that move them are not in the model"
     known = [one.known_to_um for one in report.diagonals.values()]
     stated = [value for value in known if value is not None and math.isfinite(value)]
     return f", which it knows to ± {style.text_um(max(stated))} (95 %)" if stated else ""
@@ -142,7 +150,13 @@ def _known_to(report: ModelReport) -> str:
 def _circle_sentences(report: ModelReport) -> list[str]:
     """Give the largest circular deviation that was measured, and that the model has."""
     measured = [run.measured for one in report.circles for run in one.runs]
-    predicted = [] if report.model.is_nominal else [trace for one in report.circles for trace in one.before]
+    predicted = [
+        trace
+        for one in report.circles
+        for trace in one.before
+        if not report.model.is_nominal
+        and parts.unknown_needed(report.model, report.errors, trace.circle.plane.lower()) is None
+    ]
     sentences = []
     for what, traces in (
         ("Measured circles deviate", measured),
@@ -150,7 +164,7 @@ def _circle_sentences(report: ModelReport) -> list[str]:
     ):
         if traces:
             deviation_um = max(trace.circular_deviation_mm for trace in traces) * style.UM_PER_MM
-            sentences.append(f"{what} by up to {style.text_um(deviation_um)} (G, ISO 230-4).")
+            sentences.append(f"{what} by {style.up_to_um(deviation_um)} (G, ISO 230-4).")
     return sentences
 
 
@@ -168,7 +182,7 @@ def model_sections(report: ModelReport, progress: Progress | None = None) -> lis
         _maker(parts.DIAGONALS, lambda: diagonal_blocks(report)),
         lambda: _comparison(report),
         lambda: _judgement(report),
-        _maker(parts.NOT_DETERMINED, lambda: () if errors is None else not_determined(errors)),
+        _maker(parts.NOT_DETERMINED, lambda: () if errors is None else not_determined(errors, report.not_in_model)),
         _maker("Not in this report", lambda: _left_out(report)),
     ]
     return made(makers, progress)
@@ -206,19 +220,19 @@ def _judgement(report: ModelReport) -> list[Section]:
 
 
 def _error_blocks(report: ModelReport) -> tuple[Block, ...]:
-    if report.errors is None:
+    if report.errors is None or not (report.errors.functions or report.errors.squareness):
         return ()
     if not report.errors.functions:
         return (
             Paragraph("The model has none of the 18 functions along axes; circular tests alone do not tell them."),
-            squareness_table(report.errors),
+            squareness_table(report.errors, absent=report.not_in_model),
             *map(as_sentence, report.errors.notes),
         )
     caption = "Error functions over their axis, with 95 % intervals where the model knows them; squareness last."
     return (
         Figure(error_curves(report.errors), caption),
-        error_function_table(report.errors),
-        squareness_table(report.errors),
+        error_function_table(report.errors, absent=report.not_in_model),
+        squareness_table(report.errors, absent=report.not_in_model),
         *map(as_sentence, report.errors.notes),
     )
 
@@ -230,6 +244,8 @@ def _field_blocks(report: ModelReport) -> tuple[Block, ...]:
     blocks: list[Block] = [Figure(figure, "Where the machine puts the points of a grid over its working volume.")]
     if report.not_determined:
         blocks.append(Paragraph(f"Not determined, and taken as 0 here: {', '.join(report.not_determined)}."))
+    if report.not_in_model:
+        blocks.append(as_sentence(not_in_model_words(report.not_in_model)))
     return tuple(blocks)
 
 

@@ -26,6 +26,7 @@ from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import REFERENCE
+from geoerr.model.in_model import in_order, needed_by
 from geoerr.model.program_conditions import (
     approach_conditions,
     needed_conditions,
@@ -130,7 +131,7 @@ class ModelReport:
     at
         Conditions of all predictions; `assumed` names those that nobody stated.
     errors
-        The 21 errors as tables; None of a machine without errors.
+        The 21 errors as tables, of those that the model has; None of a machine without errors.
     has_field
         Whether the error over the volume can be predicted.
     circles
@@ -184,6 +185,11 @@ class ModelReport:
     def prediction_conditions(self) -> Stated:
         """What a prediction at a place is given: the conditions, and that it was reached from below, at rest."""
         return _at_a_place(self.predicted_by, self.at)
+
+    @property
+    def not_in_model(self) -> tuple[str, ...]:
+        """Names of what the model does not have, and every prediction takes as 0; none where it has no errors."""
+        return () if self.model.is_nominal else self.model.not_in_model
 
     @property
     def not_determined(self) -> tuple[str, ...]:
@@ -463,35 +469,65 @@ def _predictions(
             parts.lack(CIRCLES, why)
             return None, False, (), {}, {}
         return None, False, _circles(parts, model, (), measured, stated), {}, {}
-    tables = model.error_functions(at=constants)
-    has_tables = bool(tables.functions or tables.squareness)
-    if not has_tables:
+    tables = _without_absent(model.error_functions(at=constants), model.not_in_model)
+    if not (tables.functions or tables.squareness):
         parts.lack(ERRORS, "the model has neither functions of one axis nor squareness")
-    open_names = {item.name for item in tables.not_determined}
-    known = [axis for axis in AXES if f"E{axis.upper()}{axis.upper()}" not in open_names]
-    unknown = ", ".join(axis.upper() for axis in AXES if axis not in known)
-    why = f"the model's data do not determine the positioning of {unknown}, and what is unknown is not 0"
-    planes = [plane for plane in PLANES if set(plane[:2].lower()) <= set(known)]
+    open_of_all = unknown_needed(model, tables, "".join(AXES))
+    known = [axis for axis in AXES if unknown_needed(model, tables, axis) is None]
+    planes = [plane for plane in PLANES if unknown_needed(model, tables, plane.lower()) is None]
     if not planes and not measured:
-        parts.lack(CIRCLES, why)
+        parts.lack(CIRCLES, open_of_all or "")
     circles = _circles(parts, model, planes, measured, stated)
-    is_whole = len(known) == len(AXES)
-    if not is_whole:
-        parts.lack(FIELD, why)
-        parts.lack(DIAGONALS, why)
-    if not known:
-        parts.lack(POSITIONING, why)
+    if open_of_all is not None:
+        parts.lack(FIELD, open_of_all)
+        parts.lack(DIAGONALS, open_of_all)
+        if not known:
+            parts.lack(POSITIONING, open_of_all)
     try:
         low, high = usable_range_mm(model)
         model.error_mm([(low + high) / 2.0], at=_at_a_place(model, stated))
     except GeoerrError as error:
         for section in (FIELD, POSITIONING, DIAGONALS):
             parts.refused(section, error)
-        return tables if has_tables else None, False, circles, {}, {}
+        return tables, False, circles, {}, {}
     lines = {axis: predict_positioning(model, *axis_line_mm(model, axis), at=constants) for axis in known}
-    ends = diagonals_mm(model) if is_whole else {}
+    ends = diagonals_mm(model) if open_of_all is None else {}
     diagonals = {name: predict_positioning(model, *of, at=constants) for name, of in ends.items()}
-    return tables if has_tables else None, is_whole, circles, lines, diagonals
+    return tables, open_of_all is None, circles, lines, diagonals
+
+
+def _without_absent(tables: ErrorFunctions, absent: Sequence[str]) -> ErrorFunctions:
+    """Leave out tables that nothing in the model stands for: 0 by conditions that stand still, and not as known."""
+    functions = {
+        name: function
+        for name, function in tables.functions.items()
+        if name not in absent or bool(np.any(function.value))
+    }
+    return replace(tables, functions=functions)
+
+
+def unknown_needed(model: Model, tables: ErrorFunctions | None, axes: str) -> str | None:
+    """Say why a figure of these axes is not stated: what it is about is not determined, or not in the model.
+
+    The one rule for lines, circles, diagonals and the field; None where the figure can be stated.
+
+    Parameters
+    ----------
+    model
+        Whose prediction it is.
+    tables
+        Its errors; they name what the data do not determine.
+    axes
+        Those that move.
+    """
+    needed = needed_by(axes)
+    opened = {item.name for item in tables.not_determined} if tables is not None else set()
+    whys = {
+        "the model's data do not determine": in_order(needed & opened),
+        "the model does not have": in_order(needed & set(model.not_in_model)),
+    }
+    said = [f"{why} {', '.join(names)}" for why, names in whys.items() if names]
+    return f"{' and '.join(said)}, and what is unknown is not 0" if said else None
 
 
 def _circles(

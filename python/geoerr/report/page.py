@@ -22,7 +22,7 @@ from geoerr.report.provenance import Provenance
 from geoerr.summaries import capitalised
 
 # What stands in a number's place; the column stays one of numbers.
-NOT_DETERMINED = "not determined"
+NOT_DETERMINED, NOT_IN_MODEL, NOT_KNOWN = "not determined", "not in the model", "not known"
 
 _TEMPLATE = resources.files("geoerr.report") / "page.html"
 
@@ -189,7 +189,7 @@ def _table(table: Table) -> str:
 
 
 def _looks_numeric(cell: str) -> bool:
-    return not cell or cell == NOT_DETERMINED or cell[0] in "0123456789+-−–±."
+    return not cell or cell in (NOT_DETERMINED, NOT_IN_MODEL, NOT_KNOWN) or cell[0] in "0123456789+-−–±."
 
 
 def _inputs(provenance: Provenance) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from geoerr.machine import AXES
+from geoerr.model.in_model import in_order, not_in_model_words
 from geoerr.report.ballbar import circular_test_blocks
 from geoerr.report.figures import positioning_curves, predicted_circles, style
 from geoerr.report.model_report import MeasuredLine, ModelReport, thinned
-from geoerr.report.page import NOT_DETERMINED, Block, Figure, Heading, Paragraph, Table, as_sentence
+from geoerr.report.page import NOT_DETERMINED, NOT_KNOWN, Block, Figure, Heading, Paragraph, Table, as_sentence
 from geoerr.summaries import number_text
 from geoerr.verify.ballbar import CircularTestResult
 from geoerr.verify.positioning import USUAL_RUNS, PositioningTest
@@ -33,7 +34,8 @@ def circle_blocks(results: Sequence[CircularTestResult]) -> tuple[Block, ...]:
         blocks += map(as_sentence, notes)
         open_ones = predicted[0].assumed_zero
         if open_ones:
-            blocks.append(Paragraph(f"Not determined, and taken as 0 here: {', '.join(open_ones)}."))
+            said = f"Not determined or not in the model, and taken as 0 here: {', '.join(open_ones)}."
+            blocks.append(Paragraph(said))
     for one in results:
         if one.runs:
             blocks += [Heading("Measured circles"), *circular_test_blocks(one)]
@@ -73,6 +75,7 @@ def positioning_blocks(report: ModelReport) -> tuple[Block, ...]:
             Paragraph(why),
             Figure(figure, "Positioning of the tool point as the model has it."),
             _predicted_table(rest),
+            *_absent(rest.values()),
         ]
     nothing = [axis.upper() for axis in AXES if axis not in seen and axis not in report.predicted_lines]
     if nothing and blocks:
@@ -107,6 +110,7 @@ def diagonal_blocks(report: ModelReport) -> tuple[Block, ...]:
         blocks += [
             Figure(figure, "Deviation along each diagonal of the working volume."),
             Table("Predicted, µm", header, rows),
+            *_absent(report.diagonals.values()),
             Paragraph(
                 f"E_d = {style.text_um(report.diagonal_systematic_um or 0.0)}, the largest systematic deviation; "
                 f"B_d = {style.text_um(report.diagonal_reversal_um or 0.0)}, the largest reversal. Diagonals that "
@@ -190,8 +194,16 @@ def _predicted_table(tests: Mapping[str, PositioningTest]) -> Table:
     return Table("Predicted, µm", header, rows)
 
 
+def _absent(tests: Iterable[PositioningTest]) -> list[Block]:
+    """Say which errors that move these lines the model does not have: how well they are known nobody knows then."""
+    names = in_order(name for test in tests for name in test.not_in_model)
+    return [as_sentence(not_in_model_words(names))] if names else []
+
+
 def _known_to(test: PositioningTest) -> str:
     known_um = test.known_to_um
+    if known_um is not None and test.not_in_model:
+        return NOT_KNOWN
     return NOT_DETERMINED if known_um is not None and math.isnan(known_um) else _um(known_um)
 
 

@@ -19,6 +19,7 @@ from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
+from geoerr.model.in_model import in_order
 from geoerr.model.program_conditions import refuse_unneeded
 from geoerr.observations import CircularTest
 from geoerr.tables import RowProblem
@@ -157,7 +158,7 @@ class CircularTestResult:
     runs
         Measured runs compared with the model.
     assumed_zero
-        Errors that the model's data do not determine, and that are 0 in these figures.
+        Errors that the model's data do not determine or that are not in the model, and that are 0 in these figures.
     notes
         Sentences for the reader.
     set_aside
@@ -401,7 +402,8 @@ def run_circular_test(
             f"compensated commands leave the range of {', '.join(out_of_range)}: "
             "a machine with soft limits would stop there"
         )
-    assumed_zero = tuple(item.name for item in model.error_functions().not_determined)
+    absent = () if model.record is None else model.not_in_model
+    assumed_zero = in_order({*absent, *(item.name for item in model.error_functions().not_determined)})
     return CircularTestResult(
         before=(predict_trace(machine, circle, at=at), predict_trace(machine, circle, clockwise=True, at=at)),
         after=(

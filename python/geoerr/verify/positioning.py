@@ -22,6 +22,7 @@ from geoerr.errors import GeometryError, ShapeError
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
+from geoerr.model.in_model import moving_along
 from geoerr.model.program_conditions import approach_conditions
 from geoerr.observations import place_numbers
 from geoerr.verify.ballbar import usable_range_mm
@@ -56,6 +57,9 @@ class PositioningTest:
     prediction_std_um : (m,) or None
         Standard uncertainty of a predicted deviation, NaN where the model's data do not determine it; None of
         what was measured, and of a model without a covariance.
+    not_in_model
+        Errors that move the point along the line and are not in the model: they count as 0 in a prediction, whose
+        uncertainty is then that of a part of it, and is not stated.
     """
 
     position_mm: Numbers
@@ -65,6 +69,7 @@ class PositioningTest:
     down_std_um: Numbers
     n_runs: int
     prediction_std_um: Numbers | None = None
+    not_in_model: tuple[str, ...] = ()
 
     @property
     def reversal_um(self) -> float:
@@ -93,7 +98,7 @@ class PositioningTest:
 
     @property
     def known_to_um(self) -> float | None:
-        """How far off a predicted deviation may be anywhere along the line (95 %); NaN where it is not determined."""
+        """How far off a predicted deviation may be anywhere along the line (95 %); NaN where nobody knows."""
         return None if self.prediction_std_um is None else float(_COVERAGE_95 * self.prediction_std_um.max())
 
     @property
@@ -256,7 +261,12 @@ def predict_positioning(
     nothing = np.full(n_targets, np.nan)
     # Where the gauge fixes the error its variance is 0, to rounding; NaN, not determined, stays.
     std_um = np.sqrt(np.maximum(np.max(variances, axis=0), 0.0)) * _UM_PER_MM if variances else None
-    return PositioningTest(along, means[0], means[1], nothing, nothing, n_runs=0, prediction_std_um=std_um)
+    absent = () if model.is_nominal else moving_along(model.machine, model.not_in_model, q_mm, unit)
+    if absent and std_um is not None:
+        std_um = nothing
+    return PositioningTest(
+        along, means[0], means[1], nothing, nothing, n_runs=0, prediction_std_um=std_um, not_in_model=absent
+    )
 
 
 def axis_line_mm(model: Model, axis: str) -> tuple[Numbers, Numbers]:

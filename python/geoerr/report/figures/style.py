@@ -175,6 +175,12 @@ def text_um(value_um: float) -> str:
     return f"{value_um:,.{digits}f} µm"
 
 
+def up_to_um(value_um: float) -> str:
+    """Write `up to 12.3 µm`, or `less than` the last digit of `text_um`: not `up to below` it."""
+    text = text_um(value_um)
+    return f"less than {text.removeprefix('below ')}" if text.startswith("below") else f"up to {text}"
+
+
 def round_up_125(value: float) -> float:
     """Round a positive number up to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
