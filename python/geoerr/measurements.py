@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from geoerr.errors import InputFileError
+from geoerr.machine import Machine
 from geoerr.observations import (
     CircularTest,
     Lengths,
@@ -74,7 +75,9 @@ class Measurements:
         return f"row {file_row}"
 
 
-def read_measurements(paths: Sequence[Path], *, with_lengths: bool = False) -> Measurements:
+def read_measurements(
+    paths: Sequence[Path], *, with_lengths: bool = False, machine: Machine | None = None
+) -> Measurements:
     """Read OBS; `-` is a table of points on standard input.
 
     Parameters
@@ -83,6 +86,8 @@ def read_measurements(paths: Sequence[Path], *, with_lengths: bool = False) -> M
         The files.
     with_lengths
         Whether measured lengths can be used.
+    machine
+        Whose measurements they are: rows that cannot be of it are set aside.
 
     Raises
     ------
@@ -103,8 +108,8 @@ def read_measurements(paths: Sequence[Path], *, with_lengths: bool = False) -> M
         if kind == "lengths":
             lengths.append(read_lengths(path))
         elif kind == "circle":
-            circles.append(read_circular_test(path))
+            circles.append(read_circular_test(path, machine))
         else:
             points.append(path)
-    table = read_observations(*points) if points else None
+    table = read_observations(*points, machine=machine) if points else None
     return Measurements(table, tuple(circles), tuple(lengths), tuple(points))

@@ -21,6 +21,7 @@ import polars as pl
 from geoerr.drawing import drawn
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.files import check_written
+from geoerr.machine import Machine
 from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
 from geoerr.tables import RowProblem, Schema, check, is_temperature, read_raw, write_table
 
@@ -225,11 +226,18 @@ def kind_of(columns: Iterable[str]) -> str:
     return "points"
 
 
-def read_observations(*paths: str | Path) -> Observations:
+def read_observations(*paths: str | Path, machine: Machine | None = None) -> Observations:
     """Read one or more tables of measured points.
 
     Two files are two sessions unless they name their sessions. Where `t` is given in every row of a session it
     orders that session's rows.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    machine
+        Rows that were commanded farther outside its range than that is long are set aside: they are mistyped.
 
     Raises
     ------
@@ -251,7 +259,7 @@ def read_observations(*paths: str | Path) -> Observations:
                 column="mx my mz",
                 remedy="measured positions in mm; leave cells empty where a component was not measured",
             )
-        frame, found = check(raw, POINT_COLUMNS, path)
+        frame, found = _of_the_machine(*check(raw, POINT_COLUMNS, path), machine, path)
         frames.append(frame)
         problems.extend(found)
     names = _session_names(frames)
@@ -260,12 +268,58 @@ def read_observations(*paths: str | Path) -> Observations:
     return Observations(_ordered_by_time(merged), tuple(str(path) for path in paths), tuple(problems))
 
 
-def read_circular_test(path: str | Path) -> CircularTest:
-    """Read a circular test; `dir` is +1 counter-clockwise seen from + of the third axis, −1 clockwise."""
+def read_circular_test(path: str | Path, machine: Machine | None = None) -> CircularTest:
+    """Read a circular test; `dir` is +1 counter-clockwise seen from + of the third axis, −1 clockwise.
+
+    Parameters
+    ----------
+    path
+        The file.
+    machine
+        As for `read_observations`.
+    """
     raw = read_raw(path)
     _expect(raw, "circle", path)
-    frame, problems = check(raw, CIRCLE_COLUMNS, path)
+    frame, problems = _of_the_machine(*check(raw, CIRCLE_COLUMNS, path), machine, path)
     return CircularTest(frame, (str(path),), problems)
+
+
+def _of_the_machine(
+    frame: pl.DataFrame, problems: tuple[RowProblem, ...], machine: Machine | None, path: str | Path
+) -> tuple[pl.DataFrame, tuple[RowProblem, ...]]:
+    """Set aside rows that were commanded where no machine of this range can be: one would stretch every function.
+
+    Places a little outside are kept and noted by the fit: ranges are stated carelessly. None is left where a table
+    counts from another zero: then it is refused, for nothing of it is of this machine.
+    """
+    if machine is None:
+        return frame, problems
+    found = []
+    for axis in _AXES:
+        low, high = machine.axes[axis].range_mm
+        beyond_mm = pl.max_horizontal(low - pl.col(axis), pl.col(axis) - high)
+        far = frame.filter(beyond_mm > high - low)
+        found += [
+            RowProblem(
+                str(path),
+                row,
+                axis,
+                f"{value:g} mm is farther outside the range of {axis}, {low:g} to {high:g} mm, than that is long: "
+                "correct the row, or state the machine's range as it is",
+            )
+            for row, value in zip(far["file_row"], far[axis], strict=True)
+        ]
+    kept = frame.filter(~pl.col("file_row").is_in([one.row for one in found]))
+    if found and kept.is_empty():
+        problem, _, remedy = found[0].problem.partition(": ")
+        raise InputFileError(
+            path,
+            f"{problem}; no usable row is left",
+            row=found[0].row,
+            column=found[0].column,
+            remedy=f"{remedy}, or count places from the machine's zero",
+        )
+    return kept, tuple(sorted((*problems, *found), key=lambda one: one.row))
 
 
 def read_lengths(path: str | Path) -> Lengths:

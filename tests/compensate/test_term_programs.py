@@ -490,3 +490,12 @@ def test_options_do_not_change_what_is_taken_up():
     assert coarse.count(b"\n") == 4, "a jump below half of the tolerance is taken up along the move"
     fine, _ = compensate_bytes(model, program, CompensationOptions(tolerance_mm=0.001))
     assert fine.count(b"\n") == 6
+
+
+def test_a_fit_that_has_not_settled_corrects_no_program():
+    of = machine("wbXYZt")
+    model = with_record(Model(of, None, (term(of, "thermal-drift:z@temp_bed", k=1e-3),)), 1e-4)
+    assert model.record is not None
+    unsettled = dataclasses.replace(model, record=dataclasses.replace(model.record, has_settled=False))
+    with pytest.raises(GeoerrError, match=r"the fit has not settled: .*\nhint: look for a mistyped row"):
+        compensate_bytes(unsettled, b"G1 X10 Y10 Z5\nG1 X20\n", at={"temp_bed": 70.0})

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geoerr.errors import InputFileError, ShapeError
+from geoerr.machine import Machine
 from geoerr.observations import (
     kind_of,
     observations_from_columns,
@@ -152,6 +153,24 @@ def test_a_bad_row_is_named_and_the_rest_goes_on(tmp_path: Path, cell: str, valu
     observations = read_observations(path)
     assert len(observations) == 2
     assert [str(problem) for problem in observations.set_aside] == [f"{path}:3: {cell}: {reason}"]
+
+
+def test_a_row_that_cannot_be_of_the_machine_is_set_aside(tmp_path: Path) -> None:
+    """A mistyped place stretches every function of its axis; 450 of 400 mm is kept: ranges are stated carelessly."""
+    machine = Machine.from_chain("wbXYZt", (400.0, 400.0, 300.0))
+    header, rows = "x,y,z,mx,my,mz", ["10,0,0,1,2,3", "4500,0,0,1,2,3", "450,0,0,1,2,3", "10,0,-301,1,2,3"]
+    path = write(tmp_path, "\n".join([header, *rows]) + "\n")
+    assert len(read_observations(path)) == 4
+    observations = read_observations(path, machine=machine)
+    assert observations.commanded_mm[:, 0].tolist() == [10.0, 450.0]
+    first, second = map(str, observations.set_aside)
+    assert first.startswith(f"{path}:3: x: 4500 mm is farther outside the range of x, 0 to 400 mm, than that is long")
+    assert "correct the row" in first
+    assert second.startswith(f"{path}:5: z: -301 mm")
+    circle = write(tmp_path, "x,y,z,r\n0,0,0,50\n4500,0,0,50\n", "circle.csv")
+    assert [one.row for one in read_circular_test(circle, machine).set_aside] == [3]
+    with pytest.raises(InputFileError, match=r":2: x: 4500 mm .*no usable row is left\n.*the machine's zero"):
+        read_observations(write(tmp_path, f"{header}\n{rows[1]}\n", "other.csv"), machine=machine)
 
 
 @pytest.mark.parametrize(

@@ -384,3 +384,16 @@ def test_a_large_record_is_read_in_reasonable_time(tmp_path: Path) -> None:
     again = load_model(tmp_path / "model.json")
     assert again.record is not None
     assert again.record.n_parameters == 363
+
+
+def test_a_fit_that_has_not_settled_is_remembered() -> None:
+    """And only that: files of fits that came to rest are as they were."""
+    document = document_of(model_from_document(good(), "model.json"))
+    assert "has_settled" not in document
+    model = model_from_document({**document, "has_settled": False}, "model.json")
+    assert model.record is not None
+    assert not model.record.has_settled
+    assert document_of(model)["has_settled"] is False
+    assert "has not settled" in model.report()
+    with pytest.raises(InputFileError, match="has_settled: 'no' is neither true nor false"):
+        model_from_document({**document, "has_settled": "no"}, "model.json")

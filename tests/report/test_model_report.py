@@ -14,6 +14,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import geoerr
+from geoerr.budget import budget_text
 from geoerr.cli.main import app
 from geoerr.cli.progress import Advance
 from geoerr.effects import catalogue
@@ -343,3 +344,15 @@ def test_a_part_stays_within_what_is_counted_and_the_rest_is_named() -> None:
 def test_what_is_below_all_digits_is_not_up_to_below() -> None:
     assert style.up_to_um(0.001) == "less than 0.01 µm"
     assert style.up_to_um(12.34) == "up to 12.3 µm"
+
+
+def test_a_fit_that_has_not_settled_is_said_before_all_else() -> None:
+    model = by_hand("scale:x", "scale:y", "scale:z", "squareness:xy", "squareness:xz", "squareness:yz")
+    assert model.record is not None
+    unsettled = replace(model, record=replace(model.record, has_settled=False))
+    report = model_report(unsettled)
+    assert report_sentences(report)[0].startswith("The fit has not settled: its numbers are not to be used")
+    assert report.budget is not None
+    assert budget_text(report.budget).startswith("The fit has not settled")
+    assert report.budget.not_counted[0].startswith("the fit has not settled")
+    assert not budget_text(model_report(model).budget or report.budget).startswith("The fit has not settled")

@@ -31,6 +31,7 @@ from geoerr.machine import AXES
 from geoerr.model import GROUPS, Model
 from geoerr.model.arrays import Numbers, points
 from geoerr.model.conditions import Conditions
+from geoerr.model.fit_words import NOT_SETTLED
 from geoerr.model.in_model import is_about_the_model, not_in_model_words
 from geoerr.model.program_conditions import extrapolated_conditions
 from geoerr.summaries import facts_html, number_text, summary_html, table_html
@@ -116,7 +117,14 @@ class Budget:
         """Sentences: what is in none of the numbers, at these places and at any."""
         absent = self.model.not_in_model
         told = (not_in_model_words(absent),) if absent else ()
+        if not self.has_settled:
+            told = (NOT_SETTLED, *told)
         return (*told, *outside_measured(self.model, self.place_names, self.q_mm), *self.not_counted_anywhere)
+
+    @property
+    def has_settled(self) -> bool:
+        """Tell whether the fit of the model came to rest: without that no number here means anything."""
+        return self.model.record is None or self.model.record.has_settled
 
     @property
     def is_in_model(self) -> npt.NDArray[np.bool_]:

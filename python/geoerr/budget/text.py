@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from geoerr.budget.budget import Budget, Contribution, Quantity
+from geoerr.model.fit_words import NOT_SETTLED
+from geoerr.summaries import capitalised
 
 # Rounding, in any of the units.
 _NOTHING = 1e-9
@@ -26,7 +28,8 @@ def budget_text(budget: Budget) -> str:
     """Give the whole budget: stages, sources with contributions, groups, uncertainties, and what is not counted."""
     shown = _shown(budget)
     heads = _heads(budget, shown)
-    lines = ["[[Places]] mm"]
+    lines = [] if budget.has_settled else [f"{capitalised(NOT_SETTLED)}."]
+    lines.append("[[Places]] mm")
     for head, row in zip(heads, shown, strict=True):
         name = budget.place_names[row]
         x, y, z = budget.q_mm[row]

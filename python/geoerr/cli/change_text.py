@@ -17,6 +17,7 @@ from geoerr.files import null_for_nan
 from geoerr.fit.result import CALIBRATION_UNKNOWNS
 from geoerr.measurements import Measurements
 from geoerr.model import HistoryEntry, Model, write_model
+from geoerr.model.fit_words import NOT_SETTLED
 
 _MOST_CELLS, _LEAST_CELLS = 44, 20
 _FULL, _HELD_OUT, _FLOOR = "█", "░", "│"
@@ -111,6 +112,8 @@ def report_change(
     """
     if not has_rig and start.record is not None and start.record.noise.get(CALIBRATION_UNKNOWNS, 0.0) > 0.0:
         note("note: the model was fitted with its calibration's uncertainty; it is lost here without --rig", quiet)
+    if start.record is not None and not start.record.has_settled:
+        note(f"warning: the model as it was: {NOT_SETTLED}", quiet)
     if output is not None:
         write_model(output, change.result.model)
     if as_json:

@@ -25,7 +25,7 @@ from geoerr.fit.from_nothing import SIGNIFICANCE, chance_of_nothing
 from geoerr.fit.inner import other_periods
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
-from geoerr.model.fit_words import FAR_BELOW_STATED, far_below_stated_words, lack_of_fit_words
+from geoerr.model.fit_words import FAR_BELOW_STATED, NOT_SETTLED, far_below_stated_words, lack_of_fit_words
 from geoerr.summaries import by_reason
 from geoerr.terms import Term
 
@@ -153,7 +153,7 @@ def quality_in_words(fitted: Fitted) -> list[str]:
             "the other passes do not determine them"
         )
     if not fitted.solved.converged:
-        sentences.append("the fit has not settled: its numbers are not to be used")
+        sentences.append(NOT_SETTLED)
     return sentences
 
 

@@ -75,7 +75,9 @@ def report_verb(
     inputs = files_given(model, observations, effects, rig)
     check_output(output, inputs)
     known = load_model(model)
-    measured = None if not observations else read_measurements(observations, with_lengths=True)
+    measured = None
+    if observations:
+        measured = read_measurements(observations, with_lengths=True, machine=known.machine)
     tables = () if measured is None else (*measured.tables, *measured.lengths)
     set_aside = () if measured is None else measured.set_aside
     sensitivity, covariance = calibration(rig, None if measured is None else measured.points)

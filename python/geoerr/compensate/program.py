@@ -21,6 +21,7 @@ from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions, constants_of
 from geoerr.model.finite import not_finite_notes
+from geoerr.model.fit_words import NOT_SETTLED, SETTLE
 from geoerr.model.in_model import not_in_model_words
 from geoerr.model.program_conditions import (
     Extrapolated,
@@ -299,6 +300,8 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
             f"the model has nothing to compensate: {ids} explain measurements, and the machine does not have them\n"
             "hint: they belong to the cameras; a program needs a model with errors of the machine"
         )
+    if model.record is not None and not model.record.has_settled:
+        raise GeoerrError(f"{NOT_SETTLED}, and no program is corrected with them\nhint: {SETTLE}")
     waves = tuple(term.id for term in corrected.terms if term.is_wave_in_time)
     corrected = without_waves_in_time(corrected)
     given = program_conditions(corrected, at, extrapolates=options.extrapolates)

@@ -13,6 +13,7 @@ from geoerr.diagnose.gaps import gaps_of, unread_rows
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
+from geoerr.model.fit_words import NOT_SETTLED
 from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import counted, listed
 
@@ -55,6 +56,9 @@ def notes_of(
             "the fit has not settled, so that what it leaves is not only what the model lacks: leave out the term "
             "that runs away, or measure what would hold it"
         )
+    record = None if comparison is None else comparison.model.record
+    if is_held and record is not None and not record.has_settled:
+        said.append(f"the model's own data: {NOT_SETTLED}")
     if has_found and is_held and comparison is not None and all_terms(comparison.model):
         said.append(
             "the model's numbers come from other data: where the cause acted there already they hold a part of it, "

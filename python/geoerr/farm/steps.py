@@ -63,7 +63,8 @@ class Bench:
     @cached_property
     def measured(self) -> Measurements:
         """All its measurements."""
-        return read_measurements(sorted(path for path in self.folder.iterdir() if path.suffix.lower() in TABLES))
+        tables = sorted(path for path in self.folder.iterdir() if path.suffix.lower() in TABLES)
+        return read_measurements(tables, machine=self.machine)
 
     @property
     def effect_files(self) -> list[Path]:

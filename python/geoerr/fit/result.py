@@ -130,6 +130,7 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         ),
         history=tuple(history),
         stood_mm=stood,
+        has_settled=fitted.solved.converged,
     )
     return FitResult(Model(fitted.machine, terms=fitted.terms, record=record), fitted)
 

@@ -62,6 +62,9 @@ def document_of(model: Model) -> dict[str, Any]:
             "figures": _numbers_of(record.figures),
             "history": [_entry_of(entry) for entry in record.history],
         }
+        # Said where it is so: files of fits that came to rest stay as they were.
+        if not record.has_settled:
+            document["has_settled"] = False
     return document
 
 
@@ -142,6 +145,7 @@ def _record(document: dict[str, Any], n_parameters: int, path: str | Path) -> Fi
             figures=_figures(document.get("figures", {}), "figures", path),
             history=tuple(history),
             stood_mm=_figures(data.get("stood_mm", {}), "data.stood_mm", path),
+            has_settled=_truth(document, "has_settled", path),
         ),
     )
 
@@ -245,6 +249,12 @@ def _count(data: dict[str, Any], name: str, path: str | Path) -> int:
     good = isinstance(value, int) and not isinstance(value, bool) and value >= 0
     _refuse(not good, path, f"data.{name}", f"{_shown(value)} is not a number of rows")
     return int(value)
+
+
+def _truth(document: dict[str, Any], name: str, path: str | Path) -> bool:
+    value = document.get(name, True)
+    _refuse(not isinstance(value, bool), path, name, f"{_shown(value)} is neither true nor false")
+    return bool(value)
 
 
 def _action(value: Any, place: str, path: str | Path) -> Any:

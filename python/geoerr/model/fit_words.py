@@ -38,6 +38,14 @@ _IN_SENTENCES = frozenset(
 )
 
 
+NOT_SETTLED = "the fit has not settled: its numbers are not to be used"
+# What to do about it.
+SETTLE = (
+    "look for a mistyped row, which fit and compare name, leave out the effect that runs away, or measure what would "
+    "hold it; then fit again"
+)
+
+
 def other_figures(figures: Mapping[str, float]) -> list[str]:
     """Name the figures that have neither a name on paper nor a sentence."""
     return [name for name in figures if name not in FIGURES and name not in _IN_SENTENCES]

@@ -85,6 +85,8 @@ class FitRecord:
         Axis to the commanded range of the data, for axes that moved.
     stood_mm
         Axis to its position in all the data, for axes that never moved: of what they do elsewhere nothing is known.
+    has_settled
+        Whether the fit came to rest. Numbers of one that did not are wherever it stopped, and not to be used.
     covariate_spans
         Covariate to its smallest and largest value in the data.
     noise, figures
@@ -112,6 +114,7 @@ class FitRecord:
     figures: Mapping[str, float] = field(default_factory=dict)
     history: tuple[HistoryEntry, ...] = ()
     stood_mm: Mapping[str, float] = field(default_factory=dict)
+    has_settled: bool = True
 
     def __post_init__(self) -> None:
         """Check everything, and make the covariance symmetric to the last bit."""

@@ -13,7 +13,7 @@ import numpy as np
 from geoerr.effects.plausible import plausible_words
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, SQUARENESS, is_angular
 from geoerr.machine import AXES
-from geoerr.model.fit_words import FIGURES, OF_STATED, fit_sentences, other_figures
+from geoerr.model.fit_words import FIGURES, NOT_SETTLED, OF_STATED, fit_sentences, other_figures
 from geoerr.model.groups import POSITIONING
 from geoerr.model.parameters import Correlation
 from geoerr.summaries import by_reason
@@ -83,6 +83,8 @@ def _data(model: Model) -> Iterator[str]:
 def _fit(model: Model) -> Iterator[str]:
     record = model.record
     assert record is not None
+    if not record.has_settled:
+        yield from _wrapped(NOT_SETTLED)
     for sentence in fit_sentences(record.figures, record.noise):
         yield from _wrapped(sentence)
     stated = {f"noise, {name}": value for name, value in record.noise.items() if name not in _SAID}

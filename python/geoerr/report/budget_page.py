@@ -7,11 +7,12 @@ from pathlib import Path
 
 from geoerr.budget import Budget, Contribution, UncertaintyMap
 from geoerr.machine import AXES
+from geoerr.model.fit_words import NOT_SETTLED
 from geoerr.model.in_model import not_in_model_words
 from geoerr.report.figures import style, uncertainty_slices
 from geoerr.report.page import NOT_DETERMINED, Block, Figure, Paragraph, Section, Table, write_report
 from geoerr.report.provenance import Provenance
-from geoerr.summaries import listed
+from geoerr.summaries import capitalised, listed
 
 _PERCENT = 100.0
 # In any unit of the tables less than this is rounding.
@@ -33,7 +34,8 @@ def write_budget_page(path: str | Path, budget: Budget, volume: UncertaintyMap, 
         For the last section.
     """
     title = f"{budget.model.machine.name}: uncertainty budget"
-    write_report(path, title, budget_sentences(budget), budget_sections(budget, volume), provenance)
+    unsettled = [] if budget.has_settled else [f"{capitalised(NOT_SETTLED)}."]
+    write_report(path, title, [*unsettled, *budget_sentences(budget)], budget_sections(budget, volume), provenance)
 
 
 def budget_sentences(budget: Budget) -> list[str]:

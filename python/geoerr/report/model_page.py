@@ -10,6 +10,7 @@ from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.effects import Effect
 from geoerr.files import check_written
 from geoerr.model import Model
+from geoerr.model.fit_words import NOT_SETTLED, SETTLE
 from geoerr.model.in_model import not_in_model_words
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.report import model_report as parts
@@ -104,6 +105,9 @@ def write_model_page(
 def report_sentences(report: ModelReport) -> list[str]:
     """Say the most important of it in a few sentences."""
     sentences = []
+    record = report.model.record
+    if record is not None and not record.has_settled:
+        sentences.append(f"{capitalised(NOT_SETTLED)}: {SETTLE}.")
     if report.assumed:
         degc = report.model.machine.reference_temperature_degc
         sentences.append(
