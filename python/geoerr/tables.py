@@ -25,6 +25,7 @@ FIRST_DATA_ROW = 2
 # What commands take beside measurements: machines, models, rigs.
 _NO_TABLES = (".json", ".toml")
 _MOST_OF_A_MESSAGE = 200
+_COMMENT = "#"
 
 
 def is_temperature(column: str) -> bool:
@@ -148,7 +149,7 @@ def check(raw: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataF
     frame = raw.with_columns(pl.int_range(FIRST_DATA_ROW, pl.len() + FIRST_DATA_ROW).alias("file_row"))
     empty = pl.all_horizontal(pl.exclude("file_row").is_null())
     frame = frame.filter(~empty)
-    problems: list[RowProblem] = []
+    frame, problems = _without_comments(frame, schema, path)
     for name in frame.columns:
         if name == "file_row":
             continue
@@ -177,6 +178,23 @@ def check(raw: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataF
     return frame, tuple(sorted(problems, key=lambda problem: problem.row))
 
 
+def _without_comments(frame: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataFrame, list[RowProblem]]:
+    """Set comments among the rows aside, each once, and not for every cell that has no number.
+
+    A comment begins with its mark and has none of the numbers that a row needs: a line may be named `#7`.
+    """
+    first = frame.columns[0]
+    if frame.dtypes[0] != pl.String:
+        return frame, []
+    begins = pl.col(first).str.strip_chars_start().str.starts_with(_COMMENT).fill_null(value=False)
+    needed = [name for name in schema.required if name in schema.numbers]
+    numbers = [pl.col(name).cast(pl.Float64, strict=False).is_null() for name in needed]
+    is_comment = frame.select(pl.all_horizontal(begins, *numbers)).to_series()
+    said = f"begins with {_COMMENT}, as a comment: a table has none; remove the line"
+    rows = frame["file_row"].filter(is_comment)
+    return frame.filter(~is_comment), [RowProblem(str(path), row, first, said) for row in rows]
+
+
 def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
     if not content.strip():
         raise InputFileError(path, "the file is empty", remedy="give a header line and at least one row")
@@ -198,7 +216,9 @@ def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
             row=1,
             remedy="save it with commas between cells, and points in numbers",
         )
+    _refuse_comment(content, names, path)
     _refuse_repeated(names, path)
+    content = _with_short_comments(content, len(names))
     _refuse_long_rows(content, len(names), path)
     frame = _cells(content, path)
     # A column without a name, as spreadsheets leave them behind the last one, says nothing.
@@ -225,6 +245,31 @@ def _refuse_repeated(names: Sequence[str], path: str | Path) -> None:
         raise InputFileError(
             path, "two columns have this name", row=1, column=repeated[0], remedy="rename or remove one"
         )
+
+
+def _refuse_comment(content: bytes, names: Sequence[str], path: str | Path) -> None:
+    """Refuse a comment where the names of columns belong; a column may be named `#`, as one of running numbers is."""
+    if not names[0].startswith(_COMMENT):
+        return
+    line = next(iter(content.splitlines()[1:]), b"")
+    if b'"' in line or line.count(b",") + 1 != len(names):
+        raise InputFileError(
+            path,
+            f"begins with {_COMMENT}, as a comment: a table has none",
+            row=1,
+            remedy="remove the line: the first one has the names of the columns",
+        )
+
+
+def _with_short_comments(content: bytes, n_columns: int) -> bytes:
+    """Cut a comment of more commas than a row has at the first: one row to set aside is no reason to refuse."""
+    mark = _COMMENT.encode()
+    if b'"' in content or b"\n" + mark not in content:
+        return content
+    lines = content.splitlines(keepends=True)
+    is_long = [line.startswith(mark) and line.count(b",") >= n_columns for line in lines]
+    cut = (line.partition(b",")[0] + b"\n" if long else line for line, long in zip(lines, is_long, strict=True))
+    return b"".join(cut) if any(is_long) else content
 
 
 def _refuse_long_rows(content: bytes, n_columns: int, path: str | Path) -> None:

@@ -155,6 +155,25 @@ def test_a_bad_row_is_named_and_the_rest_goes_on(tmp_path: Path, cell: str, valu
     assert [str(problem) for problem in observations.set_aside] == [f"{path}:3: {cell}: {reason}"]
 
 
+def test_a_comment_is_named_as_one(tmp_path: Path) -> None:
+    """Not as a decimal comma, and not once for every cell that it has no number in."""
+    rows = ["a,0,0,0,1,2,3,20", "#7,1,0,0,1,2,3,21", "b,2,0,0,1,2,3,22"]
+    table = "\n".join(["line,x,y,z,mx,my,mz,load", *rows]) + "\n"
+    with pytest.raises(InputFileError, match=r":1: begins with #, as a comment: .*\nhint: remove the line"):
+        read_observations(write(tmp_path, "# measured by Bob, 3 May\n" + table))
+    comments = ["# measured by Bob", "# turned round, 3 May", "# a, b, c, d, e, f, g, h, i"]
+    path = write(tmp_path, "\n".join([table.rstrip(), *comments, rows[0], ""]))
+    observations = read_observations(path)
+    assert observations.texts("line") == ["a", "#7", "b", "a"]
+    # What a comment spills over does not make a column of numbers one of texts.
+    assert observations.numbers("load")[:, 0].tolist() == [20.0, 21.0, 22.0, 20.0]
+    assert [(one.row, one.column) for one in observations.set_aside] == [(5, "line"), (6, "line"), (7, "line")]
+    assert "as a comment" in str(observations.set_aside[0])
+    # A column may be named so.
+    named = write(tmp_path, "#,x,y,z,mx,my,mz\n1,0,0,0,1,2,3\n", "named.csv")
+    assert len(read_observations(named)) == 1
+
+
 def test_a_row_that_cannot_be_of_the_machine_is_set_aside(tmp_path: Path) -> None:
     """A mistyped place stretches every function of its axis; 450 of 400 mm is kept: ranges are stated carelessly."""
     machine = Machine.from_chain("wbXYZt", (400.0, 400.0, 300.0))

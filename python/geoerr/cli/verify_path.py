@@ -101,6 +101,8 @@ def path(
 
 
 def _report(result: PathResult) -> str:
+    from geoerr.summaries import counted
+
     rows = [
         ("", "before", "after"),
         ("largest error, µm", f"{result.max_error_um_before:.3f}", f"{result.max_error_um_after:.3f}"),
@@ -109,12 +111,18 @@ def _report(result: PathResult) -> str:
         ("extrusion, mm", f"{result.extrusion_in_mm:.5f}", f"{result.extrusion_out_mm:.5f}"),
     ]
     lines = [f"{name:<20}{before:>16}{after:>16}" for name, before, after in rows]
-    lines.append(f"{result.moves_compared} moves compared over {result.path_mm:.1f} mm of path")
+    lines.append(f"{counted(result.moves_compared, 'move')} compared over {result.path_mm:.1f} mm of path")
     if result.moves_not_compared:
-        lines.append(f"{result.moves_not_compared} moves not compared (position not known, or no straight move)")
+        not_compared = counted(result.moves_not_compared, "move")
+        lines.append(f"{not_compared} not compared (position not known, or no straight move)")
     if result.moves_with_other_extrusion:
-        lines.append(f"{result.moves_with_other_extrusion} moves extrude another length than before")
+        lines.append(_other_extrusion(result))
     return "\n".join(lines)
+
+
+def _other_extrusion(result: PathResult) -> str:
+    count = result.moves_with_other_extrusion
+    return f"{'1 move extrudes' if count == 1 else f'{count} moves extrude'} another length than before"
 
 
 def _check(result: PathResult, tolerance_mm: float | None) -> None:
@@ -127,7 +135,7 @@ def _check(result: PathResult, tolerance_mm: float | None) -> None:
         )
     if result.moves_with_other_extrusion:
         raise GeoerrError(
-            f"{result.moves_with_other_extrusion} moves extrude another length than before\n"
+            f"{_other_extrusion(result)}\n"
             "hint: name the firmware, --firmware marlin, klipper or reprapfirmware: it decides how E is read"
         )
     if not result.max_error_um_after <= tolerance_mm * 1e3:

@@ -57,7 +57,7 @@ def correlations_of(record: FitRecord, terms: Sequence[Term], minimum: float) ->
     order = np.argsort(-np.abs(value[first, second]), kind="stable")
     names = parameter_names(terms)
     return tuple(
-        Correlation(names[i], names[j], float(value[i, j]))
+        Correlation(names[i], names[j], float(np.clip(value[i, j], -1.0, 1.0)))
         for i, j in zip(first[order].tolist(), second[order].tolist(), strict=True)
     )
 

@@ -106,7 +106,8 @@ def rivals_of(state: State, found: Sequence[Found], place: int) -> tuple[Rival, 
             columns = state.radii.by_run(columns)
         theirs = state.noise.whiten(columns)
         theirs = orthonormal(theirs - basis @ (basis.T @ theirs))
-        correlation = float(np.linalg.norm(theirs.T @ explained)) / size
+        # Of unit vectors; rounding may leave it above 1.
+        correlation = min(float(np.linalg.norm(theirs.T @ explained)) / size, 1.0)
         # Of a wider group only what it does in the place of this one counts.
         difference = gain - judged.gain
         alike = correlation > TIED_CORRELATION and difference < _MOST_DIFFERENCE

@@ -117,7 +117,10 @@ def explained_share(settled: Settled, columns: Seen) -> float:
     """Give the share, as a cosine, of what an effect explains that these columns could have explained."""
     flat = settled.displacement.reshape(-1)
     size = float(np.linalg.norm(flat))
-    return float(np.linalg.norm(columns.root.T @ (columns.whitened.T @ flat))) / size if size > 0.0 else 0.0
+    if not size > 0.0:
+        return 0.0
+    # Rounding may leave a cosine above 1.
+    return min(float(np.linalg.norm(columns.root.T @ (columns.whitened.T @ flat))) / size, 1.0)
 
 
 def _settled(
