@@ -17,6 +17,7 @@ from geoerr.error_functions import LI_SQUARENESS, NotDetermined, is_angular
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS
+from geoerr.summaries import listed as listed_words
 from geoerr.terms import SQUARENESS_CHANNELS, Parameter, Term
 
 # Entries of a null vector (largest 1) below this are round-off.
@@ -75,7 +76,8 @@ def not_determined(
             continue
         name = iso_name(term.id)
         open_part = "only its part in proportion to the position is open: " if _is_a_line(term, blocks[name]) else ""
-        listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks, without))))
+        combined = _combined(term, is_determined[own], null_space[own])
+        listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks, without), combined)))
     return tuple(listed)
 
 
@@ -139,6 +141,16 @@ def _tied_to(name: str, blocks: dict[str, Numbers], without: dict[str, Numbers])
     )
 
 
+def _combined(term: Term, is_determined: np.ndarray, null_space: Numbers) -> list[str]:
+    """Name the open numbers of an effect of which combinations are determined; none where no combination is."""
+    if term.kind == "classic":
+        return []
+    is_open = ~is_determined
+    names = [one.name for one in (*term.coefficients, *_free(term))]
+    n_free = int((np.linalg.svd(null_space[is_open], compute_uv=False) > _NOTHING).sum())
+    return [name for name, own in zip(names, is_open, strict=True) if own] if n_free < is_open.sum() else []
+
+
 def _is_a_line(term: Term, rows: Numbers) -> bool:
     """Tell whether a function is known but for a multiple of its position."""
     spec = term.parts[0].basis
@@ -160,7 +172,7 @@ class _Words:
     machine: Machine | None
     never_moved: Sequence[str]
 
-    def why(self, term: Term, others: Sequence[str]) -> str:
+    def why(self, term: Term, others: Sequence[str], combined: Sequence[str]) -> str:
         if term.kind == "classic" and term.id in SQUARENESS_CHANNELS:
             remedy = self._of_squareness(term.id)
         elif term.kind == "classic" and is_angular(term.id):
@@ -168,6 +180,8 @@ class _Words:
         else:
             turning = [name for name in others if name[0] == "E" and name[1] in "ABC" and len(name) == 3]
             remedy = self._of_angles(turning[0][2].lower()) if term.kind == "classic" and turning else None
+        if not others and combined:
+            return f"only a combination of {listed_words(combined)} is determined"
         if not others:
             return "no measured point responds to it" + ("" if remedy is None else f": {remedy}")
         named = ", ".join(others[:_MOST_NAMED])

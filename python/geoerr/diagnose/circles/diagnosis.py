@@ -467,7 +467,7 @@ def _candidates(searched: Searched, found: tuple[Cause, ...], known: Catalogue) 
 def _listed(searched: Searched, rival: Rival, first: Cause, known: Catalogue) -> Cause:
     p_values = {judged.what: p_value for judged, p_value in searched.first}
     cause = _suspected(
-        rival.suspect, p_values.get(rival.judged.what, 1.0), rival.judged.evidence, _worth_um(searched, rival, first)
+        rival.suspect, p_values.get(rival.judged.what, 1.0), rival.judged.evidence, _worth_um(rival, first)
     )
     aliases = (Alias(first.reference, rival.correlation),) if rival.correlation > _ALIAS else ()
     separate_by = (
@@ -476,9 +476,12 @@ def _listed(searched: Searched, rival: Rival, first: Cause, known: Catalogue) ->
     return replace(cause, tied=rival.is_tied, aliases=aliases, separate_by=separate_by)
 
 
-def _worth_um(searched: Searched, rival: Rival, first: Cause) -> float:
-    """Give what a rival would be worth: as much as the first, by the root of the gains."""
-    own = max(searched.found[0].judged.gain, 1e-300)
+def _worth_um(rival: Rival, first: Cause) -> float:
+    """Give what a rival would be worth in the first's place: as much as that, by the root of the gains.
+
+    Both beside the other causes: when the first was found alone, it did a part of what they do.
+    """
+    own = max(rival.judged.gain + rival.difference, 1e-300)
     return first.worth_um * math.sqrt(min(max(rival.judged.gain, 0.0) / own, 1.0))
 
 

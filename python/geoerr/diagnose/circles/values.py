@@ -10,11 +10,9 @@ from geoerr.diagnose.circles.causes import Suspect
 from geoerr.diagnose.circles.found import Found, Rival
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.state import State
+from geoerr.diagnose.ties import TOO_ALIKE, is_as_good, z_by_noise
 from geoerr.fit.sightings import Numbers
 
-# Not told apart: so alike, and so near in the sum of squares (6 is e^3 in likelihood; 20 is decided).
-TIED_CORRELATION, _LEAST_CORRELATION = 0.95, 0.5
-_LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
 CAUTION_OF_VALUES = 1.0
 
 
@@ -94,6 +92,7 @@ def rivals_of(state: State, found: Sequence[Found], place: int) -> tuple[Rival, 
     own = orthonormal(beyond)
     explained = own @ (own.T @ left)
     gain, size = float(explained @ explained), float(np.linalg.norm(explained))
+    evidence = state.evidence(one, others)[0]
     taken = {other.number for other in found}
     rivals = []
     for judged in state.bench.judge(basis, left, state.n):
@@ -108,13 +107,13 @@ def rivals_of(state: State, found: Sequence[Found], place: int) -> tuple[Rival, 
         theirs = orthonormal(theirs - basis @ (basis.T @ theirs))
         # Of unit vectors; rounding may leave it above 1.
         correlation = min(float(np.linalg.norm(theirs.T @ explained)) / size, 1.0)
-        # Of a wider group only what it does in the place of this one counts.
-        difference = gain - judged.gain
-        alike = correlation > TIED_CORRELATION and difference < _MOST_DIFFERENCE
-        near = correlation > _LEAST_CORRELATION and difference < _LEAST_DIFFERENCE
-        worse = judged.evidence < state.evidence(one, others)[0] - _MOST_DIFFERENCE / 2.0
-        tied = (alike or near) and not worse and not _holds(suspect, one.suspect)
-        rivals.append(Rival(suspect, judged, correlation, difference, tied))
+        # In twice the logarithm of the evidence: what has more freedom has to earn it. Few runs are repeated, so that
+        # it is the noise, estimated beside all causes, that tells how far their difference scatters.
+        difference = 2.0 * (evidence - judged.evidence)
+        z = z_by_noise(explained, theirs @ (theirs.T @ left), left)
+        is_too_alike = correlation > TOO_ALIKE and judged.rank <= own.shape[1]
+        tied = (is_too_alike or is_as_good(correlation, difference, z)) and not _holds(suspect, one.suspect)
+        rivals.append(Rival(suspect, judged, correlation, gain - judged.gain, tied))
     return tuple(sorted(rivals, key=lambda rival: -rival.judged.evidence))
 
 

@@ -2,39 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from geoerr.diagnose.scan import seen
+from geoerr.diagnose.search.beside_each import BesideEach, vuong
 from geoerr.diagnose.search.best_form import in_form_of
 from geoerr.diagnose.search.judged import Judged, freedom_of, price_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, explained_share, settle
 from geoerr.diagnose.search.together import Together, together
-from geoerr.diagnose.space import Space
+from geoerr.diagnose.ties import MOST_DIFFERENCE, TOO_ALIKE, is_as_good
 from geoerr.effects.collection import Catalogue
-from geoerr.fit.sightings import Numbers
 from geoerr.terms import CLOCK_NAME, Term
 
-# Alike so far, an error of a formula of a seventh would decide between the two; with more freedom it is no rival, it
-# contains it, unless it follows another course.
-_TOO_ALIKE = 0.99
-# Vuong's statistic below this, and a correlation above that: not told apart (one in twenty, one-sided).
-_VUONG, _LEAST_CORRELATION = 1.64, 0.5
-# Falls of the sum of squares that differ by less than 6 are e^3 in likelihood, which is little; by 20, decided.
-_LEAST_DIFFERENCE, _MOST_DIFFERENCE = 6.0, 20.0
 _TIMES = {"t", CLOCK_NAME}
 # Candidates that are looked at closely.
 _CLOSELY = 12
-
-
-def vuong(space: Space, first: Numbers, second: Numbers) -> float:
-    """Give Vuong's statistic by pass: how surely the first displacement (n, 3) is the better of two."""
-    difference = (space.residual - second) ** 2 - (space.residual - first) ** 2
-    by_pass = np.bincount(space.pass_number, weights=difference.sum(axis=1), minlength=space.n_passes)
-    spread = float(np.sqrt(((by_pass - by_pass.mean()) ** 2).sum()))
-    return float(by_pass.sum()) / spread if spread > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +36,8 @@ class Rival:
     contains
         Whether it says what the best says, with more freedom: no rival, but the best written otherwise.
     behind
-        By how much less the sum of squares falls with it than with the best, in one noise.
+        By how much less the sum of squares falls with it than with the best, in one noise; where that leaves it open
+        which of the two it is, by how much twice the logarithm of the likelihood does, in the noise beside each.
     together
         Axes whose effects of this kind do only together what the best does, this one among them; their correlation is
         meant. Empty where it stands for itself.
@@ -67,7 +52,7 @@ class Rival:
     together: tuple[str, ...] = ()
 
 
-def rivals_of(looked: Round, known: Catalogue, first: Judged, best: Settled) -> list[Rival]:
+def rivals_of(looked: Round, known: Catalogue, first: Judged, best: Settled, beside_each: BesideEach) -> list[Rival]:
     """Look closely at the next best candidates, and at those that do only together what the best does."""
     others = [one for one in looked.candidates if one.what is not first.what]
     if first.evidence <= 0.0:
@@ -76,36 +61,57 @@ def rivals_of(looked: Round, known: Catalogue, first: Judged, best: Settled) -> 
     company = {
         id(member): one
         for one in together(looked, known, first, best)
-        if _is_close(one.correlation, best.gain - one.gain)
+        if _does_as_much(one, best, beside_each)
         for member in one.members
     }
     near = others[:_CLOSELY]
     near += [one for one in others[_CLOSELY:] if id(one) in company]
-    return [_rival(looked, first, best, other, company.get(id(other))) for other in near]
+    return [_rival(looked, first, best, other, company.get(id(other)), beside_each) for other in near]
 
 
-def _rival(looked: Round, first: Judged, best: Settled, judged: Judged, company: Together | None) -> Rival:
-    is_far = best.gain - judged.gain > 4.0 * _MOST_DIFFERENCE and best.gain > 2.0 * judged.gain
+def _rival(
+    looked: Round,
+    first: Judged,
+    best: Settled,
+    judged: Judged,
+    company: Together | None,
+    beside_each: BesideEach,
+) -> Rival:
+    is_far = best.gain - judged.gain > 4.0 * MOST_DIFFERENCE and best.gain > 2.0 * judged.gain
     settled = _unrefined(looked, judged) if is_far else settle(looked.space, looked.scanner, judged)
     if best.term is not None and not is_far:
         judged, settled = in_form_of(best.term, looked, judged, settled)
     # Where it was scanned its affine values are free; where it was settled the others are at their best.
-    alike = max(
+    at_trial, at_best = (
         explained_share(best, seen(looked.space, looked.scanner.raw_columns(shapes, trial)))
         for shapes, trial in ((judged.shapes, judged.trial), (settled.shapes, 0))
     )
-    # In twice the logarithm of the evidence: what has more freedom has to earn it.
+    alike = max(at_trial, at_best)
     behind = best.gain - settled.gain
-    difference = behind + price_of(first) - price_of(judged)
+    # In twice the logarithm of the evidence: what has more freedom has to earn it.
+    price = price_of(first) - price_of(judged)
     z = vuong(looked.space, best.displacement, settled.displacement)
-    is_near = difference < _LEAST_DIFFERENCE or (difference < _MOST_DIFFERENCE and z < _VUONG)
-    is_wider = freedom_of(judged) > freedom_of(first) and difference > 0.0
-    contains = alike > _TOO_ALIKE and is_wider and not _is_another_cause(judged, first)
-    is_too_alike = alike > _TOO_ALIKE and not is_wider
-    tied = not contains and (is_too_alike or (alike > _LEAST_CORRELATION and is_near))
+    is_wider = freedom_of(judged) > freedom_of(first)
+    # Its columns with values that it cannot have are not what it does.
+    is_too_alike = at_best > TOO_ALIKE and not is_wider
+    contains = alike > TOO_ALIKE and is_wider and behind + price > 0.0 and not _is_another_cause(judged, first)
+    tied = not contains and (is_too_alike or is_as_good(alike, behind + price, z))
+    if tied and not is_too_alike:
+        behind, z = beside_each.behind(best, settled)
+        tied = is_as_good(alike, behind + price, z)
     if company is not None and not tied and not contains:
         return Rival(judged, settled, company.correlation, True, False, behind, company.axes)
     return Rival(judged, settled, alike, tied, contains, behind)
+
+
+def _does_as_much(company: Together, best: Settled, beside_each: BesideEach) -> bool:
+    """Tell whether effects of single axes do together what the best does, whatever so many numbers cost."""
+    if company.correlation > TOO_ALIKE:
+        return True
+    alike, behind = company.correlation, best.gain - company.gain
+    if not is_as_good(alike, behind, math.inf):
+        return False
+    return is_as_good(alike, beside_each.behind_with(best, company.columns), math.inf)
 
 
 def _is_another_cause(judged: Judged, first: Judged) -> bool:
@@ -134,10 +140,6 @@ def _is_another_course(one: Term, other: Term) -> bool:
 
 def _courses(term: Term) -> set[str]:
     return {*term.needs, *(_TIMES & {*term.variables})}
-
-
-def _is_close(alike: float, difference: float) -> bool:
-    return alike > _TOO_ALIKE or (alike > _LEAST_CORRELATION and difference < _LEAST_DIFFERENCE)
 
 
 def _unrefined(looked: Round, judged: Judged) -> Settled:

@@ -16,6 +16,7 @@ from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
+from geoerr.diagnose.search.beside_each import BesideEach
 from geoerr.diagnose.search.best_form import at_its_values, beside_others, in_best_form
 from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.finer import finer_functions
@@ -249,7 +250,7 @@ def _found(
 ) -> Found:
     """Give what was found with its values, and its rivals from a catalogue; with none where that is None."""
     settled = at_likeliest_period(looked.space, looked.scanner, settled)
-    rivals = () if known is None else tuple(rivals_of(looked, known, best, settled))
+    rivals = () if known is None else tuple(rivals_of(looked, known, best, settled, BesideEach(bench, added)))
     return Found(best, in_own_noise(bench, best, settled, added), rivals, looked)
 
 

@@ -31,11 +31,14 @@ class Together:
         Share, as a cosine, of what the one explains that they could have explained.
     gain
         Fall of the sum of squares with all of them.
+    columns : (n, 3, k)
+        Of all of them, in units of the stated uncertainties.
     """
 
     members: tuple[Judged, ...]
     correlation: float
     gain: float
+    columns: Numbers
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -70,7 +73,7 @@ def together(looked: Round, known: Catalogue, first: Judged, best: Settled) -> l
 def _asked(looked: Round, best: Settled, members: Sequence[Judged], columns: Numbers) -> Together:
     own = seen(looked.space, columns)
     _, gain = own.estimate(looked.space)
-    return Together(tuple(members), explained_share(best, own), float(gain))
+    return Together(tuple(members), explained_share(best, own), float(gain), columns)
 
 
 def _with_inner(judged: Judged, shared: dict[str, float]) -> Term | None:
