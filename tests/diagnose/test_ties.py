@@ -1,4 +1,4 @@
-"""What is tied: only what explains it about as well."""
+"""What is tied: only what explains it about as well; and what was found later is tied as what was found first is."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hidden_machine import Noise, Plan, machine, measure, motion
 from test_diagnose_circles import MODEL, R_MM, circular
 from validation.laser_run import LENGTH_MM, MACHINE, laser_run
 
+from geoerr.cli.diagnose_text import diagnosis_lines
 from geoerr.diagnose.circles import diagnose_circles
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis, diagnose
 from geoerr.diagnose.ties import LEAST_DIFFERENCE, MOST_DIFFERENCE, is_as_good, z_by_noise, z_by_pieces
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, Fitted, fit_terms, refit
 from geoerr.observations import Observations, observations_from_columns
 
 GROWTH_PER_K, FIXED_MM = 17e-6, LENGTH_MM
+PLAY_UM, DRIFT_UM_K = 60.0, 1.5
+TWINS = {"thermal-drift:z@temp_bed", "thermal-drift:work-z@temp_bed"}
 
 
 def _warming_run(seed: int = 0) -> Observations:
@@ -68,6 +72,50 @@ def test_that_only_a_combination_is_determined_is_said() -> None:
     fitted = refit(_fitted(), [*_fitted().terms, term])
     why = next(one.why for one in fitted.not_determined if one.name == term.id)
     assert why == "only a combination of kappa_y and kappa_z is determined"
+
+
+@cache
+def _two_effects() -> Diagnosis:
+    """Play of Y, and a drift of Z that follows the bed: seen from the work, of the tool's body or of the work's."""
+    rng = np.random.default_rng(5)
+    moved = motion(rng, Plan(n_sessions=3, n_lines=20, n_points=16))
+    hidden = np.zeros((len(moved.t), 3))
+    hidden[:, 1] = -0.5 * PLAY_UM * moved.d[:, 1]
+    hidden[:, 2] = DRIFT_UM_K * (moved.bed - 20.0)
+    seen = measure(
+        rng, moved, Noise(white=(4.0, 4.0, 4.0)), hidden, Plan(columns={"carrier": ["relative"] * len(moved.t)})
+    )
+    return diagnose(fit_terms(machine(), [seen], options=FitOptions(threads=1)), threads=1)
+
+
+def test_a_later_find_is_tied_with_its_twin() -> None:
+    diagnosis = _two_effects()
+    assert [one.reference.effect for one in diagnosis.found[:2]] == ["backlash", "thermal-drift"]
+    later = diagnosis.found[1]
+    rivals = diagnosis.tied_with(later)
+    assert {str(one.reference) for one in (later, *rivals)} >= TWINS
+    assert diagnosis.tied_with(diagnosis.found[0]) == ()
+    assert (diagnosis.verdict, later.tied, diagnosis.found[0].tied) == ("ambiguous", True, False)
+    document = diagnosis.to_document()["found"][1]
+    assert document["tied"]
+    assert document["separate_by"]["text"]
+    axes = {one["axis"] for one in document["aliases"] if one["tied"]}
+    assert axes | {later.reference.axis} >= {"z", "work-z"}
+    twin = next(one for one in rivals if str(one.reference) in TWINS)
+    assert twin.worth_um == pytest.approx(later.worth_um, rel=1e-6)
+    assert twin.separate_by == later.separate_by
+    text = " ".join(" ".join(diagnosis_lines(diagnosis, "geoerr add m.json o.csv", "")).split())
+    assert "Effects are missing, and these data cannot tell all of them: backlash" in text
+    assert f"these data cannot tell it from: {twin.reference}" in text
+
+
+def test_a_twin_of_a_later_find_is_worth_what_that_is() -> None:
+    """It was a candidate in the first look, too; and beside its twin nothing of it is left."""
+    diagnosis = _two_effects()
+    later = diagnosis.found[1]
+    (twin,) = [one for one in diagnosis.candidates if str(one.reference) in TWINS - {str(later.reference)}]
+    assert twin.worth_um == pytest.approx(later.worth_um, rel=1e-6)
+    assert twin.left_because == f"looks the same as {later.reference}"
 
 
 def _play_that_winds_up(theta: np.ndarray, sense: int, feed: float) -> np.ndarray:

@@ -144,9 +144,10 @@ def _write_plan(plan: Path, diagnosis: Diagnosis | CircleDiagnosis) -> str | Non
 
     if isinstance(diagnosis, CircleDiagnosis):
         return "what to run next on a circle is said in words"
-    if len(diagnosis.tied) < 2:
+    # What the first is tied with is asked about first.
+    advice = next((one.separate_by for one in diagnosis.found if diagnosis.tied_with(one)), None)
+    if diagnosis.verdict != "ambiguous":
         return "nothing is tied"
-    advice = diagnosis.tied[0].separate_by
     if not isinstance(advice, Advice) or not advice.measurements:
         return "what would tell the tied effects apart is known in words at most"
     write_plan(plan, advice.measurements)

@@ -8,7 +8,7 @@ from geoerr.cli.diagnose_text import alias_lines, not_offered_lines, remedy_line
 from geoerr.cli.text_tables import named_row, wrapped
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
 from geoerr.diagnose.words import chance_words, um_words
-from geoerr.summaries import capitalised, counted
+from geoerr.summaries import capitalised, counted, listed
 
 _MOST_OTHERS = 5
 _NAME_WIDTH = 34
@@ -67,10 +67,14 @@ def _others(diagnosis: CircleDiagnosis, *, verbose: bool) -> Iterator[str]:
         return
     yield ""
     yield f"{'looked at and left, best first':<{_NAME_WIDTH}}{'worth':>11}{'p':>9}"
-    for cause in others if verbose else others[:_MOST_OTHERS]:
-        tied = "  not told from the first" if cause.tied else ""
+    shown = others if verbose else others[:_MOST_OTHERS]
+    for cause in shown:
         name, worth = str(cause.reference), um_words(cause.worth_um)
-        yield from named_row(name, _NAME_WIDTH - 2, f"{worth:>11}{cause.p_value:>9.1g}{tied}", "  ")
+        yield from named_row(name, _NAME_WIDTH - 2, f"{worth:>11}{cause.p_value:>9.1g}", "  ")
+    for cause in shown:
+        alike = [str(reference) for reference in diagnosis.not_told_from(cause)]
+        if alike:
+            yield from wrapped(f"{cause.reference}: not told from {listed(alike)}", "  ")
     if not verbose and len(others) > _MOST_OTHERS:
         yield f"  and {len(others) - _MOST_OTHERS} more (--verbose)"
 

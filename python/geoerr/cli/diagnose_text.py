@@ -60,8 +60,7 @@ def diagnosis_lines(
     for number, finding in enumerate(diagnosis.found, start=1):
         yield ""
         yield from _finding(finding, f"{number}. " if len(diagnosis.found) > 1 else "")
-        if number == 1:
-            yield from _tied(diagnosis)
+        yield from _tied(diagnosis.tied_with(finding))
     if diagnosis.unknown is not None:
         yield from _unknown(diagnosis.unknown)
     if not drifts_most:
@@ -113,8 +112,7 @@ def _finding(finding: Finding, number: str) -> Iterator[str]:
         yield from wrapped(f"left: {finding.left_because}", "    ")
     if finding.in_model:
         yield from wrapped("the model has it with another value: fit it to these data (--refit)", "    ")
-    if not finding.tied:
-        yield from alias_lines(finding)
+    yield from alias_lines(finding)
 
 
 def remedy_lines(named: Named, device: str) -> Iterator[str]:
@@ -136,8 +134,7 @@ def alias_lines(named: Named) -> Iterator[str]:
         yield from wrapped(f"looks like (correlation): {', '.join(names)}", "    ")
 
 
-def _tied(diagnosis: Diagnosis) -> Iterator[str]:
-    rivals = diagnosis.tied[1:]
+def _tied(rivals: Sequence[Finding]) -> Iterator[str]:
     if not rivals:
         return
     yield ""
@@ -204,8 +201,7 @@ def _chosen(count: int, most: int) -> list[int]:
 
 
 def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
-    tied = {finding.reference for finding in diagnosis.tied}
-    named = tied | {finding.reference for finding in diagnosis.found}
+    named = {finding.reference for finding in (*diagnosis.found, *diagnosis.not_told_apart)}
     others = [finding for finding in diagnosis.candidates if finding.reference not in named]
     if not others:
         return

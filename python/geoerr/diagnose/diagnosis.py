@@ -44,7 +44,7 @@ from geoerr.fit.empirical import curve_of, empirical_term
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.observations import CircularTest, Observations
-from geoerr.summaries import listed, uncapitalised
+from geoerr.summaries import listed
 from geoerr.terms import EffectReference, Term
 
 if TYPE_CHECKING:
@@ -80,6 +80,8 @@ class Diagnosis(Answer):
         The model held against the measurements; None where a fit was diagnosed.
     search
         What `searched` gives; None where it was let go.
+    later_tied
+        Of each that was found after the first, those that these data cannot tell from it; `tied` has the first's.
     """
 
     found: tuple[Finding, ...]
@@ -89,6 +91,7 @@ class Diagnosis(Answer):
     as_it_was: Fitted
     comparison: Comparison | None = None
     search: Searched | None = None
+    later_tied: tuple[tuple[Finding, ...], ...] = ()
 
     @property
     def searched(self) -> Searched:
@@ -134,22 +137,33 @@ class Diagnosis(Answer):
         """The first candidate and those that these data cannot tell from it; none where nothing was found."""
         return (self.candidates[0], *(one for one in self.candidates[1:] if one.tied)) if self.found else ()
 
+    def tied_with(self, finding: Finding) -> tuple[Finding, ...]:
+        """Give what these data cannot tell from something that was found."""
+        place = next(number for number, one in enumerate(self.found) if one.reference == finding.reference)
+        return self.tied[1:] if place == 0 else self.later_tied[place - 1]
+
+    @property
+    def not_told_apart(self) -> tuple[Finding, ...]:
+        """Everything that these data cannot tell from something that was found, each once, and none of the latter."""
+        found = {one.reference for one in self.found}
+        every = {rival.reference: rival for one in self.found for rival in self.tied_with(one)}
+        return tuple(rival for reference, rival in every.items() if reference not in found)
+
     @property
     def sentence(self) -> str:
         """The verdict in a sentence."""
         more = "" if self.unknown is None else "; and there is more, which no known effect explains"
         if self.verdict == "missing":
-            names = listed([f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.found])
+            names = listed([one.company_words for one in self.found])
             return f"{'an effect is' if len(self.found) == 1 else 'effects are'} missing: {names}{more}"
         if self.verdict == "ambiguous":
-            told = list(dict.fromkeys(one.company_words for one in self.tied))
-            shown = told[:_SPOKEN]
-            if len(told) > _SPOKEN:
-                shown.append(f"{len(told) - _SPOKEN} more")
-            names = listed(shown, "or")
-            others = [f"{uncapitalised(one.effect.title)} ({one.reference})" for one in self.found[1:]]
-            also = f"; missing besides: {listed(others)}" if others else ""
-            return f"an effect is missing, and these data cannot tell which: {names}{also}{more}"
+            others = [_either(self._alternatives(one)) for one in self.found[1:]]
+            if len(self.tied) > 1:
+                also = f"; missing besides: {listed(others)}" if others else ""
+                names = listed(self._alternatives(self.found[0]), "or")
+                return f"an effect is missing, and these data cannot tell which: {names}{also}{more}"
+            names = listed([self.found[0].company_words, *others])
+            return f"effects are missing, and these data cannot tell all of them: {names}{more}"
         if self.unknown is not None:
             return self.unknown.sentence
         if self.p_value is not None and self.p_value <= _NO_CHANCE:
@@ -163,6 +177,11 @@ class Diagnosis(Answer):
                 f"({chance_words(self.p_value)}): more passes would tell"
             )
         return f"nothing is missing that these data could show: {chance_words(self.p_value)}"
+
+    def _alternatives(self, finding: Finding) -> list[str]:
+        """Name what was found and what looks the same, a few of many."""
+        told = list(dict.fromkeys(one.company_words for one in (finding, *self.tied_with(finding))))
+        return told if len(told) <= _SPOKEN else [*told[:_SPOKEN], f"{len(told) - _SPOKEN} more"]
 
     def plot_worth(self) -> go.Figure:
         """Draw what each candidate is worth, and the held-out error without it and with it.
@@ -317,6 +336,7 @@ class _Summary:
         rivals = [rival.settled for one in searched.found[:1] for rival in _listed(one)]
         searched.bench.held_out.prepare([one.raw for one in (*(one.settled for one in searched.found), *rivals)])
         found = tuple(self._found(place) for place in range(len(searched.found)))
+        later_tied = tuple(self._later_rivals(place) for place in range(1, len(searched.found)))
         if searched.found:
             candidates = (found[0], *self._rivals(searched.found[0]))
         else:
@@ -330,7 +350,8 @@ class _Summary:
         unknown = None if searched.unknown is None else self._unknown(searched.unknown)
         verdict: Verdict = "nothing-missing"
         if found:
-            verdict = "ambiguous" if any(one.tied for one in candidates[1:]) else "missing"
+            is_tied = any(one.tied for one in (*candidates[1:], *found[1:]))
+            verdict = "ambiguous" if is_tied else "missing"
         elif unknown is not None:
             verdict = "unknown"
         diagnosis = Diagnosis(
@@ -345,6 +366,7 @@ class _Summary:
             self.as_it_was,
             self.comparison,
             searched,
+            later_tied,
         )
         if verdict == "ambiguous":
             diagnosis = self._with_advice(diagnosis)
@@ -354,25 +376,37 @@ class _Summary:
     def _with_advice(self, diagnosis: Diagnosis) -> Diagnosis:
         """Say with everything tied which one measurement tells all of it apart, for this machine and these data."""
         self.steps.next("which measurement would tell apart what looks the same")
-        separation = advise(diagnosis, known=self.known)
-        if separation is None:
-            return diagnosis
+        advised = [advise(diagnosis, known=self.known, place=place) for place in range(len(diagnosis.found))]
         tied = {finding.reference for finding in diagnosis.tied}
         candidates = tuple(
-            replace(one, separate_by=separation) if one.reference in tied else one for one in diagnosis.candidates
+            _advised(one, advised[0]) if one.reference in tied else one for one in diagnosis.candidates
         )
-        return replace(diagnosis, candidates=candidates, found=(candidates[0], *diagnosis.found[1:]))
+        later = [_advised(one, own) for one, own in zip(diagnosis.found[1:], advised[1:], strict=True)]
+        later_tied = tuple(
+            tuple(_advised(one, own) for one in rivals)
+            for rivals, own in zip(diagnosis.later_tied, advised[1:], strict=True)
+        )
+        return replace(diagnosis, candidates=candidates, found=(candidates[0], *later), later_tied=later_tied)
 
     def _found(self, place: int) -> Finding:
         one = self.searched.found[place]
         first = reference_of(one.judged)
         aliases = tuple(
-            Alias(reference_of(rival.judged), rival.correlation) for rival in one.rivals if rival.correlation > _ALIAS
+            Alias(reference_of(rival.judged), rival.correlation, self._is_tied(first, rival))
+            for rival in one.rivals
+            if rival.correlation > _ALIAS
         )
         tied = next((rival for rival in one.rivals if self._is_tied(first, rival)), None)
         against = None if tied is None else reference_of(tied.judged)
         held_out = self._held_out(one.settled, [other.settled for other in self.searched.found[:place]])
-        finding = self._finding(one.judged, one.at_last, aliases=aliases, against=against, held_out=held_out)
+        finding = self._finding(
+            one.judged,
+            one.at_last,
+            tied=place > 0 and tied is not None,
+            aliases=aliases,
+            against=against,
+            held_out=held_out,
+        )
         return replace(finding, alike=self._alike(finding.term))
 
     def _alike(self, term: Term) -> dict[str, tuple[float, ...]]:
@@ -381,22 +415,45 @@ class _Summary:
         return {} if found is None else {term.inner[found[0]].name: tuple(found[1])}
 
     def _rivals(self, first: Found) -> list[Finding]:
-        name, rivals = reference_of(first.judged), _listed(first)
-        # One that was found itself is worth what it is beside the first, not beside itself.
-        named = {reference_of(one.judged): one.at_last for one in self.searched.found}
+        rivals = _listed(first)
+        # One that was found itself is worth what it is beside the first, not beside itself; and so is what a later
+        # find stands for.
+        beside = {reference_of(one.judged): one.at_last for one in self.searched.found}
+        beside |= {name: settled for later in self.searched.found[1:] for name, settled in self._stood_for(later)}
         return [
-            self._finding(
-                rival.judged,
-                named.get(reference_of(rival.judged), settled),
-                tied=self._is_tied(name, rival),
-                aliases=(Alias(name, rival.correlation),) if rival.correlation > _ALIAS else (),
-                against=name,
-                held_out=self._held_out(rival.settled, []),
-                together=rival.together,
-                left_because=self._why_left(name, rival),
-            )
+            self._rival(first, rival, beside.get(reference_of(rival.judged), settled), [])
             for rival, settled in zip(rivals, self.searched.rivals_at_last(first, rivals), strict=True)
         ]
+
+    def _later_rivals(self, place: int) -> tuple[Finding, ...]:
+        """Give what these data cannot tell from what was found after the first."""
+        own, earlier = self.searched.found[place], [one.settled for one in self.searched.found[:place]]
+        rivals = [one for one in own.rivals if self._is_tied(reference_of(own.judged), one)]
+        return tuple(
+            self._rival(own, rival, settled, earlier)
+            for rival, settled in zip(rivals, self.searched.rivals_at_last(own, rivals), strict=True)
+        )
+
+    def _rival(self, found: Found, rival: Rival, settled: Settled, earlier: Sequence[Settled]) -> Finding:
+        name = reference_of(found.judged)
+        is_tied = self._is_tied(name, rival)
+        return self._finding(
+            rival.judged,
+            settled,
+            tied=is_tied,
+            aliases=(Alias(name, rival.correlation, is_tied),) if rival.correlation > _ALIAS else (),
+            against=name,
+            held_out=self._held_out(rival.settled, earlier),
+            together=rival.together,
+            left_because=self._why_left(name, rival),
+        )
+
+    def _stood_for(self, found: Found) -> list[tuple[EffectReference, Settled]]:
+        """Give what says the same as something that was found, in its place."""
+        name = reference_of(found.judged)
+        rivals = [one for one in found.rivals if self._is_tied(name, one) or self._contains(name, one)]
+        settled = self.searched.rivals_at_last(found, rivals)
+        return [(reference_of(one.judged), own) for one, own in zip(rivals, settled, strict=True)]
 
     def _is_tied(self, first: EffectReference, rival: Rival) -> bool:
         """Tell whether the data cannot tell them apart.
@@ -410,12 +467,19 @@ class _Summary:
         return rival.contains or (first.effect in self.known[other.effect].contains and first.axis == other.axis)
 
     def _why_left(self, first: EffectReference, rival: Rival) -> str | None:
-        """Say why a rival of the first is not named beside it."""
-        named = {reference_of(one.judged) for one in self.searched.found}
-        if self._is_tied(first, rival) or reference_of(rival.judged) in named:
+        """Say why a rival is not named beside what it is a rival of."""
+        name = reference_of(rival.judged)
+        if self._is_tied(first, rival) or name in {reference_of(one.judged) for one in self.searched.found}:
             return None
         if self._contains(first, rival):
             return f"says what {first} says, with more freedom"
+        for later in self.searched.found:
+            own = next((one for one in later.rivals if reference_of(one.judged) == name), None)
+            found = reference_of(later.judged)
+            if own is not None and found != first and self._is_tied(found, own):
+                return f"looks the same as {found}"
+            if own is not None and found != first and self._contains(found, own):
+                return f"says what {found} says, with more freedom"
         return why_left(self.searched, rival.judged)
 
     def _finding(
@@ -491,6 +555,14 @@ class _Summary:
             curve,
             held_out,
         )
+
+
+def _advised(finding: Finding, separation: Separation | None) -> Finding:
+    return finding if separation is None else replace(finding, separate_by=separation)
+
+
+def _either(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"either {listed(names, 'or')}"
 
 
 def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:

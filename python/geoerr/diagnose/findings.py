@@ -39,10 +39,13 @@ class Alias:
         The other.
     correlation
         Cosine between what the one explains and what the other could.
+    is_tied
+        Whether these data cannot tell it from the other at all.
     """
 
     reference: EffectReference
     correlation: float
+    is_tied: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class Named(ABC):
     worth_um
         Root mean square of what it explains.
     tied
-        Whether the data cannot tell it from the first.
+        Whether the data cannot tell it from the first; of what was found later, from one that was not found.
     aliases
         What is like it.
     separate_by
@@ -128,7 +131,12 @@ class Named(ABC):
             "parameters": {parameter.name: _parameter_document(parameter) for parameter in self.parameters},
             "tied": self.tied,
             "aliases": [
-                {**reference_document(alias.reference), "correlation": alias.correlation} for alias in self.aliases
+                {
+                    **reference_document(alias.reference),
+                    "correlation": alias.correlation,
+                    "tied": alias.is_tied,
+                }
+                for alias in self.aliases
             ],
             "separate_by": None
             if separation is None

@@ -60,10 +60,11 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         "noise floor": f"{number_text(diagnosis.noise_floor_um)} µm",
     }
     found = {str(one.reference) for one in diagnosis.found}
+    tied = {str(one.reference) for one in diagnosis.not_told_apart}
     listed = [*diagnosis.found, *(one for one in diagnosis.candidates if str(one.reference) not in found)]
     rows = [
         (
-            "found" if str(one.reference) in found else "tied" if one.tied else "looked at",
+            "found" if str(one.reference) in found else "tied" if str(one.reference) in tied else "looked at",
             str(one.reference),
             number_text(one.worth_um),
             _p_text(one.p_value),

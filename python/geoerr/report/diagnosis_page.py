@@ -102,9 +102,11 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
         )
     for finding in diagnosis.found:
         sections.append(Section(f"{finding.effect.title}: {finding.reference}", _blocks(finding)))
-    rivals = diagnosis.tied[1:]
-    if rivals:
-        sections.append(Section("What these data cannot tell from it", _rivals(rivals)))
+    for finding in diagnosis.found:
+        rivals = diagnosis.tied_with(finding)
+        if rivals:
+            which = finding.reference if len(diagnosis.found) > 1 else "it"
+            sections.append(Section(f"What these data cannot tell from {which}", _rivals(rivals)))
     left = [(str(one.reference), one.left_because) for one in diagnosis.candidates if one.left_because]
     if left:
         sections.append(Section("What was looked at and left", (_by_reason(left),)))

@@ -85,7 +85,7 @@ class Addition:
         if not isinstance(diagnosis, Diagnosis):
             return ()
         ready = []
-        found = dict.fromkeys(str(one.reference) for one in (*diagnosis.found, *diagnosis.tied))
+        found = dict.fromkeys(str(one.reference) for one in (*diagnosis.found, *diagnosis.not_told_apart))
         for reference in islice(found, AHEAD):
             try:
                 change = self.of(reference, diagnosis, on_step=partial(_said_ahead, say, reference))
@@ -126,4 +126,5 @@ def _found(diagnosis: Diagnosis | CircleDiagnosis | None, reference: str) -> Fin
     """Give what a search found of that name."""
     if not isinstance(diagnosis, Diagnosis):
         return None
-    return next((one for one in (*diagnosis.found, *diagnosis.candidates) if str(one.reference) == reference), None)
+    every = (*diagnosis.found, *diagnosis.not_told_apart, *diagnosis.candidates)
+    return next((one for one in every if str(one.reference) == reference), None)

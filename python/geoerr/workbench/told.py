@@ -12,7 +12,7 @@ from geoerr.diagnose.findings import Alias, Named
 from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.effects import Effect, catalogue
 from geoerr.report.diagnosis_page import circle_diagnosis_sentences
-from geoerr.summaries import capitalised
+from geoerr.summaries import capitalised, listed
 from geoerr.workbench.page_words import on_the_page
 
 _MOST_ALIKE = 4
@@ -108,8 +108,9 @@ def told_of(diagnosis: Diagnosis | CircleDiagnosis, own_effects: Sequence[Effect
 def _of_points(diagnosis: Diagnosis, titles: Mapping[str, str]) -> Told:
     found = {str(one.reference) for one in diagnosis.found}
     cards = [_finding(one, _rank(number, diagnosis), titles) for number, one in enumerate(diagnosis.found)]
-    tied = [one for one in diagnosis.tied[1:] if str(one.reference) not in found]
-    cards += [_finding(one, f"looks the same in these data{one.others_words}", titles) for one in tied]
+    tied = diagnosis.not_told_apart
+    first = {one.reference for one in diagnosis.tied}
+    cards += [_finding(one, _rank_of_tied(one, diagnosis, one.reference in first), titles) for one in tied]
     if diagnosis.unknown is not None:
         cards.append(_unknown(diagnosis.unknown))
     known = found | {str(one.reference) for one in tied}
@@ -145,8 +146,16 @@ def _of_circles(diagnosis: CircleDiagnosis, titles: Mapping[str, str]) -> Told:
     )
 
 
+def _rank_of_tied(one: Finding, diagnosis: Diagnosis, is_the_firsts: bool) -> str:
+    """Say what one looks like that these data cannot tell from something that was found."""
+    if is_the_firsts:
+        return f"looks the same in these data{one.others_words}"
+    like = [found for found in diagnosis.found[1:] if one in diagnosis.tied_with(found)]
+    return f"looks the same in these data as {listed([str(found.reference) for found in like])}{one.others_words}"
+
+
 def _rank(number: int, diagnosis: Diagnosis) -> str:
-    if number == 0 and len(diagnosis.tied) > 1:
+    if diagnosis.tied_with(diagnosis.found[number]):
         return "found, but not told apart from others"
     return "found first" if number == 0 else "found beside the others"
 

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from geoerr.diagnose.search import Found, Judged, Settled
 
 
-def advise(diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: float = MARGIN) -> Separation | None:
+def advise(
+    diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: float = MARGIN, place: int = 0
+) -> Separation | None:
     """Say which measurement would tell apart what a diagnosis leaves tied; None where nothing is tied.
 
     Parameters
@@ -37,12 +39,14 @@ def advise(diagnosis: Diagnosis, *, known: Catalogue | None = None, margin: floa
         The catalogue for what nothing can be computed for; the built-in one if not said.
     margin
         Expected Δχ² that counts as told apart.
+    place
+        Which of what was found is asked about.
     """
-    found = diagnosis.searched.found
-    if len(diagnosis.tied) < 2:
+    tied = diagnosis.tied_with(diagnosis.found[place]) if diagnosis.found else ()
+    if not tied:
         return None
-    first = found[0]
-    references = {str(one.reference) for one in diagnosis.tied}
+    first = diagnosis.searched.found[place]
+    references = {str(one.reference) for one in (diagnosis.found[place], *tied)}
     # What is not tied now but not ruled out either would be, once the others are. What is too alike to be told by its
     # χ² is tied however far behind it is.
     rivals = [one for one in first.rivals if one.is_tied or one.behind < _DECIDED]

@@ -217,10 +217,15 @@ class CircleDiagnosis(Answer):
         """Give what these runs cannot tell from a found cause."""
         place = self.found.index(cause)
         return tuple(
-            Alias(rival.suspect.reference, rival.correlation)
+            Alias(rival.suspect.reference, rival.correlation, is_tied=True)
             for rival in self.searched.rivals[place]
             if rival.is_tied
         )
+
+    def not_told_from(self, suspect: Cause) -> tuple[EffectReference, ...]:
+        """Give the found causes that these runs cannot tell from a suspect."""
+        alike = {cause.reference: {one.reference for one in self.tied_with(cause)} for cause in self.found}
+        return tuple(reference for reference, names in alike.items() if suspect.reference in names)
 
     def to_document(self) -> dict[str, Any]:
         """Give it as `diagnose --json` has it, and what is a circle's own under `circle`."""
@@ -365,7 +370,7 @@ def _cause(searched: Searched, place: int, shares: Shares, known: Catalogue) -> 
         peak_to_peak_um=peak,
         peak_to_peak_std_um=peak * _relative_std(searched, place),
         percent=shares.percent(place),
-        tied=False,
+        tied=place > 0 and bool(tied),
         aliases=_aliases(found, searched.rivals[place], runs),
         separate_by=None if against is None else _separation(found.suspect.reference, against, runs, known),
         held_out_rmse_after_um=_after(searched, place),
@@ -426,7 +431,11 @@ def _relative_std(searched: Searched, place: int) -> float:
 
 
 def _aliases(found: Found, rivals: Sequence[Rival], runs: Runs) -> tuple[Alias, ...]:
-    aliases = [Alias(rival.suspect.reference, rival.correlation) for rival in rivals if rival.correlation > _ALIAS]
+    aliases = [
+        Alias(rival.suspect.reference, rival.correlation, rival.is_tied)
+        for rival in rivals
+        if rival.correlation > _ALIAS
+    ]
     reference = found.suspect.reference
     if len(runs.planes) == 1:
         # A difference of two axes: a circle cannot say which of them it is.
@@ -456,7 +465,7 @@ def _separation(
 
 def _candidates(searched: Searched, found: tuple[Cause, ...], known: Catalogue) -> tuple[Cause, ...]:
     if found:
-        others = [_listed(searched, rival, found[0], known) for rival in searched.rivals[0][:_LISTED]]
+        others = [_listed(searched, rival, found, known) for rival in searched.rivals[0][:_LISTED]]
         return (found[0], *others)
     return tuple(
         _suspected(searched.suspects[judged.what], p_value, judged.evidence, 0.0)
@@ -464,15 +473,20 @@ def _candidates(searched: Searched, found: tuple[Cause, ...], known: Catalogue) 
     )
 
 
-def _listed(searched: Searched, rival: Rival, first: Cause, known: Catalogue) -> Cause:
+def _listed(searched: Searched, rival: Rival, found: Sequence[Cause], known: Catalogue) -> Cause:
+    first, reference = found[0], rival.suspect.reference
     p_values = {judged.what: p_value for judged, p_value in searched.first}
-    cause = _suspected(
-        rival.suspect, p_values.get(rival.judged.what, 1.0), rival.judged.evidence, _worth_um(rival, first)
-    )
-    aliases = (Alias(first.reference, rival.correlation),) if rival.correlation > _ALIAS else ()
-    separate_by = (
-        _separation(rival.suspect.reference, first.reference, searched.runs, known) if rival.is_tied else None
-    )
+    # Beside a later cause that says the same nothing of it is left: it is worth what it would be in its place.
+    in_place_of = [(rival, first)] + [
+        (own, cause)
+        for cause, rivals in zip(found[1:], searched.rivals[1:], strict=True)
+        for own in rivals
+        if own.is_tied and own.suspect.reference == reference
+    ]
+    worth_um = max(_worth_um(own, cause) for own, cause in in_place_of)
+    cause = _suspected(rival.suspect, p_values.get(rival.judged.what, 1.0), rival.judged.evidence, worth_um)
+    aliases = (Alias(first.reference, rival.correlation, rival.is_tied),) if rival.correlation > _ALIAS else ()
+    separate_by = _separation(reference, first.reference, searched.runs, known) if rival.is_tied else None
     return replace(cause, tied=rival.is_tied, aliases=aliases, separate_by=separate_by)
 
 

@@ -237,8 +237,9 @@ def _rows(diagnosis: Diagnosis) -> list[_Row]:
     """Give name, kind, worth, whether the cameras', held-out error without and with."""
     found = [_row(finding, _FOUND) for finding in diagnosis.found]
     names = {name for name, *_ in found}
+    tied = {finding.reference for finding in diagnosis.not_told_apart}
     others = [
-        _row(finding, _TIED if finding.tied else _LEFT)
+        _row(finding, _TIED if finding.reference in tied else _LEFT)
         for finding in diagnosis.candidates
         if str(finding.reference) not in names
     ]
