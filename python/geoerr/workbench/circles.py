@@ -68,8 +68,8 @@ def cause_um(diagnosis: CircleDiagnosis, reference: str, sightings: Sightings) -
     names = [str(one.reference) for one in diagnosis.found]
     if reference not in names:
         return None
-    runs = diagnosis.searched.runs
-    trace = diagnosis.searched.traces[:, names.index(reference)]
+    runs = diagnosis.searched.whole
+    trace = diagnosis.searched.whole_traces[:, names.index(reference)]
     known = dict(zip(_keys(runs.fitted.sightings, runs.rows), trace.tolist(), strict=True))
     moved = np.full((len(sightings), 3), np.nan)
     moved[:, 0] = [known.get(key, np.nan) for key in _keys(sightings, np.arange(len(sightings)))]
