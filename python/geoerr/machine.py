@@ -128,6 +128,11 @@ class Machine:
         return self.chain[1 : self.chain.index("b")].lower()[::-1]
 
     @property
+    def ranges_mm(self) -> dict[str, tuple[float, float]]:
+        """Axis to its range."""
+        return {name: axis.range_mm for name, axis in self.axes.items()}
+
+    @property
     def tool_axes(self) -> str:
         """Axes on the tool side, from the base outwards, in lower case."""
         return self.chain[self.chain.index("b") + 1 : -1].lower()

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from geoerr.errors import InputFileError
-from geoerr.machine import Machine
 from geoerr.observations import (
     CircularTest,
     Lengths,
@@ -76,7 +75,7 @@ class Measurements:
 
 
 def read_measurements(
-    paths: Sequence[Path], *, with_lengths: bool = False, machine: Machine | None = None
+    paths: Sequence[Path], *, with_lengths: bool = False, ranges_mm: Mapping[str, tuple[float, float]] | None = None
 ) -> Measurements:
     """Read OBS; `-` is a table of points on standard input.
 
@@ -86,8 +85,8 @@ def read_measurements(
         The files.
     with_lengths
         Whether measured lengths can be used.
-    machine
-        Whose measurements they are: rows that cannot be of it are set aside.
+    ranges_mm
+        Of the machine, by axis: rows that cannot be of it are set aside.
 
     Raises
     ------
@@ -108,8 +107,8 @@ def read_measurements(
         if kind == "lengths":
             lengths.append(read_lengths(path))
         elif kind == "circle":
-            circles.append(read_circular_test(path, machine))
+            circles.append(read_circular_test(path, ranges_mm))
         else:
             points.append(path)
-    table = read_observations(*points, machine=machine) if points else None
+    table = read_observations(*points, ranges_mm=ranges_mm) if points else None
     return Measurements(table, tuple(circles), tuple(lengths), tuple(points))

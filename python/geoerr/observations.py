@@ -21,7 +21,6 @@ import polars as pl
 from geoerr.drawing import drawn
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.files import check_written
-from geoerr.machine import Machine
 from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
 from geoerr.tables import RowProblem, Schema, check, is_temperature, read_raw, write_table
 
@@ -226,7 +225,7 @@ def kind_of(columns: Iterable[str]) -> str:
     return "points"
 
 
-def read_observations(*paths: str | Path, machine: Machine | None = None) -> Observations:
+def read_observations(*paths: str | Path, ranges_mm: Mapping[str, tuple[float, float]] | None = None) -> Observations:
     """Read one or more tables of measured points.
 
     Two files are two sessions unless they name their sessions. Where `t` is given in every row of a session it
@@ -236,8 +235,9 @@ def read_observations(*paths: str | Path, machine: Machine | None = None) -> Obs
     ----------
     paths
         The files.
-    machine
-        Rows that were commanded farther outside its range than that is long are set aside: they are mistyped.
+    ranges_mm
+        Axis to the machine's range (`Machine.ranges_mm`): rows that were commanded farther outside one than that is
+        long are set aside, for they are mistyped.
 
     Raises
     ------
@@ -259,7 +259,7 @@ def read_observations(*paths: str | Path, machine: Machine | None = None) -> Obs
                 column="mx my mz",
                 remedy="measured positions in mm; leave cells empty where a component was not measured",
             )
-        frame, found = _of_the_machine(*check(raw, POINT_COLUMNS, path), machine, path)
+        frame, found = _of_the_machine(*check(raw, POINT_COLUMNS, path), ranges_mm, path)
         frames.append(frame)
         problems.extend(found)
     names = _session_names(frames)
@@ -268,35 +268,38 @@ def read_observations(*paths: str | Path, machine: Machine | None = None) -> Obs
     return Observations(_ordered_by_time(merged), tuple(str(path) for path in paths), tuple(problems))
 
 
-def read_circular_test(path: str | Path, machine: Machine | None = None) -> CircularTest:
+def read_circular_test(path: str | Path, ranges_mm: Mapping[str, tuple[float, float]] | None = None) -> CircularTest:
     """Read a circular test; `dir` is +1 counter-clockwise seen from + of the third axis, −1 clockwise.
 
     Parameters
     ----------
     path
         The file.
-    machine
+    ranges_mm
         As for `read_observations`.
     """
     raw = read_raw(path)
     _expect(raw, "circle", path)
-    frame, problems = _of_the_machine(*check(raw, CIRCLE_COLUMNS, path), machine, path)
+    frame, problems = _of_the_machine(*check(raw, CIRCLE_COLUMNS, path), ranges_mm, path)
     return CircularTest(frame, (str(path),), problems)
 
 
 def _of_the_machine(
-    frame: pl.DataFrame, problems: tuple[RowProblem, ...], machine: Machine | None, path: str | Path
+    frame: pl.DataFrame,
+    problems: tuple[RowProblem, ...],
+    ranges_mm: Mapping[str, tuple[float, float]] | None,
+    path: str | Path,
 ) -> tuple[pl.DataFrame, tuple[RowProblem, ...]]:
     """Set aside rows that were commanded where no machine of this range can be: one would stretch every function.
 
     Places a little outside are kept and noted by the fit: ranges are stated carelessly. None is left where a table
     counts from another zero: then it is refused, for nothing of it is of this machine.
     """
-    if machine is None:
+    if ranges_mm is None:
         return frame, problems
     found = []
     for axis in _AXES:
-        low, high = machine.axes[axis].range_mm
+        low, high = ranges_mm[axis]
         beyond_mm = pl.max_horizontal(low - pl.col(axis), pl.col(axis) - high)
         far = frame.filter(beyond_mm > high - low)
         found += [

@@ -176,20 +176,20 @@ def test_a_comment_is_named_as_one(tmp_path: Path) -> None:
 
 def test_a_row_that_cannot_be_of_the_machine_is_set_aside(tmp_path: Path) -> None:
     """A mistyped place stretches every function of its axis; 450 of 400 mm is kept: ranges are stated carelessly."""
-    machine = Machine.from_chain("wbXYZt", (400.0, 400.0, 300.0))
+    ranges = Machine.from_chain("wbXYZt", (400.0, 400.0, 300.0)).ranges_mm
     header, rows = "x,y,z,mx,my,mz", ["10,0,0,1,2,3", "4500,0,0,1,2,3", "450,0,0,1,2,3", "10,0,-301,1,2,3"]
     path = write(tmp_path, "\n".join([header, *rows]) + "\n")
     assert len(read_observations(path)) == 4
-    observations = read_observations(path, machine=machine)
+    observations = read_observations(path, ranges_mm=ranges)
     assert observations.commanded_mm[:, 0].tolist() == [10.0, 450.0]
     first, second = map(str, observations.set_aside)
     assert first.startswith(f"{path}:3: x: 4500 mm is farther outside the range of x, 0 to 400 mm, than that is long")
     assert "correct the row" in first
     assert second.startswith(f"{path}:5: z: -301 mm")
     circle = write(tmp_path, "x,y,z,r\n0,0,0,50\n4500,0,0,50\n", "circle.csv")
-    assert [one.row for one in read_circular_test(circle, machine).set_aside] == [3]
+    assert [one.row for one in read_circular_test(circle, ranges).set_aside] == [3]
     with pytest.raises(InputFileError, match=r":2: x: 4500 mm .*no usable row is left\n.*the machine's zero"):
-        read_observations(write(tmp_path, f"{header}\n{rows[1]}\n", "other.csv"), machine=machine)
+        read_observations(write(tmp_path, f"{header}\n{rows[1]}\n", "other.csv"), ranges_mm=ranges)
 
 
 @pytest.mark.parametrize(

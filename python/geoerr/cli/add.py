@@ -73,7 +73,7 @@ def add(
     own = effects_of(effects)
     with progress_bar("add", quiet, says_steps=True) as advance:
         advance.say("reading the measurements")
-        measured = read_measurements(paths, machine=start.machine)
+        measured = read_measurements(paths, ranges_mm=start.machine.ranges_mm)
         sensitivity, covariance = calibration(rig, measured.points)
         change = add_effect(
             start,

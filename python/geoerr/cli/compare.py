@@ -66,7 +66,7 @@ def compare_verb(
     inputs = files_given(model, observations, rig)
     check_output(report, inputs)
     known = load_model(model)
-    measured = read_measurements(observations, with_lengths=True, machine=known.machine)
+    measured = read_measurements(observations, with_lengths=True, ranges_mm=known.machine.ranges_mm)
     with progress_bar("compare", quiet) as advance:
         n_steps = 3
         advance(0, n_steps)

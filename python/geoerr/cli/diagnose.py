@@ -87,7 +87,7 @@ def diagnose_verb(
     check_output(plan, inputs)
     known = load_model(model)
     own = effects_of(effects)
-    measured = read_measurements(observations, machine=known.machine)
+    measured = read_measurements(observations, ranges_mm=known.machine.ranges_mm)
     sensitivity, covariance = calibration(rig, measured.points)
     diagnosis: Diagnosis | CircleDiagnosis
     with progress_bar("diagnose", quiet, says_steps=True) as advance:

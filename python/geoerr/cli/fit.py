@@ -92,7 +92,7 @@ def fit(
     inputs = files_given(observations, machine, effect_files, rig)
     check_output(output, inputs)
     described = read_machine(machine)
-    measured = read_measurements(observations, machine=described)
+    measured = read_measurements(observations, ranges_mm=described.ranges_mm)
     sensitivity, covariance = calibration(rig, measured.points)
     added = add or []
     with progress_bar("fit", quiet) as advance:

@@ -95,7 +95,7 @@ def identify(
     inputs = files_given(observations, machine, rig)
     check_output(output, inputs)
     described = read_machine(machine)
-    table = read_observations(*observations, machine=described)
+    table = read_observations(*observations, ranges_mm=described.ranges_mm)
     sensitivity, covariance = calibration(rig, table)
     result: NineLineResult | JointResult
     if method is Method.NINE_LINE:

@@ -58,7 +58,7 @@ def remove(
     start = load_model(model)
     with progress_bar("remove", quiet, says_steps=True) as advance:
         advance.say("reading the measurements")
-        measured = read_measurements(paths, machine=start.machine)
+        measured = read_measurements(paths, ranges_mm=start.machine.ranges_mm)
         sensitivity, covariance = calibration(rig, measured.points)
         change = remove_terms(
             start,

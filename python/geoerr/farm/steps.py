@@ -64,7 +64,7 @@ class Bench:
     def measured(self) -> Measurements:
         """All its measurements."""
         tables = sorted(path for path in self.folder.iterdir() if path.suffix.lower() in TABLES)
-        return read_measurements(tables, machine=self.machine)
+        return read_measurements(tables, ranges_mm=self.machine.ranges_mm)
 
     @property
     def effect_files(self) -> list[Path]:
