@@ -499,3 +499,13 @@ def test_a_fit_that_has_not_settled_corrects_no_program():
     unsettled = dataclasses.replace(model, record=dataclasses.replace(model.record, has_settled=False))
     with pytest.raises(GeoerrError, match=r"the fit has not settled: .*\nhint: look for a mistyped row"):
         compensate_bytes(unsettled, b"G1 X10 Y10 Z5\nG1 X20\n", at={"temp_bed": 70.0})
+
+
+def test_a_size_says_that_it_does_not_count_what_is_not_in_the_model(tmp_path):
+    model, source, target = tmp_path / "model.json", tmp_path / "in.gcode", tmp_path / "out.gcode"
+    of = machine("wbXYZt")
+    write_model(model, with_record(Model(of, None, (term(of, "thermal-drift:z@temp_bed", k=1e-3),)), 1e-4))
+    source.write_text("G1 X10 Y10 Z5\nG1 X20\n")
+    done = CliRunner().invoke(app, ["compensate", str(model), str(source), "-o", str(target), "--at", "temp_bed=70"])
+    assert "typically 50.0 ± 5.0 µm over the box of the program's moves\nerrors that are not in" in done.stdout
+    assert "note: not in the model, taken as 0: all of the 21 errors" in done.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +187,17 @@ def test_a_sign_that_an_effect_excludes_is_told(
     said = CliRunner().invoke(app, ["add", str(model), str(table), "mine:x", "--effects", str(own)])
     assert said.exit_code == 0, said.output
     assert ("note: mine:x: k = -0.0" in said.stderr) == is_told
+
+
+def test_a_start_that_has_not_settled_is_said(observations: Observations, tmp_path: Path) -> None:
+    points, path, reference = tmp_path / "points.csv", tmp_path / "model.json", "thermal-expansion:x@temp_bed"
+    geoerr.write_observations(points, observations)
+    model = added(Model(MACHINE), observations, reference)
+    assert model.record is not None
+    write_model(path, replace(model, record=replace(model.record, has_settled=False)))
+    said = CliRunner().invoke(app, ["remove", str(path), str(points), reference])
+    assert said.exit_code == 0, said.output
+    assert "warning: the model as it was: the fit has not settled" in said.stderr
 
 
 @pytest.mark.parametrize("verb", ["add", "remove"])

@@ -11,7 +11,7 @@ from hidden_machine import Noise, Plan, machine, measure, motion
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.diagnose.notes import interrupted_lines, notes_of
 from geoerr.fit import FitOptions, Fitted, fit_terms
-from geoerr.model import Model
+from geoerr.model import FitRecord, Model
 from geoerr.observations import Observations
 
 OPTIONS = FitOptions(components="none", threads=1)
@@ -93,6 +93,11 @@ def test_numbers_of_other_data_may_hold_a_part_of_the_cause() -> None:
     assert [note for note in held.notes if "--refit" in note]
     assert held.to_document()["notes"] == list(held.notes)
     assert not diagnose(own, other, refit=True, threads=1).notes
+    n = sum(len(term.coefficients) + len(term.inner) for term in own.terms)
+    record = FitRecord(np.zeros((n, n)), np.zeros((n, 0)), has_settled=False)
+    unsettled = replace(own, record=record)
+    told = [note for note in diagnose(unsettled, other, threads=1).notes if "has not settled" in note]
+    assert len(told) == 1
     # Nothing found, nothing to doubt.
     assert not diagnose(own, observed(), threads=1).notes
 

@@ -262,6 +262,8 @@ def test_what_was_not_compared_is_not_proved(tmp_path):
     failed = run("verify", "path", errors, program, program, "--tolerance", "0.001")
     assert failed.exit_code == 1
     assert "nothing is proved" in str(failed.exception)
+    one = written(tmp_path, "G91\nG1 X50 Y50 Z10\n", "one.gcode")
+    assert "1 move not compared" in run("verify", "path", errors, one, one).stdout
     assert run("verify", "path", errors, program, program).exit_code == 0
 
 

@@ -138,8 +138,9 @@ def _report(result: CompensationResult) -> str:
         std = result.correction_std_um
         size = f"typically {result.correction_rms_um:.1f}" + ("" if std is None else f" ± {std:.1f}")
         unknown = "; not determined there" if std is None else ""
-        unknown += "; errors that are not in the model are not counted" if result.not_in_model else ""
         lines.append(f"{size} µm over the box of the program's moves{unknown}")
+        if result.not_in_model:
+            lines.append("errors that are not in the model are not counted in that")
     untouched = {
         "moves before the position is known": result.untouched_position_unknown,
         "lines that are not corrected": result.untouched_unsupported,

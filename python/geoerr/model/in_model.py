@@ -20,8 +20,11 @@ from geoerr.model.arrays import Numbers, contiguous, points
 from geoerr.model.functionals import functionals, tabular_terms
 from geoerr.terms import JOINT_CHANNELS, SQUARENESS_CHANNELS, Term
 
-# A function of the position is told from a constant at so many places of the axis.
-_N_PLACES = 41
+# Places of an axis, as shares of its range, at which a function is told from a constant: uneven, so that no wave
+# hides between them.
+_SHARES = np.sort(np.modf(np.arange(101) * 0.6180339887498949)[0])
+# A whole period of a sine has 0.78 of a line, two have 0.39.
+_LEAST_TREND = 0.5
 # A place this near is the same: no squareness tells over a micrometre.
 _SAME_PLACE_MM = 1e-3
 # A lever below this, in mm or as a part of a shift, is rounding.
@@ -35,18 +38,29 @@ SQUARENESS_OF = {channel[2:]: iso for channel, iso in _ISO_OF_LI.items()}
 def names_in_model(machine: Machine, errors: ErrorFunctions | None, terms: Sequence[Term]) -> frozenset[str]:
     """Give the ISO names of the errors that tables, classic terms or effects stand for.
 
-    An effect stands for a function where it follows the position of its axis alone (a pitch error), and for a
-    squareness where it is a constant: play and thermal growth act in the same place and say nothing of it.
+    An effect stands for a function where it follows the position of its axis alone, and for a squareness where it is
+    a constant: play and thermal growth act in the same place and say nothing of it. A positioning is first of all how
+    far an axis goes: of that the wave of a screw or a belt's teeth says nothing either.
     """
     names = set() if errors is None else {*errors.functions, *errors.squareness}
     names |= {_ISO_OF_LI.get(term.id, term.id) for term in terms if term.kind == "classic"}
-    position_mm = {axis: np.linspace(*machine.axes[axis].range_mm, _N_PLACES) for axis in AXES}
+    position_mm = {axis: low + _SHARES * (high - low) for axis in AXES for low, high in [machine.axes[axis].range_mm]}
     effects = [term for term in tabular_terms(terms, {}) if term.kind != "classic"]
     joints, squareness = functionals(effects, effects, position_mm, {})
     for name, rows in joints.items():
-        if (rows.by_parameter != rows.by_parameter[:1]).any():
+        moved = rows.by_parameter - rows.by_parameter[:1]
+        if (_goes_along(moved, position_mm[name[2].lower()]) if name[1] == name[2] else moved != 0.0).any():
             names.add(name)
     return frozenset(names | {_ISO_OF_LI[channel] for channel in SQUARENESS_CHANNELS if channel in squareness})
+
+
+def _goes_along(values: Numbers, position_mm: Numbers) -> npt.NDArray[np.bool_]:
+    """Tell which columns (n, m) rise or fall with the position (n,), more than they go up and down."""
+    arm = position_mm - position_mm.mean()
+    own = values - values.mean(axis=0)
+    size = np.linalg.norm(own, axis=0) * np.linalg.norm(arm)
+    # A column without a value, or without a size, goes nowhere.
+    return np.asarray((np.abs(arm @ own) > _LEAST_TREND * size) & (size > 0.0))
 
 
 def needed_by(axes: Iterable[str]) -> frozenset[str]:
