@@ -109,17 +109,18 @@ def read_again(
     """
 
     def work(advance: Advance) -> Callable[[], None]:
-        tables = [one.path for one in files if one.kind == "measurements"]
-        measured = read_measurements(tables, with_lengths=True) if tables else None
         effects = tuple(effect for one in files if one.kind == "effects" for effect in load_effects(one.path))
         catalogue().extended(effects, "effects")
-        calibration = calibration_of(files, measured)
         known = chapter or session.chapter
         steps, current, reference = list(known.steps), known.current, known.reference
         models = [one for one in files if one.kind == "model"]
         if models and (is_new_model or not steps):
             model = load_model(models[-1].path)
             steps, current, reference = [Step(_first_name(model, models[-1].name), model, None, {})], 0, 0
+        tables = [one.path for one in files if one.kind == "measurements"]
+        ranges_mm = steps[current].model.machine.ranges_mm if steps else None
+        measured = read_measurements(tables, with_lengths=True, ranges_mm=ranges_mm) if tables else None
+        calibration = calibration_of(files, measured)
         # Figures belong to the data that they were computed with; the model that is looked at is compared last.
         again = [current]
         if not keeps:
