@@ -98,7 +98,7 @@ def test_a_spike_that_shows_beside_reversals_alone_is_found() -> None:
 
 
 def test_all_rows_are_in_the_figures_and_what_decided_nothing_is_said() -> None:
-    diagnosis = diagnose_circles(MODEL, circular(backlash, n=360, seed=1))
+    diagnosis = diagnose_circles(MODEL, circular(windup_from_rest, start=0.004, n=360))
     assert [run.n_rows for run in diagnosis.runs] == [360] * 4
     (note,) = [note for note in diagnosis.notes if "decided nothing" in note]
     assert note.startswith(f"{len(diagnosis.searched.whole) - len(diagnosis.searched.runs)} rows beside a reversal")

@@ -34,11 +34,13 @@ def search(runs: Runs, suspects: Sequence[Suspect], steps: Steps) -> Searched:
     runs = runs.without(stand_alone(runs, runs.signal_um, np.zeros(n)))
     n_gross = n - len(runs)
     whole = runs.averaged()
-    entered = after_entry(whole)
-    searched = _searched(whole.without(entered | beside_reversals(whole)), suspects, steps)
-    if not any(turns_at_reversals(one.way.term) for one in searched.found):
-        # Without a gap a row's side does not matter, and a narrow spike shows beside the reversal alone.
-        searched = _searched(whole.without(entered), suspects, steps, ", beside reversals too")
+    searched = _searched(whole, suspects, steps)
+    if _n_told(searched) > 1:
+        # Of rows whose side is not known one cause may have become several: what needs fewer without them holds.
+        decided = whole.without(after_entry(whole) | beside_reversals(whole))
+        without = _searched(decided, suspects, steps, ", without rows beside reversals")
+        turns = any(turns_at_reversals(one.way.term) for one in (*searched.found, *without.found))
+        searched = without if turns and without.found and _n_told(without) < _n_told(searched) else searched
     for _ in range(_ROUNDS):
         level = searched.noise.sigma_um * searched.noise.level + misfit_um(searched)
         gross = stand_alone(searched.runs, searched.rest_without_jumps_um, level)
@@ -50,6 +52,11 @@ def search(runs: Runs, suspects: Sequence[Suspect], steps: Steps) -> Searched:
             searched.runs.without(gross), suspects, steps, f", without {counted(n_gross, 'gross row')}"
         )
     return replace(searched, n_gross=n_gross, whole=whole, whole_traces=_traces_in(whole, searched))
+
+
+def _n_told(searched: Searched) -> int:
+    """Count what is said to be there: causes, and structure without a name."""
+    return len(searched.found) + (searched.unknown is not None)
 
 
 def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str = "") -> Searched:

@@ -2,8 +2,9 @@
 
 A bar's angle is known no better than its rows are apart: it is counted from a start, at a feed that is nearly even,
 and commanded positions are rounded. A row beside a reversal may have been read before it or behind it, and one row on
-the wrong side of a gap of 20 µm looks like a wind-up, a spike and stick-slip. Where there is a gap such rows decide
-nothing: what a reversal does shows in the rows behind. Where there is none their side does not matter.
+the wrong side of a gap of 20 µm looks like a wind-up, a spike and stick-slip. Where a search names several causes it
+is made again without such rows, for what a reversal does shows in the rows behind: an explanation that needs fewer
+holds. One cause alone needs no such doubt, and is told best by all rows.
 
 Nor does a record tell how an axis stood that reversed just before the first row of a run: whether the circle was
 entered along itself, so that friction is still winding up, or from rest.
