@@ -41,8 +41,8 @@ SLICED = {
 }
 MAIN = "walls and infill"
 IN_THE_WAY = (
-    "A third goes to the tenth of the moves that are long: how far they are off, at each crossing of a knot and "
-    "between two, looked at again for each piece; programs of slicers, whose moves are short, have none of that. The "
+    "An eighth goes to where the tenth of the moves that are long are cut: a command at each face of a box on their "
+    "way; and more to writing their pieces; programs of slicers, whose moves are short, have little of that. The "
     "rest is reading and writing, which run at the same time as solving. What stands between them and a loop that "
     "reads numbers, inverts a matrix and prints is spread evenly: the words of a line and their places, the frame "
     "twice, the exact sum of extrusion, the choice of words to write."
