@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 import polars as pl
@@ -51,7 +53,7 @@ def spike(theta: Numbers, sense: int, feed: float) -> Numbers:
 
 
 def circular(
-    radius: object,
+    radius: Callable[[Numbers, int, float], Numbers],
     passes: tuple[tuple[int, float], ...] = BOTH,
     *,
     start: float = 0.3,
@@ -64,7 +66,7 @@ def circular(
     frames = []
     for sense, feed in passes:
         theta = sense * (start + np.arange(n) * 2.0 * np.pi / n)
-        um = radius(theta, sense, feed) + 14.0 * np.cos(theta) + 0.5 * rng.standard_normal(n)  # type: ignore[operator]
+        um = radius(theta, sense, feed) + 14.0 * np.cos(theta) + 0.5 * rng.standard_normal(n)
         said = theta + off
         columns = {"line": ["XY"] * n, "dir": [sense] * n, "feed": [feed] * n, "z": np.zeros(n)}
         columns |= {"x": CENTRE_MM[0] + R_MM * np.cos(said), "y": CENTRE_MM[1] + R_MM * np.sin(said)}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
+from validation.given_models import sessions
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Case, Hidden, generate
 
@@ -17,9 +16,8 @@ from geoerr.diagnose.space import Doubt, beyond_in_metric, doubt_that_counts, or
 from geoerr.fit import FitOptions, fit_model
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
-from geoerr.observations import Observations
 
-ROWS, N_SESSIONS = 40, 2
+ROWS = 40
 # Noise that is white already.
 WHITE: Any = SimpleNamespace(whiten=lambda columns: columns)
 FREE = 1e6
@@ -74,17 +72,11 @@ def case_of(number: int, *hidden: Hidden) -> Case:
     return generate(development_seed(996_000 + number), None, plan, noise, hidden, 8.0 if hidden else 0.0, 3_000)
 
 
-def sessions(observations: Observations, *, first: bool) -> Observations:
-    names = observations.frame["session"].unique(maintain_order=True).to_list()
-    part = names[:N_SESSIONS] if first else names[N_SESSIONS:]
-    return replace(observations, frame=observations.frame.filter(pl.col("session").is_in(part)))
-
-
 def told_of_the_rest(case: Case) -> tuple[Model, Diagnosis]:
     """Fit a model to the first sessions, and ask what it lacks in the others."""
     options = FitOptions(threads=1)
-    model = fit_model(case.machine, sessions(case.observations, first=True), options=options).model
-    return model, diagnose(model, sessions(case.observations, first=False), threads=1)
+    model = fit_model(case.machine, sessions(case.observations, seen=True), options=options).model
+    return model, diagnose(model, sessions(case.observations, seen=False), threads=1)
 
 
 def test_a_right_model_lacks_nothing_in_other_data() -> None:

@@ -37,7 +37,7 @@ pub struct Patch {
     correction: Quadratic,
     error: Quadratic,
     /// Derivative of the correction in the middle, row by component.
-    pub slopes: [[f64; 3]; 3],
+    slopes: [[f64; 3]; 3],
     /// Bound of the second derivative of the correction along any line, 1/mm.
     pub bend_per_mm: f64,
     /// Bound of its third derivative, 1/mm².
@@ -160,9 +160,14 @@ impl Patch {
     /// By how much, at most, the derivative of the correction differs here and in another box.
     #[inline]
     pub fn turn_to(&self, other: &Self) -> f64 {
-        let rows = self.slopes.iter().flatten().zip(other.slopes.iter().flatten());
-        let jump = rows.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
-        jump + self.bend_per_mm * self.radius_mm + other.bend_per_mm * other.radius_mm
+        self.jump_to(other) + self.bend_per_mm * self.radius_mm + other.bend_per_mm * other.radius_mm
+    }
+
+    /// By how much the derivative of the correction differs in the middle of this and of another box.
+    #[inline]
+    pub fn jump_to(&self, other: &Self) -> f64 {
+        let both = self.slopes.iter().flatten().zip(other.slopes.iter().flatten());
+        both.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
     }
 
     /// Whether a command lies in the patch's box.

@@ -128,7 +128,7 @@ impl Grid {
             0.125 * patch.bend_per_mm * length_mm * length_mm
         } else {
             let Some(other) = self.made(from).filter(|_| self.are_neighbours(from, to)) else { return false };
-            let jump = norm_of_difference(&patch.slopes, &other.slopes);
+            let jump = patch.jump_to(other);
             let bends = (patch.bend_per_mm + other.bend_per_mm) * (patch.radius_mm + other.radius_mm);
             0.25 * (jump + bends) * length_mm
         };
@@ -243,12 +243,6 @@ impl Solved {
     pub fn by_newton(node: Node) -> Self {
         Self { node, home: None }
     }
-}
-
-#[inline]
-fn norm_of_difference(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> f64 {
-    let squares = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b) * (a - b));
-    squares.sum::<f64>().sqrt()
 }
 
 #[cfg(test)]
