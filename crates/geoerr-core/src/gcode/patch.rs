@@ -175,6 +175,14 @@ impl Patch {
     pub fn holds(&self, command_mm: &[f64; 3]) -> bool {
         is_between(command_mm, &self.low_mm, &self.high_mm)
     }
+
+    /// Whether a place lies in the patch's box as boxes share out the machine: upper faces belong to the next.
+    #[inline]
+    pub fn owns(&self, at_mm: &[f64; 3]) -> bool {
+        // All three are asked: what is known at once need not be guessed.
+        let is_in = |axis: usize| (self.low_mm[axis] <= at_mm[axis]) & (at_mm[axis] < self.high_mm[axis]);
+        is_in(0) & is_in(1) & is_in(2)
+    }
 }
 
 /// Three numbers that are quadratics in each coordinate.
@@ -300,7 +308,8 @@ fn minus(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
 
 #[inline]
 fn is_between(at_mm: &[f64; 3], low_mm: &[f64; 3], high_mm: &[f64; 3]) -> bool {
-    (0..3).all(|axis| low_mm[axis] <= at_mm[axis] && at_mm[axis] <= high_mm[axis])
+    let is_in = |axis: usize| (low_mm[axis] <= at_mm[axis]) & (at_mm[axis] <= high_mm[axis]);
+    is_in(0) & is_in(1) & is_in(2)
 }
 
 #[inline(always)]

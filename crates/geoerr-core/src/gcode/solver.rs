@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::block::{Block, Way};
 use super::course::Course;
-use super::grid::{Grid, Gridded, Solved, Walk};
+use super::grid::{Grid, Gridded, Home, Solved, Walk};
 use super::options::Options;
 use super::path::{Closeness, Node, PathMap, SplitError, split};
 use super::reader::Move;
@@ -19,9 +19,11 @@ const MARGIN: f64 = 0.02;
 /// Remaining error of a solved command, where the tolerance does not ask for less.
 const NEWTON_MM: f64 = 1e-7;
 
-/// What the moves of a task are split with.
+/// What the moves of a task are solved and split with.
 #[derive(Debug, Default)]
-struct Memory {
+struct Memory<'a> {
+    /// The box that the last move's end asked first.
+    near: Option<Home<'a>>,
     walk: Walk,
     crossings: Vec<f64>,
 }
@@ -65,15 +67,15 @@ impl Solver {
         let tasks = ends.zip(block.ways.par_chunks_mut(MOVES_PER_TASK)).enumerate();
         tasks.for_each(|(task, (ends, ways))| {
             let first = task * MOVES_PER_TASK;
+            let mut memory = Memory::default();
             // Solved twice rather than waited for.
             let mut before = match first.checked_sub(1) {
-                Some(before) => self.end(map, &moves[before], &course_of(before)).ok(),
+                Some(before) => self.end(map, &moves[before], &course_of(before), &mut memory.near).ok(),
                 None => self.last,
             };
-            let mut memory = Memory::default();
             for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
                 let (a_move, course) = (&moves[index], course_of(index));
-                match self.end(map, a_move, &course) {
+                match self.end(map, a_move, &course, &mut memory.near) {
                     Ok(solved) => {
                         *end = Some(solved);
                         *way = self.way(map, a_move, &course, before.as_ref(), &solved, &mut memory);
@@ -90,12 +92,18 @@ impl Solver {
 
     /// The end of a move; else the distance that the best command leaves.
     #[inline]
-    fn end(&self, map: &impl PathMap, a_move: &Move, course: &Course) -> Result<Solved, f64> {
+    fn end<'a>(
+        &'a self,
+        map: &impl PathMap,
+        a_move: &Move,
+        course: &Course,
+        near: &mut Option<Home<'a>>,
+    ) -> Result<Solved, f64> {
         let ideal_mm = a_move.end_mm;
         if map.is_nominal() {
             return Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm: ideal_mm }));
         }
-        if let Some(solved) = self.grid.as_ref().and_then(|grid| grid.solve(map, &ideal_mm)) {
+        if let Some(solved) = self.grid.as_ref().and_then(|grid| grid.solve(map, &ideal_mm, near)) {
             return Ok(solved);
         }
         let command_mm = map.command_for(&ideal_mm, &course.at(1.0), self.newton_mm)?;
@@ -110,13 +118,13 @@ impl Solver {
         course: &Course,
         begin: Option<&Solved>,
         end: &Solved,
-        memory: &mut Memory,
+        memory: &mut Memory<'_>,
     ) -> Way {
         // A move from a place that no corrected move has reached has no straight path to keep.
         let Some(begin) = begin.filter(|_| !a_move.is_first) else { return Way::Whole };
         let closeness = &self.closeness[usize::from(a_move.is_inch)];
         if let Some(grid) = &self.grid {
-            if grid.is_straight(begin, end, closeness) {
+            if grid.is_straight(begin, end, &memory.near, closeness) {
                 return Way::Whole;
             }
             if let Some(pieces) = grid.walk(map, begin, end, closeness, &mut memory.walk) {

@@ -44,6 +44,13 @@ pub struct Grid {
 /// What is known of each box of a row: nothing yet, that it has no polynomials, or its polynomials.
 type Row = Box<[OnceLock<Option<Box<Patch>>>]>;
 
+/// A box and its polynomials.
+#[derive(Clone, Copy, Debug)]
+pub struct Home<'a> {
+    place: u32,
+    patch: &'a Patch,
+}
+
 /// A solved place.
 #[derive(Clone, Copy, Debug)]
 pub struct Solved {
@@ -92,22 +99,33 @@ impl Grid {
         patch.nearly_holds(&commands_mm[1]).then(|| patch.actual_of_two(commands_mm))
     }
 
-    /// The command for a place, where a polynomial has it.
+    /// The command for a place, where a polynomial has it; `near` is the box of the place that was asked before.
     #[inline]
-    pub fn solve(&self, map: &impl PathMap, ideal_mm: &[f64; 3]) -> Option<Solved> {
-        let mut at_mm = *ideal_mm;
+    pub fn solve<'a>(
+        &'a self,
+        map: &impl PathMap,
+        ideal_mm: &[f64; 3],
+        near: &mut Option<Home<'a>>,
+    ) -> Option<Solved> {
+        let mut home = match near {
+            Some(home) if home.patch.owns(ideal_mm) => *home,
+            _ => *near.insert(self.home_of(map, ideal_mm)?),
+        };
         for _ in 0..MOST_HOPS {
-            let cells = self.cells_of(&at_mm)?;
-            let place = self.place_of(cells);
-            let patch = self.patch(map, cells)?;
-            let command_mm = patch.command_for(ideal_mm);
-            if patch.holds(&command_mm) {
+            let command_mm = home.patch.command_for(ideal_mm);
+            if home.patch.holds(&command_mm) {
                 let node = Node { share: 1.0, ideal_mm: *ideal_mm, command_mm };
-                return Some(Solved { node, home: Some(place as u32) });
+                return Some(Solved { node, home: Some(home.place) });
             }
-            at_mm = command_mm;
+            home = self.home_of(map, &command_mm)?;
         }
         None
+    }
+
+    /// The box of a place, where it has polynomials.
+    fn home_of(&self, map: &impl PathMap, at_mm: &[f64; 3]) -> Option<Home<'_>> {
+        let cells = self.cells_of(at_mm)?;
+        Some(Home { place: self.place_of(cells) as u32, patch: self.patch(map, cells)? })
     }
 
     /// Whether a straight move between two solved places is known to stay straight enough whole.
@@ -118,12 +136,22 @@ impl Grid {
     /// less than a tenth; for the same reason the tool is off by at most an eighth more than the command; and the bound
     /// that [`split`](super::path::split) goes by is at most a quarter above that: together less than twice as much.
     #[inline]
-    pub fn is_straight(&self, begin: &Solved, end: &Solved, closeness: &Closeness) -> bool {
+    pub fn is_straight(
+        &self,
+        begin: &Solved,
+        end: &Solved,
+        near: &Option<Home<'_>>,
+        closeness: &Closeness,
+    ) -> bool {
         let (Some(from), Some(to)) = (begin.home, end.home) else { return false };
-        let (Some(patch), length_mm) = (self.made(to), distance(&begin.node.ideal_mm, &end.node.ideal_mm))
-        else {
-            return false;
+        let patch = match near {
+            Some(home) if home.place == to => home.patch,
+            _ => match self.made(to) {
+                Some(patch) => patch,
+                None => return false,
+            },
         };
+        let length_mm = distance(&begin.node.ideal_mm, &end.node.ideal_mm);
         let off_mm = if from == to {
             0.125 * patch.bend_per_mm * length_mm * length_mm
         } else {
@@ -202,7 +230,7 @@ impl<M: PathMap> PathMap for Gridded<'_, M> {
         approach: &Approach,
         tolerance_mm: f64,
     ) -> Result<[f64; 3], f64> {
-        match self.grid.and_then(|grid| grid.solve(self.map, ideal_mm)) {
+        match self.grid.and_then(|grid| grid.solve(self.map, ideal_mm, &mut None)) {
             Some(solved) => Ok(solved.node.command_mm),
             None => self.map.command_for(ideal_mm, approach, tolerance_mm),
         }
@@ -289,7 +317,7 @@ mod tests {
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
             let still = Approach::default();
             for target_mm in &targets {
-                if let Some(solved) = grid.solve(&machine, target_mm) {
+                if let Some(solved) = grid.solve(&machine, target_mm, &mut None) {
                     let command_mm = solved.node.command_mm;
                     let place_mm = machine.actual(&command_mm, &still);
                     prop_assert!(distance(&place_mm, target_mm) <= NEWTON_MM);
@@ -335,10 +363,10 @@ mod tests {
                 *at = std::array::from_fn(|axis| at[axis] + step[axis]);
                 Some(*at)
             });
-            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solve(&machine, &end)).collect();
+            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solve(&machine, &end, &mut None)).collect();
             for pair in solved.windows(2) {
                 let (Some(from), Some(to)) = (&pair[0], &pair[1]) else { continue };
-                if grid.is_straight(from, to, &closeness) {
+                if grid.is_straight(from, to, &None, &closeness) {
                     let start = Node { share: 0.0, ..from.node };
                     let pieces =
                         split(&machine, &Course::default(), &start, &to.node, &closeness, &mut Vec::new());
@@ -355,9 +383,11 @@ mod tests {
         let closeness = Closeness { limit_mm: 0.0048, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
         let at = |i: u32| {
             let turn = 0.02 * f64::from(i);
-            grid.solve(&machine, &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0]).unwrap()
+            grid.solve(&machine, &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0], &mut None)
+                .unwrap()
         };
-        let n_straight = (0..300).filter(|&i| grid.is_straight(&at(i), &at(i + 1), &closeness)).count();
+        let n_straight =
+            (0..300).filter(|&i| grid.is_straight(&at(i), &at(i + 1), &None, &closeness)).count();
         assert!(n_straight > 290, "{n_straight}");
     }
 
@@ -366,11 +396,11 @@ mod tests {
         let machine = machine(1.0);
         let mut grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
         let target_mm = [33.3, 44.4, 5.5];
-        let before = grid.solve(&machine, &target_mm).unwrap().node;
+        let before = grid.solve(&machine, &target_mm, &mut None).unwrap().node;
         *grid.n_made.get_mut() = MOST_MADE + 1;
         grid.tidy();
         assert_eq!(*grid.n_made.get_mut(), 0);
-        assert_eq!(grid.solve(&machine, &target_mm).unwrap().node, before);
+        assert_eq!(grid.solve(&machine, &target_mm, &mut None).unwrap().node, before);
     }
 
     #[test]

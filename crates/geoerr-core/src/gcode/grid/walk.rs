@@ -116,7 +116,7 @@ impl<M: PathMap> OnTheWay<'_, M> {
 
     fn stop(&self, share: f64) -> Option<Stop> {
         let ideal_mm = between(&self.begin.ideal_mm, &self.end.node.ideal_mm, share);
-        Stop::at(share, &self.grid.solve(self.map, &ideal_mm)?)
+        Stop::at(share, &self.grid.solve(self.map, &ideal_mm, &mut None)?)
     }
 
     /// Adds the next stop of a box, and others before it where the box bends too much for one piece.
