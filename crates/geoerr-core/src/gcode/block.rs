@@ -112,6 +112,7 @@ impl Block {
 pub struct BlockReader {
     /// Reads its lines.
     pub reader: Reader,
+    plain: PlainMove,
     mark: memmem::Finder<'static>,
     /// Where the last move that will be corrected ends.
     before_mm: Option<[f64; 3]>,
@@ -129,6 +130,7 @@ impl BlockReader {
         };
         Self {
             reader: Reader::new(options, map.is_nominal(), needs),
+            plain: PlainMove::default(),
             mark: memmem::Finder::new(MARK),
             before_mm: None,
             gap_mm: std::array::from_fn(gap_of),
@@ -202,8 +204,9 @@ impl BlockReader {
     fn next_line(&mut self, lines: &mut Lines) -> Result<Option<(LineSpan, Step)>, GcodeError> {
         let start = lines.next_start();
         let rest = lines.buffer().get(start..).unwrap_or_default();
-        if let Some(plain) = PlainMove::read(rest)
-            && let Some(step) = self.reader.read_plain(&plain, rest.get(..plain.length).unwrap_or_default())
+        let plain = &mut self.plain;
+        if plain.read(rest)
+            && let Some(step) = self.reader.read_plain(plain, rest.get(..plain.length).unwrap_or_default())
         {
             let line = lines.skip_line(start + plain.length, start + plain.length_with_end);
             return step.map(|step| Some((line, step)));

@@ -10,10 +10,21 @@ use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::unsupported::Unsupported;
 use super::writer::{SourceLine, Writer};
 
+/// A move on its way out.
+struct Outgoing<'a> {
+    line: u64,
+    source: SourceLine<'a>,
+    a_move: &'a Move,
+    /// Whether the program's comments so far are in parentheses.
+    comments_in_parentheses: bool,
+}
+
 /// Writes a program block by block.
 #[derive(Debug)]
 pub struct BlockWriter {
     writer: Writer,
+    /// Where commands may go, (low, high), by words in millimetres and in inches.
+    reach_mm: [[(f64, f64); 3]; 2],
     is_marked: bool,
     usual_ending: Vec<u8>,
     /// Square of the largest correction.
@@ -24,10 +35,17 @@ pub struct BlockWriter {
     pub summary: Summary,
 }
 
-impl Default for BlockWriter {
-    fn default() -> Self {
+impl BlockWriter {
+    /// At the begin of a program.
+    pub fn new(options: &Options) -> Self {
+        let reach = |is_inch| {
+            // What is printed as the end of the range is in it.
+            let slack_mm = options.half_step_mm(is_inch);
+            options.range_mm.map(|(low_mm, high_mm)| (low_mm - slack_mm, high_mm + slack_mm))
+        };
         Self {
-            writer: Writer::default(),
+            writer: Writer::new(options),
+            reach_mm: [reach(false), reach(true)],
             is_marked: false,
             usual_ending: b"\n".to_vec(),
             largest_mm2: 0.0,
@@ -35,18 +53,7 @@ impl Default for BlockWriter {
             summary: Summary::default(),
         }
     }
-}
 
-/// A move on its way out.
-struct Outgoing<'a> {
-    line: u64,
-    source: SourceLine<'a>,
-    a_move: &'a Move,
-    /// Whether the program's comments so far are in parentheses.
-    comments_in_parentheses: bool,
-}
-
-impl BlockWriter {
     /// Appends a block's lines to `out`.
     ///
     /// # Errors
@@ -94,7 +101,7 @@ impl BlockWriter {
                     self.write_move(&outgoing, nodes, options, out)?;
                 }
             }
-            if ending != self.usual_ending && !ending.is_empty() {
+            if !ending.is_empty() && !is_same_ending(ending, &self.usual_ending) {
                 self.usual_ending = ending.to_vec();
             }
         }
@@ -110,10 +117,9 @@ impl BlockWriter {
         out: &mut Vec<u8>,
     ) -> Result<(), GcodeError> {
         let &Outgoing { line, source: SourceLine { body, .. }, a_move, .. } = outgoing;
-        // What is printed as the end of the range is in it.
-        let slack_mm = options.half_step_mm(a_move.is_inch);
-        for node in nodes {
-            check_command(node, options, slack_mm, line, body)?;
+        let reach_mm = &self.reach_mm[usize::from(a_move.is_inch)];
+        if let Some(node) = nodes.iter().find(|node| !is_in_reach(node, reach_mm)) {
+            return Err(out_of_reach(node, reach_mm, options, line, body));
         }
         if let (Some(what), [_, .., end]) = (cannot_be_split(a_move), nodes) {
             if options.on_unsupported == OnUnsupported::Refuse {
@@ -124,7 +130,7 @@ impl BlockWriter {
         }
         let begin = out.len();
         let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
-        let written = self.writer.write(out, source, a_move, nodes, options);
+        let written = self.writer.write(out, source, a_move, nodes);
         if written.is_changed && !self.is_marked {
             self.is_marked = true;
             out.splice(begin..begin, mark_line(outgoing.comments_in_parentheses, source, options));
@@ -134,7 +140,8 @@ impl BlockWriter {
         summary.moves_corrected += 1;
         summary.extrusion_out += written.extrusion;
         for ((low_mm, high_mm), end_mm) in summary.box_mm.iter_mut().zip(a_move.end_mm) {
-            (*low_mm, *high_mm) = (low_mm.min(end_mm), high_mm.max(end_mm));
+            *low_mm = if end_mm < *low_mm { end_mm } else { *low_mm };
+            *high_mm = if end_mm > *high_mm { end_mm } else { *high_mm };
         }
         for node in nodes {
             let correction_mm2 =
@@ -152,6 +159,12 @@ impl BlockWriter {
     }
 }
 
+/// Whether two ends of lines are the same: `\n`, `\r\n` or `\r`.
+#[inline]
+fn is_same_ending(one: &[u8], other: &[u8]) -> bool {
+    (one.len(), one.first()) == (other.len(), other.first())
+}
+
 #[cold]
 fn refused(error: SplitError, line: u64, body: &[u8]) -> GcodeError {
     let text = excerpt(body);
@@ -161,22 +174,33 @@ fn refused(error: SplitError, line: u64, body: &[u8]) -> GcodeError {
     }
 }
 
+/// Whether a command lies in these ranges.
 #[inline]
-fn check_command(
+fn is_in_reach(node: &Node, reach_mm: &[(f64, f64); 3]) -> bool {
+    // All three are asked: what is known at once need not be guessed.
+    let is_in = |axis: usize| {
+        let (at_mm, (low_mm, high_mm)) = (node.command_mm[axis], reach_mm[axis]);
+        (low_mm <= at_mm) & (at_mm <= high_mm)
+    };
+    is_in(0) & is_in(1) & is_in(2)
+}
+
+#[cold]
+fn out_of_reach(
     node: &Node,
+    reach_mm: &[(f64, f64); 3],
     options: &Options,
-    slack_mm: f64,
     line: u64,
     body: &[u8],
-) -> Result<(), GcodeError> {
-    let axes = AXIS_LETTERS.into_iter().zip(options.range_mm).zip(node.command_mm);
-    for ((axis, (low_mm, high_mm)), position_mm) in axes {
-        if !(low_mm - slack_mm..=high_mm + slack_mm).contains(&position_mm) {
-            let text = excerpt(body);
-            return Err(GcodeError::CommandOutsideRange { line, text, axis, position_mm, low_mm, high_mm });
-        }
-    }
-    Ok(())
+) -> GcodeError {
+    let is_outside = |&axis: &usize| {
+        let (low_mm, high_mm) = reach_mm[axis];
+        !(low_mm..=high_mm).contains(&node.command_mm[axis])
+    };
+    let axis = (0..3).find(is_outside).unwrap_or(0);
+    let ((low_mm, high_mm), position_mm) = (options.range_mm[axis], node.command_mm[axis]);
+    let (text, axis) = (excerpt(body), AXIS_LETTERS[axis]);
+    GcodeError::CommandOutsideRange { line, text, axis, position_mm, low_mm, high_mm }
 }
 
 /// Why a move can only be written in one piece.

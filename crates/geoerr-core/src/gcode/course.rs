@@ -4,7 +4,8 @@
 //! an axis first moves from a known place, and after homing or a line after which it may be anywhere, its direction is
 //! not known and counts as 0, so that whatever is proportional to it is left out. Travel counts from the first known motion.
 
-use super::frame::{Known, Mask};
+use super::frame::Mask;
+use super::known::Known;
 use crate::volumetric::Approach;
 
 /// Motion that is none: rounding of sums of increments.
@@ -40,7 +41,10 @@ pub struct Past {
 impl Past {
     /// A straight move; `speed_mm_min` is 0 where it is not known.
     pub fn straight(&mut self, from_mm: &Known, to_mm: &Known, speed_mm_min: f64) -> Course {
-        let moved = |axis: usize| from_mm[axis].zip(to_mm[axis]).map_or(0.0, |(from, to)| to - from);
+        let moved = |axis: usize| {
+            let step_mm = to_mm.numbers()[axis] - from_mm.numbers()[axis];
+            if step_mm.is_nan() { 0.0 } else { step_mm }
+        };
         let step_mm: [f64; 3] = std::array::from_fn(moved);
         let length_mm = step_mm.iter().map(|step| step * step).sum::<f64>().sqrt();
         let mut course = Course::default();
@@ -75,7 +79,7 @@ mod tests {
     #[test]
     fn there_and_back_by_hand() {
         let mut past = Past::default();
-        let at = |x: f64, y: f64| [Some(x), Some(y), None];
+        let at = |x: f64, y: f64| Known::from([Some(x), Some(y), None]);
         let first = past.straight(&at(0.0, 0.0), &at(3.0, 4.0), 600.0);
         assert_eq!(first.begin.direction, [1.0, 1.0, 0.0]);
         assert_eq!(first.begin.travel_mm, [0.0; 3]);
@@ -86,7 +90,7 @@ mod tests {
         assert_eq!(second.begin.travel_mm, [0.0, 4.0, 0.0]);
         assert_eq!(second.at(1.0).travel_mm, [2.0, 4.0, 0.0]);
         past.forget([true, false, false]);
-        let third = past.straight(&[None, Some(4.0), None], &at(9.0, 5.0), 0.0);
+        let third = past.straight(&[None, Some(4.0), None].into(), &at(9.0, 5.0), 0.0);
         assert_eq!(third.begin.direction, [0.0, 1.0, 0.0]);
         assert_eq!(third.begin.velocity_mm_s, [0.0; 3]);
         assert_eq!(third.at(1.0).travel_mm, [0.0, 5.0, 0.0]);

@@ -88,17 +88,6 @@ pub const POWERS: [i64; 19] = {
 pub const POWERS_F64: [f64; 19] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18];
 
-/// `00 01 .. 99`.
-const PAIRS: [[u8; 2]; 100] = {
-    let mut pairs = [[b'0'; 2]; 100];
-    let mut i = 0;
-    while i < pairs.len() {
-        pairs[i] = [b'0' + (i / 10) as u8, b'0' + (i % 10) as u8];
-        i += 1;
-    }
-    pairs
-};
-
 /// Most bytes of a written number.
 pub const FIXED_BYTES: usize = 24;
 
@@ -132,17 +121,23 @@ pub fn fixed(scaled: i64, digits: u8) -> ([u8; FIXED_BYTES], usize) {
     (buffer, at)
 }
 
-/// Four digits as they are written.
+/// Four digits as they are written, of a number below 10,000.
 #[inline]
 fn four_digits(number: u32) -> u32 {
-    let [a, b] = PAIRS[(number / 100 % 100) as usize];
-    let [c, d] = PAIRS[(number % 100) as usize];
-    u32::from_le_bytes([a, b, c, d])
+    // Divisions by multiplication, exact for numbers of that size: by 100, and then both halves by 10.
+    let hundreds = number * 5_243 >> 19;
+    let halves = hundreds | (number - 100 * hundreds) << 16;
+    let tens = (halves * 103 >> 10) & 0x000f_000f;
+    (tens | (halves - 10 * tens) << 8) + u32::from_le_bytes(*b"0000")
 }
 
-/// What [`write_fixed`] writes for numbers of usual size with usual digits, in a register; and how many bytes it has.
+/// Room for what [`short_fixed`] writes.
+pub const SHORT_BYTES: usize = 16;
+
+/// Writes what [`write_fixed`] writes for numbers of usual size with usual digits; how many bytes it has. Those behind
+/// may be anything then.
 #[inline]
-pub fn short_fixed(scaled: i64, digits: u8) -> Option<([u8; 16], usize)> {
+pub fn short_fixed(place: &mut [u8; SHORT_BYTES], scaled: i64, digits: u8) -> Option<usize> {
     let size = u32::try_from(scaled.unsigned_abs()).ok()?;
     // Divisors that the compiler knows.
     let (whole, fraction) = match digits {
@@ -153,25 +148,24 @@ pub fn short_fixed(scaled: i64, digits: u8) -> Option<([u8; 16], usize)> {
     if whole >= 10_000 {
         return None;
     }
-    let digits = u32::from(digits);
     let padded = four_digits(whole);
     // The last zero stays.
     let n_zeros = ((padded ^ u32::from_le_bytes(*b"0000")).trailing_zeros() / 8).min(3);
-    let n_whole = 4 - n_zeros;
+    let n_sign = usize::from(scaled < 0);
+    let n_whole = 4 - n_zeros as usize;
     let behind = u64::from(b'.') | u64::from(four_digits(fraction)) << 8;
-    let mut bytes = u128::from(padded >> (8 * n_zeros)) | u128::from(behind) << (8 * n_whole);
-    let mut n_bytes = n_whole + 1 + digits;
-    if scaled < 0 {
-        bytes = bytes << 8 | u128::from(b'-');
-        n_bytes += 1;
-    }
-    Some((bytes.to_le_bytes(), n_bytes as usize))
+    place[0] = b'-';
+    place[n_sign..n_sign + 4].copy_from_slice(&(padded >> (8 * n_zeros)).to_le_bytes());
+    let point = n_sign + n_whole;
+    place[point..point + 8].copy_from_slice(&behind.to_le_bytes());
+    Some(point + 1 + usize::from(digits))
 }
 
 /// Writes `scaled / 10^digits` with exactly `digits` digits behind the point.
 pub fn write_fixed(out: &mut Vec<u8>, scaled: i64, digits: u8) {
-    match short_fixed(scaled, digits) {
-        Some((bytes, n_bytes)) => out.extend_from_slice(&bytes[..n_bytes]),
+    let mut short = [0; SHORT_BYTES];
+    match short_fixed(&mut short, scaled, digits) {
+        Some(n_bytes) => out.extend_from_slice(&short[..n_bytes]),
         None => {
             let (buffer, begin) = fixed(scaled, digits);
             out.extend_from_slice(&buffer[begin..]);
@@ -216,6 +210,13 @@ mod tests {
     }
 
     #[test]
+    fn four_digits_are_those_of_the_number() {
+        for number in 0..10_000 {
+            assert_eq!(four_digits(number).to_le_bytes(), format!("{number:04}").as_bytes());
+        }
+    }
+
+    #[test]
     fn writes_fixed_digits() {
         assert_eq!(written(1_000_500, 4), "100.0500");
         assert_eq!(written(-5, 4), "-0.0005");
@@ -228,7 +229,8 @@ mod tests {
         #[test]
         fn short_numbers_are_written_as_long_ones(scaled in -200_000_000_i64..200_000_000, digits in 0_u8..=9) {
             let (long, begin) = fixed(scaled, digits);
-            if let Some((short, n_bytes)) = short_fixed(scaled, digits) {
+            let mut short = [0; SHORT_BYTES];
+            if let Some(n_bytes) = short_fixed(&mut short, scaled, digits) {
                 prop_assert_eq!(&short[..n_bytes], &long[begin..]);
             }
         }

@@ -70,10 +70,10 @@ impl Draft {
     /// Appends `scaled / 10^digits`.
     #[inline]
     pub fn number(&mut self, scaled: i64, digits: u8) {
-        if let Some((source, n_bytes)) = short_fixed(scaled, digits)
-            && let Some(target) = self.bytes.get_mut(self.length..self.length + source.len())
+        if let Some(place) = self.bytes.get_mut(self.length..)
+            && let Some(place) = place.first_chunk_mut()
+            && let Some(n_bytes) = short_fixed(place, scaled, digits)
         {
-            target.copy_from_slice(&source);
             self.length += n_bytes;
             return;
         }

@@ -32,13 +32,8 @@ pub enum Share {
     None,
     /// The word is an increment.
     Increment(Decimal),
-    /// The word is a position; the move begins at `from`.
-    Position {
-        /// Extruder position at the begin of the move.
-        from: f64,
-        /// The word.
-        to: Decimal,
-    },
+    /// The word is a position; the move begins where it extrudes nothing.
+    Position(Decimal),
     /// The firmwares that may run the program disagree, or the number has more digits than can be shared.
     Unclear,
     /// The word is a position, and where the move begins is not known.
@@ -65,24 +60,36 @@ pub struct Extrusion {
     last_relative: bool,
     /// Another tool was chosen: what its position is called nobody has said.
     is_lost: bool,
+    /// Whether `E` is an increment, where all firmwares read the next one alike.
+    agreed: Option<bool>,
 }
 
 impl Extrusion {
     /// At position 0, absolute; `firmware` where it is known.
     pub fn new(firmware: Option<Firmware>) -> Self {
-        Self { firmware, ..Self::default() }
+        Self { firmware, agreed: Some(false), ..Self::default() }
+    }
+
+    /// Whether all firmwares read the next word alike, now that something has changed.
+    fn agree(&mut self) {
+        let relative = Firmware::ALL.map(|firmware| self.is_relative(firmware));
+        let [one, other, third] = self.readings.map(|reading| reading.position);
+        let is_alike = !relative.contains(&!relative[0]) && one == other && one == third;
+        self.agreed = (is_alike && !self.is_lost).then_some(relative[0]);
     }
 
     /// `G90` or `G91`.
     pub fn set_axes_relative(&mut self, is_relative: bool) {
         self.axes_relative = is_relative;
         self.last_relative = is_relative;
+        self.agree();
     }
 
     /// `M82` or `M83`.
     pub fn set_extruder_relative(&mut self, is_relative: bool) {
         self.extruder_relative = is_relative;
         self.last_relative = is_relative;
+        self.agree();
     }
 
     /// Whether `E` is read as in another state.
@@ -94,12 +101,14 @@ impl Extrusion {
     /// Another tool: a controller may call its position anything.
     pub fn lose_position(&mut self) {
         self.is_lost = true;
+        self.agree();
     }
 
     /// The position is what it was when another state was kept.
     pub fn take_position_of(&mut self, kept: &Self) {
         self.readings = kept.readings;
         self.is_lost = kept.is_lost;
+        self.agree();
     }
 
     /// `G92 E..`.
@@ -108,32 +117,29 @@ impl Extrusion {
         for reading in &mut self.readings {
             reading.position = word.exact();
         }
+        self.agree();
     }
 
     /// A move with this `E` word: how its pieces would share it, and what it extrudes (units of `10^-18`) as the
     /// named firmware, or else Marlin, reads it.
     #[inline]
     pub fn advance(&mut self, word: Decimal) -> (Share, i128) {
-        let relative = Firmware::ALL.map(|firmware| self.is_relative(firmware));
-        let [one, other, third] = self.readings.map(|reading| reading.position);
-        let is_alike = !relative.contains(&!relative[0]) && one == other && one == third;
-        if word.is_cut || self.is_lost || !is_alike {
-            return self.advance_each(word);
-        }
-        let exact = word.exact();
-        if relative[0] {
-            self.readings = [Reading { position: one.saturating_add(exact) }; 3];
-            return (Share::Increment(word), exact);
-        }
-        let increment = exact.saturating_sub(one);
-        self.readings = [Reading { position: one.saturating_add(increment) }; 3];
-        (Share::Position { from: one as f64 * 1e-18, to: word }, increment)
+        let Some(is_increment) = self.agreed.filter(|_| !word.is_cut) else {
+            let advanced = self.advance_each(word);
+            self.agree();
+            return advanced;
+        };
+        let (exact, before) = (word.exact(), self.readings[0].position);
+        let increment = if is_increment { exact } else { exact.saturating_sub(before) };
+        self.readings = [Reading { position: before.saturating_add(increment) }; 3];
+        (if is_increment { Share::Increment(word) } else { Share::Position(word) }, increment)
     }
 
     /// [`advance`](Self::advance) where firmwares may disagree.
     fn advance_each(&mut self, word: Decimal) -> (Share, i128) {
         let shown = self.firmware.unwrap_or(Firmware::Marlin);
-        let mut share = None;
+        // How each of them would share it, and what it extrudes.
+        let mut alike = None;
         let mut shown_increment = 0;
         for firmware in Firmware::ALL {
             let is_relative = self.is_relative(firmware);
@@ -144,16 +150,18 @@ impl Extrusion {
             } else if is_relative {
                 Share::Increment(word)
             } else {
-                Share::Position { from: *position as f64 * 1e-18, to: word }
+                Share::Position(word)
             };
             *position = position.saturating_add(increment);
             if firmware == shown {
                 shown_increment = increment;
             }
             if self.firmware.is_none_or(|named| named == firmware) {
-                share = Some(if share.is_none_or(|other| other == this) { this } else { Share::Unclear });
+                let is_alike = alike.is_none_or(|others| others == (this, increment));
+                alike = Some((if is_alike { this } else { Share::Unclear }, increment));
             }
         }
+        let share = alike.map(|(share, _)| share);
         // Of a position that nobody has said the word is the first to tell.
         let shown_is_relative = self.is_relative(shown);
         if self.is_lost && !shown_is_relative {
@@ -183,7 +191,7 @@ mod tests {
     #[test]
     fn readings_agree_in_ordinary_programs() {
         let mut e = Extrusion::new(None);
-        assert_eq!(e.advance(number("2.5")).0, Share::Position { from: 0.0, to: number("2.5") });
+        assert_eq!(e.advance(number("2.5")).0, Share::Position(number("2.5")));
         e.set_position(number("0"));
         e.set_axes_relative(false);
         e.set_extruder_relative(true);
@@ -194,7 +202,7 @@ mod tests {
     fn g90_after_m83_is_unclear_without_a_firmware() {
         for (firmware, expected) in [
             (None, Share::Unclear),
-            (Some(Firmware::Marlin), Share::Position { from: 0.0, to: number("1") }),
+            (Some(Firmware::Marlin), Share::Position(number("1"))),
             (Some(Firmware::Klipper), Share::Increment(number("1"))),
             (Some(Firmware::RepRapFirmware), Share::Increment(number("1"))),
         ] {
@@ -224,10 +232,10 @@ mod tests {
             e.advance(number("5"));
             e.lose_position();
             assert_eq!(e.advance(number("1")), (Share::Lost, 0));
-            assert_eq!(e.advance(number("3")).0, Share::Position { from: 1.0, to: number("3") });
+            assert_eq!(e.advance(number("3")), (Share::Position(number("3")), 2 * 10_i128.pow(18)));
             e.lose_position();
             e.set_position(number("0"));
-            assert_eq!(e.advance(number("2")).0, Share::Position { from: 0.0, to: number("2") });
+            assert_eq!(e.advance(number("2")).0, Share::Position(number("2")));
         }
         let mut e = Extrusion::new(None);
         e.set_extruder_relative(true);
@@ -244,6 +252,6 @@ mod tests {
         e.set_axes_relative(false);
         assert_eq!(e.advance(number("6")).0, Share::Unclear, "3 mm so far, or -2");
         e.set_position(number("0"));
-        assert_eq!(e.advance(number("6")).0, Share::Position { from: 0.0, to: number("6") });
+        assert_eq!(e.advance(number("6")).0, Share::Position(number("6")));
     }
 }

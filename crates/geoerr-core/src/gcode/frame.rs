@@ -4,8 +4,7 @@
 //! `G92 X0` passes untouched, yet at that moment the two machines stand at different places (the second at the
 //! corrected one); so each has its own shift.
 
-/// One number for each of x, y, z; None = not known.
-pub type Known = [Option<f64>; 3];
+use super::known::Known;
 
 /// Which of x, y, z.
 pub type Mask = [bool; 3];
@@ -79,25 +78,33 @@ pub struct Frame {
 
 impl Default for Frame {
     fn default() -> Self {
-        Self { position_mm: [None; 3], shift_mm: [Some(0.0); 3] }
+        Self { position_mm: Known::NONE, shift_mm: Known::all([0.0; 3]) }
     }
 }
 
 impl Frame {
     /// Machine coordinates where `motion` ends.
+    #[inline]
     pub fn end_of(&self, motion: &Motion) -> Known {
-        std::array::from_fn(|axis| match motion.words_mm[axis] {
-            None => self.position_mm[axis],
-            Some(word) if motion.in_machine_coordinates => Some(word),
-            Some(word) if motion.is_absolute => Some(word + self.zero_mm(motion, axis)?),
-            Some(word) => Some(self.position_mm[axis]? + word),
-        })
+        let origin_mm = self.origin_of(motion);
+        let (origin_mm, words_mm) = (origin_mm.numbers(), motion.words_mm.numbers());
+        Known::all(std::array::from_fn(|axis| {
+            let (word_mm, position_mm) = (words_mm[axis], self.position_mm.numbers()[axis]);
+            if word_mm.is_nan() { position_mm } else { origin_mm[axis] + word_mm }
+        }))
     }
 
-    /// Machine coordinate of the program's zero.
+    /// Machine coordinates from which the words of a motion count.
     #[inline]
-    pub fn zero_mm(&self, motion: &Motion, axis: usize) -> Option<f64> {
-        Some(motion.system_mm[axis]? + self.shift_mm[axis]?)
+    pub fn origin_of(&self, motion: &Motion) -> Known {
+        if motion.in_machine_coordinates {
+            return Known::all([0.0; 3]);
+        }
+        if !motion.is_absolute {
+            return self.position_mm;
+        }
+        let (system_mm, shift_mm) = (motion.system_mm.numbers(), self.shift_mm.numbers());
+        Known::all(std::array::from_fn(|axis| system_mm[axis] + shift_mm[axis]))
     }
 
     /// Takes over what an untouched line does.
@@ -105,34 +112,33 @@ impl Frame {
         match effects.shift {
             Shift::Keep => {}
             Shift::Set { words_mm, system_mm } => {
-                for axis in 0..3 {
-                    if let Some(word) = words_mm[axis] {
-                        self.shift_mm[axis] = self.position_mm[axis]
-                            .zip(system_mm[axis])
-                            .map(|(position, system)| position - system - word);
-                    }
+                for axis in (0..3).filter(|&axis| words_mm.mask()[axis]) {
+                    let [position, system, word] =
+                        [&self.position_mm, &system_mm, &words_mm].map(|known| known.numbers()[axis]);
+                    self.shift_mm.set(axis, Some(position - system - word));
                 }
             }
             Shift::Clear(mask) => self.set_shift(mask, Some(0.0)),
             Shift::Lose(mask) => self.set_shift(mask, None),
         }
-        self.set_position(effects.forget, [None; 3]);
+        self.set_position(effects.forget, &Known::NONE);
         match effects.place {
             Place::Keep => {}
-            Place::Home(mask, at_mm) => self.set_position(mask, at_mm.map(Some)),
+            Place::Home(mask, at_mm) => self.set_position(mask, &Known::all(at_mm)),
             Place::Move(motion) => self.position_mm = self.end_of(&motion),
         }
     }
 
     fn set_shift(&mut self, mask: Mask, shift_mm: Option<f64>) {
-        for (shift, _) in self.shift_mm.iter_mut().zip(mask).filter(|(_, is_meant)| *is_meant) {
-            *shift = shift_mm;
+        for axis in (0..3).filter(|&axis| mask[axis]) {
+            self.shift_mm.set(axis, shift_mm);
         }
     }
 
-    fn set_position(&mut self, mask: Mask, position_mm: Known) {
+    /// These axes are there.
+    pub fn set_position(&mut self, mask: Mask, position_mm: &Known) {
         for axis in (0..3).filter(|&axis| mask[axis]) {
-            self.position_mm[axis] = position_mm[axis];
+            self.position_mm.set(axis, position_mm.get(axis));
         }
     }
 }
@@ -142,22 +148,18 @@ pub fn either(a: Mask, b: Mask) -> Mask {
     std::array::from_fn(|axis| a[axis] || b[axis])
 }
 
-/// All three numbers, where all are known.
-#[inline]
-pub fn all_known(known: &Known) -> Option<[f64; 3]> {
-    Some([known[0]?, known[1]?, known[2]?])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn absolute(words_mm: Known) -> Motion {
+    const SYSTEM_MM: [Option<f64>; 3] = [Some(10.0), Some(0.0), None];
+
+    fn absolute(words_mm: [Option<f64>; 3]) -> Motion {
         Motion {
-            words_mm,
+            words_mm: words_mm.into(),
             is_absolute: true,
             in_machine_coordinates: false,
-            system_mm: [Some(10.0), Some(0.0), None],
+            system_mm: SYSTEM_MM.into(),
         }
     }
 
@@ -165,18 +167,17 @@ mod tests {
     fn words_plus_system_plus_shift_is_the_machine() {
         let mut frame = Frame::default();
         let end = frame.end_of(&absolute([Some(1.0), None, Some(3.0)]));
-        assert_eq!(end, [Some(11.0), None, None], "y was not named, z has no known zero");
+        assert_eq!(end, [Some(11.0), None, None].into(), "y was not named, z has no known zero");
         frame.apply(&Effects {
             place: Place::Move(absolute([Some(1.0), Some(2.0), None])),
             ..Effects::default()
         });
-        let set =
-            Shift::Set { words_mm: [Some(0.0), None, Some(0.0)], system_mm: [Some(10.0), Some(0.0), None] };
+        let set = Shift::Set { words_mm: [Some(0.0), None, Some(0.0)].into(), system_mm: SYSTEM_MM.into() };
         frame.apply(&Effects { shift: set, ..Effects::default() });
-        assert_eq!(frame.shift_mm, [Some(1.0), Some(0.0), None]);
-        assert_eq!(frame.end_of(&absolute([Some(5.0), None, None]))[0], Some(16.0));
+        assert_eq!(frame.shift_mm, [Some(1.0), Some(0.0), None].into());
+        assert_eq!(frame.end_of(&absolute([Some(5.0), None, None])).get(0), Some(16.0));
         let in_machine = Motion { in_machine_coordinates: true, ..absolute([None, None, Some(-10.0)]) };
-        assert_eq!(frame.end_of(&in_machine)[2], Some(-10.0));
+        assert_eq!(frame.end_of(&in_machine).get(2), Some(-10.0));
     }
 
     #[test]
@@ -184,8 +185,8 @@ mod tests {
         let mut frame = Frame::default();
         frame.apply(&Effects { place: Place::Home([true, false, false], [5.0; 3]), ..Effects::default() });
         let motion = Motion { is_absolute: false, ..absolute([Some(-1.0), Some(1.0), None]) };
-        assert_eq!(frame.end_of(&motion), [Some(4.0), None, None]);
+        assert_eq!(frame.end_of(&motion), [Some(4.0), None, None].into());
         frame.apply(&Effects { shift: Shift::Lose(ALL), forget: ALL, place: Place::Keep });
-        assert_eq!(frame, Frame { position_mm: [None; 3], shift_mm: [None; 3] });
+        assert_eq!(frame, Frame { position_mm: Known::NONE, shift_mm: Known::NONE });
     }
 }

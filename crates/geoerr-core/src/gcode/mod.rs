@@ -31,6 +31,7 @@ mod extrusion;
 mod frame;
 mod grid;
 mod knots;
+mod known;
 mod lexer;
 mod lines;
 mod options;

@@ -3,6 +3,7 @@
 //! What is read here means the same to the [lexer](super::lexer), which reads everything; every doubt goes there.
 
 use super::decimal::{Decimal, POWERS};
+use super::known::Known;
 use super::lexer::Span;
 use super::words::MoveText;
 
@@ -14,12 +15,12 @@ const MOST_DIGITS: usize = 15;
 pub struct PlainMove {
     /// Whether `G0` stands on the line; None where no code does.
     pub is_rapid: Option<bool>,
-    /// X, Y, Z.
-    pub axes: [Option<Decimal>; 3],
+    /// X, Y, Z, in the program's unit.
+    pub axes: Known,
     /// E.
     pub extruder: Option<Decimal>,
-    /// F.
-    pub feed: Option<Decimal>,
+    /// F, in the program's unit.
+    pub feed: Option<f64>,
     /// Where the words stand.
     pub text: MoveText,
     /// Length of the line without its end.
@@ -28,31 +29,36 @@ pub struct PlainMove {
     pub length_with_end: usize,
 }
 
-impl PlainMove {
-    /// Reads the line that `text` begins with; None where it is anything else, or does not end within `text`.
-    #[inline]
-    pub fn read(text: &[u8]) -> Option<Self> {
-        let mut plain = Self {
+impl Default for PlainMove {
+    fn default() -> Self {
+        Self {
             is_rapid: None,
-            axes: [None; 3],
+            axes: Known::NONE,
             extruder: None,
             feed: None,
-            text: MoveText {
-                axes: [None; 3],
-                extruder: None,
-                motion: None,
-                machine: None,
-                behind_axes: 0,
-                is_spaced: false,
-                is_lower: false,
-                stops: false,
-            },
+            text: MoveText::default(),
             length: 0,
             length_with_end: 0,
-        };
+        }
+    }
+}
+
+impl PlainMove {
+    /// Reads the line that `text` begins with; false where it is anything else, or does not end within `text`.
+    ///
+    /// Into memory that is there: a line is short beside what is read of it.
+    #[inline]
+    pub fn read(&mut self, text: &[u8]) -> bool {
+        *self = Self::default();
+        self.words(text).is_some()
+    }
+
+    #[inline]
+    fn words(&mut self, text: &[u8]) -> Option<()> {
         let mut n_words = 0_u32;
-        // Behind the word before.
-        let mut behind = 0;
+        // Where the first word begins, where the last one ends, and how long all of them are: they have blanks between
+        // them where that is less than it would be.
+        let (mut first, mut behind, mut n_bytes) = (0, 0, 0);
         let mut at = 0;
         if text.first() == Some(&b'N') {
             let digits = text[1..].iter().take_while(|byte| byte.is_ascii_digit()).count();
@@ -69,35 +75,30 @@ impl PlainMove {
             }
             let start = at;
             match byte {
-                b'X' | b'Y' | b'Z' => {
-                    let axis = usize::from(byte - b'X');
+                b'X'..=b'Z' | b'E' | b'F' => {
                     let (number, end) = number(text, at + 1)?;
-                    if plain.axes[axis].replace(number).is_some() {
-                        return None;
-                    }
                     let span = Span { start: start as u32, end: end as u32 };
-                    plain.text.axes[axis] = Some(span);
-                    plain.text.behind_axes = span.end;
-                    at = end;
-                }
-                b'E' => {
-                    let (number, end) = number(text, at + 1)?;
-                    if plain.extruder.replace(number).is_some() {
-                        return None;
-                    }
-                    plain.text.extruder = Some(Span { start: start as u32, end: end as u32 });
-                    at = end;
-                }
-                b'F' => {
-                    let (number, end) = number(text, at + 1)?;
-                    if plain.feed.replace(number).is_some() {
+                    let is_repeated = match byte {
+                        b'E' => {
+                            self.text.extruder = Some(span);
+                            self.extruder.replace(number).is_some()
+                        }
+                        b'F' => self.feed.replace(number.to_f64()).is_some(),
+                        _ => {
+                            let axis = usize::from(byte - b'X');
+                            self.text.behind_axes = span.end;
+                            self.axes.set(axis, Some(number.to_f64()));
+                            self.text.axes[axis].replace(span).is_some()
+                        }
+                    };
+                    if is_repeated {
                         return None;
                     }
                     at = end;
                 }
                 b'G' if n_words == 0 => {
                     at += 1 + usize::from(text.get(at + 1) == Some(&b'0') && is_digit(text.get(at + 2)));
-                    plain.is_rapid = match text.get(at) {
+                    self.is_rapid = match text.get(at) {
                         Some(b'0') => Some(true),
                         Some(b'1') => Some(false),
                         _ => return None,
@@ -106,26 +107,27 @@ impl PlainMove {
                     if is_digit(text.get(at)) || text.get(at) == Some(&b'.') {
                         return None;
                     }
-                    plain.text.motion = Some(Span { start: start as u32, end: at as u32 });
+                    self.text.motion = Some(Span { start: start as u32, end: at as u32 });
                 }
                 b'\n' => {
-                    plain.length_with_end = at + 1;
+                    self.length_with_end = at + 1;
                     break;
                 }
                 b'\r' if text.get(at + 1) == Some(&b'\n') => {
-                    plain.length_with_end = at + 2;
+                    self.length_with_end = at + 2;
                     break;
                 }
                 _ => return None,
             }
-            plain.text.is_spaced |= n_words > 0 && behind < start;
+            first = if n_words == 0 { start } else { first };
             n_words += 1;
+            n_bytes += at - start;
             behind = at;
         }
-        plain.text.is_spaced |= n_words < 2;
-        plain.length = at;
+        self.text.is_spaced = n_words < 2 || n_bytes < behind - first;
+        self.length = at;
         // A line without words is none of the moves that are meant here.
-        (n_words > 0).then_some(plain)
+        (n_words > 0).then_some(())
     }
 }
 
@@ -135,7 +137,7 @@ fn is_digit(byte: Option<&u8>) -> bool {
 }
 
 /// The number at `start`, and the place behind it.
-#[inline]
+#[inline(always)]
 fn number(text: &[u8], start: usize) -> Option<(Decimal, usize)> {
     let is_negative = text.get(start) == Some(&b'-');
     let first = start + usize::from(is_negative);
@@ -154,6 +156,7 @@ fn number(text: &[u8], start: usize) -> Option<(Decimal, usize)> {
 
 /// A number at `start` that is longer than eight bytes, of up to seven digits before the point and seven behind: its
 /// digits, how many of them stand behind the point, its length.
+#[inline(never)]
 fn long_number(text: &[u8], start: usize, eight: &Eight) -> Option<(i64, usize, usize)> {
     let n_head = eight.n_digits()?;
     if text.get(start + n_head) != Some(&b'.') {
@@ -253,18 +256,23 @@ mod tests {
         let number = |word: &crate::gcode::lexer::Word| word.number().unwrap();
         PlainMove {
             is_rapid: code.map(|code10| code10 == 0),
-            axes: words.axes.map(|word| word.as_ref().map(number)),
+            axes: words.axes.map(|word| word.as_ref().map(|word| number(word).to_f64())).into(),
             extruder: words.extruder.as_ref().map(number),
-            feed: words.feed.as_ref().map(number),
+            feed: words.feed.as_ref().map(|word| number(word).to_f64()),
             text: MoveText::of(&line, &words, body),
             length,
             length_with_end: length + if text[length..].starts_with("\r\n") { 2 } else { 1 },
         }
     }
 
+    fn read_bytes(text: &[u8]) -> Option<PlainMove> {
+        let mut plain = PlainMove::default();
+        plain.read(text).then_some(plain)
+    }
+
     fn read(text: &str) -> Option<PlainMove> {
         // A number near the end of the text is left to the lexer.
-        PlainMove::read(format!("{text}M117 what follows\n").as_bytes())
+        read_bytes(format!("{text}M117 what follows\n").as_bytes())
     }
 
     #[test]
@@ -319,8 +327,8 @@ mod tests {
 
     #[test]
     fn a_line_that_has_not_ended_is_left_to_the_lexer() {
-        assert_eq!(PlainMove::read(b"G1 X114.255 Y94.658 E2.00592"), None);
-        assert_eq!(PlainMove::read(b""), None);
+        assert_eq!(read_bytes(b"G1 X114.255 Y94.658 E2.00592"), None);
+        assert_eq!(read_bytes(b""), None);
     }
 
     proptest! {
@@ -335,7 +343,7 @@ mod tests {
 
         #[test]
         fn any_bytes_are_read_or_left(bytes in proptest::collection::vec(any::<u8>(), 0..60)) {
-            if let Some(plain) = PlainMove::read(&bytes) {
+            if let Some(plain) = read_bytes(&bytes) {
                 prop_assert!(plain.length < plain.length_with_end && plain.length_with_end <= bytes.len());
             }
         }

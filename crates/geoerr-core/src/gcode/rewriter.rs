@@ -59,10 +59,10 @@ impl<M: PathMap> Rewriter<M> {
         Ok(Self {
             reader: BlockReader::new(options.clone(), &map, map.needs()),
             solver: Solver::new(&map, &options),
+            writer: BlockWriter::new(&options),
             map,
             options,
             lines: Lines::default(),
-            writer: BlockWriter::default(),
             blocks: Default::default(),
             has_run_out: false,
             refusal: None,

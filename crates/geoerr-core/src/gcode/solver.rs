@@ -58,7 +58,6 @@ impl Solver {
             grid.tidy();
         }
         let (moves, courses) = (&block.moves, &block.courses);
-        let course_of = |index: usize| courses.get(index).copied().unwrap_or_default();
         block.ends.clear();
         block.ends.resize(moves.len(), None);
         block.ways.clear();
@@ -70,15 +69,15 @@ impl Solver {
             let mut memory = Memory::default();
             // Solved twice rather than waited for.
             let mut before = match first.checked_sub(1) {
-                Some(before) => self.end(map, &moves[before], &course_of(before), &mut memory.near).ok(),
+                Some(before) => self.end(map, &moves[before], courses.get(before), &mut memory.near).ok(),
                 None => self.last,
             };
             for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
-                let (a_move, course) = (&moves[index], course_of(index));
-                match self.end(map, a_move, &course, &mut memory.near) {
+                let (a_move, course) = (&moves[index], courses.get(index));
+                match self.end(map, a_move, course, &mut memory.near) {
                     Ok(solved) => {
                         *end = Some(solved);
-                        *way = self.way(map, a_move, &course, before.as_ref(), &solved, &mut memory);
+                        *way = self.way(map, a_move, course, before.as_ref(), &solved, &mut memory);
                     }
                     Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
                 }
@@ -96,7 +95,7 @@ impl Solver {
         &'a self,
         map: &impl PathMap,
         a_move: &Move,
-        course: &Course,
+        course: Option<&Course>,
         near: &mut Option<Home<'a>>,
     ) -> Result<Solved, f64> {
         let ideal_mm = a_move.end_mm;
@@ -106,7 +105,11 @@ impl Solver {
         if let Some(solved) = self.grid.as_ref().and_then(|grid| grid.solve(map, &ideal_mm, near)) {
             return Ok(solved);
         }
-        let command_mm = map.command_for(&ideal_mm, &course.at(1.0), self.newton_mm)?;
+        let command_mm = map.command_for(
+            &ideal_mm,
+            &course.map_or_else(Default::default, |course| course.at(1.0)),
+            self.newton_mm,
+        )?;
         Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm }))
     }
 
@@ -115,7 +118,7 @@ impl Solver {
         &self,
         map: &impl PathMap,
         a_move: &Move,
-        course: &Course,
+        course: Option<&Course>,
         begin: Option<&Solved>,
         end: &Solved,
         memory: &mut Memory<'_>,
@@ -133,7 +136,8 @@ impl Solver {
         }
         let begin = Node { share: 0.0, ..begin.node };
         let map = Gridded { map, grid: self.grid.as_ref() };
-        match split(&map, course, &begin, &end.node, closeness, &mut memory.crossings) {
+        let course = course.copied().unwrap_or_default();
+        match split(&map, &course, &begin, &end.node, closeness, &mut memory.crossings) {
             Ok(None) => Way::Whole,
             Ok(Some(pieces)) => Way::Pieces(pieces),
             Err(error) => Way::Refused(error),

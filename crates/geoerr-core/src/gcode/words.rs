@@ -1,5 +1,6 @@
 //! The words of one line that matter for the path, sorted by letter.
 
+use super::known::Known;
 use super::lexer::{Line, Span, Value, Word};
 use super::unsupported::Unsupported;
 
@@ -86,7 +87,7 @@ impl Words {
     }
 
     /// X, Y and Z in mm; the reason where one of them, or E, is no plain number.
-    pub fn axes_mm(&self, unit_mm: f64) -> Result<[Option<f64>; 3], Unsupported> {
+    pub fn axes_mm(&self, unit_mm: f64) -> Result<Known, Unsupported> {
         if let Some(letter) = self.repeated {
             return Err(Unsupported::RepeatedWord { letter });
         }
@@ -95,7 +96,7 @@ impl Words {
             *number = plain(word.as_ref())?.map(|value| value * unit_mm);
         }
         plain(self.extruder.as_ref())?;
-        Ok(numbers)
+        Ok(numbers.into())
     }
 
     /// Whether one of X, Y, Z, E is a placeholder.
@@ -115,7 +116,7 @@ fn plain(word: Option<&Word>) -> Result<Option<f64>, Unsupported> {
 }
 
 /// Where the words of a move stand in its line, for rewriting it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MoveText {
     /// X, Y, Z.
     pub axes: [Option<Span>; 3],

@@ -4,6 +4,7 @@ use super::decimal::{POWERS_F64, write_fixed};
 use super::draft::Draft;
 use super::extrusion::Share;
 use super::frame::{Effects, Frame};
+use super::known::Known;
 use super::lexer::Span;
 use super::options::{Options, unit_mm};
 use super::path::Node;
@@ -35,10 +36,35 @@ pub struct Written {
     pub extrusion: i128,
 }
 
+/// How axis words are printed in one unit.
+#[derive(Clone, Copy, Debug)]
+struct Print {
+    digits: u8,
+    unit_mm: f64,
+    steps_per_unit: f64,
+    /// Numbers that differ by less are printed alike, or nearly so.
+    near_mm: f64,
+}
+
+impl Print {
+    fn new(options: &Options, is_inch: bool) -> Self {
+        let digits = options.word_digits(is_inch);
+        Self {
+            digits,
+            unit_mm: unit_mm(is_inch),
+            steps_per_unit: POWERS_F64[usize::from(digits)],
+            // The number of an axis that is where it should be may still differ by rounding: a hair more than half a step.
+            near_mm: options.half_step_mm(is_inch) * (1.0 + 1e-6),
+        }
+    }
+}
+
 /// Writes moves; keeps the place of the machine that runs the rewritten program.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Writer {
     frame: Frame,
+    /// Words in millimetres, and in inches.
+    prints: [Print; 2],
     /// Whether the next changed move must give all three axes, because the controller's own idea of its place is not
     /// relied on.
     must_give_all: bool,
@@ -57,6 +83,16 @@ enum AxisWord {
 }
 
 impl Writer {
+    /// At the begin of a program.
+    pub fn new(options: &Options) -> Self {
+        Self {
+            frame: Frame::default(),
+            prints: [false, true].map(|is_inch| Print::new(options, is_inch)),
+            must_give_all: false,
+            draft: Draft::default(),
+        }
+    }
+
     /// Takes over what a line does that is written as it is.
     pub fn pass(&mut self, effects: &Effects) {
         self.frame.apply(effects);
@@ -69,31 +105,30 @@ impl Writer {
         line: SourceLine<'_>,
         a_move: &Move,
         nodes: &[Node],
-        options: &Options,
     ) -> Written {
         self.must_give_all |= a_move.is_first;
+        let print = self.prints[usize::from(a_move.is_inch)];
         let mut is_changed = nodes.len() > 1;
         if let [node] = nodes
             && Draft::fits(line.body.len() + line.ending.len())
             && is_in_order(&a_move.text)
         {
-            let words = self.axis_words(a_move, node, true, options);
+            let words = self.axis_words(a_move, node, true, &print);
             is_changed |= words.iter().any(|word| matches!(word, AxisWord::New(_)));
             self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
             self.draft.clear();
-            draft_whole(&mut self.draft, line, &a_move.text, &words, options.word_digits(a_move.is_inch));
+            draft_whole(&mut self.draft, line, &a_move.text, &words, print.digits);
             out.extend_from_slice(self.draft.bytes());
             return Written { is_changed, extrusion: a_move.extrusion };
         }
         let shares = Shares::new(a_move, nodes);
         for (piece, node) in nodes.iter().enumerate() {
-            let words = self.axis_words(a_move, node, piece == 0, options);
-            let digits = options.word_digits(a_move.is_inch);
+            let words = self.axis_words(a_move, node, piece == 0, &print);
             if piece == 0 {
                 is_changed |= words.iter().any(|word| matches!(word, AxisWord::New(_)));
-                write_first(out, line.body, &a_move.text, &words, &shares, digits);
+                write_first(out, line.body, &a_move.text, &words, &shares, print.digits);
             } else {
-                write_further(out, line.body, &a_move.text, &words, &shares, piece, digits);
+                write_further(out, line.body, &a_move.text, &words, &shares, piece, print.digits);
             }
             let is_last = piece + 1 == nodes.len();
             out.extend_from_slice(if is_last || !line.ending.is_empty() {
@@ -107,59 +142,51 @@ impl Writer {
     }
 
     /// The axis words of a piece, and the machine moved to where they say.
+    #[inline]
     fn axis_words(
         &mut self,
         a_move: &Move,
         node: &Node,
         is_first_piece: bool,
-        options: &Options,
+        print: &Print,
     ) -> [AxisWord; 3] {
         let motion = &a_move.motion;
-        let (is_inch, unit_mm) = (a_move.is_inch, unit_mm(a_move.is_inch));
-        let step_per_unit = POWERS_F64[usize::from(options.word_digits(is_inch))];
-        let steps_of = |word_mm: f64| {
-            let word = if is_inch { word_mm / unit_mm } else { word_mm };
-            rounded(word * step_per_unit)
+        let step_of = |word_mm: f64| {
+            let word = if a_move.is_inch { word_mm / print.unit_mm } else { word_mm };
+            rounded(word * print.steps_per_unit)
         };
-        let half_step_mm = options.half_step_mm(a_move.is_inch);
-        // The number of an axis that is where it should be may still differ by rounding: a hair more than half a step.
-        let near = |a_mm: f64, b_mm: f64| (a_mm - b_mm).abs() <= half_step_mm * (1.0 + 1e-6);
-        let origin_mm: [f64; 3] = std::array::from_fn(|axis| {
-            if motion.in_machine_coordinates {
-                0.0
-            } else if motion.is_absolute {
-                self.frame.zero_mm(motion, axis).unwrap_or(0.0)
-            } else {
-                // An end is known only where the begin of an increment is.
-                self.frame.position_mm[axis].unwrap_or(0.0)
-            }
-        });
+        // What is not known is near nothing.
+        let near = |a_mm: f64, b_mm: f64| (a_mm - b_mm).abs() <= print.near_mm;
+        // An end is known only where the begin of an increment is.
+        let origin_mm = self.frame.origin_of(motion).numbers().map(|at| if at.is_nan() { 0.0 } else { at });
+        let old_mm = if is_first_piece { motion.words_mm } else { Known::NONE };
+        let position_mm = *self.frame.position_mm.numbers();
+        let gives_all = self.must_give_all && is_first_piece && motion.is_absolute;
         let wanted_mm: [f64; 3] = std::array::from_fn(|axis| node.command_mm[axis] - origin_mm[axis]);
-        let stays =
-            |axis: usize| self.frame.position_mm[axis].is_some_and(|at| near(at, node.command_mm[axis]));
         let mut words: [AxisWord; 3] = std::array::from_fn(|axis| {
-            let old = motion.words_mm[axis].filter(|_| is_first_piece);
-            match old {
-                Some(word_mm) if near(word_mm, wanted_mm[axis]) => AxisWord::Kept,
-                None if stays(axis) => AxisWord::Absent,
-                _ => AxisWord::New(steps_of(wanted_mm[axis])),
+            let old_mm = old_mm.numbers()[axis];
+            if near(old_mm, wanted_mm[axis]) {
+                AxisWord::Kept
+            } else if old_mm.is_nan() && near(position_mm[axis], node.command_mm[axis]) {
+                AxisWord::Absent
+            } else {
+                AxisWord::New(step_of(wanted_mm[axis]))
             }
         });
-        let is_changed = words.iter().any(|word| matches!(word, AxisWord::New(_)));
-        if self.must_give_all && is_changed && motion.is_absolute && is_first_piece {
+        if gives_all && words.iter().any(|word| matches!(word, AxisWord::New(_))) {
             for axis in 0..3 {
                 if matches!(words[axis], AxisWord::Absent) {
-                    words[axis] = AxisWord::New(steps_of(wanted_mm[axis]));
+                    words[axis] = AxisWord::New(step_of(wanted_mm[axis]));
                 }
             }
         }
         for axis in 0..3 {
             let word_mm = match words[axis] {
                 AxisWord::Absent => continue,
-                AxisWord::Kept => motion.words_mm[axis].unwrap_or_default(),
-                AxisWord::New(steps) => steps as f64 / step_per_unit * unit_mm,
+                AxisWord::Kept => motion.words_mm.numbers()[axis],
+                AxisWord::New(steps) => steps as f64 / print.steps_per_unit * print.unit_mm,
             };
-            self.frame.position_mm[axis] = Some(origin_mm[axis] + word_mm);
+            self.frame.position_mm.set(axis, Some(origin_mm[axis] + word_mm));
         }
         words
     }
@@ -168,9 +195,9 @@ impl Writer {
 /// The nearest integer, halves away from zero, as [`f64::round`] has it but without a call.
 #[inline]
 fn rounded(number: f64) -> i64 {
-    let whole = number as i64;
-    let rest = number - whole as f64;
-    whole.saturating_add(i64::from(rest >= 0.5)).saturating_sub(i64::from(rest <= -0.5))
+    // The largest number below a half: with a half, what is just below one would be rounded up.
+    const BELOW_HALF: f64 = 0.499_999_999_999_999_94;
+    (number + BELOW_HALF.copysign(number)) as i64
 }
 
 /// `E` of the pieces of a move.
@@ -190,14 +217,15 @@ impl Shares {
         let mut shares =
             Self { digits: 0, words: Vec::new(), last_is_kept: false, extrusion: a_move.extrusion };
         let number = match a_move.share {
-            Share::Increment(number) | Share::Position { to: number, .. } if nodes.len() > 1 => number,
+            Share::Increment(number) | Share::Position(number) if nodes.len() > 1 => number,
             _ => return shares,
         };
         let digits = number.digits.max(EXTRUDER_DIGITS);
         let Some(whole) = number.scaled(digits) else { return shares };
         let per_unit = POWERS_F64[usize::from(digits)];
         let up_to = |share: f64| match a_move.share {
-            Share::Position { from, .. } => {
+            Share::Position(_) => {
+                let from = (number.exact() - a_move.extrusion) as f64 * 1e-18;
                 ((from + share * (number.to_f64() - from)) * per_unit).round() as i64
             }
             _ => (share * whole as f64).round() as i64,
@@ -207,7 +235,7 @@ impl Shares {
         if let Some(last) = shares.words.last_mut() {
             *last = whole;
         }
-        if let Share::Position { .. } = a_move.share {
+        if let Share::Position(_) = a_move.share {
             shares.last_is_kept = true;
         } else {
             let mut before = 0;
@@ -364,4 +392,30 @@ fn write_axis(out: &mut Vec<u8>, text: &MoveText, axis: usize, steps: i64, digit
 fn axis_letter(text: &MoveText, axis: usize) -> u8 {
     let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
     letters[axis]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn rounding_is_that_of_the_standard_library(
+            number in prop_oneof![-1e7_f64..1e7, -4e15_f64..4e15, (-1_000_000_i64..1_000_000).prop_map(|n| n as f64 + 0.5)],
+        ) {
+            prop_assert_eq!(rounded(number), number.round() as i64);
+        }
+    }
+
+    #[test]
+    fn halves_are_rounded_away_from_zero() {
+        for (number, nearest) in
+            [(0.5, 1), (-0.5, -1), (1.5, 2), (-2.5, -3), (0.499_999_999_999_999_94, 0), (-0.0, 0)]
+        {
+            assert_eq!(rounded(number), nearest, "{number}");
+        }
+        assert_eq!(rounded(1e300), i64::MAX);
+        assert_eq!(rounded(f64::NAN), 0);
+    }
 }

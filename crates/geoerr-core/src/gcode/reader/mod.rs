@@ -9,7 +9,8 @@ use super::codes::{Code, Macro};
 use super::course::{Course, Past};
 use super::error::GcodeError;
 use super::extrusion::{Extrusion, Firmware, Share};
-use super::frame::{ALL, Effects, Frame, Known, Mask, Motion, Place, Shift, either};
+use super::frame::{ALL, Effects, Frame, Mask, Motion, Place, Shift, either};
+use super::known::Known;
 use super::lexer::{Head, Line, Span, Word};
 use super::options::{OnUnsupported, Options, unit_mm};
 use super::plain::PlainMove;
@@ -93,6 +94,8 @@ pub struct Reader {
     options: Options,
     model_is_nominal: bool,
     needs: MotionNeeds,
+    /// Where each axis is in the machine's range and in that which was measured, (low, high).
+    inside_mm: [(f64, f64); 3],
     line: Line,
     modes: Modes,
     /// Of the line that is being read.
@@ -146,8 +149,8 @@ impl Asked {
 impl Reader {
     /// A reader at the begin of a program.
     pub fn new(options: Options, model_is_nominal: bool, needs: MotionNeeds) -> Self {
-        let mut systems_mm = [[None; 3]; 7];
-        systems_mm[0] = options.work_offset_mm.map(Some);
+        let mut systems_mm = [Known::NONE; 7];
+        systems_mm[0] = Known::all(options.work_offset_mm);
         Self {
             extrusion: Extrusion::new(options.firmware),
             modes: Modes {
@@ -167,6 +170,11 @@ impl Reader {
                 systems_mm,
                 system: 0,
             },
+            inside_mm: std::array::from_fn(|axis| {
+                let ((low_mm, high_mm), (from_mm, to_mm)) =
+                    (options.range_mm[axis], options.measured_mm[axis]);
+                (low_mm.max(from_mm) - EDGE_MM, high_mm.min(to_mm) + EDGE_MM)
+            }),
             options,
             model_is_nominal,
             needs,
@@ -261,15 +269,18 @@ impl Reader {
             }
             Step::Correct => {
                 self.frame.position_mm =
-                    self.moves.last().map_or([None; 3], |a_move| a_move.end_mm.map(Some));
+                    self.moves.last().map_or(Known::NONE, |a_move| Known::all(a_move.end_mm));
                 self.is_corrected = true;
             }
+        }
+        if self.is_inside() {
+            return Ok(());
         }
         if let Some((axis, position_mm, low_mm, high_mm)) = self.outside(&self.options.range_mm) {
             let (line, text) = (self.summary.lines, excerpt(body));
             return Err(GcodeError::OutsideRange { line, text, axis, position_mm, low_mm, high_mm });
         }
-        if *step == Step::Correct
+        if matches!(step, Step::Correct)
             && let Some((axis, position_mm, low_mm, high_mm)) = self.outside(&self.options.measured_mm)
         {
             let line = self.summary.lines;
@@ -282,12 +293,22 @@ impl Reader {
         Ok(())
     }
 
-    /// The first axis whose place is known and outside these ranges: its letter, its place, the range.
+    /// Whether nothing that is known of the place is outside the machine or what was measured of it.
     #[inline]
+    fn is_inside(&self) -> bool {
+        // All are asked, and what is not known is inside.
+        let is_in = |axis: usize| {
+            let (at_mm, (low_mm, high_mm)) = (self.frame.position_mm.numbers()[axis], self.inside_mm[axis]);
+            !((at_mm < low_mm) | (at_mm > high_mm))
+        };
+        is_in(0) & is_in(1) & is_in(2)
+    }
+
+    /// The first axis whose place is known and outside these ranges: its letter, its place, the range.
     fn outside(&self, ranges_mm: &[(f64, f64); 3]) -> Option<(char, f64, f64, f64)> {
         for axis in 0..3 {
             let (low_mm, high_mm) = ranges_mm[axis];
-            if let Some(position_mm) = self.frame.position_mm[axis]
+            if let Some(position_mm) = self.frame.position_mm.get(axis)
                 && !(low_mm - EDGE_MM..=high_mm + EDGE_MM).contains(&position_mm)
             {
                 return Some((AXIS_LETTERS[axis], position_mm, low_mm, high_mm));

@@ -3,7 +3,7 @@
 use super::Reader;
 use crate::gcode::codes::Code;
 use crate::gcode::extrusion::Firmware;
-use crate::gcode::frame::{ALL, all_known};
+use crate::gcode::frame::ALL;
 use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::{After, Unsupported};
 use crate::gcode::words::Words;
@@ -48,7 +48,7 @@ impl Reader {
             Code::MachineCoordinates => asked.in_machine_coordinates = true,
             Code::System(system) => {
                 modes.system = system;
-                if all_known(&modes.systems_mm[system]).is_none() {
+                if modes.systems_mm[system].whole().is_none() {
                     asked.refuse(Unsupported::UnknownSystem { code10 });
                 }
             }

@@ -4,7 +4,8 @@ use super::{Asked, Move, Reader, Step};
 use crate::gcode::course::Course;
 use crate::gcode::decimal::Decimal;
 use crate::gcode::extrusion::Share;
-use crate::gcode::frame::{Effects, Known, Motion, Place, all_known, either};
+use crate::gcode::frame::{Effects, Mask, Motion, Place, either};
+use crate::gcode::known::Known;
 use crate::gcode::lexer::Line;
 use crate::gcode::options::unit_mm;
 use crate::gcode::plain::PlainMove;
@@ -60,18 +61,18 @@ impl Reader {
 
     /// A straight move of the axes or the extruder that [`check_motion`](Self::check_motion) has found nothing against.
     pub(super) fn motion(&mut self, line: &Line, words: &Words, body: &[u8]) -> Step {
-        let mut effects = Effects { forget: self.asked.forget, ..Effects::default() };
+        let mut forget = self.asked.forget;
         let words_mm = match words.axes_mm(unit_mm(self.modes.is_inch)) {
             Ok(words_mm) => words_mm,
             Err(_) => {
                 // A placeholder: the firmware may refuse the line, or read what it can of it.
                 self.warn(WarningKind::Placeholder, body);
-                effects.forget = either(effects.forget, words.axes.map(|word| word.is_some()));
-                return Step::pass(effects);
+                forget = either(forget, words.axes.map(|word| word.is_some()));
+                return Step::pass(Effects { forget, ..Effects::default() });
             }
         };
         let extruder = words.extruder.and_then(|word| word.number());
-        self.straight(words_mm, extruder, MoveText::of(line, words, body), effects, body)
+        self.straight(words_mm, extruder, &MoveText::of(line, words, body), forget, body)
     }
 
     /// The line of a plain move; None where the modes make anything else of it, and nothing has happened yet.
@@ -89,25 +90,25 @@ impl Reader {
         }
         let unit_mm = unit_mm(modes.is_inch);
         if let Some(feed) = plain.feed {
-            modes.feed_mm_min = Some(feed.to_f64() * unit_mm);
+            modes.feed_mm_min = Some(feed * unit_mm);
         }
-        let words_mm = plain.axes.map(|word| word.map(|number| number.to_f64() * unit_mm));
-        Some(self.straight(words_mm, plain.extruder, plain.text, Effects::default(), body))
+        let words_mm = Known::all(plain.axes.numbers().map(|word| word * unit_mm));
+        Some(self.straight(words_mm, plain.extruder, &plain.text, [false; 3], body))
     }
 
-    /// A straight move of the axes or the extruder; `effects` is what the line does besides.
+    /// A straight move of the axes or the extruder; before it, these axes are somewhere.
     #[inline]
     fn straight(
         &mut self,
         words_mm: Known,
         extruder: Option<Decimal>,
-        text: MoveText,
-        mut effects: Effects,
+        text: &MoveText,
+        forget: Mask,
         body: &[u8],
     ) -> Step {
         let (share, extrusion) = extruder.map_or((Share::None, 0), |number| self.extrude(number));
-        if words_mm == [None; 3] {
-            return Step::pass(effects);
+        if words_mm.is_none() {
+            return Step::pass(Effects { forget, ..Effects::default() });
         }
         let motion = self.motion_of(words_mm);
         self.summary.moves_in += 1;
@@ -115,19 +116,18 @@ impl Reader {
             self.warn(WarningKind::NumberWithoutPoint, body);
         }
         let mut before = self.frame;
-        before.apply(&effects);
+        before.set_position(forget, &Known::NONE);
         let ends = before.end_of(&motion);
         let speed_mm_min = self.speed_mm_min();
         let course = self.needs.any().then(|| {
-            self.past.forget(effects.forget);
+            self.past.forget(forget);
             self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0))
         });
-        let Some(end_mm) = all_known(&ends) else {
+        let Some(end_mm) = ends.whole() else {
             self.summary.moves_out += 1;
             self.summary.untouched_position_unknown += 1;
             self.warn(WarningKind::PositionUnknown, body);
-            effects.place = Place::Move(motion);
-            return Step::pass(effects);
+            return Step::pass(Effects { forget, place: Place::Move(motion), ..Effects::default() });
         };
         // Counted again when the move is written.
         self.summary.extrusion_out -= extrusion;
@@ -138,11 +138,11 @@ impl Reader {
         self.moves.push(Move {
             motion,
             end_mm,
-            is_first: !self.is_corrected || effects.forget != [false; 3],
+            is_first: !self.is_corrected || forget != [false; 3],
             is_inch: self.modes.is_inch,
             share,
             extrusion,
-            text,
+            text: *text,
         });
         Step::Correct
     }

@@ -102,10 +102,8 @@ impl Reader {
                     Some(Some(70 | 80 | 90)) => return Ok(()),
                     _ => return refuse,
                 };
-                let offsets = self.modes.systems_mm[system].iter_mut().zip(offset_mm);
-                for (offset, new) in offsets {
-                    *offset = new.or(*offset);
-                }
+                let system_mm = &mut self.modes.systems_mm[system];
+                *system_mm = system_mm.updated(&offset_mm);
                 Ok(())
             }
             Some(Some(10 | 100 | 110)) => {
@@ -146,7 +144,7 @@ impl Reader {
             self.extrusion.set_position(number);
         }
         if words.has_axes() {
-            self.modes.shifted = either(self.modes.shifted, words_mm.map(|word| word.is_some()));
+            self.modes.shifted = either(self.modes.shifted, words_mm.mask());
             effects.shift = Shift::Set { words_mm, system_mm: self.system_mm() };
         }
         Ok(())

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 
 use super::Reader;
 use crate::gcode::extrusion::{Extrusion, Firmware};
-use crate::gcode::frame::{Effects, Known};
+use crate::gcode::frame::Effects;
+use crate::gcode::known::Known;
 use crate::gcode::unsupported::Unsupported;
 
 /// What of a program's state a controller may save.
