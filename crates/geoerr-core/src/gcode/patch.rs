@@ -2,7 +2,6 @@
 
 use super::path::PathMap;
 use crate::arithmetic::in_wide_registers;
-use crate::volumetric::Approach;
 
 /// Coefficients of a quadratic in each of three variables.
 const TERMS: usize = 27;
@@ -49,44 +48,46 @@ pub struct Patch {
 impl Patch {
     /// The patch of a box of commands; None where it would be off by more than `tolerance_mm`.
     pub fn new(map: &impl PathMap, low_mm: [f64; 3], high_mm: [f64; 3], tolerance_mm: f64) -> Option<Self> {
-        let still = Approach::default();
-        let inside = |share: [f64; 3]| -> [f64; 3] {
-            std::array::from_fn(|axis| low_mm[axis] + share[axis] * (high_mm[axis] - low_mm[axis]))
-        };
         let is_near =
             |off_mm: [f64; 3]| off_mm.iter().map(|c| c * c).sum::<f64>() <= tolerance_mm * tolerance_mm;
-        let error = Quadratic::through(&low_mm, &high_mm, |command_mm| {
-            Some(minus(&map.actual(command_mm, &still), command_mm))
-        })?;
+        let error = Quadratic::through(&low_mm, &high_mm, |nodes_mm| Some(map.errors_of_lattice(nodes_mm)))?;
         // Not a number is steep.
         if !(..=STEEPEST).contains(&error.steepest()) {
             return None;
         }
+        let probes_mm: [[f64; 4]; 3] = std::array::from_fn(|axis| {
+            PROBES.map(|share| low_mm[axis] + share * (high_mm[axis] - low_mm[axis]))
+        });
+        let commands_mm: Vec<[f64; 3]> = lattice(&probes_mm).collect();
+        let errors_mm = map.errors_of_lattice(&probes_mm);
+        let places_mm: Vec<[f64; 3]> = commands_mm
+            .iter()
+            .zip(&errors_mm)
+            .map(|(command_mm, error_mm)| plus(command_mm, error_mm))
+            .collect();
+        let by_error_mm = error.added_to_each(&commands_mm);
+        if !places_mm
+            .iter()
+            .zip(&by_error_mm)
+            .all(|(place_mm, by_error_mm)| is_near(minus(place_mm, by_error_mm)))
+        {
+            return None;
+        }
         let (mut least_mm, mut most_mm) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        let mut probes = Vec::new();
-        for share in places(PROBES) {
-            let command_mm = inside(share);
-            let place_mm = map.actual(&command_mm, &still);
-            if !is_near(minus(&place_mm, &error.added_to(&command_mm))) {
-                return None;
-            }
+        for place_mm in &places_mm {
             for axis in 0..3 {
                 least_mm[axis] = least_mm[axis].min(place_mm[axis]);
                 most_mm[axis] = most_mm[axis].max(place_mm[axis]);
             }
-            probes.push((place_mm, command_mm));
         }
-        let correction = Quadratic::through(&least_mm, &most_mm, |target_mm| {
-            // Each step leaves less than a tenth, from a millimetre to the last digit.
-            let mut command_mm = *target_mm;
-            for _ in 0..STEPS {
-                let miss_mm = minus(&error.added_to(&command_mm), target_mm);
-                command_mm = minus(&command_mm, &miss_mm);
-                if miss_mm.iter().all(|miss| miss.abs() < SETTLED_MM) {
-                    break;
-                }
-            }
-            is_between(&command_mm, &low_mm, &high_mm).then(|| minus(&command_mm, target_mm))
+        let correction = Quadratic::through(&least_mm, &most_mm, |nodes_mm| {
+            let targets_mm: Vec<[f64; 3]> = lattice(nodes_mm).collect();
+            let commands_mm = error.settled(&targets_mm);
+            let pairs = commands_mm.iter().zip(&targets_mm);
+            let correction = |(command_mm, target_mm)| {
+                is_between(command_mm, &low_mm, &high_mm).then(|| minus(command_mm, target_mm))
+            };
+            pairs.map(correction).collect()
         })?;
         let half_mm = minus(&most_mm, &least_mm).map(|width| 0.5 * width);
         let patch = Self {
@@ -99,8 +100,11 @@ impl Patch {
             correction,
             error,
         };
-        let mut misses =
-            probes.iter().map(|(place_mm, command_mm)| minus(&patch.command_for(place_mm), command_mm));
+        let by_correction_mm = patch.correction.added_to_each(&places_mm);
+        let mut misses = by_correction_mm
+            .iter()
+            .zip(&commands_mm)
+            .map(|(by_correction_mm, command_mm)| minus(by_correction_mm, command_mm));
         (misses.all(is_near) && patch.correction.steepest() <= STEEPEST).then_some(patch)
     }
 
@@ -197,17 +201,18 @@ struct Quadratic {
 }
 
 impl Quadratic {
-    /// Through what `value` gives at the nodes of a box; None where it gives nothing.
+    /// Through what `values` gives at the nodes of a box, a lattice; None where it gives nothing.
     fn through(
         low_mm: &[f64; 3],
         high_mm: &[f64; 3],
-        value: impl Fn(&[f64; 3]) -> Option<[f64; 3]>,
+        values: impl FnOnce(&[[f64; 3]; 3]) -> Option<Vec<[f64; 3]>>,
     ) -> Option<Self> {
         let middle_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low_mm[axis] + high_mm[axis]));
         let half_mm: [f64; 3] = std::array::from_fn(|axis| 0.5 * (high_mm[axis] - low_mm[axis]));
+        let nodes_mm =
+            std::array::from_fn(|axis| [-NODE, 0.0, NODE].map(|node| middle_mm[axis] + node * half_mm[axis]));
         let mut terms = [[0.0; 4]; TERMS];
-        for (term, node) in terms.iter_mut().zip(places([-NODE, 0.0, NODE])) {
-            let [x, y, z] = value(&std::array::from_fn(|axis| middle_mm[axis] + node[axis] * half_mm[axis]))?;
+        for (term, [x, y, z]) in terms.iter_mut().zip(values(&nodes_mm)?) {
             *term = [x, y, z, 0.0];
         }
         for stride in [1, 3, 9] {
@@ -234,6 +239,42 @@ impl Quadratic {
             || [self.sum(&at_mm[0]), self.sum(&at_mm[1])],
         );
         [0, 1].map(|which| std::array::from_fn(|axis| at_mm[which][axis] + sums[which][axis]))
+    }
+
+    /// The same for many.
+    fn added_to_each(&self, at_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let mut sums = at_mm.to_vec();
+        in_wide_registers(
+            #[inline(always)]
+            || {
+                for at_mm in &mut sums {
+                    let [x, y, z, _] = self.sum(at_mm);
+                    *at_mm = [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z];
+                }
+            },
+        );
+        sums
+    }
+
+    /// Where the quadratic is added to give these: each step leaves less than a tenth, from a millimetre to the last digit.
+    fn settled(&self, wanted_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let mut found_mm = wanted_mm.to_vec();
+        in_wide_registers(
+            #[inline(always)]
+            || {
+                for (at_mm, wanted_mm) in found_mm.iter_mut().zip(wanted_mm) {
+                    for _ in 0..STEPS {
+                        let [x, y, z, _] = self.sum(at_mm);
+                        let miss_mm = minus(&plus(at_mm, &[x, y, z]), wanted_mm);
+                        *at_mm = minus(at_mm, &miss_mm);
+                        if miss_mm.iter().all(|miss| miss.abs() < SETTLED_MM) {
+                            break;
+                        }
+                    }
+                }
+            },
+        );
+        found_mm
     }
 
     /// In loops, for what a library's function is called with is compiled for narrow registers.
@@ -266,39 +307,52 @@ impl Quadratic {
         })
     }
 
-    /// Bound of the derivative by these axes, anywhere in the box.
-    fn bound(&self, by: &[usize]) -> f64 {
+    /// Bound of a derivative, so many times by each axis, anywhere in the box: of terms of these sizes.
+    fn bound(&self, sizes: &[f64; TERMS], times: [usize; 3]) -> f64 {
         let mut bound = 0.0;
-        for (place, term) in self.terms.iter().enumerate() {
-            let mut exponents = [place % 3, place / 3 % 3, place / 9];
-            let mut factor = 1.0;
-            for &axis in by {
-                factor *= exponents[axis] as f64 * self.per_half_mm[axis];
-                exponents[axis] = exponents[axis].saturating_sub(1);
+        for k in times[2]..3 {
+            for j in times[1]..3 {
+                for i in times[0]..3 {
+                    let factor = FALLING[times[0]][i] * FALLING[times[1]][j] * FALLING[times[2]][k];
+                    bound += factor * sizes[i + 3 * j + 9 * k];
+                }
             }
-            bound += factor * term.iter().map(|c| c * c).sum::<f64>().sqrt();
         }
-        bound
+        (0..3).fold(bound, |bound, axis| bound * self.per_half_mm[axis].powi(times[axis] as i32))
+    }
+
+    /// Bound of the derivatives of one order along any line: those by axes, and how often each stands in the sum of squares.
+    fn bounds(&self, derivatives: &[(f64, [usize; 3])]) -> f64 {
+        let sizes = self.terms.map(|term| term.iter().map(|c| c * c).sum::<f64>().sqrt());
+        derivatives.iter().map(|&(n, times)| n * self.bound(&sizes, times).powi(2)).sum::<f64>().sqrt()
     }
 
     /// Bound of the first derivative along any line.
     fn steepest(&self) -> f64 {
-        (0..3).map(|axis| self.bound(&[axis]).powi(2)).sum::<f64>().sqrt()
+        self.bounds(&[(1.0, [1, 0, 0]), (1.0, [0, 1, 0]), (1.0, [0, 0, 1])])
     }
 
     /// Bound of the second derivative along any line.
     fn bend(&self) -> f64 {
-        let pairs = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
-        let orders = [1.0, 1.0, 1.0, 2.0, 2.0, 2.0];
-        pairs.iter().zip(orders).map(|(pair, n)| n * self.bound(pair).powi(2)).sum::<f64>().sqrt()
+        let own = [(1.0, [2, 0, 0]), (1.0, [0, 2, 0]), (1.0, [0, 0, 2])];
+        let mixed = [(2.0, [1, 1, 0]), (2.0, [1, 0, 1]), (2.0, [0, 1, 1])];
+        self.bounds(&[own, mixed].concat())
     }
 
     /// Bound of the third derivative along any line; no coordinate has one of its own.
     fn twist(&self) -> f64 {
-        let triples = [[0, 0, 1], [0, 0, 2], [1, 1, 0], [1, 1, 2], [2, 2, 0], [2, 2, 1]];
-        let mixed = triples.iter().map(|triple| 3.0 * self.bound(triple).powi(2)).sum::<f64>();
-        (mixed + 6.0 * self.bound(&[0, 1, 2]).powi(2)).sqrt()
+        let two_and_one = [[2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2]];
+        let mixed = two_and_one.map(|times| (3.0, times));
+        self.bounds(&[&mixed[..], &[(6.0, [1, 1, 1])]].concat())
     }
+}
+
+/// Derivatives of `1, u, u²` at 1, by how many times.
+const FALLING: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [0.0, 1.0, 2.0], [0.0, 0.0, 2.0]];
+
+#[inline]
+fn plus(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] + b[axis])
 }
 
 #[inline]
@@ -321,9 +375,9 @@ fn quadratic(a: &[f64; 4], b: &[f64; 4], c: &[f64; 4], at: f64) -> [f64; 4] {
     sum
 }
 
-/// All triples of `values`, the first of them running fastest.
-fn places<const N: usize>(values: [f64; N]) -> impl Iterator<Item = [f64; 3]> {
-    (0..N * N * N).map(move |place| [values[place % N], values[place / N % N], values[place / (N * N)]])
+/// The places of a lattice, the first coordinate running fastest.
+fn lattice<const N: usize>(at_mm: &[[f64; N]; 3]) -> impl Iterator<Item = [f64; 3]> {
+    (0..N * N * N).map(|place| [at_mm[0][place % N], at_mm[1][place / N % N], at_mm[2][place / (N * N)]])
 }
 
 /// Values at the three nodes of one variable into coefficients.

@@ -28,6 +28,17 @@ pub trait PathMap: Sync {
         [0, 1].map(|which| self.actual(&commands_mm[which], &approaches[which]))
     }
 
+    /// Actual less commanded, of an approach that is none, at each place of a lattice, the first coordinate running fastest.
+    fn errors_of_lattice<const N: usize>(&self, at_mm: &[[f64; N]; 3]) -> Vec<[f64; 3]> {
+        let error = |place: usize| -> [f64; 3] {
+            let k = [place % N, place / N % N, place / (N * N)];
+            let command_mm = std::array::from_fn(|axis| at_mm[axis][k[axis]]);
+            let actual_mm = self.actual(&command_mm, &Approach::default());
+            std::array::from_fn(|axis| actual_mm[axis] - command_mm[axis])
+        };
+        (0..N * N * N).map(error).collect()
+    }
+
     /// Coordinates of `axis` (0 to 2) between which [`actual`](Self::actual) is smooth, increasing.
     fn knots(&self, axis: usize) -> &[f64];
 
@@ -68,6 +79,10 @@ impl PathMap for MachineModel {
     fn actual(&self, command_mm: &[f64; 3], _: &Approach) -> [f64; 3] {
         let error_mm = self.error(command_mm, &[0.0; 3]);
         std::array::from_fn(|axis| command_mm[axis] + error_mm[axis])
+    }
+
+    fn errors_of_lattice<const N: usize>(&self, at_mm: &[[f64; N]; 3]) -> Vec<[f64; 3]> {
+        MachineModel::errors_of_lattice(self, at_mm)
     }
 
     #[inline]

@@ -150,6 +150,24 @@ impl MachineModel {
         self.chain.base_to_work(q_mm, tool, |axis| self.carriage(q_mm, axis)).displacement
     }
 
+    /// [`error`](Self::error) of the tool point at each place of a lattice of axis positions, the first of them running
+    /// fastest: what a position does to its own axis is worked out once.
+    pub fn errors_of_lattice<const N: usize>(&self, q_mm: &[[f64; N]; 3]) -> Vec<[f64; 3]> {
+        let carriages = Axis::ALL.map(|axis| {
+            let a = axis.index();
+            q_mm[a].map(|q| self.axes[a].motion(q, axis).carriage)
+        });
+        let at = |place: usize| {
+            let k = [place % N, place / N % N, place / (N * N)];
+            let q_mm: Vec3 = std::array::from_fn(|a| q_mm[a][k[a]]);
+            let carriage = |axis: Axis| carriages[axis.index()][k[axis.index()]];
+            let point = Placed { nominal: self.lever(&[0.0; 3]), displacement: [0.0; 3] };
+            let tool = self.chain.tool_to_base(&q_mm, point, carriage);
+            self.chain.base_to_work(&q_mm, tool, carriage).displacement
+        };
+        (0..N * N * N).map(at).collect()
+    }
+
     /// Position of a point at `offset_mm` from the tool point, on the tool, in the base frame: what a camera
     /// on the floor sees of it. Only the tool side's axes move it.
     pub fn tool_from_base(&self, q_mm: &[f64; 3], offset_mm: &[f64; 3]) -> [f64; 3] {

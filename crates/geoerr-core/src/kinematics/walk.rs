@@ -21,6 +21,7 @@ impl Placed {
 }
 
 /// What one carriage does beyond its nominal motion.
+#[derive(Clone, Copy)]
 pub(crate) struct Carriage {
     /// `q (â' − â) + δ`.
     pub(crate) translation: Vec3,
