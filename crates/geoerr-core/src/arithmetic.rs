@@ -23,6 +23,29 @@ pub(crate) fn in_wide_registers<R>(run: impl FnMut() -> R) -> R {
     Arch::new().dispatch(Run(run))
 }
 
+/// Something that is done in one kind of arithmetic.
+pub(crate) trait Kernel {
+    type Output;
+
+    /// Has to be `#[inline(always)]`, as everything that it calls.
+    fn run<A: Arithmetic>(self) -> Self::Output;
+}
+
+/// Runs a kernel compiled for the widest vector registers that the machine has, its products fused where they are wide.
+#[inline(always)]
+pub(crate) fn run_widest<K: Kernel>(kernel: K) -> K::Output {
+    struct Run<K>(K);
+    impl<K: Kernel> WithSimd for Run<K> {
+        type Output = K::Output;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> K::Output {
+            if S::IS_SCALAR { self.0.run::<Separate>() } else { self.0.run::<Fused>() }
+        }
+    }
+    Arch::new().dispatch(Run(kernel))
+}
+
 /// How `a · b + c` is made: rounded once where the processor can, twice where it would have to pretend.
 pub(crate) trait Arithmetic {
     fn mul_add(a: f64, b: f64, c: f64) -> f64;

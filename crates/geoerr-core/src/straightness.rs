@@ -29,10 +29,9 @@
 //! `tests/straightness.rs`: polynomials to the order of each rule, linearity, invariance to lines and to added samples on
 //! the interpolant. `tests/geometry/test_straightness.py`: SciPy, and mpmath with 50 digits.
 
-use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::arithmetic::{Arithmetic, Fused, Separate, two};
+use crate::arithmetic::{Arithmetic, Kernel, run_widest, two};
 
 /// Numbers below which the calling thread does all functions itself.
 const PARALLEL_ABOVE: usize = 32_768;
@@ -111,7 +110,7 @@ pub fn integrate_straightness(
     let pieces = Pieces::new(position_mm, rule);
     let line = Line::new(position_mm);
     Ok(for_each_function(values, position_mm.len(), |functions, results| {
-        Arch::new().dispatch(Integration { pieces: &pieces, line: &line, position_mm, functions, results });
+        run_widest(Integration { pieces: &pieces, line: &line, position_mm, functions, results });
     }))
 }
 
@@ -126,7 +125,7 @@ pub fn remove_line(position_mm: &[f64], values: &[f64]) -> Result<Vec<f64>, Stra
     let line = Line::new(position_mm);
     Ok(for_each_function(values, position_mm.len(), |functions, results| {
         results.copy_from_slice(functions);
-        Arch::new().dispatch(Removal { line: &line, position_mm, results });
+        run_widest(Removal { line: &line, position_mm, results });
     }))
 }
 
@@ -200,7 +199,9 @@ struct Integration<'a> {
     results: &'a mut [f64],
 }
 
-impl Integration<'_> {
+impl Kernel for Integration<'_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<A: Arithmetic>(self) {
         let n_positions = self.position_mm.len();
@@ -217,14 +218,6 @@ impl Integration<'_> {
     }
 }
 
-impl WithSimd for Integration<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        if S::IS_SCALAR { self.run::<Separate>() } else { self.run::<Fused>() }
-    }
-}
-
 /// Takes the lines off functions.
 struct Removal<'a> {
     line: &'a Line,
@@ -232,20 +225,14 @@ struct Removal<'a> {
     results: &'a mut [f64],
 }
 
-impl Removal<'_> {
+impl Kernel for Removal<'_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<A: Arithmetic>(self) {
         for result in self.results.chunks_exact_mut(self.position_mm.len()) {
             self.line.remove::<A>(self.position_mm, result);
         }
-    }
-}
-
-impl WithSimd for Removal<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        if S::IS_SCALAR { self.run::<Separate>() } else { self.run::<Fused>() }
     }
 }
 

@@ -134,15 +134,16 @@ fn four_digits(number: u32) -> u32 {
 /// Room for what [`short_fixed`] writes.
 pub const SHORT_BYTES: usize = 16;
 
-/// Writes what [`write_fixed`] writes for numbers of usual size with usual digits; how many bytes it has. Those behind
+/// Writes what [`fixed`] gives of numbers of usual size with usual digits; how many bytes it has. Those behind
 /// may be anything then.
 #[inline]
 pub fn short_fixed(place: &mut [u8; SHORT_BYTES], scaled: i64, digits: u8) -> Option<usize> {
     let size = u32::try_from(scaled.unsigned_abs()).ok()?;
-    // Divisors that the compiler knows.
-    let (whole, fraction) = match digits {
-        3 => (size / 1_000, size % 1_000 * 10),
-        4 => (size / 10_000, size % 10_000),
+    // Divisors that the compiler knows. Of five digits the last stands alone.
+    let (whole, fraction, last) = match digits {
+        3 => (size / 1_000, size % 1_000 * 10, 0),
+        4 => (size / 10_000, size % 10_000, 0),
+        5 => (size / 100_000, size / 10 % 10_000, size % 10),
         _ => return None,
     };
     if whole >= 10_000 {
@@ -153,24 +154,13 @@ pub fn short_fixed(place: &mut [u8; SHORT_BYTES], scaled: i64, digits: u8) -> Op
     let n_zeros = ((padded ^ u32::from_le_bytes(*b"0000")).trailing_zeros() / 8).min(3);
     let n_sign = usize::from(scaled < 0);
     let n_whole = 4 - n_zeros as usize;
-    let behind = u64::from(b'.') | u64::from(four_digits(fraction)) << 8;
+    let behind =
+        u64::from(b'.') | u64::from(four_digits(fraction)) << 8 | u64::from(u32::from(b'0') + last) << 40;
     place[0] = b'-';
     place[n_sign..n_sign + 4].copy_from_slice(&(padded >> (8 * n_zeros)).to_le_bytes());
     let point = n_sign + n_whole;
     place[point..point + 8].copy_from_slice(&behind.to_le_bytes());
     Some(point + 1 + usize::from(digits))
-}
-
-/// Writes `scaled / 10^digits` with exactly `digits` digits behind the point.
-pub fn write_fixed(out: &mut Vec<u8>, scaled: i64, digits: u8) {
-    let mut short = [0; SHORT_BYTES];
-    match short_fixed(&mut short, scaled, digits) {
-        Some(n_bytes) => out.extend_from_slice(&short[..n_bytes]),
-        None => {
-            let (buffer, begin) = fixed(scaled, digits);
-            out.extend_from_slice(&buffer[begin..]);
-        }
-    }
 }
 
 #[cfg(test)]
@@ -179,9 +169,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn written(scaled: i64, digits: u8) -> String {
-        let mut out = Vec::new();
-        write_fixed(&mut out, scaled, digits);
-        String::from_utf8(out).unwrap()
+        let (buffer, begin) = fixed(scaled, digits);
+        String::from_utf8(buffer[begin..].to_vec()).unwrap()
     }
 
     #[test]

@@ -1,38 +1,36 @@
-//! A line that is being written: bytes in one place, copied in pieces of a fixed length where they are short.
+//! Lines that are being written: bytes in one place, copied in pieces of a fixed length where they are short.
 
 use super::decimal::{FIXED_BYTES, fixed, short_fixed};
-
-/// Room of a draft. Longer lines are written without.
-const ROOM: usize = 256;
 
 /// Bytes that are copied at once, wanted or not: a copy whose length is known costs no call.
 const AT_ONCE: usize = 16;
 
-/// The begin of a line.
-#[derive(Debug)]
+/// New numbers of a line.
+const NUMBERS: usize = 4;
+
+/// Lines of one move. Kept and filled again, so that its memory is.
+#[derive(Debug, Default)]
 pub struct Draft {
-    bytes: [u8; ROOM],
+    /// What has been written, and room behind it.
+    bytes: Vec<u8>,
     length: usize,
 }
 
-impl Default for Draft {
-    fn default() -> Self {
-        Self { bytes: [0; ROOM], length: 0 }
-    }
-}
-
 impl Draft {
-    /// Whether a line that came with so many bytes fits, whatever its numbers become.
-    #[inline]
-    pub fn fits(n_bytes: usize) -> bool {
-        // Four new numbers, and what is copied beyond.
-        n_bytes + 4 * FIXED_BYTES + AT_ONCE <= ROOM
-    }
-
     /// Begins anew.
     #[inline]
     pub fn clear(&mut self) {
         self.length = 0;
+    }
+
+    /// Makes room for one more line, whatever its numbers become: one that came with so many bytes.
+    #[inline]
+    pub fn make_room(&mut self, n_bytes: usize) {
+        // Numbers with letters and blanks, and what is copied beyond.
+        let wanted = self.length + n_bytes + NUMBERS * (FIXED_BYTES + 2) + AT_ONCE;
+        if wanted > self.bytes.len() {
+            self.bytes.resize(2 * wanted, 0);
+        }
     }
 
     /// What has been written.
@@ -87,7 +85,6 @@ impl Draft {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gcode::decimal::write_fixed;
     use proptest::prelude::*;
 
     proptest! {
@@ -104,12 +101,13 @@ mod tests {
             let mut at = 0;
             let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
             cuts.sort_unstable();
-            prop_assert!(Draft::fits(bytes.len()));
+            draft.make_room(bytes.len());
             for cut in cuts {
                 draft.copy(bytes, at, cut);
                 draft.number(scaled, digits);
                 expected.extend_from_slice(&bytes[at..cut]);
-                write_fixed(&mut expected, scaled, digits);
+                let (number, begin) = fixed(scaled, digits);
+                expected.extend_from_slice(&number[begin..]);
                 at = cut;
             }
             draft.push(b' ');

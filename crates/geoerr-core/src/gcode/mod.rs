@@ -41,9 +41,11 @@ mod plain;
 mod reader;
 mod report;
 mod rewriter;
+mod shares;
 mod solver;
 mod term_path;
 mod unsupported;
+mod wording;
 mod words;
 mod writer;
 

@@ -1,7 +1,7 @@
 //! A machine and its inverse in a small box, as polynomials.
 
 use super::path::PathMap;
-use crate::arithmetic::in_wide_registers;
+use crate::arithmetic::{Arithmetic, Kernel, run_widest};
 
 /// Coefficients of a quadratic in each of three variables.
 const TERMS: usize = 27;
@@ -123,7 +123,9 @@ impl Patch {
     /// The same for two commands.
     #[inline]
     pub fn actual_of_two(&self, commands_mm: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
-        self.error.added_to_two(commands_mm)
+        let mut places_mm = *commands_mm;
+        run_widest(Adding { quadratic: &self.error, at_mm: &mut places_mm });
+        places_mm
     }
 
     /// Whether a command lies in the patch's box, or by a rounding outside.
@@ -224,79 +226,34 @@ impl Quadratic {
     /// A place, and what the quadratic gives there.
     #[inline]
     fn added_to(&self, at_mm: &[f64; 3]) -> [f64; 3] {
-        let [x, y, z, _] = in_wide_registers(
-            #[inline(always)]
-            || self.sum(at_mm),
-        );
-        [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z]
+        let mut sum_mm = [*at_mm];
+        run_widest(Adding { quadratic: self, at_mm: &mut sum_mm });
+        sum_mm[0]
     }
 
-    /// The same for two places: neither waits for what the other's sums wait for.
-    #[inline]
-    fn added_to_two(&self, at_mm: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
-        let sums = in_wide_registers(
-            #[inline(always)]
-            || [self.sum(&at_mm[0]), self.sum(&at_mm[1])],
-        );
-        [0, 1].map(|which| std::array::from_fn(|axis| at_mm[which][axis] + sums[which][axis]))
-    }
-
-    /// The same for many.
+    /// The same for many: none waits for what another's sums wait for.
     fn added_to_each(&self, at_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let mut sums = at_mm.to_vec();
-        in_wide_registers(
-            #[inline(always)]
-            || {
-                for at_mm in &mut sums {
-                    let [x, y, z, _] = self.sum(at_mm);
-                    *at_mm = [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z];
-                }
-            },
-        );
-        sums
+        let mut sums_mm = at_mm.to_vec();
+        run_widest(Adding { quadratic: self, at_mm: &mut sums_mm });
+        sums_mm
     }
 
     /// Where the quadratic is added to give these: each step leaves less than a tenth, from a millimetre to the last digit.
     fn settled(&self, wanted_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let mut found_mm = wanted_mm.to_vec();
-        in_wide_registers(
-            #[inline(always)]
-            || {
-                for (at_mm, wanted_mm) in found_mm.iter_mut().zip(wanted_mm) {
-                    for _ in 0..STEPS {
-                        let [x, y, z, _] = self.sum(at_mm);
-                        let miss_mm = minus(&plus(at_mm, &[x, y, z]), wanted_mm);
-                        *at_mm = minus(at_mm, &miss_mm);
-                        if miss_mm.iter().all(|miss| miss.abs() < SETTLED_MM) {
-                            break;
-                        }
-                    }
-                }
-            },
-        );
+        for _ in 0..STEPS {
+            let mut largest_mm: f64 = 0.0;
+            let given_mm = self.added_to_each(&found_mm);
+            for ((at_mm, given_mm), wanted_mm) in found_mm.iter_mut().zip(&given_mm).zip(wanted_mm) {
+                let miss_mm = minus(given_mm, wanted_mm);
+                *at_mm = minus(at_mm, &miss_mm);
+                largest_mm = miss_mm.iter().fold(largest_mm, |largest, miss| largest.max(miss.abs()));
+            }
+            if largest_mm < SETTLED_MM {
+                break;
+            }
+        }
         found_mm
-    }
-
-    /// In loops, for what a library's function is called with is compiled for narrow registers.
-    #[inline(always)]
-    fn sum(&self, at_mm: &[f64; 3]) -> [f64; 4] {
-        let u = (at_mm[0] - self.middle_mm[0]) * self.per_half_mm[0];
-        let v = (at_mm[1] - self.middle_mm[1]) * self.per_half_mm[1];
-        let w = (at_mm[2] - self.middle_mm[2]) * self.per_half_mm[2];
-        let a = self.plane(0, u, v);
-        let b = self.plane(9, u, v);
-        let c = self.plane(18, u, v);
-        quadratic(&a, &b, &c, w)
-    }
-
-    /// The sum of nine terms.
-    #[inline(always)]
-    fn plane(&self, first: usize, u: f64, v: f64) -> [f64; 4] {
-        let t = &self.terms;
-        let a = quadratic(&t[first], &t[first + 1], &t[first + 2], u);
-        let b = quadratic(&t[first + 3], &t[first + 4], &t[first + 5], u);
-        let c = quadratic(&t[first + 6], &t[first + 7], &t[first + 8], u);
-        quadratic(&a, &b, &c, v)
     }
 
     /// First derivatives in the middle: row by component, column by axis.
@@ -366,11 +323,47 @@ fn is_between(at_mm: &[f64; 3], low_mm: &[f64; 3], high_mm: &[f64; 3]) -> bool {
     is_in(0) & is_in(1) & is_in(2)
 }
 
+/// Adds what a quadratic gives to places.
+struct Adding<'a> {
+    quadratic: &'a Quadratic,
+    at_mm: &'a mut [[f64; 3]],
+}
+
+impl Kernel for Adding<'_> {
+    type Output = ();
+
+    /// In loops, for what a library's function is called with is compiled for narrow registers.
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) {
+        let Quadratic { middle_mm, per_half_mm, terms } = self.quadratic;
+        for at_mm in self.at_mm {
+            let u = (at_mm[0] - middle_mm[0]) * per_half_mm[0];
+            let v = (at_mm[1] - middle_mm[1]) * per_half_mm[1];
+            let w = (at_mm[2] - middle_mm[2]) * per_half_mm[2];
+            let a = plane::<A>(terms, 0, u, v);
+            let b = plane::<A>(terms, 9, u, v);
+            let c = plane::<A>(terms, 18, u, v);
+            let [x, y, z, _] = quadratic::<A>(&a, &b, &c, w);
+            *at_mm = [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z];
+        }
+    }
+}
+
+/// The sum of nine terms.
 #[inline(always)]
-fn quadratic(a: &[f64; 4], b: &[f64; 4], c: &[f64; 4], at: f64) -> [f64; 4] {
+fn plane<A: Arithmetic>(terms: &[[f64; 4]; TERMS], first: usize, u: f64, v: f64) -> [f64; 4] {
+    let t = terms;
+    let a = quadratic::<A>(&t[first], &t[first + 1], &t[first + 2], u);
+    let b = quadratic::<A>(&t[first + 3], &t[first + 4], &t[first + 5], u);
+    let c = quadratic::<A>(&t[first + 6], &t[first + 7], &t[first + 8], u);
+    quadratic::<A>(&a, &b, &c, v)
+}
+
+#[inline(always)]
+fn quadratic<A: Arithmetic>(a: &[f64; 4], b: &[f64; 4], c: &[f64; 4], at: f64) -> [f64; 4] {
     let mut sum = [0.0; 4];
     for k in 0..4 {
-        sum[k] = a[k] + at * (b[k] + at * c[k]);
+        sum[k] = A::mul_add(at, A::mul_add(at, c[k], b[k]), a[k]);
     }
     sum
 }

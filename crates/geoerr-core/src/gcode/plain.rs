@@ -59,6 +59,9 @@ impl PlainMove {
         // Where the first word begins, where the last one ends, and how long all of them are: they have blanks between
         // them where that is less than it would be.
         let (mut first, mut behind, mut n_bytes) = (0, 0, 0);
+        // The letter before, and whether they rise: X, Y, Z, E.
+        let mut rank_before = 0;
+        self.text.is_in_order = true;
         let mut at = 0;
         if text.first() == Some(&b'N') {
             let digits = text[1..].iter().take_while(|byte| byte.is_ascii_digit()).count();
@@ -78,6 +81,12 @@ impl PlainMove {
                 b'X'..=b'Z' | b'E' | b'F' => {
                     let (number, end) = number(text, at + 1)?;
                     let span = Span { start: start as u32, end: end as u32 };
+                    // E behind Z; F may stand anywhere.
+                    let rank = if byte == b'E' { b'Z' + 1 } else { byte };
+                    if byte != b'F' {
+                        self.text.is_in_order &= rank_before < rank;
+                        rank_before = rank;
+                    }
                     let is_repeated = match byte {
                         b'E' => {
                             self.text.extruder = Some(span);

@@ -128,6 +128,8 @@ pub struct MoveText {
     pub machine: Option<Span>,
     /// Behind the last of X, Y, Z.
     pub behind_axes: u32,
+    /// Whether X, Y, Z and E stand in this order.
+    pub is_in_order: bool,
     /// Whether blanks stand between words.
     pub is_spaced: bool,
     /// Whether letters are lower case.
@@ -147,11 +149,14 @@ impl MoveText {
         };
         let axes = words.axes.map(|word| word.map(|word| word.span));
         let letter = axes.iter().flatten().next().and_then(|span| span.of(body).first().copied());
+        let in_order: Vec<u32> =
+            words.axes.iter().chain([&words.extruder]).flatten().map(|word| word.span.start).collect();
         Self {
             axes,
             extruder: words.extruder.map(|word| word.span),
             motion: code(&[0, 10]),
             machine: code(&[530]),
+            is_in_order: in_order.is_sorted(),
             behind_axes: axes.iter().flatten().map(|span| span.end).max().unwrap_or(0),
             is_spaced: line.words.len() < 2
                 || line.words.windows(2).any(|pair| pair[0].span.end < pair[1].span.start),

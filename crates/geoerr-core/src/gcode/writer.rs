@@ -1,18 +1,14 @@
 //! Moves written again with corrected words; knows where the rewritten program puts the machine.
 
-use super::decimal::{POWERS_F64, write_fixed};
+use super::decimal::POWERS_F64;
 use super::draft::Draft;
-use super::extrusion::Share;
 use super::frame::{Effects, Frame};
 use super::known::Known;
-use super::lexer::Span;
 use super::options::{Options, unit_mm};
 use super::path::Node;
 use super::reader::Move;
-use super::words::MoveText;
-
-/// Fewest digits of a shared `E`.
-const EXTRUDER_DIGITS: u8 = 5;
+use super::shares::Shares;
+use super::wording::{AxisWord, PieceWords, first_piece, further_piece};
 
 /// A line as it comes in.
 #[derive(Clone, Copy, Debug)]
@@ -69,17 +65,7 @@ pub struct Writer {
     /// relied on.
     must_give_all: bool,
     draft: Draft,
-}
-
-/// An axis word of a piece.
-#[derive(Clone, Copy, Debug)]
-enum AxisWord {
-    /// The number as it was written is right.
-    Kept,
-    /// This many units of the last printed digit.
-    New(i64),
-    /// No word: the axis stays.
-    Absent,
+    shares: Shares,
 }
 
 impl Writer {
@@ -90,6 +76,7 @@ impl Writer {
             prints: [false, true].map(|is_inch| Print::new(options, is_inch)),
             must_give_all: false,
             draft: Draft::default(),
+            shares: Shares::default(),
         }
     }
 
@@ -108,40 +95,50 @@ impl Writer {
     ) -> Written {
         self.must_give_all |= a_move.is_first;
         let print = self.prints[usize::from(a_move.is_inch)];
-        let mut is_changed = nodes.len() > 1;
-        if let [node] = nodes
-            && Draft::fits(line.body.len() + line.ending.len())
-            && is_in_order(&a_move.text)
-        {
-            let words = self.axis_words(a_move, node, true, &print);
-            is_changed |= words.iter().any(|word| matches!(word, AxisWord::New(_)));
-            self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
-            self.draft.clear();
-            draft_whole(&mut self.draft, line, &a_move.text, &words, print.digits);
-            out.extend_from_slice(self.draft.bytes());
-            return Written { is_changed, extrusion: a_move.extrusion };
+        self.shares.set(a_move, nodes);
+        let [first, further @ ..] = nodes else {
+            return Written { is_changed: false, extrusion: a_move.extrusion };
+        };
+        let words = self.words(a_move, first, 0, &print);
+        let is_whole = further.is_empty();
+        let is_changed = !is_whole || words.axes.iter().any(|word| matches!(word, AxisWord::New(_)));
+        self.draft.clear();
+        self.draft.make_room(line.body.len() + line.ending.len());
+        let end = line.body.len() + if is_whole { line.ending.len() } else { 0 };
+        first_piece(&mut self.draft, line.text, end, &a_move.text, &words);
+        if !is_whole {
+            self.write_further(line, a_move, further, &print);
         }
-        let shares = Shares::new(a_move, nodes);
-        for (piece, node) in nodes.iter().enumerate() {
-            let words = self.axis_words(a_move, node, piece == 0, &print);
-            if piece == 0 {
-                is_changed |= words.iter().any(|word| matches!(word, AxisWord::New(_)));
-                write_first(out, line.body, &a_move.text, &words, &shares, print.digits);
-            } else {
-                write_further(out, line.body, &a_move.text, &words, &shares, piece, print.digits);
-            }
-            let is_last = piece + 1 == nodes.len();
-            out.extend_from_slice(if is_last || !line.ending.is_empty() {
-                line.ending
-            } else {
-                line.usual_ending
-            });
-        }
+        out.extend_from_slice(self.draft.bytes());
         self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
-        Written { is_changed, extrusion: shares.extrusion }
+        Written { is_changed, extrusion: self.shares.extrusion }
     }
 
-    /// The axis words of a piece, and the machine moved to where they say.
+    /// Lines of further pieces, and the ends of all.
+    fn write_further(&mut self, line: SourceLine<'_>, a_move: &Move, further: &[Node], print: &Print) {
+        let between = if line.ending.is_empty() { line.usual_ending } else { line.ending };
+        for (piece, node) in (1..).zip(further) {
+            let words = self.words(a_move, node, piece, print);
+            let draft = &mut self.draft;
+            draft.make_room(line.body.len() + 2 * between.len());
+            draft.copy(between, 0, between.len());
+            further_piece(draft, line.text, &a_move.text, &words);
+        }
+        self.draft.copy(line.ending, 0, line.ending.len());
+    }
+
+    /// The words of a piece, and the machine moved to where they say.
+    #[inline]
+    fn words(&mut self, a_move: &Move, node: &Node, piece: usize, print: &Print) -> PieceWords {
+        PieceWords {
+            axes: self.axis_words(a_move, node, piece == 0, print),
+            digits: print.digits,
+            extruder: self.shares.of_piece(piece),
+            extruder_digits: self.shares.digits,
+        }
+    }
+
+    /// X, Y and Z of a piece, and the machine moved to where they say.
     #[inline]
     fn axis_words(
         &mut self,
@@ -198,200 +195,6 @@ fn rounded(number: f64) -> i64 {
     // The largest number below a half: with a half, what is just below one would be rounded up.
     const BELOW_HALF: f64 = 0.499_999_999_999_999_94;
     (number + BELOW_HALF.copysign(number)) as i64
-}
-
-/// `E` of the pieces of a move.
-#[derive(Debug)]
-struct Shares {
-    digits: u8,
-    /// Words of the pieces, in units of the last digit; empty where the word stays as it is.
-    words: Vec<i64>,
-    /// Whether the last piece has the word as it was written.
-    last_is_kept: bool,
-    extrusion: i128,
-}
-
-impl Shares {
-    /// By length, rounded to the word's digits (at least five); the sum, or the last position, is exact.
-    fn new(a_move: &Move, nodes: &[Node]) -> Self {
-        let mut shares =
-            Self { digits: 0, words: Vec::new(), last_is_kept: false, extrusion: a_move.extrusion };
-        let number = match a_move.share {
-            Share::Increment(number) | Share::Position(number) if nodes.len() > 1 => number,
-            _ => return shares,
-        };
-        let digits = number.digits.max(EXTRUDER_DIGITS);
-        let Some(whole) = number.scaled(digits) else { return shares };
-        let per_unit = POWERS_F64[usize::from(digits)];
-        let up_to = |share: f64| match a_move.share {
-            Share::Position(_) => {
-                let from = (number.exact() - a_move.extrusion) as f64 * 1e-18;
-                ((from + share * (number.to_f64() - from)) * per_unit).round() as i64
-            }
-            _ => (share * whole as f64).round() as i64,
-        };
-        shares.digits = digits;
-        shares.words = nodes.iter().map(|node| up_to(node.share)).collect();
-        if let Some(last) = shares.words.last_mut() {
-            *last = whole;
-        }
-        if let Share::Position(_) = a_move.share {
-            shares.last_is_kept = true;
-        } else {
-            let mut before = 0;
-            for word in &mut shares.words {
-                let here = *word;
-                *word = here - before;
-                before = here;
-            }
-            let unit = 10_i128.pow(18 - u32::from(digits.min(18)));
-            shares.extrusion = shares.words.iter().map(|&word| i128::from(word) * unit).sum();
-        }
-        shares
-    }
-}
-
-/// Whether the axis words of a line stand in the order X, Y, Z.
-#[inline]
-fn is_in_order(text: &MoveText) -> bool {
-    let begins = text.axes.map(|span| span.map(|span| span.start));
-    let is_behind = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a < b);
-    is_behind(begins[0], begins[1]) && is_behind(begins[1], begins[2]) && is_behind(begins[0], begins[2])
-}
-
-/// The line of a move that stays whole, its axis words in order; its `E` stays.
-#[inline]
-fn draft_whole(draft: &mut Draft, line: SourceLine<'_>, text: &MoveText, words: &[AxisWord; 3], digits: u8) {
-    let mut at = 0;
-    for (axis, &word) in words.iter().enumerate() {
-        if let (AxisWord::New(steps), Some(span)) = (word, text.axes[axis]) {
-            // The letter stays.
-            draft.copy(line.text, at, span.start as usize + 1);
-            draft.number(steps, digits);
-            at = span.end as usize;
-        }
-    }
-    for (axis, &word) in words.iter().enumerate() {
-        if let (AxisWord::New(steps), None) = (word, text.axes[axis]) {
-            let behind = text.behind_axes as usize;
-            draft.copy(line.text, at, behind);
-            at = behind;
-            if text.is_spaced {
-                draft.push(b' ');
-            }
-            draft.push(axis_letter(text, axis));
-            draft.number(steps, digits);
-        }
-    }
-    draft.copy(line.text, at, line.body.len() + line.ending.len());
-}
-
-/// The line itself with new numbers; words of axes that it did not give behind the last that it gave.
-fn write_first(
-    out: &mut Vec<u8>,
-    body: &[u8],
-    text: &MoveText,
-    words: &[AxisWord; 3],
-    shares: &Shares,
-    digits: u8,
-) {
-    // Byte ranges to replace, in the order of the line. An insertion is an empty range.
-    let mut edits = [(Span { start: 0, end: 0 }, Edit::Number { steps: 0, digits }); 7];
-    let mut n_edits = 0;
-    let mut is_sorted = true;
-    let mut add = |span: Span, edit: Edit| {
-        is_sorted &= n_edits == 0 || edits[n_edits - 1].0.start <= span.start;
-        edits[n_edits] = (span, edit);
-        n_edits += 1;
-    };
-    for (axis, &word) in words.iter().enumerate() {
-        if let (AxisWord::New(steps), Some(span)) = (word, text.axes[axis]) {
-            add(span, Edit::Number { steps, digits });
-        }
-    }
-    let behind = Span { start: text.behind_axes, end: text.behind_axes };
-    for (axis, &word) in words.iter().enumerate() {
-        if let (AxisWord::New(steps), None) = (word, text.axes[axis]) {
-            add(behind, Edit::Axis { axis, steps });
-        }
-    }
-    if let (Some(span), Some(&steps)) = (text.extruder, shares.words.first()) {
-        add(span, Edit::Number { steps, digits: shares.digits });
-    }
-    let edits = &mut edits[..n_edits];
-    if !is_sorted {
-        // Stable: insertions at one place stay in the order X, Y, Z.
-        edits.sort_by_key(|(span, _)| span.start);
-    }
-    let mut at = 0;
-    for &(span, edit) in edits.iter() {
-        // Up to the number: the letter stays.
-        let letter = usize::from(matches!(edit, Edit::Number { .. }));
-        out.extend_from_slice(body.get(at..span.start as usize + letter).unwrap_or_default());
-        match edit {
-            Edit::Number { steps, digits } => write_fixed(out, steps, digits),
-            Edit::Axis { axis, steps } => write_axis(out, text, axis, steps, digits),
-        }
-        at = span.end as usize;
-    }
-    out.extend_from_slice(body.get(at..).unwrap_or_default());
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Edit {
-    Number { steps: i64, digits: u8 },
-    Axis { axis: usize, steps: i64 },
-}
-
-/// A line for a further piece: the motion code, the axes that move, and `E`.
-fn write_further(
-    out: &mut Vec<u8>,
-    body: &[u8],
-    text: &MoveText,
-    words: &[AxisWord; 3],
-    shares: &Shares,
-    piece: usize,
-    digits: u8,
-) {
-    let begin = out.len();
-    for span in [text.machine, text.motion].into_iter().flatten() {
-        if text.is_spaced && out.len() > begin {
-            out.push(b' ');
-        }
-        out.extend_from_slice(span.of(body));
-    }
-    for (axis, word) in words.iter().enumerate() {
-        if let AxisWord::New(steps) = word {
-            // A line must not begin with a blank.
-            let spaced = MoveText { is_spaced: text.is_spaced && out.len() > begin, ..*text };
-            write_axis(out, &spaced, axis, *steps, digits);
-        }
-    }
-    if let (Some(span), Some(&steps)) = (text.extruder, shares.words.get(piece)) {
-        if text.is_spaced {
-            out.push(b' ');
-        }
-        if shares.last_is_kept && piece + 1 == shares.words.len() {
-            out.extend_from_slice(span.of(body));
-        } else {
-            out.extend(span.of(body).first());
-            write_fixed(out, steps, shares.digits);
-        }
-    }
-}
-
-fn write_axis(out: &mut Vec<u8>, text: &MoveText, axis: usize, steps: i64, digits: u8) {
-    if text.is_spaced {
-        out.push(b' ');
-    }
-    out.push(axis_letter(text, axis));
-    write_fixed(out, steps, digits);
-}
-
-#[inline]
-fn axis_letter(text: &MoveText, axis: usize) -> u8 {
-    let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
-    letters[axis]
 }
 
 #[cfg(test)]

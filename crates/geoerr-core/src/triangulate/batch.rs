@@ -4,12 +4,10 @@
 //! kernels are compiled for the widest ones, chosen when the program runs. A row's result does not depend on its neighbours:
 //! the last chunk is filled up with its own last row.
 
-use pulp::{Arch, Simd, WithSimd};
-
 use super::fast::{self, Noise, Own, Seen, State, Unit};
 use super::pair::Pair;
 use super::{PixelNoise, Pixels, Rows};
-use crate::arithmetic::{Arithmetic, Fused, Separate};
+use crate::arithmetic::{Arithmetic, Kernel, run_widest};
 
 /// Rows that are done together: what is worked out for them stays in the fastest cache.
 pub(super) const CHUNK: usize = 64;
@@ -164,7 +162,7 @@ impl Workspace {
         rows: &mut Rows<'_>,
     ) -> &[u64] {
         let n_rows = rows.points_mm.len();
-        Arch::new().dispatch(Everything { workspace: self, pair, left, right, reweightings, rows });
+        run_widest(Everything { workspace: self, pair, left, right, reweightings, rows });
         &self.columns.is_good[..n_rows]
     }
 }
@@ -178,7 +176,9 @@ struct Everything<'a, 'rows> {
     rows: &'a mut Rows<'rows>,
 }
 
-impl Everything<'_, '_> {
+impl Kernel for Everything<'_, '_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<A: Arithmetic>(self) {
         let Workspace { left, right, columns } = self.workspace;
@@ -250,14 +250,6 @@ impl Columns {
     }
 }
 
-impl WithSimd for Everything<'_, '_> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        if S::IS_SCALAR { self.run::<Separate>() } else { self.run::<Fused>() }
-    }
-}
-
 /// Points of a chunk with equal noise in all pixels and no reweighting; whether all rows are good, and which.
 pub(super) fn solve_points<P: Copy + Into<f64>>(
     pair: &Pair,
@@ -265,7 +257,7 @@ pub(super) fn solve_points<P: Copy + Into<f64>>(
     right_px: &[[P; 2]; CHUNK],
     points_mm: &mut [[f64; 3]; CHUNK],
 ) -> [u64; CHUNK] {
-    Arch::new().dispatch(PointsOnly { pair, left_px, right_px, points_mm })
+    run_widest(PointsOnly { pair, left_px, right_px, points_mm })
 }
 
 struct PointsOnly<'a, P> {
@@ -275,7 +267,9 @@ struct PointsOnly<'a, P> {
     points_mm: &'a mut [[f64; 3]; CHUNK],
 }
 
-impl<P: Copy + Into<f64>> PointsOnly<'_, P> {
+impl<P: Copy + Into<f64>> Kernel for PointsOnly<'_, P> {
+    type Output = [u64; CHUNK];
+
     #[inline(always)]
     fn run<A: Arithmetic>(self) -> [u64; CHUNK] {
         let pair = *self.pair;
@@ -287,13 +281,5 @@ impl<P: Copy + Into<f64>> PointsOnly<'_, P> {
             *is_good = u64::from(good);
         }
         is_good
-    }
-}
-
-impl<P: Copy + Into<f64>> WithSimd for PointsOnly<'_, P> {
-    type Output = [u64; CHUNK];
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> [u64; CHUNK] {
-        if S::IS_SCALAR { self.run::<Separate>() } else { self.run::<Fused>() }
     }
 }

@@ -191,3 +191,17 @@ fn the_rig_by_nalgebra() {
         assert_eq!(rig_displacement(&[0.0; 11], &camera.into()), [0.0; 3]);
     }
 }
+
+#[test]
+fn errors_of_a_lattice_are_those_of_its_places() {
+    for (seed, code) in (0..).zip(all_chains()) {
+        let machine = drawn_machine(&code, seed, 3.0);
+        let q_mm = [[-310.0, -20.0, 7.5], [0.0, 33.0, 400.0], [-1.0, 120.0, 121.0]];
+        let errors_mm = machine.errors_of_lattice(&q_mm);
+        assert_eq!(errors_mm.len(), 27);
+        for (place, error_mm) in errors_mm.iter().enumerate() {
+            let at_mm = [q_mm[0][place % 3], q_mm[1][place / 3 % 3], q_mm[2][place / 9]];
+            assert_eq!(*error_mm, machine.error(&at_mm, &[0.0; 3]), "{code} {at_mm:?}");
+        }
+    }
+}

@@ -350,6 +350,22 @@ mod tests {
         }
 
         #[test]
+        fn the_box_that_was_asked_before_changes_nothing(
+            begin in place(),
+            steps in proptest::collection::vec([-6.0_f64..6.0, -6.0_f64..6.0, -2.0_f64..2.0], 1..30),
+        ) {
+            let machine = machine(1.0);
+            let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
+            let (mut near, mut at) = (None, begin);
+            for step in steps {
+                at = std::array::from_fn(|axis| at[axis] + step[axis]);
+                let by_near = grid.solve(&machine, &at, &mut near).map(|solved| (solved.node, solved.home));
+                let alone = grid.solve(&machine, &at, &mut None).map(|solved| (solved.node, solved.home));
+                prop_assert_eq!(by_near, alone);
+            }
+        }
+
+        #[test]
         fn what_is_called_straight_is_not_split(
             begin in place(),
             steps in proptest::collection::vec([-12.0_f64..12.0, -12.0_f64..12.0, -4.0_f64..4.0], 1..20),

@@ -237,7 +237,7 @@ mod tests {
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
             let closeness = Closeness { limit_mm, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
             let to_mm = between(&ends[0], &ends[1], reach);
-            let found = grid.solve(&machine, &ends[0]).zip(grid.solve(&machine, &to_mm));
+            let found = grid.solve(&machine, &ends[0], &mut None).zip(grid.solve(&machine, &to_mm, &mut None));
             let Some((begin, end)) = found else { return Ok(()) };
             let mut walk = Walk::default();
             let Some(pieces) = grid.walk(&machine, &begin, &end, &closeness, &mut walk) else { return Ok(()) };
@@ -298,8 +298,12 @@ mod tests {
                 let angle = 0.1 * f64::from(turn);
                 let at = |side: f64| {
                     let (x, y) = (side * 60.0 * angle.cos(), side * 60.0 * angle.sin());
-                    grid.solve(&machine, &[90.0 + 0.3 * f64::from(turn) + x, 85.0 + y, 20.0 + 5.0 * side])
-                        .unwrap()
+                    grid.solve(
+                        &machine,
+                        &[90.0 + 0.3 * f64::from(turn) + x, 85.0 + y, 20.0 + 5.0 * side],
+                        &mut None,
+                    )
+                    .unwrap()
                 };
                 let (begin, end) = (at(-1.0), at(1.0));
                 n_walked += grid.walk(&machine, &begin, &end, &closeness, &mut walk).unwrap().len();
