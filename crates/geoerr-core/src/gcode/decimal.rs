@@ -125,10 +125,10 @@ pub fn fixed(scaled: i64, digits: u8) -> ([u8; FIXED_BYTES], usize) {
 #[inline]
 fn four_digits(number: u32) -> u32 {
     // Divisions by multiplication, exact for numbers of that size: by 100, and then both halves by 10.
-    let hundreds = number * 5_243 >> 19;
-    let halves = hundreds | (number - 100 * hundreds) << 16;
-    let tens = (halves * 103 >> 10) & 0x000f_000f;
-    (tens | (halves - 10 * tens) << 8) + u32::from_le_bytes(*b"0000")
+    let hundreds = (number * 5_243) >> 19;
+    let halves = hundreds | ((number - 100 * hundreds) << 16);
+    let tens = ((halves * 103) >> 10) & 0x000f_000f;
+    (tens | ((halves - 10 * tens) << 8)) + u32::from_le_bytes(*b"0000")
 }
 
 /// Room for what [`short_fixed`] writes.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::block::{Block, Way};
 use super::course::Course;
-use super::grid::{Grid, Gridded, Home, Solved, Walk};
+use super::grid::{Grid, Gridded, Near, Solved, Walk};
 use super::options::Options;
 use super::path::{Closeness, Node, PathMap, SplitError, split};
 use super::reader::Move;
@@ -22,8 +22,7 @@ const NEWTON_MM: f64 = 1e-7;
 /// What the moves of a task are solved and split with.
 #[derive(Debug, Default)]
 struct Memory<'a> {
-    /// The box that the last move's end asked first.
-    near: Option<Home<'a>>,
+    near: Near<'a>,
     walk: Walk,
     crossings: Vec<f64>,
 }
@@ -96,7 +95,7 @@ impl Solver {
         map: &impl PathMap,
         a_move: &Move,
         course: Option<&Course>,
-        near: &mut Option<Home<'a>>,
+        near: &mut Near<'a>,
     ) -> Result<Solved, f64> {
         let ideal_mm = a_move.end_mm;
         if map.is_nominal() {
@@ -114,14 +113,14 @@ impl Solver {
     }
 
     #[inline]
-    fn way(
-        &self,
+    fn way<'a>(
+        &'a self,
         map: &impl PathMap,
         a_move: &Move,
         course: Option<&Course>,
         begin: Option<&Solved>,
         end: &Solved,
-        memory: &mut Memory<'_>,
+        memory: &mut Memory<'a>,
     ) -> Way {
         // A move from a place that no corrected move has reached has no straight path to keep.
         let Some(begin) = begin.filter(|_| !a_move.is_first) else { return Way::Whole };
@@ -130,7 +129,7 @@ impl Solver {
             if grid.is_straight(begin, end, &memory.near, closeness) {
                 return Way::Whole;
             }
-            if let Some(pieces) = grid.walk(map, begin, end, closeness, &mut memory.walk) {
+            if let Some(pieces) = grid.walk(map, begin, end, closeness, &mut memory.near, &mut memory.walk) {
                 return if let [_] = pieces { Way::Whole } else { Way::Pieces(pieces.to_vec()) };
             }
         }

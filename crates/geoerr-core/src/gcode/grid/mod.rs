@@ -46,9 +46,39 @@ type Row = Box<[OnceLock<Option<Box<Patch>>>]>;
 
 /// A box and its polynomials.
 #[derive(Clone, Copy, Debug)]
-pub struct Home<'a> {
+struct Home<'a> {
     place: u32,
     patch: &'a Patch,
+}
+
+/// The last two boxes that were asked: where most moves end, in the program's places and in commands.
+#[derive(Debug, Default)]
+pub struct Near<'a> {
+    homes: [Option<Home<'a>>; 2],
+    /// The one that was asked last.
+    last: usize,
+}
+
+impl<'a> Near<'a> {
+    /// The box of a place, where it has polynomials.
+    #[inline]
+    fn home_of(&mut self, grid: &'a Grid, map: &impl PathMap, at_mm: &[f64; 3]) -> Option<Home<'a>> {
+        for which in [self.last, 1 - self.last] {
+            if let Some(home) = self.homes[which].filter(|home| home.patch.owns(at_mm)) {
+                self.last = which;
+                return Some(home);
+            }
+        }
+        let home = grid.home_of(map, at_mm)?;
+        self.last = 1 - self.last;
+        self.homes[self.last] = Some(home);
+        Some(home)
+    }
+
+    #[inline]
+    fn patch_at(&self, place: u32) -> Option<&'a Patch> {
+        self.homes.iter().flatten().find(|home| home.place == place).map(|home| home.patch)
+    }
 }
 
 /// A solved place.
@@ -99,25 +129,23 @@ impl Grid {
         patch.nearly_holds(&commands_mm[1]).then(|| patch.actual_of_two(commands_mm))
     }
 
-    /// The command for a place, where a polynomial has it; `near` is the box of the place that was asked before.
+    /// The command for a place, where a polynomial has it; `near` are boxes that were asked before.
     #[inline]
     pub fn solve<'a>(
         &'a self,
         map: &impl PathMap,
         ideal_mm: &[f64; 3],
-        near: &mut Option<Home<'a>>,
+        near: &mut Near<'a>,
     ) -> Option<Solved> {
-        let mut home = match near {
-            Some(home) if home.patch.owns(ideal_mm) => *home,
-            _ => *near.insert(self.home_of(map, ideal_mm)?),
-        };
+        let mut at_mm = *ideal_mm;
         for _ in 0..MOST_HOPS {
+            let home = near.home_of(self, map, &at_mm)?;
             let command_mm = home.patch.command_for(ideal_mm);
             if home.patch.holds(&command_mm) {
                 let node = Node { share: 1.0, ideal_mm: *ideal_mm, command_mm };
                 return Some(Solved { node, home: Some(home.place) });
             }
-            home = self.home_of(map, &command_mm)?;
+            at_mm = command_mm;
         }
         None
     }
@@ -136,21 +164,9 @@ impl Grid {
     /// less than a tenth; for the same reason the tool is off by at most an eighth more than the command; and the bound
     /// that [`split`](super::path::split) goes by is at most a quarter above that: together less than twice as much.
     #[inline]
-    pub fn is_straight(
-        &self,
-        begin: &Solved,
-        end: &Solved,
-        near: &Option<Home<'_>>,
-        closeness: &Closeness,
-    ) -> bool {
+    pub fn is_straight(&self, begin: &Solved, end: &Solved, near: &Near<'_>, closeness: &Closeness) -> bool {
         let (Some(from), Some(to)) = (begin.home, end.home) else { return false };
-        let patch = match near {
-            Some(home) if home.place == to => home.patch,
-            _ => match self.made(to) {
-                Some(patch) => patch,
-                None => return false,
-            },
-        };
+        let Some(patch) = near.patch_at(to).or_else(|| self.made(to)) else { return false };
         let length_mm = distance(&begin.node.ideal_mm, &end.node.ideal_mm);
         let off_mm = if from == to {
             0.125 * patch.bend_per_mm * length_mm * length_mm
@@ -230,7 +246,7 @@ impl<M: PathMap> PathMap for Gridded<'_, M> {
         approach: &Approach,
         tolerance_mm: f64,
     ) -> Result<[f64; 3], f64> {
-        match self.grid.and_then(|grid| grid.solve(self.map, ideal_mm, &mut None)) {
+        match self.grid.and_then(|grid| grid.solve(self.map, ideal_mm, &mut Near::default())) {
             Some(solved) => Ok(solved.node.command_mm),
             None => self.map.command_for(ideal_mm, approach, tolerance_mm),
         }
@@ -317,7 +333,7 @@ mod tests {
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
             let still = Approach::default();
             for target_mm in &targets {
-                if let Some(solved) = grid.solve(&machine, target_mm, &mut None) {
+                if let Some(solved) = grid.solve(&machine, target_mm, &mut Near::default()) {
                     let command_mm = solved.node.command_mm;
                     let place_mm = machine.actual(&command_mm, &still);
                     prop_assert!(distance(&place_mm, target_mm) <= NEWTON_MM);
@@ -356,11 +372,11 @@ mod tests {
         ) {
             let machine = machine(1.0);
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
-            let (mut near, mut at) = (None, begin);
+            let (mut near, mut at) = (Near::default(), begin);
             for step in steps {
                 at = std::array::from_fn(|axis| at[axis] + step[axis]);
                 let by_near = grid.solve(&machine, &at, &mut near).map(|solved| (solved.node, solved.home));
-                let alone = grid.solve(&machine, &at, &mut None).map(|solved| (solved.node, solved.home));
+                let alone = grid.solve(&machine, &at, &mut Near::default()).map(|solved| (solved.node, solved.home));
                 prop_assert_eq!(by_near, alone);
             }
         }
@@ -379,10 +395,10 @@ mod tests {
                 *at = std::array::from_fn(|axis| at[axis] + step[axis]);
                 Some(*at)
             });
-            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solve(&machine, &end, &mut None)).collect();
+            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solve(&machine, &end, &mut Near::default())).collect();
             for pair in solved.windows(2) {
                 let (Some(from), Some(to)) = (&pair[0], &pair[1]) else { continue };
-                if grid.is_straight(from, to, &None, &closeness) {
+                if grid.is_straight(from, to, &Near::default(), &closeness) {
                     let start = Node { share: 0.0, ..from.node };
                     let pieces =
                         split(&machine, &Course::default(), &start, &to.node, &closeness, &mut Vec::new());
@@ -399,11 +415,15 @@ mod tests {
         let closeness = Closeness { limit_mm: 0.0048, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
         let at = |i: u32| {
             let turn = 0.02 * f64::from(i);
-            grid.solve(&machine, &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0], &mut None)
-                .unwrap()
+            grid.solve(
+                &machine,
+                &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0],
+                &mut Near::default(),
+            )
+            .unwrap()
         };
         let n_straight =
-            (0..300).filter(|&i| grid.is_straight(&at(i), &at(i + 1), &None, &closeness)).count();
+            (0..300).filter(|&i| grid.is_straight(&at(i), &at(i + 1), &Near::default(), &closeness)).count();
         assert!(n_straight > 290, "{n_straight}");
     }
 
@@ -412,11 +432,11 @@ mod tests {
         let machine = machine(1.0);
         let mut grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
         let target_mm = [33.3, 44.4, 5.5];
-        let before = grid.solve(&machine, &target_mm, &mut None).unwrap().node;
+        let before = grid.solve(&machine, &target_mm, &mut Near::default()).unwrap().node;
         *grid.n_made.get_mut() = MOST_MADE + 1;
         grid.tidy();
         assert_eq!(*grid.n_made.get_mut(), 0);
-        assert_eq!(grid.solve(&machine, &target_mm, &mut None).unwrap().node, before);
+        assert_eq!(grid.solve(&machine, &target_mm, &mut Near::default()).unwrap().node, before);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 
 use super::super::patch::{Patch, STEEPEST};
 use super::super::path::{Closeness, Node, PathMap, between, distance, norm};
-use super::{Grid, Solved};
+use super::{Grid, Near, Solved};
 
 /// The tool is off by at most so much more than its command, as errors change by less than that.
 const TOOL_PER_COMMAND: f64 = 1.0 + STEEPEST;
@@ -52,17 +52,18 @@ impl Grid {
     /// A piece from one stop to another is commanded along the straight line between their corrections. At the stops on
     /// its way their own corrections tell how far that line is off; between two of them it is off by no more than the
     /// larger one of both and the bulge. Each piece reaches as far as it may.
-    pub fn walk<'w>(
-        &self,
+    pub fn walk<'a, 'w>(
+        &'a self,
         map: &impl PathMap,
         begin: &Solved,
         end: &Solved,
         closeness: &Closeness,
+        near: &mut Near<'a>,
         walk: &'w mut Walk,
     ) -> Option<&'w [Node]> {
         let most_mm = closeness.limit_mm / TOOL_PER_COMMAND - 2.0 * closeness.newton_mm;
         let way = OnTheWay { grid: self, map, begin: &begin.node, end };
-        way.find(begin, &mut walk.stops, most_mm)?;
+        way.find(begin, near, &mut walk.stops, most_mm)?;
         let (stops, pieces) = (&walk.stops, &mut walk.pieces);
         pieces.clear();
         let (mut from, last) = (0, stops.len() - 1);
@@ -80,16 +81,16 @@ impl Grid {
 }
 
 /// A move whose stops are being found.
-struct OnTheWay<'a, M> {
+struct OnTheWay<'a, 'm, M> {
     grid: &'a Grid,
-    map: &'a M,
-    begin: &'a Node,
-    end: &'a Solved,
+    map: &'m M,
+    begin: &'m Node,
+    end: &'m Solved,
 }
 
-impl<M: PathMap> OnTheWay<'_, M> {
+impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
     /// Goes from box to box: a stop at each face that commands go through, and at the end.
-    fn find(&self, begin: &Solved, stops: &mut Vec<Stop>, most_mm: f64) -> Option<()> {
+    fn find(&self, begin: &Solved, near: &mut Near<'a>, stops: &mut Vec<Stop>, most_mm: f64) -> Option<()> {
         let first = Stop::at(0.0, begin)?;
         let way_mm = std::array::from_fn(|axis| self.end.node.ideal_mm[axis] - self.begin.ideal_mm[axis]);
         let mut cells = self.grid.cells_at(first.home);
@@ -101,10 +102,11 @@ impl<M: PathMap> OnTheWay<'_, M> {
             let (more, axis, is_up) = patch.way_out(&here.command_mm, &way_mm);
             let share = here.share + more;
             if share > 1.0 - LEAST_SHARE {
-                return self.go_to(patch, Stop::at(1.0, self.end)?, stops, most_mm);
+                return self.go_to(patch, Stop::at(1.0, self.end)?, near, stops, most_mm);
             }
             if more > LEAST_SHARE {
-                self.go_to(patch, self.stop(share)?, stops, most_mm)?;
+                let stop = self.stop(share, near)?;
+                self.go_to(patch, stop, near, stops, most_mm)?;
             }
             cells[axis] = if is_up { cells[axis] + 1 } else { cells[axis].checked_sub(1)? };
             if cells[axis] == self.grid.axes[axis].n_cells() {
@@ -114,13 +116,20 @@ impl<M: PathMap> OnTheWay<'_, M> {
         None
     }
 
-    fn stop(&self, share: f64) -> Option<Stop> {
+    fn stop(&self, share: f64, near: &mut Near<'a>) -> Option<Stop> {
         let ideal_mm = between(&self.begin.ideal_mm, &self.end.node.ideal_mm, share);
-        Stop::at(share, &self.grid.solve(self.map, &ideal_mm, &mut None)?)
+        Stop::at(share, &self.grid.solve(self.map, &ideal_mm, near)?)
     }
 
     /// Adds the next stop of a box, and others before it where the box bends too much for one piece.
-    fn go_to(&self, patch: &Patch, next: Stop, stops: &mut Vec<Stop>, most_mm: f64) -> Option<()> {
+    fn go_to(
+        &self,
+        patch: &Patch,
+        next: Stop,
+        near: &mut Near<'a>,
+        stops: &mut Vec<Stop>,
+        most_mm: f64,
+    ) -> Option<()> {
         let before = stops.last_mut()?;
         let from = before.node.share;
         before.bulge_mm = self.bulge_mm(patch, before, &next)?;
@@ -131,7 +140,7 @@ impl<M: PathMap> OnTheWay<'_, M> {
                 return None;
             }
             for part in 1..n_parts as u32 {
-                let stop = self.stop(from + f64::from(part) / n_parts * (next.node.share - from))?;
+                let stop = self.stop(from + f64::from(part) / n_parts * (next.node.share - from), near)?;
                 let before = stops.last_mut()?;
                 before.bulge_mm = self.bulge_mm(patch, before, &stop)?;
                 stops.push(stop);
@@ -237,10 +246,10 @@ mod tests {
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
             let closeness = Closeness { limit_mm, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
             let to_mm = between(&ends[0], &ends[1], reach);
-            let found = grid.solve(&machine, &ends[0], &mut None).zip(grid.solve(&machine, &to_mm, &mut None));
+            let found = grid.solve(&machine, &ends[0], &mut Near::default()).zip(grid.solve(&machine, &to_mm, &mut Near::default()));
             let Some((begin, end)) = found else { return Ok(()) };
             let mut walk = Walk::default();
-            let Some(pieces) = grid.walk(&machine, &begin, &end, &closeness, &mut walk) else { return Ok(()) };
+            let Some(pieces) = grid.walk(&machine, &begin, &end, &closeness, &mut Near::default(), &mut walk) else { return Ok(()) };
             prop_assert_eq!(pieces.last(), Some(&Node { share: 1.0, ..end.node }));
             let mut from = Node { share: 0.0, ..begin.node };
             for to in pieces {
@@ -301,12 +310,15 @@ mod tests {
                     grid.solve(
                         &machine,
                         &[90.0 + 0.3 * f64::from(turn) + x, 85.0 + y, 20.0 + 5.0 * side],
-                        &mut None,
+                        &mut Near::default(),
                     )
                     .unwrap()
                 };
                 let (begin, end) = (at(-1.0), at(1.0));
-                n_walked += grid.walk(&machine, &begin, &end, &closeness, &mut walk).unwrap().len();
+                n_walked += grid
+                    .walk(&machine, &begin, &end, &closeness, &mut Near::default(), &mut walk)
+                    .unwrap()
+                    .len();
                 let start = Node { share: 0.0, ..begin.node };
                 let pieces =
                     split(&machine, &Course::default(), &start, &end.node, &closeness, &mut Vec::new());
