@@ -101,6 +101,42 @@ def brush(story: Story) -> None:
     story.page.wait_for_selector("#marked >> text=rows marked", timeout=PATIENCE_MS)
 
 
+def brush_the_volume(story: Story) -> None:
+    """Mark rows by boxes over the volume: the two halves of the picture hold what the whole holds; then by keys."""
+    page = story.page
+    page.click("label:has-text('mark by a box')")
+    at = page.locator("#view-box-sheet").bounding_box()
+    # Below the line that says how.
+    top, middle, foot = at["y"] + 40, at["x"] + 0.47 * at["width"], at["y"] + at["height"] - 2
+    left, right = at["x"] + 2, at["x"] + at["width"] - 2
+    counts = []
+    for begin, end in ((left, right), (middle, left), (middle, right)):
+        page.mouse.move(begin, top)
+        page.mouse.down()
+        page.mouse.move(end, foot, steps=5)
+        page.evaluate(_CLOCK, ["#marked", ""])
+        page.mouse.up()
+        tell_the_clock(story, "box over the volume to answer")
+        counts.append(_n_marked(page))
+    whole, *halves = counts
+    assert sum(halves) == whole, f"a box over the volume marks {whole} rows, its halves {halves}"
+    story.shoot("marked-in-volume")
+    page.focus("#marks-by-box input")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Shift+ArrowLeft")
+    page.keyboard.press("ArrowDown")
+    page.evaluate(_CLOCK, ["#marked", ""])
+    page.keyboard.press("Enter")
+    page.wait_for_function("window.answeredMs", timeout=PATIENCE_MS)
+    assert 0 < _n_marked(page) < whole, "a box by keys marks no part of the volume"
+    story.shoot("marked-in-volume-by-keys")
+    page.click("label:has-text('mark by a box')")
+
+
+def _n_marked(page: Any) -> int:
+    return int(page.inner_text("#marked").partition(" ")[0].replace(",", ""))
+
+
 def look_and_see_what_rests(page: Any) -> None:
     """Begin a search; what would begin other work is off meanwhile."""
     page.click("text=Look for what is missing")
@@ -158,6 +194,8 @@ def tell(story: Story, url: str, program: Path) -> None:
     story.shoot("marked")
     page.click("text=Unmark")
     without_mouse(story)
+    page.click("text=Unmark")
+    brush_the_volume(story)
     page.click("text=Unmark")
     page.click("label:has-text('regions')")
     story.shoot("regions")

@@ -44,6 +44,7 @@ def page(session: Session) -> Any:
             dcc.Store(id="shown", data={}),
             dcc.Store(id="hovered", data=""),
             dcc.Store(id="box"),
+            dcc.Store(id="view-box"),
             dcc.Store(id="marks", data=0.0),
             dcc.Store(id="pinned", data=""),
             dcc.Store(id="webgl"),

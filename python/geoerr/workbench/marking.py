@@ -16,6 +16,7 @@ from geoerr.workbench.parts import wrong_field
 from geoerr.workbench.pictures import marks_in_residual, marks_in_volume, rows_between, rows_in_box, rows_of_pass
 from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.view import REGION
+from geoerr.workbench.view_box import rows_in_view_box
 
 # Button to what `mark` takes it for.
 _SOURCES = {"mark-region": "region", "unmark": "none"}
@@ -48,6 +49,8 @@ def mark(session: Session, source: str, what: Any) -> list[Any] | None:
             rows = rows_in_box(seen, session.view.variable, what["range"])
         elif source == "volume" and what:
             rows = _rows_of_stroke(session, seen, what["points"][0].get("customdata") or [])
+        elif source == "view-box":
+            rows = rows_in_view_box(seen, what)
         elif source == "region":
             rows = rows_of_region(seen, int(what))
         elif source == "limits":
@@ -96,6 +99,15 @@ def wire_marks(app: Dash, session: Session) -> None:
         prevent_initial_call=True,
     )
 
+    # Where there is no volume there is no box over it either.
+    app.clientside_callback(
+        "(chosen, isAway) => [isAway, isAway || chosen.length === 0]",
+        Output("view-box-choice", "hidden"),
+        Output("view-box-sheet", "hidden"),
+        Input("marks-by-box", "value"),
+        Input("volume-controls", "hidden"),
+    )
+
     # By itself: of one callback that is asked again the page takes the last answer only, and a box that goes away as
     # rows are marked elsewhere would take that mark's answer along.
     @app.callback(
@@ -113,6 +125,7 @@ def wire_marks(app: Dash, session: Session) -> None:
         Output("marks", "data"),
         Output("wrong-limit", "children"),
         Input("volume", "clickData"),
+        Input("view-box", "data"),
         Input({"do": "mark-region", "what": ALL}, "n_clicks"),
         Input({"do": "unmark", "what": ALL}, "n_clicks"),
         Input("mark-limits", "n_clicks"),
@@ -122,11 +135,11 @@ def wire_marks(app: Dash, session: Session) -> None:
         State("mark-to", "value"),
         prevent_initial_call=True,
     )
-    def _mark(pointed: Any, *rest: Any) -> Any:
+    def _mark(pointed: Any, view_box: Any, *rest: Any) -> Any:
         source, limits = ctx.triggered_id, rest[-2:]
         try:
-            if source == "volume":
-                words = mark(session, "volume", pointed)
+            if source in ("volume", "view-box"):
+                words = mark(session, source, pointed if source == "volume" else view_box)
             elif isinstance(source, str):
                 words = mark(session, "limits", limits)
             else:

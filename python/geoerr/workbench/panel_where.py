@@ -88,11 +88,35 @@ def _volume_figure(view: View) -> Any:
                 hidden=True,
             ),
             html.Div(
-                dcc.Graph(id="volume", config=_VOLUME_CONFIG, responsive=True), id="volume-frame", className="picture"
+                [
+                    dcc.Graph(id="volume", config=_VOLUME_CONFIG, responsive=True),
+                    html.Div(
+                        dcc.Checklist({"box": "mark by a box"}, [], id="marks-by-box", className="choice"),
+                        id="view-box-choice",
+                    ),
+                    _view_box_sheet(),
+                ],
+                id="volume-frame",
+                className="picture",
             ),
             html.Figcaption(id="volume-caption"),
         ]
     )  # fmt: skip
+
+
+def _view_box_sheet() -> Any:
+    """Make what lies over the volume while a box is drawn there; without it the pointer turns the volume."""
+    return html.Div(
+        [
+            html.Span("drag a box; or arrows move it, Shift + arrows size it, Enter marks", className="why"),
+            html.Div(className="box", hidden=True),
+        ],
+        id="view-box-sheet",
+        tabIndex=0,
+        hidden=True,
+        role="application",
+        **{"aria-label": "A box over the volume: arrows move it, Shift + arrows size it, Enter marks its rows"},
+    )
 
 
 def _residual_figure() -> Any:
@@ -201,7 +225,7 @@ def marked_words(session: Session) -> list[Any]:
     if seen is None:
         return []
     if rows is None:
-        other = "" if session.view.look == CIRCLE else ", click an arrow at the left, or a region"
+        other = "" if session.view.look == CIRCLE else "; or “mark by a box” at the left, or click an arrow or region"
         return [html.Span(f"Nothing is marked: drag a box at the right or say from where to where{other}.")]
     texts = []
     for component in seen.comparison.components:
