@@ -101,21 +101,28 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     assert len(operations["data", 2, "x"]) == 3 * expected.sum()
     places = [one["location"] for one in marking.mark_residual(learned).to_plotly_json()["operations"]]
     assert ["data", 0, "selectedpoints"] in places
-    # The box stays with what it marked, and goes with what marks other rows.
-    assert ["layout", "selections"] not in places
+    # The box stays with what it marked over this variable, and goes with what marks other rows.
+    [drawn] = _box_drawn(learned)
+    assert [drawn[name] for name in ("xref", "x0", "x1", "yref", "y0", "y1")] == ["x", 100.0, 200.0, "y", -1e3, 1e3]
+    [whole] = wiring.pictures(learned, "")["residual"].layout.shapes
+    assert (whole.x0, whole.x1) == (100.0, 200.0)
+    learned.view.variable = "y"
+    assert _box_drawn(learned) == []
+    learned.view.variable = "x"
     marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
     assert learned.selected.sum() == N_POINTS
-    places = [one["location"] for one in marking.mark_residual(learned).to_plotly_json()["operations"]]
-    assert ["layout", "selections"] in places
+    assert _box_drawn(learned) == []
     marking.mark(learned, "region", "0")
     assert learned.selected is None or learned.selected.sum() < N_LINES * N_POINTS
-    marking.mark(learned, "volume", {"points": [{"customdata": [0, 0, 0, 0, 0, 0, 20]}]})
-    # The browser tells that the box is gone; the mark of the other picture stays.
-    assert marking.mark(learned, "residual", None) is None
-    assert marking.mark(learned, "residual", {"points": []}) is None
-    assert learned.selected.sum() == N_POINTS
-    marking.mark(learned, "none", "")
+    # Two clicks on the picture.
+    marking.mark(learned, "residual", None)
     assert learned.selected is None
+
+
+def _box_drawn(session: Session) -> list[dict[str, object]]:
+    """Give the box over the residual as the page is told to draw it."""
+    operations = marking.mark_residual(session).to_plotly_json()["operations"]
+    return next(one["params"]["value"] for one in operations if one["location"] == ["layout", "shapes"])
 
 
 def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> None:
@@ -125,8 +132,6 @@ def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> N
     words = marking.mark(learned, "limits", ("100", "200,0"))
     assert (learned.selected == by_box).all()
     assert f"{by_box.sum()} rows marked" in texts(words)
-    # The browser takes the box away: the mark stays.
-    assert marking.mark(learned, "residual", None) is None
     marking.mark(learned, "limits", ("", "150"))
     x = learned.seen.comparison.points.sightings.commanded_mm[:, 0]
     assert learned.selected.any()
@@ -138,14 +143,6 @@ def test_two_limits_mark_what_a_box_marks_without_a_mouse(learned: Session) -> N
     low, high, unit = limits_shown(learned.seen, "x")
     assert (float(low), float(high)) == pytest.approx((x.min(), x.max()), rel=1e-3)
     assert unit == "mm"
-
-
-def test_a_box_that_goes_away_does_not_take_the_answer_to_another_mark_along(learned: Session) -> None:
-    # Of one callback that is asked twice the page takes the last answer, here one that nothing has changed.
-    marks = [one for name, one in make_app(learned, Guard(PORT)).callback_map.items() if "marks.data" in name]
-    of_box = [one["inputs"] for one in marks if any(asked["id"] == "box" for asked in one["inputs"])]
-    assert of_box == [[{"id": "box", "property": "data"}]]
-    assert len(marks) == 2
 
 
 def test_the_volume_is_looked_at_from_where_a_button_says(learned: Session) -> None:

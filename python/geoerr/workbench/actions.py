@@ -416,9 +416,9 @@ def _look(session: Session, seen: Seen | None) -> None:
     session.seen = seen
     session.sight += 1
     if seen is None:
-        session.selected = None
+        session.selected = session.box = None
         return
     worst_first = sorted(seen.circles, key=lambda run: -run.measured.circular_deviation_mm)
     session.view.settle(tuple(seen.variables), seen.by_worth, seen.looks, [run.name for run in worst_first])
     if session.selected is not None and len(session.selected) != len(seen.comparison.points.sightings):
-        session.selected = None
+        session.selected = session.box = None

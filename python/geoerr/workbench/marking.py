@@ -14,7 +14,7 @@ from geoerr.workbench.clicks import clicked
 from geoerr.workbench.panel_where import marked_words, rows_of_region
 from geoerr.workbench.parts import wrong_field
 from geoerr.workbench.pictures import marks_in_residual, marks_in_volume, rows_between, rows_in_box, rows_of_pass
-from geoerr.workbench.session import Rows, Seen, Session
+from geoerr.workbench.session import Box, Rows, Seen, Session
 from geoerr.workbench.view import REGION
 from geoerr.workbench.view_box import rows_in_view_box
 
@@ -41,12 +41,9 @@ def mark(session: Session, source: str, what: Any) -> list[Any] | None:
         if seen is None:
             return None
         rows = None
-        has_box = source == "residual" and bool(what) and "range" in what
-        if source == "residual" and not has_box and not session.is_marked_by_box:
-            # The box goes away where rows are marked elsewhere: that takes no mark away.
-            return None
-        if has_box:
-            rows = rows_in_box(seen, session.view.variable, what["range"])
+        box = Box(session.view.variable, what["range"]) if source == "residual" and what else None
+        if box is not None:
+            rows = rows_in_box(seen, box.variable, box.ends)
         elif source == "volume" and what:
             rows = _rows_of_stroke(session, seen, what["points"][0].get("customdata") or [])
         elif source == "view-box":
@@ -56,19 +53,14 @@ def mark(session: Session, source: str, what: Any) -> list[Any] | None:
         elif source == "limits":
             rows = rows_between(seen, session.view.variable, *what)
         actions.select(session, rows)
-        session.is_marked_by_box = source == "residual"
+        session.box = box
         return marked_words(session)
 
 
 def mark_residual(session: Session) -> Patch | None:
     """Give what the rows that are marked change in the residual's picture; a box that did not mark them goes away."""
     with session.lock:
-        if session.seen is None:
-            return None
-        changed = marks_in_residual(session, session.seen)
-        if not session.is_marked_by_box:
-            changed["layout"]["selections"] = []
-        return changed
+        return None if session.seen is None else marks_in_residual(session, session.seen)
 
 
 def mark_volume(session: Session) -> Patch | None:
@@ -91,14 +83,6 @@ def _answer(words: list[Any] | None) -> tuple[Any, Any, None]:
 
 def wire_marks(app: Dash, session: Session) -> None:
     """Put the callbacks of marking on the page."""
-    # Of a box its ends are enough: Plotly tells every point in it, more than 100 kB.
-    app.clientside_callback(
-        "(told) => told && told.range ? {range: told.range} : null",
-        Output("box", "data"),
-        Input("residual", "selectedData"),
-        prevent_initial_call=True,
-    )
-
     # Where there is no volume there is no box over it either.
     app.clientside_callback(
         "(chosen, isAway) => [isAway, isAway || chosen.length === 0]",
@@ -108,24 +92,13 @@ def wire_marks(app: Dash, session: Session) -> None:
         Input("volume-controls", "hidden"),
     )
 
-    # By itself: of one callback that is asked again the page takes the last answer only, and a box that goes away as
-    # rows are marked elsewhere would take that mark's answer along.
-    @app.callback(
-        Output("marked", "children", allow_duplicate=True),
-        Output("marks", "data", allow_duplicate=True),
-        Output("wrong-limit", "children", allow_duplicate=True),
-        Input("box", "data"),
-        prevent_initial_call=True,
-    )
-    def _mark_box(box: Any) -> Any:
-        return _answer(mark(session, "residual", box))
-
     @app.callback(
         Output("marked", "children", allow_duplicate=True),
         Output("marks", "data"),
         Output("wrong-limit", "children"),
         Input("volume", "clickData"),
         Input("view-box", "data"),
+        Input("box", "data"),
         Input({"do": "mark-region", "what": ALL}, "n_clicks"),
         Input({"do": "unmark", "what": ALL}, "n_clicks"),
         Input("mark-limits", "n_clicks"),
@@ -135,13 +108,12 @@ def wire_marks(app: Dash, session: Session) -> None:
         State("mark-to", "value"),
         prevent_initial_call=True,
     )
-    def _mark(pointed: Any, view_box: Any, *rest: Any) -> Any:
+    def _mark(pointed: Any, view_box: Any, box: Any, *rest: Any) -> Any:
         source, limits = ctx.triggered_id, rest[-2:]
+        told = {"volume": ("volume", pointed), "view-box": ("view-box", view_box), "box": ("residual", box)}
         try:
-            if source in ("volume", "view-box"):
-                words = mark(session, source, pointed if source == "volume" else view_box)
-            elif isinstance(source, str):
-                words = mark(session, "limits", limits)
+            if isinstance(source, str):
+                words = mark(session, *told.get(source, ("limits", limits)))
             else:
                 asked = clicked()
                 words = None if asked is None else mark(session, _SOURCES[asked[0]], asked[1])

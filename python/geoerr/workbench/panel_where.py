@@ -130,7 +130,14 @@ def _residual_figure() -> Any:
                 className="controls",
             ),
             _limits_form(),
-            html.Div(dcc.Graph(id="residual", config=_RESIDUAL_CONFIG, responsive=True), className="picture"),
+            html.Div(
+                [
+                    dcc.Graph(id="residual", config=_RESIDUAL_CONFIG, responsive=True),
+                    html.Div(className="box", hidden=True),
+                ],
+                id="residual-frame",
+                className="picture",
+            ),
             html.Figcaption(id="residual-caption"),
         ]
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
@@ -48,6 +49,8 @@ _MARKED, _EXPLAINED = 2, 3
 _MEASURED = 1
 # Traces of each component in the picture of the residual: points, means, what would be explained.
 _PER_COMPONENT = 3
+# Vermillion that points show through.
+_BOX_FILL = "rgba(213, 94, 0, 0.08)"
 # Far enough away that the axes' names are inside a narrow panel, as far as the volume is a cube.
 _EYES = {
     "above": {"x": 0.0, "y": 0.0, "z": 3.2},
@@ -207,7 +210,7 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
         figure.data[_PER_COMPONENT * place].selectedpoints = rows
     for trace in figure.data:
         trace.update(unselected={"marker": {"opacity": 0.12 if trace.customdata is not None else 1.0}})
-    figure.update_layout(dragmode="select", selectdirection="any", newselection={"line": {"color": style.VERMILLION}})
+    figure.update_layout(dragmode="select", shapes=_box_shapes(session))
     for axis in figure.select_yaxes():
         axis.title.text = axis.title.text.removeprefix("along ")
     # The first part tells the axes apart from those of another choice: zoom is kept while they are the same.
@@ -253,6 +256,7 @@ def marks_in_residual(session: Session, seen: Seen) -> Patch:
     changed = Patch()
     for place, rows in enumerate(_selected_points(seen, session.selected, session.view.variable)):
         changed["data"][_PER_COMPONENT * place]["selectedpoints"] = None if rows is None else rows.tolist()
+    changed["layout"]["shapes"] = _box_shapes(session)
     return changed
 
 
@@ -276,7 +280,7 @@ def explanation(session: Session, seen: Seen, explained_um: Numbers | None) -> t
     return in_volume, in_residual
 
 
-def rows_in_box(seen: Seen, variable: str, box: dict[str, list[float]]) -> Rows:
+def rows_in_box(seen: Seen, variable: str, box: Mapping[str, Sequence[float]]) -> Rows:
     """Tell which rows (n,) lie in a box that was drawn over the residual: all of them, drawn or not."""
     inside = np.ones(len(seen.comparison.points.sightings), dtype=bool)
     for name, ends in box.items():
@@ -446,6 +450,21 @@ def _motion(name: str) -> float | None:
     if axis in ("x", "y", "z") and head in _MOTION:
         return _MOTION[head]
     return {"feed": _FEED_MM_MIN, "moving": 0.0}.get(name)
+
+
+def _box_shapes(session: Session) -> list[dict[str, Any]]:
+    """Give the box that marked rows over the variable that the residual is drawn over."""
+    box = session.box
+    if box is None or box.variable != session.view.variable:
+        return []
+    # One without ends along an axis reaches all over the picture.
+    sides: dict[str, tuple[str, Sequence[float]]] = {"x": ("paper", (0.0, 1.0)), "y": ("paper", (0.0, 1.0))}
+    sides |= {name[0]: (name, ends) for name, ends in box.ends.items()}
+    shape: dict[str, Any] = {"type": "rect", "fillcolor": _BOX_FILL, "layer": "below"}
+    shape["line"] = {"color": style.VERMILLION, "width": 1.5, "dash": "dash"}
+    for side, (axis, ends) in sides.items():
+        shape |= {f"{side}ref": axis, f"{side}0": min(ends), f"{side}1": max(ends)}
+    return [shape]
 
 
 def _drawn_points(seen: Seen, variable: str) -> list[tuple[Component, np.ndarray]]:

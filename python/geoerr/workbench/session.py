@@ -6,7 +6,7 @@ import shutil
 import tempfile
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -116,6 +116,14 @@ class Prepared:
     seen: Seen
 
 
+@dataclass(frozen=True)
+class Box:
+    """A box that was drawn over the residual: over which variable, and axis of the picture to its two ends."""
+
+    variable: str
+    ends: Mapping[str, Sequence[float]]
+
+
 @dataclass(frozen=True, eq=False)
 class Looked:
     """A model that was looked at before this one, with what belongs to it: looking at it again takes no time."""
@@ -155,7 +163,7 @@ class Session:
     seen, diagnosis, told, prepared, trial, selected, program, dropped
         What belongs to the current model: None until it was asked for. `told` is what the page says of a diagnosis;
         a saved session has it again, without the diagnosis itself. `selected` is (n,),
-        and `is_marked_by_box` tells whether the box over the residual chose it. `dropped` is the program as it came,
+        and `box` is that over the residual, where one chose it. `dropped` is the program as it came,
         name and content, to be corrected again by another model or with other wishes.
     before
         The model that was looked at before, of the same data. One only: each holds its measurements anew.
@@ -190,7 +198,7 @@ class Session:
     prepared: tuple[Prepared, ...] = ()
     trial: Trial | None = None
     selected: Rows | None = None
-    is_marked_by_box: bool = False
+    box: Box | None = None
     program: CorrectedProgram | None = None
     dropped: tuple[str, bytes] | None = None
     before: Looked | None = None

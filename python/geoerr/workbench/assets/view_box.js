@@ -1,23 +1,14 @@
 // A box over the volume, by the pointer or by keys: the page tells the server the box, and how the scene is projected.
 (() => {
-  const LEAST_PX = 4;
   const STEP_PX = 8;
   // Share of the sheet that a box has at first, where keys begin it.
   const FIRST = 0.4;
-  let corner = null;
+  let isDrawn = false;
   let box = null;
 
   const sheetOf = (event) => (event.target instanceof Element ? event.target.closest("#view-box-sheet") : null);
-  const draw = (sheet) => {
-    const drawn = sheet.querySelector(".box");
-    drawn.hidden = box === null;
-    if (box === null) return;
-    drawn.style.left = `${box.left}px`;
-    drawn.style.top = `${box.top}px`;
-    drawn.style.width = `${box.right - box.left}px`;
-    drawn.style.height = `${box.bottom - box.top}px`;
-  };
-  const within = (value, end) => Math.min(Math.max(value, 0), end);
+  const { show, clamped } = window.workbenchBox;
+  const draw = (sheet) => show(sheet.querySelector(".box"), box);
 
   // What takes places in mm to the screen, row by row: Plotly scales them, then turns and projects them.
   const toClip = (scene) => {
@@ -53,31 +44,15 @@
   document.addEventListener("pointerdown", (event) => {
     const sheet = sheetOf(event);
     if (!sheet || event.button !== 0) return;
-    const at = sheet.getBoundingClientRect();
-    corner = { x: event.clientX - at.left, y: event.clientY - at.top };
-    box = null;
-    draw(sheet);
-    sheet.setPointerCapture(event.pointerId);
+    isDrawn = true;
+    const { clientWidth: right, clientHeight: bottom } = sheet;
+    const limits = { left: 0, top: 0, right, bottom };
+    window.workbenchBox.follow(event, sheet, sheet.querySelector(".box"), limits, (drawn) => {
+      isDrawn = false;
+      box = drawn;
+      mark(sheet);
+    });
   });
-  document.addEventListener("pointermove", (event) => {
-    const sheet = sheetOf(event);
-    if (!sheet || corner === null) return;
-    const at = sheet.getBoundingClientRect();
-    const x = within(event.clientX - at.left, at.width);
-    const y = within(event.clientY - at.top, at.height);
-    const [left, end] = [Math.min(corner.x, x), Math.max(corner.x, x)];
-    const [top, bottom] = [Math.min(corner.y, y), Math.max(corner.y, y)];
-    // A click is no box.
-    box = Math.max(end - left, bottom - top) < LEAST_PX ? null : { left, right: end, top, bottom };
-    draw(sheet);
-  });
-  document.addEventListener("pointerup", (event) => {
-    const sheet = sheetOf(event);
-    if (!sheet || corner === null) return;
-    corner = null;
-    mark(sheet);
-  });
-  document.addEventListener("pointercancel", () => { corner = null; });
 
   const begin = (sheet) => {
     const { clientWidth: width, clientHeight: height } = sheet;
@@ -89,12 +64,12 @@
     const [x, y] = STEPS[key].map((one) => one * STEP_PX);
     const { clientWidth: width, clientHeight: height } = sheet;
     if (sizes) {
-      box.right = within(Math.max(box.right + x, box.left + STEP_PX), width);
-      box.bottom = within(Math.max(box.bottom + y, box.top + STEP_PX), height);
+      box.right = clamped(box.right + x, box.left + STEP_PX, width);
+      box.bottom = clamped(box.bottom + y, box.top + STEP_PX, height);
       return;
     }
-    const dx = Math.min(Math.max(x, -box.left), width - box.right);
-    const dy = Math.min(Math.max(y, -box.top), height - box.bottom);
+    const dx = clamped(x, -box.left, width - box.right);
+    const dy = clamped(y, -box.top, height - box.bottom);
     box = { left: box.left + dx, right: box.right + dx, top: box.top + dy, bottom: box.bottom + dy };
   };
   document.addEventListener("keydown", (event) => {
@@ -109,7 +84,7 @@
   document.addEventListener("focusin", (event) => {
     const sheet = sheetOf(event);
     // By Tab: what keys will move is seen at once.
-    if (!sheet || corner !== null || box !== null) return;
+    if (!sheet || isDrawn || box !== null) return;
     begin(sheet);
     draw(sheet);
   });
