@@ -19,6 +19,7 @@ from geoerr.measurements import Measurements, read_measurements
 from geoerr.model import Model, load_model
 from geoerr.model.document import document_of
 from geoerr.workbench.addition import Addition, fittable, seen_after
+from geoerr.workbench.ahead import begin_ahead
 from geoerr.workbench.calibration import Calibration, calibration_of
 from geoerr.workbench.history import Chapter, Step, figures_of_step, lineage
 from geoerr.workbench.inputs import ONE_OF_A_KIND, InputFile, dropped
@@ -194,6 +195,7 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
                 session.diagnosis, session.told, session.reports = found, told, {}
                 session.prepared = prepared
                 session.sight += is_shown
+                begin_ahead(session, addition)
 
         return apply
 
@@ -201,17 +203,20 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
 
 
 def add(session: Session, reference: str) -> None:
-    """Add an effect and fit again; what the search has added ahead is taken as it is."""
+    """Add an effect and fit again; what was added ahead is taken as it is."""
     with session.lock:
-        prepared = next((one for one in session.prepared if one.reference == reference), None)
+        prepared = session.prepared_of(reference)
         if prepared is not None:
             session.refuse_while_busy()
             _take_step(session, f"+ {reference}", prepared.seen)
             session.changed(is_kept=True)
             return
-    addition, diagnosis = Addition.to(session), session.diagnosis
+    addition, diagnosis, ahead = Addition.to(session), session.diagnosis, session.ahead
 
     def work(advance: Advance) -> Callable[[], None]:
+        begun = None if ahead is None else ahead(reference, advance)
+        if begun is not None:
+            return lambda: _take_step(session, f"+ {reference}", begun.seen)
         change = addition.of(reference, diagnosis, advance, advance.say)
         return _step_of_change(session, f"+ {reference}", change)
 
@@ -408,6 +413,7 @@ def _look_back(session: Session, before: Looked) -> None:
     session.forget_step()
     session.diagnosis, session.told, session.prepared = before.diagnosis, before.told, before.prepared
     _look(session, before.seen)
+    begin_ahead(session, Addition.to(session))
     session.changed(is_kept=True)
 
 

@@ -63,6 +63,7 @@ def _volume_figure(view: View) -> Any:
     stands = [
         button(text, "look-from", name, title=f"Look at the volume from {text}") for name, text in STANDS.items()
     ]
+    by_box = dcc.Checklist({"box": "mark by a box"}, [], id="marks-by-box", inline=True, className="choice")
     return html.Figure(
         [
             html.Div([looks], className="controls", role="group", **{"aria-label": "What the volume shows"}),
@@ -90,10 +91,7 @@ def _volume_figure(view: View) -> Any:
             html.Div(
                 [
                     dcc.Graph(id="volume", config=_VOLUME_CONFIG, responsive=True),
-                    html.Div(
-                        dcc.Checklist({"box": "mark by a box"}, [], id="marks-by-box", className="choice"),
-                        id="view-box-choice",
-                    ),
+                    html.Div(by_box, id="view-box-choice"),
                     _view_box_sheet(),
                 ],
                 id="volume-frame",
@@ -232,8 +230,10 @@ def marked_words(session: Session) -> list[Any]:
     if seen is None:
         return []
     if rows is None:
-        other = "" if session.view.look == CIRCLE else "; or “mark by a box” at the left, or click an arrow or region"
-        return [html.Span(f"Nothing is marked: drag a box at the right or say from where to where{other}.")]
+        other = " or say from where to where"
+        if session.view.look != CIRCLE:
+            other = ", or left with “mark by a box”; or click an arrow or a region"
+        return [html.Span(f"Nothing is marked: drag a box at the right{other}.")]
     texts = []
     for component in seen.comparison.components:
         own = component.residual_um[rows & component.is_known]

@@ -28,7 +28,7 @@ from geoerr.workbench.certainty import chance_of, other_period_words
 from geoerr.workbench.circles import CircleRun, circle_runs
 from geoerr.workbench.history import Chapter, Step
 from geoerr.workbench.inputs import InputFile, as_known
-from geoerr.workbench.job import Job, Work
+from geoerr.workbench.job import Advance, Job, Work
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.page_words import on_the_page
 from geoerr.workbench.program import CorrectedProgram
@@ -165,6 +165,8 @@ class Session:
         a saved session has it again, without the diagnosis itself. `selected` is (n,),
         and `box` is that over the residual, where one chose it. `dropped` is the program as it came,
         name and content, to be corrected again by another model or with other wishes.
+    ahead
+        Waits for the end of what is being added ahead, of a name; None where nothing is.
     before
         The model that was looked at before, of the same data. One only: each holds its measurements anew.
     reports
@@ -196,6 +198,7 @@ class Session:
     diagnosis: Diagnosis | CircleDiagnosis | None = None
     told: Told | None = None
     prepared: tuple[Prepared, ...] = ()
+    ahead: Callable[[str, Advance], Prepared | None] | None = None
     trial: Trial | None = None
     selected: Rows | None = None
     box: Box | None = None
@@ -289,7 +292,7 @@ class Session:
     def forget_step(self) -> None:
         """Forget what belongs to the model that was looked at, and what was refused of it or of its data."""
         self.seen = self.diagnosis = self.told = self.trial = None
-        self.prepared = ()
+        self.prepared, self.ahead = (), None
         self.problems.clear()
         self.reports = {}
 
@@ -308,6 +311,10 @@ class Session:
             self.job = Job(title, place, work, self._ended)
             self.version += 1
             self.job.start()
+
+    def prepared_of(self, reference: str) -> Prepared | None:
+        """Give the model with what a search listed, where it was made ahead."""
+        return next((one for one in self.prepared if one.reference == reference), None)
 
     def refuse_while_busy(self) -> None:
         """Refuse what has to wait for the end of other work.

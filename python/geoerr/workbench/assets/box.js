@@ -28,12 +28,14 @@ window.workbenchBox = (() => {
       show(drawn, box);
     };
     const end = (event) => {
+      host.classList.remove("boxing");
       window.removeEventListener("pointermove", move);
       window.removeEventListener("pointerup", end);
       window.removeEventListener("pointercancel", end);
       done(event.type === "pointerup" ? box : null);
     };
     show(drawn, null);
+    host.classList.add("boxing");
     window.addEventListener("pointermove", move);
     window.addEventListener("pointerup", end);
     window.addEventListener("pointercancel", end);
