@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("dash")
 
-from dash import dcc
+from dash import dcc, no_update
 from flask.testing import FlaskClient
 from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle, texts
 
@@ -117,6 +117,20 @@ def test_a_box_marks_its_rows_in_both_pictures(learned: Session) -> None:
     # Two clicks on the picture.
     marking.mark(learned, "residual", None)
     assert learned.selected is None
+
+
+def test_pictures_that_were_asked_for_before_a_mark_do_not_take_it_back(learned: Session) -> None:
+    marking.mark(learned, "none", "")
+    drawn = wiring.pictures(learned, "")["drawn"]
+    words, _ = marking.after_drawing(learned, drawn)
+    assert texts(words).startswith("Nothing is marked")
+    marking.mark(learned, "limits", ("100", ""))
+    words, is_later = marking.after_drawing(learned, drawn)
+    assert f"{learned.selected.sum()} rows marked" in texts(words)
+    assert is_later is not no_update
+    words, is_later = marking.after_drawing(learned, wiring.pictures(learned, "")["drawn"])
+    assert is_later is no_update
+    marking.mark(learned, "none", "")
 
 
 def _box_drawn(session: Session) -> list[dict[str, object]]:

@@ -198,11 +198,13 @@ def tell(story: Story, url: str, program: Path) -> None:
     brush_the_volume(story)
     page.click("text=Unmark")
     page.click("label:has-text('regions')")
+    page.wait_for_selector("#volume-caption >> text=Mean residual of each region")
     story.shoot("regions")
     page.click("label:has-text('vs ★')")
     page.wait_for_selector("#volume-caption >> text=beyond")
     story.shoot("difference")
     page.click("label:has-text('direction')")
+    page.wait_for_selector("#volume-caption >> text=where it points")
     story.shoot("direction")
     page.click("label:has-text('arrows')")
     story.do("look for what is missing", lambda: look_and_see_what_rests(page), until=".verdict")
@@ -212,6 +214,7 @@ def tell(story: Story, url: str, program: Path) -> None:
     page.hover("#missing .card >> nth=0")
     story.shoot("pointed")
     page.mouse.move(5, 5)
+    over = page.inner_text("#variable")
     number = 3
     while page.locator("#missing .card button.main:enabled").count() and number < 6:
         add = page.locator("#missing .card button.main:enabled").first
@@ -225,6 +228,8 @@ def tell(story: Story, url: str, program: Path) -> None:
         story.do("look again", lambda: page.click("text=Look for what is missing"), until=".verdict")
         number += 1
     story.shoot("nothing-left")
+    if page.inner_text("#variable") != over:
+        assert page.input_value("#mark-from") == "", "limits that were typed for another variable stay"
     page.fill("#own-formula", "c*(q - 200)^2")
     story.do("try a formula", lambda: page.click("#own-try"), until="#own-result .card")
     story.shoot("own-formula")

@@ -356,6 +356,7 @@ def select(session: Session, rows: np.ndarray | None) -> None:
     """Mark rows in all pictures; None marks none."""
     with session.lock:
         session.selected = None if rows is None or not rows.any() else np.asarray(rows, dtype=bool)
+        session.n_marks += 1
 
 
 def _calibration(session: Session) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, Patch, State, ctx, no_update
+from dash import ALL, ClientsideFunction, Dash, Input, Output, Patch, State, ctx, no_update
 
 from geoerr.errors import InputFileError
 from geoerr.workbench import actions
@@ -57,6 +57,12 @@ def mark(session: Session, source: str, what: Any) -> list[Any] | None:
         return marked_words(session)
 
 
+def after_drawing(session: Session, drawn: int) -> tuple[list[Any], Any]:
+    """Say what is marked, once pictures are drawn; those of an earlier mark, by its number, are to be marked anew."""
+    with session.lock:
+        return marked_words(session), no_update if drawn == session.n_marks else time.monotonic()
+
+
 def mark_residual(session: Session) -> Patch | None:
     """Give what the rows that are marked change in the residual's picture; a box that did not mark them goes away."""
     with session.lock:
@@ -83,6 +89,16 @@ def _answer(words: list[Any] | None) -> tuple[Any, Any, None]:
 
 def wire_marks(app: Dash, session: Session) -> None:
     """Put the callbacks of marking on the page."""
+    app.clientside_callback(
+        ClientsideFunction("limits", "emptied"),
+        Output("mark-from", "value"),
+        Output("mark-to", "value"),
+        Output("limited", "data"),
+        Input("variable", "value"),
+        State("limited", "data"),
+        prevent_initial_call=True,
+    )
+
     # Where there is no volume there is no box over it either.
     app.clientside_callback(
         "(chosen, isAway) => [isAway, isAway || chosen.length === 0]",
@@ -120,6 +136,16 @@ def wire_marks(app: Dash, session: Session) -> None:
         except InputFileError as error:
             return no_update, no_update, wrong_field(error)
         return _answer(words)
+
+    # By itself: pictures that were asked for before a mark come after its answer, and would take it back.
+    @app.callback(
+        Output("marked", "children", allow_duplicate=True),
+        Output("marks", "data", allow_duplicate=True),
+        Input("drawn", "data"),
+        prevent_initial_call=True,
+    )
+    def _say_again(drawn: int) -> Any:
+        return after_drawing(session, drawn)
 
     # Pictures are slow to draw without a graphics card: what was asked for is answered first.
     @app.callback(

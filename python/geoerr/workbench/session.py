@@ -162,9 +162,10 @@ class Session:
         The work before another machine or model began anew.
     seen, diagnosis, told, prepared, trial, selected, program, dropped
         What belongs to the current model: None until it was asked for. `told` is what the page says of a diagnosis;
-        a saved session has it again, without the diagnosis itself. `selected` is (n,),
-        and `box` is that over the residual, where one chose it. `dropped` is the program as it came,
-        name and content, to be corrected again by another model or with other wishes.
+        a saved session has it again, without the diagnosis itself. `selected` is (n,). `dropped` is the program as it
+        came, name and content, to be corrected again by another model or with other wishes.
+    n_marks, box
+        How often rows were marked, and the box over the residual, where one chose them.
     ahead
         Waits for the end of what is being added ahead, of a name; None where nothing is.
     before
@@ -201,6 +202,7 @@ class Session:
     ahead: Callable[[str, Advance], Prepared | None] | None = None
     trial: Trial | None = None
     selected: Rows | None = None
+    n_marks: int = 0
     box: Box | None = None
     program: CorrectedProgram | None = None
     dropped: tuple[str, bytes] | None = None

@@ -23,7 +23,6 @@ from geoerr.workbench.panel_use import conditions_form, program_result, reports_
 from geoerr.workbench.panel_where import (
     fall_graph,
     limits_shown,
-    marked_words,
     options_of,
     regions_table,
 )
@@ -133,7 +132,7 @@ def panels(session: Session) -> dict[str, Any]:
 
 
 def pictures(session: Session, shown: str) -> dict[str, Any]:
-    """Give both pictures, and of regions their table."""
+    """Give both pictures, of regions their table, and which mark is drawn."""
     with session.lock:
         seen = session.seen
         if seen is None:
@@ -144,7 +143,7 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
                 "regions": None,
                 "captions": ("", ""),
                 "limits": ("", "", ""),
-                "marked": [],
+                "drawn": session.n_marks,
             }
         explained = what_is_shown(session, shown)
         residual = residual_picture(session, seen, explained)
@@ -155,7 +154,7 @@ def pictures(session: Session, shown: str) -> dict[str, Any]:
             "regions": regions_table(seen) if session.view.look == REGION else None,
             "captions": (volume.caption, residual.caption),
             "limits": limits_shown(seen, session.view.variable),
-            "marked": marked_words(session),
+            "drawn": session.n_marks,
         }
 
 
@@ -321,7 +320,7 @@ def _wire_pictures(app: Dash, session: Session) -> None:
                 Output("mark-to", "placeholder"),
                 Output("mark-unit", "children"),
             ),
-            "marked": Output("marked", "children"),
+            "drawn": Output("drawn", "data"),
         },
         inputs={
             "_": Input("sight", "data"),
