@@ -133,6 +133,25 @@ def test_pictures_that_were_asked_for_before_a_mark_do_not_take_it_back(learned:
     marking.mark(learned, "none", "")
 
 
+@pytest.mark.parametrize("look", ["length", "magnitude", "region"])
+def test_no_mark_moves_the_volume(learned: Session, look: str) -> None:
+    learned.view.look = look
+    marking.mark(learned, "none", "")
+    scene = wiring.pictures(learned, "")["volume"].layout.scene
+    ranges = [scene[f"{axis}axis"].range for axis in "xyz"]
+    used = learned.seen.comparison.points.solved.used
+    marking.mark(learned, "limits", ("-1e9", ""))
+    assert learned.selected.sum() == used.sum()
+    for axis, (low, high) in zip("xyz", ranges, strict=True):
+        strokes = [one["params"]["value"] for one in marking.mark_volume(learned).to_plotly_json()["operations"]
+                   if one["location"][-1] == axis]  # fmt: skip
+        ends = np.array(strokes[0], dtype=np.float64)
+        assert low <= np.nanmin(ends)
+        assert np.nanmax(ends) <= high
+    marking.mark(learned, "none", "")
+    learned.view.look = "length"
+
+
 def _box_drawn(session: Session) -> list[dict[str, object]]:
     """Give the box over the residual as the page is told to draw it."""
     operations = marking.mark_residual(session).to_plotly_json()["operations"]

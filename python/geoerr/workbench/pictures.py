@@ -33,6 +33,7 @@ from geoerr.report.figures.volume import (
 from geoerr.workbench.circles import CircleRun
 from geoerr.workbench.parts import um
 from geoerr.workbench.program import conditions_of
+from geoerr.workbench.room import ranges_mm
 from geoerr.workbench.session import Rows, Seen, Session
 from geoerr.workbench.typed import typed_number
 from geoerr.workbench.view import CIRCLE, CORNER, DIFFERENCE, REGION, View
@@ -112,6 +113,8 @@ def volume_picture(session: Session, seen: Seen, explained_um: Numbers | None) -
         caption += _add_shape(figure, session)
     ticks = {"nticks": 5, "tickfont": {"size": 10}, "title": {"font": {"size": 12}}}
     figure.update_scenes(xaxis=ticks, yaxis=ticks, zaxis=ticks, dragmode="orbit", **_scene_of(view, figure))
+    for axis, ends in ranges_mm(figure, seen, volume.magnification if view.look in _DRAWN else 0.0).items():
+        figure.update_scenes({f"{axis}axis": {"range": ends}})
     for part in (one for trace in figure.data for one in (trace.line, trace.marker) if one.showscale):
         part.colorbar.update(_COLORBAR)
     return Picture(in_panel(figure, "volume", margin={"l": 0, "r": 0, "t": 0, "b": 0}), caption)

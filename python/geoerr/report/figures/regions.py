@@ -16,6 +16,7 @@ from geoerr.report.figures.volume import VOLUME_PX, polyline
 
 # Share of a box's shortest edge that the longest mean is drawn as.
 _LARGEST_DRAWN = 0.45
+_BAR = {"title": {"text": "µm", "side": "top"}, "thickness": 14, "len": 0.7}
 _HOVER = (
     "<b>%{customdata[7]:,} rows</b>, rms %{customdata[6]:.1f} µm<br>"
     "x: mean %{customdata[0]:.1f} ± %{customdata[3]:.1f} µm<br>"
@@ -56,8 +57,8 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
     Returns
     -------
     plotly.graph_objects.Figure
-        Two traces: the means, coloured by the rms of the region, whose last number of `customdata` is that of the
-        region; boxes and crosses of ± one standard deviation.
+        Two traces: the means from the middles of regions, coloured by the region's rms, whose last number of
+        `customdata` is that of the region; boxes and crosses of ± one standard deviation.
     """
     known = known_regions(comparison)
     regions = [region for _, region in known]
@@ -68,6 +69,8 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
     scale = magnification / style.UM_PER_MM
     told = np.column_stack([mean_um, spread_um, rms_um, [one.n for one in regions], [number for number, _ in known]])
     line = polyline(middle, middle + scale * mean_um)
+    colors: dict[str, object] = {"color": np.repeat(rms_um, 3), "colorscale": "Viridis", "cmin": 0.0}
+    colors["cmax"] = max(float(rms_um.max(initial=0.0)), 1e-6)
     figure = go.Figure(
         [
             go.Scatter3d(
@@ -75,8 +78,9 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
                 y=line[:, 1],
                 z=line[:, 2],
                 mode="lines+markers",
-                line={"color": np.repeat(rms_um, 3), "colorscale": "Viridis", "cmin": 0.0, "width": 9} | _bar(rms_um),
-                marker={"size": np.tile([4.0, 0.0, 0.0], len(regions)), "color": style.INK, "line": {"width": 0}},
+                line={**colors, "width": 9, "showscale": True, "colorbar": _BAR},
+                # Of a model without a mean left there are no strokes to be coloured.
+                marker={**colors, "size": np.tile([7.0, 0.0, 0.0], len(regions)), "line": {"width": 0}},
                 customdata=np.repeat(told, 3, axis=0),
                 hovertemplate=_HOVER,
                 name="mean",
@@ -90,14 +94,6 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
         f"stroke: mean, magnified {magnification:,.0f} times; cross: ± one standard deviation; colour: rms",
         VOLUME_PX,
     )
-
-
-def _bar(rms_um: Numbers) -> dict[str, object]:
-    return {
-        "cmax": max(float(rms_um.max(initial=0.0)), 1e-6),
-        "showscale": True,
-        "colorbar": {"title": {"text": "µm", "side": "top"}, "thickness": 14, "len": 0.7},
-    }
 
 
 def _frames(regions: tuple[Region, ...], middle_mm: Numbers, spread_mm: Numbers) -> go.Scatter3d:
