@@ -105,7 +105,9 @@ def brush_the_volume(story: Story) -> None:
     """Mark rows by boxes over the volume: the two halves of the picture hold what the whole holds; then by keys."""
     page = story.page
     page.click("label:has-text('mark by a box')")
-    at = page.locator("#view-box-sheet").bounding_box()
+    sheet = page.locator("#view-box-sheet")
+    sheet.wait_for()
+    at = sheet.bounding_box()
     # Below the line that says how.
     top, middle, foot = at["y"] + 40, at["x"] + 0.47 * at["width"], at["y"] + at["height"] - 2
     left, right = at["x"] + 2, at["x"] + at["width"] - 2
