@@ -3,7 +3,7 @@
     python validation/workbench/story.py machine.toml observations.csv part.gcode OUT [--browser /usr/bin/chromium]
 
 Writes a screenshot of every stage at 1366 × 768 and 1920 × 1080 to OUT and prints how long each step took, from the
-click to the page's own "ready". Fails where the page asks anything of another host or reports an error. Needs
+click to the page's own answer. Fails where the page asks anything of another host or reports an error. Needs
 Playwright and a Chromium.
 """
 
@@ -223,7 +223,7 @@ def tell(story: Story, url: str, program: Path) -> None:
         # Whoever adds something has pointed at it before, and has seen what it would explain.
         add.hover()
         page.wait_for_timeout(_SEEN_MS)
-        # What was added ahead says "ready" all the time: the list of models tells when it is there.
+        # With what was added ahead nothing is under way: the list of models tells when it is there.
         page.evaluate(_CLOCK, ["#given", f"{number}. +"])
         story.do("add", lambda add=add: add.click(), until=f".history button:has-text('{number}. +')")
         tell_the_clock(story, "add to answer")
