@@ -20,6 +20,8 @@ from geoerr.workbench.session import Prepared, Session
 MOST_NAMES: Final = 12
 MOST_ROWS: Final = 800_000
 _MOMENT_S = 0.05
+# A fit that was given up ends at its next step only: who adds and undoes at once would have several side by side.
+_ONE_AT_A_TIME = threading.Lock()
 
 
 class _OverError(Exception):
@@ -68,8 +70,9 @@ class Ahead:
         try:
             for reference in self._names():
                 self._current = reference
-                self._say("")
-                self._add(reference)
+                with _ONE_AT_A_TIME:
+                    self._say("")
+                    self._add(reference)
         except _OverError:
             pass
         finally:
