@@ -52,6 +52,8 @@ FEEDS_MM_MIN = (300.0, 1000.0, 3000.0, 6000.0)
 HIDDEN = {"backlash:x": {"play_mm": 0.01}, "thermal-expansion:y@temp_bed": {"growth_per_k": 11.5e-6}}
 MACHINE = Machine("bench", "wbXYZt", {axis: Axis((0.0, LENGTH_MM)) for axis in AXES}, tool_offset_mm=(0.0, 0.0, 0.0))
 KNOWN = catalogue()
+# What a lag behind a temperature is described as.
+LAG = "lag behind the temperature"
 # What the value that was hidden is called in the model, and how it is told: unit and size.
 VALUES = {"backlash:x": ("b", "mm", 0.01), "thermal-expansion:y@temp_bed": ("alpha", "/K", 11.5e-6)}
 # Groups of columns whose gain is made in NumPy too.
@@ -118,6 +120,18 @@ def off_numpy(scanner: Scanner, shapes: Sequence[Shapes]) -> float:
     return max(off)
 
 
+def n_lags(candidates: Sequence[Candidate]) -> int:
+    """Give the number of lags at which a candidate follows a temperature, at most."""
+    lags = [
+        len({trial[place] for trial in shapes.trials})
+        for what in candidates
+        for shapes in what.shapes
+        for place, parameter in enumerate(shapes.term.inner if shapes.term is not None else ())
+        if parameter.what == LAG
+    ]
+    return max(lags, default=0)
+
+
 def fitted_to(n_points: int, threads: int) -> Fitted:
     """Fit a model to points in which nothing is hidden."""
     table = measured(n_points, np.random.default_rng(1))
@@ -139,7 +153,8 @@ def print_ranking(n_points: int, threads: int, repeats: int) -> None:
     (candidates, _, functions), seconds = timed(lambda: candidates_of(fitted, KNOWN), repeats)
     probes = probes_of(fitted, functions, variables_of(fitted))
     shapes = [one for what in [*candidates, *probes] for one in what.shapes]
-    told(f"candidates laid out: {len(candidates)}, {sum(len(one.trials) for one in shapes)} ways", seconds)
+    n_ways = sum(len(one.trials) for one in shapes)
+    told(f"candidates laid out: {len(candidates)}, {n_ways} ways, {n_lags(candidates)} lags", seconds)
     bench = Bench(fitted, functions, names=all_channels(shapes), threads=threads)
     space, seconds = timed(lambda: bench.space([]), repeats)
     told("noise fitted, space whitened", seconds)

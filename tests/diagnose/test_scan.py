@@ -215,6 +215,18 @@ def test_affine_parameters_need_no_trials() -> None:
     assert at_once.n_coefficients == 2
 
 
+def test_a_lag_is_tried_at_twelve_values_that_span_its_range() -> None:
+    _, _, candidates, _, _ = _scene()
+    growth = next(one for one in candidates if one.effect.id == "thermal-expansion")
+    lagged = growth.shapes[1]
+    assert lagged.term is not None
+    place = next(place for place, one in enumerate(lagged.term.inner) if one.name == "tau")
+    lags_s = np.array([trial[place] for trial in lagged.trials])
+    assert len(lags_s) == 12
+    assert (lags_s[0], lags_s[-1]) == pytest.approx((lagged.term.inner[place].low, lagged.term.inner[place].high))
+    assert (lags_s[1:] < 2.0 * lags_s[:-1]).all()
+
+
 def test_draws_are_white_off_the_model_and_always_the_same() -> None:
     space = _scene()[0]
     draws = space.draws(40)

@@ -43,6 +43,8 @@ from geoerr.terms import (
 # Trial values of each inner parameter that is not affine, by how many of them a formula has.
 _TRIALS = {1: 8, 2: 5}
 _FEWEST_TRIALS = 4
+# Of a lag behind a temperature: each not quite twice as long as the one before.
+_LAGS = 12
 # Of the moment of a jump: so many for each session, evenly, and no more than that in all; towards both its ends
 # others, each so many times as far from the end as the one before.
 _MOMENTS, _MOST_MOMENTS, _TOWARDS_AN_END = 32, 128, 1.6
@@ -200,7 +202,7 @@ def _shown(functions: Functions, term: Term, before: LaidOut, used: np.ndarray) 
     middle = [_middle(parameter) for parameter in term.inner]
     if not has_heights(term) or formulas.is_jump or wave_along(formulas, term, middle) is not None:
         # Waves and jumps do not fade.
-        return shapes_of(functions, term, before)
+        return _shapes_of(formulas, term, before)
     few = None if formulas.needs_order else _few_rows(functions.n_rows)
 
     def shows(inner: Sequence[float]) -> bool:
@@ -215,8 +217,8 @@ def _shown(functions: Functions, term: Term, before: LaidOut, used: np.ndarray) 
         if narrowed is None:
             return None
         inner = (*term.inner[: free[0]], narrowed, *term.inner[free[0] + 1 :])
-        return shapes_of(functions, replace(term, inner=inner), before)
-    shapes = shapes_of(functions, term, before)
+        return _shapes_of(formulas, replace(term, inner=inner), before)
+    shapes = _shapes_of(formulas, term, before)
     seen = np.array([shows(trial) for trial in shapes.trials])
     if not seen.any():
         return None
@@ -341,6 +343,10 @@ class Formulas:
             for part in self.parts
         )
 
+    def is_lag(self, place: int) -> bool:
+        """Whether this inner parameter is the lag behind a temperature."""
+        return any(part.follows is not None and part.follows[1] == place for part in self.parts)
+
     def codes(self, inner: Sequence[float]) -> list[int]:
         """Give the function of each column."""
         return [code for part in self.parts for code in self.functions.formula(part, inner)]
@@ -366,11 +372,14 @@ def shapes_of(functions: Functions, term: Term, before: LaidOut | None = None) -
     before
         Of formulas that were laid out before; those of this one are added.
     """
-    before = LaidOut() if before is None else before
-    formulas = Formulas(functions, term)
+    return _shapes_of(Formulas(functions, term), term, LaidOut() if before is None else before)
+
+
+def _shapes_of(formulas: Formulas, term: Term, before: LaidOut) -> Shapes:
+    """Lay out a term whose formulas are known; they do not depend on the ranges of its inner parameters."""
     inner = term.inner
     middle = [_middle(parameter) for parameter in inner]
-    rows = _few_rows(functions.n_rows)
+    rows = _few_rows(formulas.functions.n_rows)
     affine = []
     for place, parameter in enumerate(inner):
         # Whatever temperature the formula follows.
@@ -487,7 +496,8 @@ def _grid(
     parameter = inner[place]
     if n_free == 1 and formulas.is_jump:
         return _moments(formulas, parameter)
-    seeds = _spaced(parameter, _TRIALS.get(n_free, _FEWEST_TRIALS))
+    n_seeds = _LAGS if n_free == 1 and formulas.is_lag(place) else _TRIALS.get(n_free, _FEWEST_TRIALS)
+    seeds = _spaced(parameter, n_seeds)
     if n_free > 1 or formulas.needs_order:
         return seeds
     is_log = parameter.spacing == "log"

@@ -124,6 +124,7 @@ fn operands<T: Real>(scene: &Scene<T>, lattice: &Lattice, channels: &[usize]) ->
         }
     }
     let places: Vec<_> = lattice.places().collect();
+    let terms: Vec<_> = channels.iter().map(|&channel| scene.terms(channel)).collect();
     steps.into_par_iter().enumerate().for_each(|(step, mut parts)| {
         let (start, end) = (step * NODES, (step + 1) * NODES);
         let mut of_place = vec![T::default(); width];
@@ -132,8 +133,9 @@ fn operands<T: Real>(scene: &Scene<T>, lattice: &Lattice, channels: &[usize]) ->
             // Taps that lie among the nodes of this step.
             let own = start.max(first) - first..(end - first).min(weights.len());
             let at = (first + own.start - start) * width;
-            for (part, &channel) in parts.iter_mut().zip(channels) {
-                scene.set_sum(&mut of_place, channel, rows.iter().copied());
+            for (part, terms) in parts.iter_mut().zip(&terms) {
+                let rows = std::iter::once(rows.iter().copied());
+                lanes::set_sums_of_rows(&mut of_place, width, width, rows, terms);
                 for (target, &weight) in part[at..].chunks_exact_mut(width).zip(&weights[own.clone()]) {
                     lanes::add_scaled(target, T::nearest(weight), &of_place);
                 }

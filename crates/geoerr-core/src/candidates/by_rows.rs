@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::error::CandidateError;
 use super::lanes;
 use super::moments::Moments;
-use super::scene::Run;
+use super::scene::{Run, runs_within};
 use super::sources::{Evaluator, Numbering, Scratch, Sources};
 use super::tile::{Pair, Tile, Totals};
 use crate::least_squares::{Real, add_product_of_rows};
@@ -175,16 +175,4 @@ fn set_spread<T: Real>(spread: &mut Vec<T>, unit: &[T], runs: &[Run]) {
             spread[at * runs.len() + number] = unit[at];
         }
     }
-}
-
-/// Runs of a block of moments, counted from its first one.
-fn runs_within(runs: &[Run], here: &Range<usize>) -> Vec<Run> {
-    let first = runs.partition_point(|run| run.end <= here.start);
-    (runs[first..].iter().take_while(|run| run.start < here.end))
-        .map(|run| Run {
-            start: run.start.max(here.start) - here.start,
-            end: run.end.min(here.end) - here.start,
-            block: run.block,
-        })
-        .collect()
 }

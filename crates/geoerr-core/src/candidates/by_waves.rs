@@ -49,9 +49,7 @@ impl<T: Real + FftNum> WaveOperands<T> {
         let white = white(scene, family, &harmonics, &pairs);
         let of_channels = (channels.par_iter())
             .map(|&channel| {
-                let products = spectrum.sums(scene.width(), &harmonics, |own, rows| {
-                    scene.set_sum(own, channel, rows.iter().copied());
-                });
+                let products = spectrum.sums(scene.width(), &harmonics, &scene.terms(channel));
                 let own = white.iter().find(|one| one.0 == [channel; 2]);
                 let is_seen = own.map_or(Vec::new(), |(_, squares)| squares.iter().map(seen).collect());
                 (channel, OfChannel { products, is_seen })
@@ -122,12 +120,10 @@ fn white<T: Real + FftNum>(
     let weighted: Vec<([usize; 2], Vec<T>)> = (pairs.iter())
         .filter_map(|&[one, two]| Some(([one, two], scene.weights(one, two, &rows, 0..rows.len())?)))
         .collect();
-    let sums = doubled.sums(weighted.len(), &twice, |own, rows| {
-        for (sum, (_, weights)) in own.iter_mut().zip(&weighted) {
-            *sum = T::default();
-            rows.iter().for_each(|&row| *sum += weights[row]);
-        }
-    });
+    let by_row: Vec<T> =
+        (0..rows.len()).flat_map(|row| weighted.iter().map(move |(_, weights)| weights[row])).collect();
+    let ones = vec![T::nearest(1.0); rows.len()];
+    let sums = doubled.sums(weighted.len(), &twice, &[(&ones, &by_row)]);
     (weighted.iter().enumerate())
         .map(|(place, (pair, weights))| {
             let known = weights.iter().zip(&family.turns).filter(|(_, turn)| turn.is_finite());

@@ -3,6 +3,7 @@
 //! Lanes are fixed and products are not fused with sums: the bytes are the same on every machine.
 
 use super::scene::Run;
+use super::sources::number;
 use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
 
@@ -81,11 +82,82 @@ fn spread_here<T: Real, const TAPS: usize>(
     }
 }
 
+/// Sets rows to sums of some rows of all terms: of those `width` numbers each, times the scale of the row; a row that is
+/// set has `stride` numbers, of which others than so many are left.
+pub(super) fn set_sums_of_rows<T: Real, Rows: IntoIterator<Item = usize>>(
+    target: &mut [T],
+    stride: usize,
+    width: usize,
+    rows: impl Iterator<Item = Rows> + Clone,
+    terms: &[(&[T], &[T])],
+) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for (target, rows) in target.chunks_exact_mut(stride.max(1)).zip(rows.clone()) {
+                let (target, mut rows) = (&mut target[..width], rows.into_iter());
+                match rows.next() {
+                    Some(first) if !terms.is_empty() => {
+                        combine(target, terms, first, |value, sum| *value = sum);
+                    }
+                    _ => target.fill(T::default()),
+                }
+                rows.for_each(|row| combine(target, terms, row, |value, sum| *value += sum));
+            }
+        },
+    );
+}
+
+/// Takes what the terms, three or fewer, have in a row together.
+#[inline(always)]
+fn combine<T: Real>(target: &mut [T], terms: &[(&[T], &[T])], row: usize, take: impl Fn(&mut T, T)) {
+    debug_assert!(terms.len() <= 3, "a row has three components");
+    let n = target.len();
+    match *terms {
+        [one] => {
+            let (s, a) = scaled_row(one, row, n);
+            target.iter_mut().zip(a).for_each(|(value, &a)| take(value, s * a));
+        }
+        [one, two] => {
+            let ((s, a), (t, b)) = (scaled_row(one, row, n), scaled_row(two, row, n));
+            for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
+                take(value, s * a + t * b);
+            }
+        }
+        [one, two, three] => {
+            let (s, a) = scaled_row(one, row, n);
+            let ((t, b), (u, c)) = (scaled_row(two, row, n), scaled_row(three, row, n));
+            for (((value, &a), &b), &c) in target.iter_mut().zip(a).zip(b).zip(c) {
+                take(value, s * a + t * b + u * c);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The scale of a term's row, and its n numbers.
+#[inline(always)]
+fn scaled_row<'a, T: Real>((scales, values): (&[T], &'a [T]), row: usize, n: usize) -> (T, &'a [T]) {
+    (scales[row], &values[row * n..(row + 1) * n])
+}
+
 #[inline(always)]
 fn add_node<T: Real>(nodes: &mut [T], at: usize, sums: &[T; SPREAD]) {
     for (value, &sum) in nodes[at..at + SPREAD].iter_mut().zip(sums) {
         *value += sum;
     }
+}
+
+/// `target = by · (target + scale · from)`.
+pub(super) fn add_scaled_and_scale<T: Real>(target: &mut [T], scale: T, from: &[T], by: T) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for (value, &add) in target.iter_mut().zip(from) {
+                *value = (*value + scale * add) * by;
+            }
+        },
+    );
 }
 
 /// The same as [`add_scaled`], in double precision, with what is given in another.
@@ -112,6 +184,83 @@ pub(super) fn add_products<T: Real>(target: &mut [T], a: &[T], b: &[T]) {
     );
 }
 
+/// Sets `target` to `a b`, number by number.
+pub(super) fn set_products<T: Real>(target: &mut [T], a: &[T], b: &[T]) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
+                *value = a * b;
+            }
+        },
+    );
+}
+
+/// The same of numbers in double precision, each rounded first; 0 for what is not finite.
+pub(super) fn set_products_of_numbers<T: Real>(target: &mut [T], a: &[f64], b: &[f64]) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
+                *value = number::<T>(a) * number::<T>(b);
+            }
+        },
+    );
+}
+
+/// `target *= by`, number by number.
+pub(super) fn multiply<T: Real>(target: &mut [T], by: &[T]) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for (value, &by) in target.iter_mut().zip(by) {
+                *value *= by;
+            }
+        },
+    );
+}
+
+/// `target += scale · a b`, number by number.
+pub(super) fn add_scaled_products<T: Real>(target: &mut [T], scale: T, a: &[T], b: &[T]) {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
+                *value += a * b * scale;
+            }
+        },
+    );
+}
+
+/// `target -= scale · from`; the largest square that is left.
+pub(super) fn take_off<T: Real>(target: &mut [T], scale: T, from: &[T]) -> T {
+    in_wide_registers(
+        #[inline(always)]
+        || {
+            let n = target.len().min(from.len());
+            let (lanes, rest) = target[..n].as_chunks_mut::<LANES>();
+            let (from_lanes, from_rest) = from[..n].as_chunks::<LANES>();
+            let mut most = [T::default(); LANES];
+            for (values, from) in lanes.iter_mut().zip(from_lanes) {
+                for lane in 0..LANES {
+                    values[lane] -= scale * from[lane];
+                    most[lane] = larger(values[lane] * values[lane], most[lane]);
+                }
+            }
+            for ((value, &from), most) in rest.iter_mut().zip(from_rest).zip(&mut most) {
+                *value -= scale * from;
+                *most = larger(*value * *value, *most);
+            }
+            most.into_iter().fold(T::default(), larger)
+        },
+    )
+}
+
+#[inline(always)]
+fn larger<T: Real>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
+
 /// [`add_scaled`] inside a loop that is compiled for wide registers.
 #[inline(always)]
 fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
@@ -120,44 +269,16 @@ fn add_scaled_here<T: Real>(target: &mut [T], scale: T, from: &[T]) {
     }
 }
 
-/// Adds to `target` the sum of three arrays or fewer, each times its scale.
-pub(super) fn add_combined<T: Real>(target: &mut [T], scaled: &[(T, &[T])]) {
-    in_wide_registers(
-        #[inline(always)]
-        || combine(target, scaled, |value, sum| *value += sum),
-    );
-}
-
-/// Sets `target` to it.
-pub(super) fn set_combined<T: Real>(target: &mut [T], scaled: &[(T, &[T])]) {
+/// Sets sums of a column and weights, run after run of rows.
+pub(super) fn set_by_run<T: Real>(sums: &mut [T], column: &[T], weights: &[T], runs: &[Run]) {
     in_wide_registers(
         #[inline(always)]
         || {
-            if scaled.is_empty() {
-                target.fill(T::default());
+            for (sum, run) in sums.iter_mut().zip(runs) {
+                *sum = sum_of_products(&column[run.start..run.end], &weights[run.start..run.end]);
             }
-            combine(target, scaled, |value, sum| *value = sum);
         },
     );
-}
-
-#[inline(always)]
-fn combine<T: Real>(target: &mut [T], scaled: &[(T, &[T])], take: impl Fn(&mut T, T)) {
-    debug_assert!(scaled.len() <= 3, "a row has three components");
-    match *scaled {
-        [(s, a)] => target.iter_mut().zip(a).for_each(|(value, &a)| take(value, s * a)),
-        [(s, a), (t, b)] => {
-            for ((value, &a), &b) in target.iter_mut().zip(a).zip(b) {
-                take(value, s * a + t * b);
-            }
-        }
-        [(s, a), (t, b), (u, c)] => {
-            for (((value, &a), &b), &c) in target.iter_mut().zip(a).zip(b).zip(c) {
-                take(value, s * a + t * b + u * c);
-            }
-        }
-        _ => {}
-    }
 }
 
 /// Adds to the sums of blocks what a column and weights give in each run of rows.

@@ -20,6 +20,7 @@
 
 mod by_nodes;
 mod by_rows;
+mod by_series;
 mod by_waves;
 mod error;
 mod group;
@@ -29,6 +30,8 @@ mod moments;
 mod nodes;
 mod scan;
 mod scene;
+mod series;
+mod series_sums;
 mod sources;
 mod spectrum;
 mod tile;

@@ -7,6 +7,7 @@ use rustfft::FftNum;
 
 use super::by_nodes::NodeOperands;
 use super::by_rows;
+use super::by_series;
 use super::by_waves::WaveOperands;
 use super::error::CandidateError;
 use super::group::Group;
@@ -14,6 +15,7 @@ use super::judge::Judged;
 use super::moments::{AtMoments, Moments};
 use super::nodes::lattices;
 use super::scene::Scene;
+use super::series::SeriesBlocks;
 use super::sources::{Numbering, Source, Sources};
 use super::tile::{Piece, Tile};
 use super::waves::{Wave, families};
@@ -45,7 +47,8 @@ pub struct Scanned {
 /// Judges all groups at all their trials.
 ///
 /// In single precision, what is to be ranked, waves of one variable are summed at all frequencies together (see `waves`),
-/// and other functions of one variable are taken at few nodes (see `nodes`). The bytes do not depend on the number of
+/// other functions of one variable are taken at few nodes (see `nodes`), and multiples of series are combinations of few
+/// (see `series`). The bytes do not depend on the number of
 /// threads: tiles are cut by the groups alone.
 ///
 /// # Errors
@@ -71,7 +74,12 @@ pub fn scan<T: Real + FftNum>(
     };
     let rows = Moments::of_rows(&scene.runs);
     let at_moments = AtMoments::new(sources, &scene.runs, groups, &numbering);
+    let series: Option<SeriesBlocks<T>> = if is_ranking { SeriesBlocks::new(sources) } else { None };
     let tiles = tiles_of(groups, |functions| {
+        let is_of_series = |&function: &usize| numbering.is_multiple_of_series(function, sources);
+        if series.is_some() && functions.iter().all(is_of_series) {
+            return Place::Series;
+        }
         let is_one_wave = of_one_frequency(functions, &numbering, &wave_of);
         let place = |formula: usize| match (&wave_of[formula], lattice_of[formula]) {
             (Some(wave), _) if is_one_wave => Place::Waves(wave.family),
@@ -95,7 +103,10 @@ pub fn scan<T: Real + FftNum>(
             families.par_iter().enumerate().map(operands).collect()
         },
     );
-    let over_rows = tiles.iter().filter(|(place, _)| matches!(place, Place::Rows | Place::Moments)).count();
+    let over_rows = tiles
+        .iter()
+        .filter(|(place, _)| matches!(place, Place::Rows | Place::Series | Place::Moments))
+        .count();
     let parts = PARTS / over_rows.max(1);
     // From one queue: halves of a list, as threads share it otherwise, are not equally long.
     let mut found: Vec<(usize, Vec<Judged>)> = (tiles.iter().enumerate().par_bridge())
@@ -107,6 +118,9 @@ pub fn scan<T: Real + FftNum>(
                 Place::Moments => at_moments.as_ref().map_or(Ok(()), |at| {
                     at.with_sources(|own| by_rows::sum(&mut tile, own, &numbering, &at.moments, parts))
                 })?,
+                Place::Series => series
+                    .as_ref()
+                    .map_or(Ok(()), |series| by_series::sum(&mut tile, sources, &numbering, series, parts))?,
                 Place::Rows => by_rows::sum(&mut tile, sources, &numbering, &rows, parts)?,
             }
             Ok((number, tile.judged(groups, pieces)))
@@ -146,6 +160,8 @@ pub fn scan<T: Real + FftNum>(
 enum Place {
     /// Over all rows: what takes longest comes first, so that no thread waits for it in the end.
     Rows,
+    /// Over all rows, as multiples of few columns.
+    Series,
     /// Over moments.
     Moments,
     /// At the nodes of a lattice.

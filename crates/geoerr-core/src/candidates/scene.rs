@@ -90,15 +90,14 @@ impl<T: Real> Scene<T> {
         (0..3).filter(move |&c| !self.directions[channel][c].is_empty())
     }
 
-    /// What sums by block give beyond white noise in one component, `(TᵀT − I)` times them: column after column, a number
-    /// for each block in each.
-    pub(super) fn beyond_white_of_columns(&self, c: usize, sums: &[T]) -> Vec<T> {
+    /// Sums by block in the metric of the noise, `T` times them: column after column, a number for each block in each.
+    pub(super) fn whitened_columns(&self, c: usize, sums: &[T]) -> Vec<T> {
         let n_blocks = self.noise.n_blocks().max(1);
         let width = sums.len() / n_blocks;
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
         lanes::transpose(&mut rows, sums, n_blocks);
-        let beyond = self.noise.inverse_less_one(c, &rows, width);
-        lanes::transpose(&mut columns, &beyond, width.max(1));
+        self.noise.whiten_sums(c, &mut rows, width);
+        lanes::transpose(&mut columns, &rows, width.max(1));
         columns
     }
 
@@ -142,6 +141,37 @@ impl<T: Real> Scene<T> {
         .collect()
     }
 
+    /// What functions on a channel are multiplied with is the sum over components of these: a scale for each row, and basis,
+    /// residual and draws of each.
+    pub(super) fn terms(&self, channel: usize) -> Vec<(&[T], &[T])> {
+        self.components(channel).map(|c| (&self.directions[channel][c][..], &self.back[c][..])).collect()
+    }
+
+    /// Sets a target to weights of rows in the information of two channels: 0 where they share no component.
+    pub(super) fn set_weights_of_rows(
+        &self,
+        target: &mut Vec<T>,
+        [one, two]: [usize; 2],
+        here: Range<usize>,
+    ) {
+        target.clear();
+        target.resize(here.len(), T::default());
+        for c in self.components(one) {
+            let [d, e] = [one, two].map(|channel| &self.directions[channel][c]);
+            if !e.is_empty() {
+                let per_variance = T::nearest(1.0 / self.noise.sigma()[c].powi(2));
+                lanes::add_scaled_products(target, per_variance, &d[here.clone()], &e[here.clone()]);
+            }
+        }
+    }
+
+    /// Sets a target to what rows add to the sum of their block for a displacement of 1 on one component, `u / σ`.
+    pub(super) fn set_unit_of_rows(&self, target: &mut Vec<T>, c: usize, here: Range<usize>) {
+        let per_sigma = 1.0 / self.noise.sigma()[c];
+        target.clear();
+        target.extend(self.noise.unit(c)[here].iter().map(|unit| T::nearest(unit * per_sigma)));
+    }
+
     /// What a function on a channel is multiplied with, moment after moment: basis, residual and draws of the channel.
     pub(super) fn set_operand(
         &self,
@@ -152,39 +182,8 @@ impl<T: Real> Scene<T> {
     ) {
         let width = self.width();
         target.resize(here.len() * width, T::default());
-        for (moment, target) in here.zip(target.chunks_exact_mut(width)) {
-            self.set_sum(target, channel, moments.rows(moment));
-        }
-    }
-
-    /// Sets a target to what some rows of a channel give to that.
-    pub(super) fn set_sum(&self, target: &mut [T], channel: usize, rows: impl IntoIterator<Item = usize>) {
-        let mut rows = rows.into_iter();
-        match rows.next() {
-            Some(first) => self.with_scaled(channel, first, |scaled| lanes::set_combined(target, scaled)),
-            None => target.fill(T::default()),
-        }
-        rows.for_each(|row| self.add_operand(target, channel, row));
-    }
-
-    /// Adds what a row gives to that.
-    pub(super) fn add_operand(&self, target: &mut [T], channel: usize, row: usize) {
-        self.with_scaled(channel, row, |scaled| lanes::add_combined(target, scaled));
-    }
-
-    /// Calls with what a row has on the components of a channel, and with what it is scaled.
-    fn with_scaled(&self, channel: usize, row: usize, call: impl FnOnce(&[(T, &[T])])) {
-        let width = self.width();
-        let mut scaled = [(T::default(), &[] as &[T]); 3];
-        let mut n_scaled = 0;
-        for c in self.components(channel) {
-            let scale = self.directions[channel][c][row];
-            if scale != T::default() {
-                scaled[n_scaled] = (scale, &self.back[c][row * width..(row + 1) * width]);
-                n_scaled += 1;
-            }
-        }
-        call(&scaled[..n_scaled]);
+        let rows = here.map(|moment| moments.rows(moment));
+        lanes::set_sums_of_rows(target, width, width, rows, &self.terms(channel));
     }
 }
 
@@ -250,10 +249,20 @@ fn whiten_transposed<T: Real>(noise: &Whitening, c: usize, runs: &[Run], width: 
     let per_sigma = T::nearest(1.0 / noise.sigma()[c]);
     rows.par_chunks_mut(ROWS * width).enumerate().for_each(|(step, rows)| {
         for (row, values) in (step * ROWS..).zip(rows.chunks_exact_mut(width)) {
-            lanes::add_scaled(values, T::nearest(unit[row]), &more[noise.block(row) * width..][..width]);
-            for value in values {
-                *value *= per_sigma;
-            }
+            let more = &more[noise.block(row) * width..][..width];
+            lanes::add_scaled_and_scale(values, T::nearest(unit[row]), more, per_sigma);
         }
     });
+}
+
+/// Runs of a block of moments, counted from its first one.
+pub(super) fn runs_within(runs: &[Run], here: &Range<usize>) -> Vec<Run> {
+    let first = runs.partition_point(|run| run.end <= here.start);
+    (runs[first..].iter().take_while(|run| run.start < here.end))
+        .map(|run| Run {
+            start: run.start.max(here.start) - here.start,
+            end: run.end.min(here.end) - here.start,
+            block: run.block,
+        })
+        .collect()
 }

@@ -21,6 +21,13 @@ pub struct Formula {
     pub is_proportional: bool,
 }
 
+impl Formula {
+    /// Whether its functions are multiples of a series.
+    pub(super) fn is_multiple_of_series(&self) -> bool {
+        self.series.is_some() && self.is_proportional && !self.expression.needs_order()
+    }
+}
+
 /// All functions, numbered: those of the formulas, one after the other, then those given, then products of two given.
 #[derive(Clone, Debug)]
 pub struct Sources<'a> {
@@ -110,6 +117,13 @@ impl Numbering {
         }
         let formula = self.first_of_formula.partition_point(|&first| first <= function) - 1;
         Source::Formula(formula, function - self.first_of_formula[formula])
+    }
+
+    pub(super) fn is_multiple_of_series(&self, function: usize, sources: &Sources<'_>) -> bool {
+        match self.source(function) {
+            Source::Formula(formula, _) => sources.formulas[formula].is_multiple_of_series(),
+            _ => false,
+        }
     }
 
     fn n_of_formulas(&self) -> usize {
@@ -216,6 +230,57 @@ impl<'a, T: Real> Evaluator<'a, T> {
     }
 }
 
+/// Functions that are multiples of series: what the series are multiplied with, once for all that are alike.
+pub(super) struct Multiples {
+    /// Formulas whose columns for a series of ones these are.
+    alike: Vec<usize>,
+    /// Place of the formula among those, and which of its coefficients; rising.
+    columns: Vec<(usize, usize)>,
+    ones: Vec<f64>,
+    /// By function: place of what its series is multiplied with, and the number of the series.
+    pub(super) of_function: Vec<Option<(usize, usize)>>,
+}
+
+impl Multiples {
+    pub(super) fn of(sources: &Sources<'_>, numbering: &Numbering, functions: &[usize]) -> Self {
+        let functions: Vec<Source> = functions.iter().map(|&function| numbering.source(function)).collect();
+        let (alike, place_of) = alike(sources, &functions);
+        let own: Vec<Option<((usize, usize), usize)>> = (functions.iter().zip(place_of))
+            .map(|(&source, place)| match source {
+                Source::Formula(formula, slot) => {
+                    Some(((place?, slot), sources.formulas[formula].series?[1]))
+                }
+                _ => None,
+            })
+            .collect();
+        let mut columns: Vec<(usize, usize)> = own.iter().flatten().map(|one| one.0).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let place = |column: (usize, usize)| columns.partition_point(|&one| one < column);
+        let of_function = own.iter().map(|own| own.map(|(column, series)| (place(column), series))).collect();
+        Self { alike, columns, ones: vec![1.0; sources.rows.n_rows], of_function }
+    }
+
+    /// Sets `target` to what series are multiplied with over some rows, column after column; `of_formula` is room.
+    pub(super) fn set<T: Real>(
+        &self,
+        target: &mut Vec<T>,
+        of_formula: &mut Vec<f64>,
+        sources: &Sources<'_>,
+        rows: Range<usize>,
+    ) -> Result<(), CandidateError> {
+        let n = rows.len();
+        target.clear();
+        for own in self.columns.chunk_by(|one, other| one.0 == other.0) {
+            evaluate_with(sources, self.alike[own[0].0], &self.ones, rows.clone(), of_formula)?;
+            for &(_, slot) in own {
+                target.extend(of_formula[slot * n..(slot + 1) * n].iter().map(|&value| number::<T>(value)));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// The formulas that all which are proportional to a series are multiples of, and of each function the place of its own.
 fn alike(sources: &Sources<'_>, functions: &[Source]) -> (Vec<usize>, Vec<Option<usize>>) {
     let mut found: Vec<usize> = Vec::new();
@@ -223,7 +288,7 @@ fn alike(sources: &Sources<'_>, functions: &[Source]) -> (Vec<usize>, Vec<Option
         .map(|&source| {
             let Source::Formula(number, _) = source else { return None };
             let own = &sources.formulas[number];
-            if own.series.is_none() || !own.is_proportional || own.expression.needs_order() {
+            if !own.is_multiple_of_series() {
                 return None;
             }
             let is_alike = |&other: &usize| {

@@ -80,12 +80,12 @@ impl Spectrum {
 
     /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
     ///
-    /// `set_sum` sets what some rows sum up to.
+    /// What is summed are the rows of all terms, `width` numbers each, times the scale of the row.
     pub(super) fn sums<T: Real + FftNum>(
         &self,
         width: usize,
         harmonics: &[usize],
-        set_sum: impl Fn(&mut [T], &[usize]),
+        terms: &[(&[T], &[T])],
     ) -> Vec<T> {
         // Two real columns are one complex one.
         let half = width.div_ceil(2);
@@ -93,9 +93,8 @@ impl Spectrum {
         let mut grid = vec![T::default(); (self.n_nodes + 2 * MARGIN) * stride];
         let mut waiting = vec![T::default(); WAITING * stride];
         for places in self.places.chunks(WAITING) {
-            for (place, own) in places.iter().zip(waiting.chunks_exact_mut(stride.max(1))) {
-                set_sum(&mut own[..width], &self.rows[place.start..place.end]);
-            }
+            let rows = places.iter().map(|place| self.rows[place.start..place.end].iter().copied());
+            lanes::set_sums_of_rows(&mut waiting, stride, width, rows, terms);
             let taps = places.iter().map(|place| (place.first_node, place.weights.map(T::nearest)));
             lanes::spread(&mut grid, &waiting, stride, &taps.collect::<Vec<_>>());
         }

@@ -32,7 +32,9 @@ pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
 pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};
 pub use matrix::Matrix;
 pub use orthonormal::{orthonormal, orthonormalizing};
-pub use products::{Real, add_cross_product, add_product_by_rows, add_product_of_rows, set_gram};
+pub use products::{
+    Real, add_cross_product, add_product_by_rows, add_product_of_columns, add_product_of_rows, set_gram,
+};
 pub use rank::RankDecision;
 pub use registers::clear_wide_registers;
 pub use restriction::Restriction;

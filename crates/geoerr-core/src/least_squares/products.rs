@@ -81,6 +81,19 @@ pub fn add_product_of_rows<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_ro
     matmul::matmul(sum, Accum::Add, left.transpose(), right, T::nearest(1.0), Par::Seq);
 }
 
+/// `sum += leftᵀ · right`: `left` (n × m) and `right` (n × k) column after column, `sum` (m × k) row after row.
+pub fn add_product_of_columns<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize) {
+    let _wide = WideRegisters;
+    let (m, k) = (left.len() / n_rows.max(1), right.len() / n_rows.max(1));
+    if sum.len() < m * k || n_rows == 0 || m == 0 || k == 0 {
+        return;
+    }
+    let left = MatRef::from_column_major_slice(&left[..n_rows * m], n_rows, m);
+    let right = MatRef::from_column_major_slice(&right[..n_rows * k], n_rows, k);
+    let sum = MatMut::from_row_major_slice_mut(&mut sum[..m * k], m, k);
+    matmul::matmul(sum, Accum::Add, left.transpose(), right, T::nearest(1.0), Par::Seq);
+}
+
 /// `sum += leftᵀ · right`, all row after row: `left` (n × m), `right` (n × k).
 pub fn add_cross_product<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_rows: usize) {
     let _wide = WideRegisters;

@@ -3,6 +3,7 @@
 //! Lanes are fixed and products are not fused with sums: the bytes are the same on every machine.
 
 use crate::arithmetic::in_wide_registers;
+use crate::least_squares::Real;
 
 /// Lanes of a sum: two of the widest registers.
 const LANES: usize = 16;
@@ -26,10 +27,10 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// `sum += factor · values`.
-pub(super) fn add_scaled(sum: &mut [f64], factor: f64, values: &[f64]) {
+pub(super) fn add_scaled<T: Real>(sum: &mut [T], factor: T, values: &[T]) {
     in_wide_registers(
         #[inline(always)]
-        || sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += factor * value),
+        || sum.iter_mut().zip(values).for_each(|(sum, &value)| *sum += factor * value),
     );
 }
 

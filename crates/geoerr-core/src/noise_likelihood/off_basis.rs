@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::error::{NoiseError, length};
+use super::lanes::add_scaled;
 use super::sums::{Logs, reach_of, units_of};
 use crate::least_squares::{add_cross_product, add_product_by_rows};
 
@@ -64,7 +65,8 @@ impl Blocks {
             change.iter_mut().for_each(|value| *value *= size);
             add_cross_product(&mut inside, &own.basis, change, self.len());
         }
-        let inside: Vec<f32> = inside.into_iter().map(|value| value as f32).collect();
+        let single = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect::<Vec<f32>>();
+        let (inside, changes) = (single(inside), changes.map(single));
         let steps = drawn.par_chunks_mut(3 * ROWS * n_draws).zip(basis.par_chunks(3 * ROWS * r.max(1)));
         steps.enumerate().for_each(|(step, (drawn, basis))| {
             let rows = drawn.chunks_exact_mut(3 * n_draws).zip(&self.of_row()[step * ROWS..]);
@@ -72,7 +74,7 @@ impl Blocks {
                 for (c, own) in row.chunks_exact_mut(n_draws).enumerate() {
                     let weight = unit[c][step * ROWS + number];
                     let change = &changes[c][block * n_draws..(block + 1) * n_draws];
-                    own.iter_mut().zip(change).for_each(|(value, change)| *value += (weight * change) as f32);
+                    add_scaled(own, weight as f32, change);
                 }
             }
             let basis: Vec<f32> = basis.iter().map(|&value| value as f32).collect();

@@ -224,6 +224,59 @@ fn a_harmonic_that_is_0_at_all_places_is_not_measured() {
     assert_eq!(found[0].rank[38], 1);
 }
 
+/// What follows a series that warms and cools at every session, at lags of all lengths, times a place and alone.
+#[test]
+fn multiples_of_many_series_are_sums_of_few_columns() {
+    // More rows than a block of the series has, and a last block that is not full.
+    let drawn = Drawn::new(11, 700, 5, 4, 4);
+    let n_rows = drawn.n_rows;
+    let x = Draws::new(12).column(n_rows);
+    let noise = Draws::new(13).column(n_rows);
+    let lagged = |lag: f64| -> Vec<f64> {
+        let mut behind = 20.0;
+        let follow = |row: usize| {
+            let own = if (row / 250).is_multiple_of(2) { 45.0 } else { 22.0 } + 0.2 * noise[row];
+            behind += (own - behind) / (1.0 + lag);
+            // Not all rows have a temperature.
+            if row % 97 == 5 { f64::NAN } else { behind - 20.0 }
+        };
+        (0..n_rows).map(follow).collect()
+    };
+    let n_series = 14;
+    let series: Vec<Vec<f64>> = (0..n_series).map(|trial| lagged(1.6_f64.powi(trial) - 1.0)).collect();
+    let followed: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();
+    let follows = formula("a*followed + b*followed*x", &["a", "b"]);
+    let formulas: Vec<Formula> = (0..series.len())
+        .map(|series| Formula {
+            expression: follows.clone(),
+            inner: vec![0.0],
+            series: Some([2, series]),
+            is_proportional: true,
+        })
+        .collect();
+    let empty = vec![0.0; n_rows];
+    let rows = Rows { variables: &[&x, &empty, &empty], n_rows, starts: &[], t: None };
+    let sources = Sources { rows, formulas: &formulas, series: &followed, given: &[], products: &[] };
+    let all = 0..series.len();
+    let groups = [
+        group(&[(0, 1.0, 0), (0, 1.0, 1)], (0..2 * series.len()).collect()),
+        group(&[(3, 1.0, 0), (2, -0.5, 0)], (0..2 * series.len()).collect()),
+        // A difference of two series, on two channels.
+        group(
+            &[(0, 1.0, 0), (0, -1.0, 0), (1, 1.0, 1), (1, -1.0, 1)],
+            all.flat_map(|trial| {
+                let other = (trial + 3) % series.len();
+                [2 * trial, 2 * other, 2 * trial + 1, 2 * other + 1]
+            })
+            .collect(),
+        ),
+    ];
+    let coarse = scan(&drawn.scene::<f32>(), &sources, &groups).unwrap();
+    let exact = scan(&drawn.scene::<f64>(), &sources, &groups).unwrap();
+    assert!(exact[2].gain.iter().all(|&gain| gain > 0.0));
+    assert_alike([coarse, exact]);
+}
+
 #[test]
 fn what_is_not_there_is_refused() {
     let drawn = Drawn::new(1, 20, 2, 1, 2);
