@@ -19,7 +19,7 @@ use crate::least_squares::Real;
 /// Rows of one block.
 pub(super) const ROWS: usize = 512;
 /// What may be left of a series, in its largest value: hardly more than single precision rounds.
-const ACCURACY: f64 = 1e-6;
+const ACCURACY: f64 = 2e-7;
 /// Fewest series that are worth it.
 const WORTHWHILE: usize = 8;
 
@@ -84,18 +84,19 @@ impl<T: Real> SeriesBlocks<T> {
 impl<T: Real> Block<T> {
     fn new(series: &[&[f64]], sizes: &[f64], rows: Range<usize>) -> Self {
         let n = rows.len();
-        let mut left: Vec<T> = Vec::with_capacity(series.len() * n);
+        // In double precision: what single precision rounds would be eliminated as if it were of the series.
+        let mut left: Vec<f64> = Vec::with_capacity(series.len() * n);
         for one in series {
-            left.extend(one[rows.clone()].iter().map(|&value| number::<T>(value)));
+            left.extend(one[rows.clone()].iter().map(|&value| number::<f64>(value)));
         }
         // Squares of the largest numbers left, in that of the largest of all rows.
         let per_size: Vec<f64> =
             sizes.iter().map(|size| if *size > 0.0 { size.powi(-2) } else { 0.0 }).collect();
-        let nothing = vec![T::default(); n];
+        let nothing = vec![0.0; n];
         let mut most: Vec<f64> = (left.chunks_exact_mut(n).zip(&per_size))
-            .map(|(own, per_size)| lanes::take_off(own, T::default(), &nothing).double() * per_size)
+            .map(|(own, per_size)| lanes::take_off(own, 0.0, &nothing) * per_size)
             .collect();
-        let (mut columns, mut by_column): (Vec<T>, Vec<T>) = (Vec::new(), Vec::new());
+        let (mut columns, mut by_column): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let mut n_columns = 0;
         while n_columns < n.min(series.len()) {
             let largest =
@@ -106,27 +107,28 @@ impl<T: Real> Block<T> {
             let own = &left[largest * n..(largest + 1) * n];
             let at = (0..n)
                 .fold(0, |best, row| if own[row] * own[row] > own[best] * own[best] { row } else { best });
-            let per_pivot = T::nearest(1.0 / own[at].double());
+            let per_pivot = 1.0 / own[at];
             columns.extend(own.iter().map(|&value| value * per_pivot));
             let column = &columns[n_columns * n..];
             for (place, own) in left.chunks_exact_mut(n).enumerate() {
                 if most[place] <= ACCURACY.powi(2) {
-                    by_column.push(T::default());
+                    by_column.push(0.0);
                     continue;
                 }
                 by_column.push(own[at]);
                 if place == largest {
-                    own.fill(T::default());
+                    own.fill(0.0);
                     most[place] = 0.0;
                 } else {
-                    most[place] = lanes::take_off(own, own[at], column).double() * per_size[place];
+                    most[place] = lanes::take_off(own, own[at], column) * per_size[place];
                 }
             }
             n_columns += 1;
         }
         let mut shares = Vec::new();
         lanes::transpose(&mut shares, &by_column, series.len());
-        Self { rows, n_columns, columns, shares }
+        let single = |values: Vec<f64>| values.into_iter().map(T::nearest).collect();
+        Self { rows, n_columns, columns: single(columns), shares: single(shares) }
     }
 
     /// What a series, by its place, has of each column.
