@@ -90,14 +90,15 @@ impl<T: Real> Scene<T> {
         (0..3).filter(move |&c| !self.directions[channel][c].is_empty())
     }
 
-    /// Sums by block in the metric of the noise, `T` times them: column after column, a number for each block in each.
-    pub(super) fn whitened_columns(&self, c: usize, sums: &[T]) -> Vec<T> {
+    /// What sums by block give beyond white noise in one component, `(TᵀT − I)` times them: column after column, a number
+    /// for each block in each.
+    pub(super) fn beyond_white_of_columns(&self, c: usize, sums: &[T]) -> Vec<T> {
         let n_blocks = self.noise.n_blocks().max(1);
         let width = sums.len() / n_blocks;
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
         lanes::transpose(&mut rows, sums, n_blocks);
-        self.noise.whiten_sums(c, &mut rows, width);
-        lanes::transpose(&mut columns, &rows, width.max(1));
+        let beyond = self.noise.inverse_less_one(c, &rows, width);
+        lanes::transpose(&mut columns, &beyond, width.max(1));
         columns
     }
 

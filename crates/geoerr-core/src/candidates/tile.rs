@@ -180,12 +180,10 @@ impl<'a, T: Real> Tile<'a, T> {
         let n_blocks = self.scene.noise.n_blocks();
         let Totals { information, level, .. } = &mut self.totals;
         for (c, level) in level.iter().enumerate().filter(|(_, level)| !level.is_empty()) {
-            // Of `T (I + K) Tᵀ = I` half the work gives `(T a)ᵀ(T b) − aᵀb`.
-            let whitened = self.scene.whitened_columns(c, level);
+            let beyond = self.scene.beyond_white_of_columns(c, level);
             for (&[a, b], sum) in self.wanted.iter().zip(&mut *information) {
                 let [a, b] = [a, b].map(|pair| pair * n_blocks..(pair + 1) * n_blocks);
-                let coloured = lanes::dot(&level[a.clone()], &level[b.clone()]);
-                *sum += lanes::dot(&whitened[a], &whitened[b]).double() - coloured.double();
+                *sum += lanes::dot(&level[a], &beyond[b]).double();
             }
         }
     }

@@ -130,11 +130,6 @@ impl Whitening {
         &self.unit[c]
     }
 
-    /// `T S` of one component in place, S sums by block, `width` of each, row after row.
-    pub fn whiten_sums<T: Real>(&self, c: usize, sums: &mut [T], width: usize) {
-        self.filter_rows(c, sums, width, Filter::whiten);
-    }
-
     /// `(Tᵀ − I) S` of one component, S sums by block, `width` of each, row after row.
     #[must_use]
     pub fn transposed_less_one<T: Real>(&self, c: usize, sums: &[T], width: usize) -> Vec<T> {
