@@ -41,11 +41,12 @@ SLICED = {
 }
 MAIN = "walls and infill"
 IN_THE_WAY = (
-    "An eighth goes to where the tenth of the moves that are long are cut: a command at each face of a box on their "
-    "way; and more to writing their pieces; programs of slicers, whose moves are short, have little of that. The "
-    "rest is reading and writing, which run at the same time as solving. What stands between them and a loop that "
-    "reads numbers, inverts a matrix and prints is spread evenly: the words of a line and their places, the frame "
-    "twice, the exact sum of extrusion, the choice of words to write."
+    "A seventh goes to the polynomials of boxes, made where a program first comes; a fifth to where the tenth of the "
+    "moves that are long are cut, a command at each face of a box on their way; and more to writing their pieces: "
+    "programs of slicers, whose moves are short, have little of that. The rest is reading and writing, which run at "
+    "the same time as solving. What stands between them and a loop that reads numbers, inverts a matrix and prints "
+    "is spread evenly: the words of a line and their places, the frame twice, the exact sum of extrusion, the choice "
+    "of words to write, ranges of what is read and what is commanded."
 )
 
 # The machine of `gcode_stream`, as `benches/src/gcode.rs` has it: waves with an entry each 10 mm, Li's squareness.
