@@ -36,6 +36,7 @@ impl Draft {
     /// What has been written.
     #[inline]
     pub fn bytes(&self) -> &[u8] {
+        debug_assert!(self.length <= self.bytes.len(), "no room was made");
         self.bytes.get(..self.length).unwrap_or_default()
     }
 

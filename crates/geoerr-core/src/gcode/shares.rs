@@ -26,6 +26,8 @@ pub struct Shares {
 pub enum PieceWord {
     /// The word as it was written, if there is one.
     Kept,
+    /// No word.
+    Absent,
     /// This many units of the last digit.
     New(i64),
 }
@@ -80,8 +82,11 @@ impl Shares {
     #[inline]
     pub fn of_piece(&self, piece: usize) -> PieceWord {
         match self.words.get(piece) {
-            Some(&word) if !(self.last_is_kept && piece + 1 == self.words.len()) => PieceWord::New(word),
-            _ => PieceWord::Kept,
+            Some(_) if self.last_is_kept && piece + 1 == self.words.len() => PieceWord::Kept,
+            Some(&word) => PieceWord::New(word),
+            // What cannot be shared is extruded by the first piece.
+            None if piece == 0 => PieceWord::Kept,
+            None => PieceWord::Absent,
         }
     }
 }

@@ -137,17 +137,15 @@ pub fn further_piece(draft: &mut Draft, source: &[u8], text: &MoveText, words: &
             is_spaced = text.is_spaced;
         }
     }
-    if let Some(span) = text.extruder {
-        if text.is_spaced {
-            draft.push(b' ');
-        }
-        match words.extruder {
-            PieceWord::Kept => draft.copy(source, span.start as usize, span.end as usize),
-            PieceWord::New(units) => {
-                draft.copy(source, span.start as usize, span.start as usize + 1);
-                draft.number(units, words.extruder_digits);
-            }
-        }
+    let Some(span) = text.extruder.filter(|_| words.extruder != PieceWord::Absent) else { return };
+    if text.is_spaced {
+        draft.push(b' ');
+    }
+    if let PieceWord::New(units) = words.extruder {
+        draft.copy(source, span.start as usize, span.start as usize + 1);
+        draft.number(units, words.extruder_digits);
+    } else {
+        draft.copy(source, span.start as usize, span.end as usize);
     }
 }
 

@@ -28,6 +28,8 @@ fn axes_that_the_line_does_not_name_are_added_when_they_change() {
     assert_eq!(lines[1], "G1 Z5 X10.0049 Y0.0200 F600 ; lift");
     assert_eq!(lines[2], "g1z0x10.0000y0.0000");
     assert_eq!(lines[3], "G1 E5");
+    let lines = rewritten(skewed(), options(), "G1 X10 Y0 Z0\nG1 E5 Z5 F600 X10 ; any order\n");
+    assert_eq!(lines[1], "G1 E5 Z5 F600 X10.0049 Y0.0200 ; any order");
 }
 
 #[test]
@@ -98,6 +100,15 @@ fn splitting_shares_the_extrusion_to_its_last_digit() {
     assert_eq!(outcome.summary.extrusion_in, outcome.summary.extrusion_out);
     assert_eq!(outcome.summary.moves_in, 3);
     assert_eq!(outcome.summary.moves_out as usize, 1 + absolute.len() + relative.len());
+}
+
+#[test]
+fn what_has_too_many_digits_to_be_shared_is_extruded_once() {
+    let program = "M83\nG1 X0 Y0 Z0\nG1 E900000000000000 X400\n";
+    let lines = rewritten(super::common::bent("wbXYZt", [0.0; 3]), options(), program);
+    assert!(lines.len() > 4, "{lines:?}");
+    assert!(lines[2].starts_with("G1 E900000000000000 X"), "{}", lines[2]);
+    assert!(lines[3..].iter().all(|line| !line.contains('E')), "{lines:?}");
 }
 
 #[test]
