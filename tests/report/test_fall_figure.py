@@ -28,6 +28,16 @@ def test_every_model_has_its_two_bars_and_the_last_ones_noise_is_drawn() -> None
     assert "4.00 µm" in figure.layout.title.subtitle.text
 
 
+def test_the_line_of_the_noise_crosses_no_figure() -> None:
+    stages = [Stage("at first", figures(25.0, 26.0, 4.0)), Stage("+ backlash:x", figures(3.8, 4.2, 4.0))]
+    held, residual = error_fall(stages).data
+    assert residual.text[0] == "25.0"
+    # The bar ends before the line: its figure stands behind it.
+    assert residual.text[1].lstrip("\u00a0") == "3.80"
+    assert residual.text[1].startswith("\u00a0")
+    assert held.text[1] == "4.20"
+
+
 @pytest.mark.parametrize("noise_um", [1.0, math.nan])
 def test_beside_a_millimetre_micrometres_are_told_apart_on_a_logarithmic_axis(noise_um: float) -> None:
     story = [(1043.0, 1043.0), (11.3, 12.6), (0.94, 1.06)]

@@ -22,6 +22,9 @@ _BARS = (
 # Of a logarithmic axis: shares of its length, and how many decades have ticks at 2 and 5 too.
 _ROOM_BEFORE, _ROOM_BEHIND = 0.09, 0.12
 _MOST_DECADES_OF_125 = 3.0
+# Of a linear axis: its length beside the longest bar; the share of it that a figure takes, and the pixels that it has
+# at most; pixels of a blank, and between the line of the noise and a figure.
+_LINEAR_ROOM, _FIGURE_SHARE, _WIDEST_PX, _BLANK_PX, _GAP_PX = 1.15, 0.08, 700.0, 3.0, 6.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def error_fall(stages: Sequence[Stage], *, is_numbered: bool = False) -> go.Figu
                 base=scale.begin_um,
                 orientation="h",
                 marker={"color": color},
-                text=["" if value is None else style.text_um(value).removesuffix(" µm") for value in values],
+                text=["" if value is None else _figure_text(value, noise_um, scale) for value in values],
                 textposition="outside",
                 cliponaxis=False,
                 name=name,
@@ -116,9 +119,22 @@ def error_fall(stages: Sequence[Stage], *, is_numbered: bool = False) -> go.Figu
     return style.finish(figure, "How the error falls", _explained(scale, noise_um), height_px, legend=True)
 
 
+def _figure_text(value_um: float, noise_um: float | None, scale: ErrorScale) -> str:
+    """Give the figure of a bar, behind the line of the noise where that would cross it."""
+    text = style.text_um(value_um).removesuffix(" µm")
+    if noise_um is None or scale.is_logarithmic:
+        return text
+    share = (noise_um - value_um) / (_LINEAR_ROOM * scale.largest_um)
+    if not 0.0 <= share < _FIGURE_SHARE:
+        return text
+    return "\u00a0" * math.ceil((share * _WIDEST_PX + _GAP_PX) / _BLANK_PX) + text
+
+
 def _set_axis(figure: go.Figure, scale: ErrorScale) -> None:
     if not scale.is_logarithmic:
-        figure.update_xaxes(title_text="error, µm rms", range=[0.0, 1.15 * scale.largest_um], rangemode="tozero")
+        figure.update_xaxes(
+            title_text="error, µm rms", range=[0.0, _LINEAR_ROOM * scale.largest_um], rangemode="tozero"
+        )
         return
     low, high = math.log10(scale.least_um), math.log10(scale.largest_um)
     # Room for the figures: beyond the longest bar, and before what is below the noise.
