@@ -4,6 +4,7 @@ use super::decimal::POWERS_F64;
 use super::extrusion::Share;
 use super::path::Node;
 use super::reader::Move;
+use super::wording::PieceWord;
 
 /// Fewest digits of a shared `E`.
 const EXTRUDER_DIGITS: u8 = 5;
@@ -19,17 +20,6 @@ pub struct Shares {
     last_is_kept: bool,
     /// What the words extrude, `10^-18` mm.
     pub extrusion: i128,
-}
-
-/// `E` of one piece.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PieceWord {
-    /// The word as it was written, if there is one.
-    Kept,
-    /// No word.
-    Absent,
-    /// This many units of the last digit.
-    New(i64),
 }
 
 impl Shares {

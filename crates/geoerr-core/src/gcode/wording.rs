@@ -2,17 +2,16 @@
 
 use super::draft::Draft;
 use super::lexer::Span;
-use super::shares::PieceWord;
 use super::words::MoveText;
 
-/// An axis word of a piece.
-#[derive(Clone, Copy, Debug)]
-pub enum AxisWord {
-    /// The number as it was written is right.
+/// A word of a piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PieceWord {
+    /// As it was written, if there is one.
     Kept,
     /// This many units of the last printed digit.
     New(i64),
-    /// No word: the axis stays.
+    /// No word: an axis stays, nothing is extruded.
     Absent,
 }
 
@@ -20,7 +19,7 @@ pub enum AxisWord {
 #[derive(Clone, Copy, Debug)]
 pub struct PieceWords {
     /// X, Y, Z.
-    pub axes: [AxisWord; 3],
+    pub axes: [PieceWord; 3],
     /// Digits behind their points.
     pub digits: u8,
     /// E.
@@ -68,26 +67,26 @@ impl Rewording<'_> {
         self.at = end;
     }
 
-    /// A word with a new number: its letter stays.
+    /// A word of the line: of a new one the letter stays.
     #[inline]
-    fn number(&mut self, span: Span, scaled: i64, digits: u8) {
-        self.up_to(span.start as usize + 1);
-        self.draft.number(scaled, digits);
-        self.at = span.end as usize;
+    fn word(&mut self, span: Option<Span>, word: PieceWord, digits: u8) {
+        if let (Some(span), PieceWord::New(scaled)) = (span, word) {
+            self.up_to(span.start as usize + 1);
+            self.draft.number(scaled, digits);
+            self.at = span.end as usize;
+        }
     }
 
     #[inline]
     fn axis(&mut self, axis: usize) {
-        if let (Some(span), AxisWord::New(steps)) = (self.text.axes[axis], self.words.axes[axis]) {
-            self.number(span, steps, self.words.digits);
-        }
+        self.word(self.text.axes[axis], self.words.axes[axis], self.words.digits);
     }
 
     /// Axes that the line did not give.
     #[inline]
     fn absent_axes(&mut self) {
         for axis in 0..3 {
-            if let (None, AxisWord::New(steps)) = (self.text.axes[axis], self.words.axes[axis]) {
+            if let (None, PieceWord::New(steps)) = (self.text.axes[axis], self.words.axes[axis]) {
                 self.up_to(self.text.behind_axes as usize);
                 axis_word(self.draft, self.text, self.text.is_spaced, axis, steps, self.words.digits);
             }
@@ -96,9 +95,7 @@ impl Rewording<'_> {
 
     #[inline]
     fn extruder(&mut self) {
-        if let (Some(span), PieceWord::New(units)) = (self.text.extruder, self.words.extruder) {
-            self.number(span, units, self.words.extruder_digits);
-        }
+        self.word(self.text.extruder, self.words.extruder, self.words.extruder_digits);
     }
 
     #[cold]
@@ -132,7 +129,7 @@ pub fn further_piece(draft: &mut Draft, source: &[u8], text: &MoveText, words: &
         is_spaced = text.is_spaced;
     }
     for (axis, word) in words.axes.iter().enumerate() {
-        if let AxisWord::New(steps) = word {
+        if let PieceWord::New(steps) = word {
             axis_word(draft, text, is_spaced, axis, *steps, words.digits);
             is_spaced = text.is_spaced;
         }

@@ -149,14 +149,13 @@ impl MoveText {
         };
         let axes = words.axes.map(|word| word.map(|word| word.span));
         let letter = axes.iter().flatten().next().and_then(|span| span.of(body).first().copied());
-        let in_order: Vec<u32> =
-            words.axes.iter().chain([&words.extruder]).flatten().map(|word| word.span.start).collect();
+        let begins = words.axes.iter().chain([&words.extruder]).flatten().map(|word| word.span.start);
         Self {
             axes,
             extruder: words.extruder.map(|word| word.span),
             motion: code(&[0, 10]),
             machine: code(&[530]),
-            is_in_order: in_order.is_sorted(),
+            is_in_order: begins.is_sorted(),
             behind_axes: axes.iter().flatten().map(|span| span.end).max().unwrap_or(0),
             is_spaced: line.words.len() < 2
                 || line.words.windows(2).any(|pair| pair[0].span.end < pair[1].span.start),

@@ -8,7 +8,7 @@ use super::options::{Options, unit_mm};
 use super::path::Node;
 use super::reader::Move;
 use super::shares::Shares;
-use super::wording::{AxisWord, PieceWords, first_piece, further_piece};
+use super::wording::{PieceWord, PieceWords, first_piece, further_piece};
 
 /// A line as it comes in.
 #[derive(Clone, Copy, Debug)]
@@ -101,7 +101,7 @@ impl Writer {
         };
         let words = self.words(a_move, first, 0, &print);
         let is_whole = further.is_empty();
-        let is_changed = !is_whole || words.axes.iter().any(|word| matches!(word, AxisWord::New(_)));
+        let is_changed = !is_whole || words.axes.iter().any(|word| matches!(word, PieceWord::New(_)));
         self.draft.clear();
         self.draft.make_room(line.body.len() + line.ending.len());
         let end = line.body.len() + if is_whole { line.ending.len() } else { 0 };
@@ -146,7 +146,7 @@ impl Writer {
         node: &Node,
         is_first_piece: bool,
         print: &Print,
-    ) -> [AxisWord; 3] {
+    ) -> [PieceWord; 3] {
         let motion = &a_move.motion;
         let step_of = |word_mm: f64| {
             let word = if a_move.is_inch { word_mm / print.unit_mm } else { word_mm };
@@ -160,28 +160,28 @@ impl Writer {
         let position_mm = *self.frame.position_mm.numbers();
         let gives_all = self.must_give_all && is_first_piece && motion.is_absolute;
         let wanted_mm: [f64; 3] = std::array::from_fn(|axis| node.command_mm[axis] - origin_mm[axis]);
-        let mut words: [AxisWord; 3] = std::array::from_fn(|axis| {
+        let mut words: [PieceWord; 3] = std::array::from_fn(|axis| {
             let old_mm = old_mm.numbers()[axis];
             if near(old_mm, wanted_mm[axis]) {
-                AxisWord::Kept
+                PieceWord::Kept
             } else if old_mm.is_nan() && near(position_mm[axis], node.command_mm[axis]) {
-                AxisWord::Absent
+                PieceWord::Absent
             } else {
-                AxisWord::New(step_of(wanted_mm[axis]))
+                PieceWord::New(step_of(wanted_mm[axis]))
             }
         });
-        if gives_all && words.iter().any(|word| matches!(word, AxisWord::New(_))) {
+        if gives_all && words.iter().any(|word| matches!(word, PieceWord::New(_))) {
             for axis in 0..3 {
-                if matches!(words[axis], AxisWord::Absent) {
-                    words[axis] = AxisWord::New(step_of(wanted_mm[axis]));
+                if matches!(words[axis], PieceWord::Absent) {
+                    words[axis] = PieceWord::New(step_of(wanted_mm[axis]));
                 }
             }
         }
         for axis in 0..3 {
             let word_mm = match words[axis] {
-                AxisWord::Absent => continue,
-                AxisWord::Kept => motion.words_mm.numbers()[axis],
-                AxisWord::New(steps) => steps as f64 / print.steps_per_unit * print.unit_mm,
+                PieceWord::Absent => continue,
+                PieceWord::Kept => motion.words_mm.numbers()[axis],
+                PieceWord::New(steps) => steps as f64 / print.steps_per_unit * print.unit_mm,
             };
             self.frame.position_mm.set(axis, Some(origin_mm[axis] + word_mm));
         }
