@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from workbench_scenes import loaded, settle
+from workbench_scenes import fitted, settle
 
 from geoerr.diagnose import Change, Diagnosis
 from geoerr.model.document import document_of
@@ -40,9 +40,7 @@ class HeldUp:
 @pytest.fixture(name="session")
 def _session(tmp_path: Path) -> Session:
     """Give a session that has been searched, with nothing added ahead any more."""
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path)
     wiring.do(session, "diagnose", "")
     settle(session)
     session.prepared, session.ahead = (), None

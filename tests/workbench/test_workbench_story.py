@@ -15,7 +15,7 @@ pytest.importorskip("dash")
 
 from dash import dcc, no_update
 from flask.testing import FlaskClient
-from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, loaded, settle, texts
+from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, fitted, loaded, settle, texts
 
 from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.diagnose.words import value_words
@@ -48,9 +48,7 @@ HEADERS = {"Host": f"127.0.0.1:{PORT}"}
 
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    session = loaded(tmp_path_factory.mktemp("learned"))
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path_factory.mktemp("learned"))
     wiring.do(session, "diagnose", "")
     settle(session)
     return session
@@ -248,9 +246,7 @@ def test_regions_come_worst_first(learned: Session) -> None:
 
 
 def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> None:
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path)
     wiring.do(session, "add", "backlash:x")
     settle(session)
     stages = story(session.steps, session.current)
@@ -302,9 +298,7 @@ def test_bars_have_the_height_that_a_window_leaves_them(learned: Session) -> Non
 
 
 def tried(tmp_path: Path, formula: OwnFormula) -> Session:
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path)
     actions.try_formula(session, formula)
     settle(session)
     return session
@@ -355,9 +349,7 @@ def test_a_refusal_is_shown_in_its_panel_with_its_hint(tmp_path: Path) -> None:
 
 
 def test_a_program_is_corrected_and_its_path_is_better(tmp_path: Path) -> None:
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path)
     actions.compensate(session, "part.gcode", PROGRAM, Wish({}))
     settle(session)
     corrected = session.program
@@ -373,9 +365,7 @@ def test_a_program_is_corrected_and_its_path_is_better(tmp_path: Path) -> None:
 
 
 def test_a_program_that_is_refused_is_corrected_again_as_the_page_says(tmp_path: Path) -> None:
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path)
     arc = PROGRAM.replace(b"M30", b"G2 X60 Y60 I5 J5\nM30")
     assert "again" not in texts(wiring.panels(session)["program"])
     actions.compensate(session, "arc.gcode", arc, Wish({}))
@@ -399,9 +389,7 @@ def test_a_program_that_is_refused_is_corrected_again_as_the_page_says(tmp_path:
 
 
 def test_undo_has_what_was_found_missing_again_at_once(tmp_path: Path) -> None:
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path)
     wiring.do(session, "diagnose", "")
     settle(session)
     seen, diagnosis, ahead = session.seen, session.diagnosis, session.prepared[:1]
@@ -529,9 +517,7 @@ def test_a_report_is_kept_until_what_it_tells_changes(tmp_path: Path) -> None:
 
 
 def test_what_is_no_number_is_said_beside_its_field_and_in_the_report(tmp_path: Path) -> None:
-    session = loaded(tmp_path)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path)
     actions.try_formula(session, OwnFormula("grows", "along", "x", "c*q*(t - 20)"))
     settle(session)
     wiring.do(session, "add-trial", "")
@@ -607,9 +593,7 @@ def test_reports_and_the_model_can_be_had(learned: Session) -> None:
 
 def test_a_saved_session_is_the_same_again(tmp_path: Path) -> None:
     saved = tmp_path / "session.json"
-    session = loaded(tmp_path, saved)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path, saved)
     session.view.variable, session.view.power = "d_x", 1.0
     marking.mark(session, "residual", {"range": {"x": [0.5, 1.5]}})
     wiring.do(session, "refer", "1")
@@ -628,9 +612,7 @@ def test_a_saved_session_is_the_same_again(tmp_path: Path) -> None:
 
 def test_a_saved_session_says_again_what_is_missing_and_what_it_takes_to_see_it(tmp_path: Path) -> None:
     saved = tmp_path / "session.json"
-    session = loaded(tmp_path, saved)
-    wiring.do(session, "fit", "21")
-    settle(session)
+    session = fitted(tmp_path, saved)
     wiring.do(session, "diagnose", "")
     settle(session)
     again = begin_session([], saved, threads=1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from geoerr.machine import Axis, Machine, write_machine
 from geoerr.observations import observations_from_columns, write_observations
+from geoerr.workbench import wiring
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
 
@@ -74,6 +75,14 @@ def circle_table(turn: float = 1.0, seed: int = 3) -> bytes:
 def loaded(folder: Path, saved_in: Path | None = None) -> Session:
     """Begin a session and wait until it has compared."""
     session = begin_session(write_scene(folder), saved_in, threads=1)
+    settle(session)
+    return session
+
+
+def fitted(folder: Path, saved_in: Path | None = None) -> Session:
+    """Begin a session with the 21 errors fitted."""
+    session = loaded(folder, saved_in)
+    wiring.do(session, "fit", "21")
     settle(session)
     return session
 
