@@ -83,13 +83,14 @@ def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
 def own_doubt(model: Model, fitted: Fitted) -> Numbers | None:
     """Give how far a given model may be off at the rows of a fit of frames alone, (n, 3, k); None where it is sure.
 
-    Whitened by the stated uncertainties; each column one standard deviation, independent of the others: W J F.
+    Whitened by the stated uncertainties; each column one standard deviation, independent of the others: W J F. Also
+    at rows that the fit leaves out: a search over circles judges anew which are gross.
     """
     root = _covariance_root(model)
     if root is None:
         return None
     problem = with_terms(model.machine, fitted, model.terms)
-    row_scale = fitted.solved.used.astype(np.float64)
+    row_scale = np.ones(len(fitted.sightings))
     blocks = [
         problem.design(problem.start, row_scale, block.start, block.stop, fitted.threads)[:, : len(root)] @ root
         for block in _blocks(len(row_scale))

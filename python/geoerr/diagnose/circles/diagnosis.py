@@ -19,6 +19,7 @@ from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
 from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
+from geoerr.diagnose.own_uncertainty import own_doubt
 from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import circle_diagnosis_html
 from geoerr.diagnose.words import chance_words, um_words
@@ -306,8 +307,10 @@ def diagnose_circles(
     usable, problems, notes = checked(tests)
     steps = Steps(progress, on_step)
     steps.next("the model and the circles are compared")
-    fitted = compare(model, *usable, threads=threads).points
-    runs = runs_of(fitted, problems, notes)
+    comparison = compare(model, *usable, threads=threads)
+    fitted = comparison.points
+    doubt = own_doubt(model, fitted) if comparison.freedom == "held" else None
+    runs = runs_of(fitted, problems, notes, doubt)
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     suspects, not_offered = suspects_of(runs, known, effects, [term.id for term in model.terms])
     found = _diagnosis(search(runs, suspects, steps), known, not_offered)
@@ -319,8 +322,16 @@ def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str
     runs = searched.runs
     unknown_um = None if searched.unknown is None else searched.unknown[2]
     set_up = orthonormal(runs.set_up_columns)
+    doubt_um = runs.doubt_um - set_up @ (set_up.T @ runs.doubt_um)
     shares = shares_of(
-        runs, searched.noise, set_up, searched.traces, searched.rest_um, runs.fitted.repeats.floor_um, unknown_um
+        runs,
+        searched.noise,
+        set_up,
+        searched.traces,
+        searched.rest_um,
+        runs.fitted.repeats.floor_um,
+        unknown_um,
+        float((doubt_um**2).sum()) / len(runs),
     )
     found = tuple(_cause(searched, place, shares, known) for place in range(len(searched.found)))
     candidates = _candidates(searched, found, known)

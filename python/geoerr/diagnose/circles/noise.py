@@ -26,7 +26,7 @@ tests/diagnose/test_diagnose_circles.py against the likelihood written out with 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg, optimize, stats
@@ -106,6 +106,8 @@ class Noise:
         Of each row: its weight times its run's level.
     transforms
         T − I of each run.
+    doubt
+        Of a given model: U (n, k), and (1 + g²)^(−1/2) − 1; None where it is sure, or takes part (`with_doubt`).
     """
 
     blocks: Blocks
@@ -113,6 +115,23 @@ class Noise:
     theta: Numbers
     level: Numbers
     transforms: tuple[Numbers, ...]
+    doubt: tuple[Numbers, Numbers] | None = None
+
+    def with_doubt(self, doubt_um: Numbers) -> Noise:
+        """Give the same with what a given model may be off by beside it: the covariance V + D Dᵀ.
+
+        With V^(-1/2) D = U g W' it is whitened by (I + U ((1 + g²)^(-1/2) − 1) Uᵀ) V^(-1/2): what is off by as much
+        is noise, and what is off by far more is not. Verified in tests/diagnose/test_given_model_circles.py.
+
+        Parameters
+        ----------
+        doubt_um : (n, k)
+            Each column one standard deviation, independent of the others.
+        """
+        if not doubt_um.shape[1]:
+            return self
+        turn, size, _ = np.linalg.svd(self.whiten(doubt_um), full_matrices=False)
+        return replace(self, doubt=(turn, 1.0 / np.sqrt(1.0 + size**2) - 1.0))
 
     def whiten(self, columns: Numbers) -> Numbers:
         """Apply V^(-1/2) to columns (n, k) or (n,)."""
@@ -121,7 +140,11 @@ class Noise:
         carried = np.empty_like(sums)
         for own, less_one in zip(self.blocks.of_run, self.transforms, strict=True):
             carried[own] = less_one @ sums[own]
-        return np.asarray((flat + self.blocks.spread(carried)).reshape(columns.shape))
+        white = flat + self.blocks.spread(carried)
+        if self.doubt is not None:
+            turn, less_one = self.doubt
+            white = white + turn @ (less_one[:, None] * (turn.T @ white))
+        return np.asarray(white.reshape(columns.shape))
 
     def seen_um(self, set_up: Numbers) -> tuple[float, float]:
         """Give the standard deviations of a row's noise and of its wandering part, as seen beyond the set-up.
@@ -326,6 +349,13 @@ def _levels(runs: Runs, signal_um: Numbers, shapes: Numbers) -> Numbers:
     if not (level > 0.0).all() or float(level.max()) < _OTHER_LEVEL * float(level.min()):
         return np.ones(len(level))
     return np.asarray(level / np.sqrt(np.mean(level**2)))
+
+
+def scatter_um(runs: Runs) -> float:
+    """Give how far the radius scatters from row to row, as a standard deviation: what is smooth takes no part."""
+    steps = np.concatenate([np.diff(runs.signal_um[own]) for own in runs.slices])
+    # The middle of absolute values knows no jumps.
+    return float(np.median(np.abs(steps))) / _NORMAL / float(np.sqrt(2.0))
 
 
 def orthonormal(columns: Numbers) -> Numbers:

@@ -59,6 +59,8 @@ class Runs:
     travelled_rad : (n,)
         Angle travelled since the run's first row, and rising.
     time_s : (n,)
+    doubt_um : (n, k)
+        How far a model that is held may be off: each column one standard deviation, independent of the others.
     plane, sense, feed_mm_min, radius_mm, centre_mm, set_up
         Of each run: `xy`, `yz` or `zx`; ±1 (+1 counter-clockwise seen from + of the third axis); NaN where neither a
         feed nor times are known; (m, 3); number of its set-up.
@@ -81,6 +83,7 @@ class Runs:
     angle_rad: Numbers
     travelled_rad: Numbers
     time_s: Numbers
+    doubt_um: Numbers
     plane: tuple[str, ...]
     sense: np.ndarray
     feed_mm_min: Numbers
@@ -139,7 +142,7 @@ class Runs:
         """Give the same without some rows (n,)."""
         kept = ~rows
         names = ("rows", "measured_um", "signal_um", "weight", "run", "angle_rad", "travelled_rad", "time_s")
-        return replace(self, **{name: getattr(self, name)[kept] for name in names})
+        return replace(self, **{name: getattr(self, name)[kept] for name in (*names, "doubt_um")})
 
     def averaged(self) -> Runs:
         """Give the same with neighbouring rows averaged where there are more than the search needs.
@@ -160,7 +163,7 @@ class Runs:
         counts = np.diff(np.append(starts, len(self)))
         middle = starts + counts // 2
         measured, signal = (np.add.reduceat(own, starts) / counts for own in (self.measured_um, self.signal_um))
-        names = ("rows", "weight", "run", "angle_rad", "travelled_rad", "time_s")
+        names = ("rows", "weight", "run", "angle_rad", "travelled_rad", "time_s", "doubt_um")
         note = f"{counts.mean():.1f} neighbouring rows were averaged to one"
         others = {name: getattr(self, name)[middle] for name in names}
         return replace(self, measured_um=measured, signal_um=signal, notes=(*self.notes, note), **others)
@@ -203,8 +206,13 @@ def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], 
     return tuple(result), problems, list(notes)
 
 
-def runs_of(fitted: Fitted, problems: list[RowProblem] | None = None, notes: list[str] | None = None) -> Runs:
-    """Sort a fit of circular tests into runs."""
+def runs_of(
+    fitted: Fitted,
+    problems: list[RowProblem] | None = None,
+    notes: list[str] | None = None,
+    doubt: Numbers | None = None,
+) -> Runs:
+    """Sort a fit of circular tests into runs; `doubt` (n, 3, k) is how far a held model may be off (`own_doubt`)."""
     sightings = fitted.sightings
     times = times_s(sightings)
     stated = np.sign(np.nan_to_num(sightings.numbers("dir")))
@@ -252,6 +260,7 @@ def runs_of(fitted: Fitted, problems: list[RowProblem] | None = None, notes: lis
         angle_rad=angle[rows],
         travelled_rad=travelled[rows],
         time_s=times[rows],
+        doubt_um=np.zeros((len(rows), 0)) if doubt is None else UM_PER_MM * doubt[rows, 0] * std[:, None],
         plane=tuple(planes),
         sense=np.array(senses),
         feed_mm_min=np.array(feeds),

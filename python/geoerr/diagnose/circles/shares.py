@@ -30,7 +30,7 @@ class Shares:
     by_cause
         Parts of `explained`.
     noise
-        Expected of the noise.
+        Expected of the noise, and of what a given model may be off by.
     rest
         Of what is left beyond the noise: neither cause nor noise; 0 where nothing is.
     """
@@ -64,6 +64,7 @@ def shares_of(
     rest_um: Numbers,
     floor_um: float | None,
     unknown_um: Numbers | None,
+    doubt_um2: float = 0.0,
 ) -> Shares:
     """Share out the mean square of the measured trace.
 
@@ -79,12 +80,14 @@ def shares_of(
         Scatter of repeated rows, where there are any: what repeats is no noise.
     unknown_um : (n,) or None
         Structure without a name, where chance does not explain it.
+    doubt_um2
+        Mean square of what a given model may be off by.
     """
     n = len(runs)
     signal = traces_um.sum(axis=1) + rest_um
     free = 1.0 - (set_up.shape[1] + traces_um.shape[1]) / n
     seen_um, _ = noise.seen_um(set_up)
-    expected = (seen_um if floor_um is None else floor_um) ** 2 * free
+    expected = (seen_um if floor_um is None else floor_um) ** 2 * free + doubt_um2
     left = float(np.mean(rest_um**2))
     rest = max(left - expected, 0.0)
     if unknown_um is None and floor_um is None:

@@ -10,9 +10,10 @@ from geoerr.diagnose.circles.bench import OWNED, Bench, Group, groups_of
 from geoerr.diagnose.circles.causes import Suspect, Way
 from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.found import Found
-from geoerr.diagnose.circles.noise import CAUTION, Noise, blocks_of, fit_noise, orthonormal
+from geoerr.diagnose.circles.noise import CAUTION, Noise, blocks_of, fit_noise, orthonormal, scatter_um
 from geoerr.diagnose.circles.probes import probes_of
 from geoerr.diagnose.circles.runs import Runs
+from geoerr.diagnose.space import doubt_that_counts
 from geoerr.fit.sightings import Numbers
 
 # Family-wise: one half for names, the other for probes.
@@ -39,6 +40,7 @@ class State:
         self.n_probes = {number: one.n_trials for number, one in enumerate(self.probes)}
         self.blocks = blocks_of(runs)
         self.set_up = orthonormal(runs.set_up_columns)
+        self.doubt = _doubt_that_counts(runs, self.set_up)
         self.weigh([])
 
     def weigh(self, found: Sequence[Found]) -> None:
@@ -51,7 +53,7 @@ class State:
             some = np.unique(np.linspace(0, group.n_trials - 1, _SHAPES_OF_A_CAUSE).astype(np.int64))
             shapes += [group.columns[:, group.k * trial : group.k * (trial + 1)] for trial in some]
         self.shapes = np.concatenate(shapes, axis=1)
-        self.use(fit_noise(self.runs, self.blocks, self.runs.signal_um, self.shapes))
+        self.use(self._fitted_noise(self.shapes, CAUTION))
         slices = self.runs.slices
         self.bench = Bench(self.groups, self.n_trials, self.noise, slices)
         self.probe_bench = Bench(self.probe_groups, self.n_probes, self.noise, slices)
@@ -59,7 +61,12 @@ class State:
     def noise_beside(self, found: Sequence[Found], structure: Numbers, caution: float = CAUTION) -> Noise:
         """Estimate the noise beside causes and columns (n, k) of structure without a name."""
         shapes = np.concatenate([self.shapes, structure, *(one.columns for one in found)], axis=1)
-        return fit_noise(self.runs, self.blocks, self.runs.signal_um, shapes, caution)
+        return self._fitted_noise(shapes, caution)
+
+    def _fitted_noise(self, shapes: Numbers, caution: float) -> Noise:
+        """Estimate the noise beside shapes (n, k) and what a given model may be off by, and put that beside it."""
+        shapes = np.concatenate([shapes, self.doubt], axis=1)
+        return fit_noise(self.runs, self.blocks, self.runs.signal_um, shapes, caution).with_doubt(self.doubt)
 
     def use(self, noise: Noise) -> None:
         """Bring signal and set-up into the metric of a noise."""
@@ -109,3 +116,10 @@ class State:
     def plain(self, values: Numbers) -> Numbers:
         """Give what the set-up takes of values (n,), every row alike."""
         return np.asarray(self.set_up @ (self.set_up.T @ values))
+
+
+def _doubt_that_counts(runs: Runs, set_up: Numbers) -> Numbers:
+    """Give the directions (n, m) of a given model's doubt that are seen beside set-up and scatter, µm."""
+    if not runs.doubt_um.shape[1]:
+        return runs.doubt_um
+    return doubt_that_counts(runs.doubt_um[:, None], set_up[:, None], scatter_um(runs))[:, 0]
