@@ -87,21 +87,21 @@ def case_of(number: int) -> Case:
     return generate(development_seed(FIRST_SEED + number), None, plan, noise, (), 0.0, N_POINTS)
 
 
-def few_splines(number: int, hidden: str | None) -> tuple[Model, CircularTest]:
+def few_splines(number: int, hidden: str | None = None) -> tuple[Model, CircularTest]:
     """Fit the 21 errors with few splines (`geoerr fit`) to points, and measure circles."""
     case = case_of(number)
     model = fit_model(case.machine, case.observations, options=FitOptions(threads=1)).model
     return model, circles_of(case, number, hidden)
 
 
-def smooth(number: int, hidden: str | None) -> tuple[Model, CircularTest]:
+def smooth(number: int, hidden: str | None = None) -> tuple[Model, CircularTest]:
     """Do the same with functions as smooth as the data say (`geoerr identify`)."""
     case = case_of(number)
     model = fit_model(case.machine, case.observations, options=FitOptions(freedom="smooth", threads=1)).model
     return model, circles_of(case, number, hidden)
 
 
-def causes_of_a_ball_bar(number: int, hidden: str | None) -> tuple[Model, CircularTest]:
+def causes_of_a_ball_bar(number: int) -> tuple[Model, CircularTest]:
     """Fit causes that there are to circles, and measure larger ones."""
     rng = np.random.default_rng([FIRST_SEED, number])
     angle, scale, play = rng.normal(0.0, 60.0, 3), rng.normal(0.0, 60.0, 2), rng.normal(0.0, 4.0, 2)
@@ -113,13 +113,13 @@ def causes_of_a_ball_bar(number: int, hidden: str | None) -> tuple[Model, Circul
     model = Model(Machine.from_chain("wZbXYt", (420.0, 520.0, 300.0)))
     for cause in CAUSES:
         model = add_effect(model, seen, reference=cause, threads=1).result.model
-    gained = [HIDDEN[hidden](120.0)] if hidden else []
-    return model, made.circular_test(made.Plan("new", RUNS, N_ROWS, 120.0), [*causes, *gained], noise, rng)
+    return model, made.circular_test(made.Plan("new", RUNS, N_ROWS, 120.0), causes, noise, rng)
 
 
-MODELS = {
-    "21 errors of points, few splines": few_splines,
-    "21 errors of points, smooth": smooth,
+OF_POINTS = {"21 errors of points, few splines": few_splines, "21 errors of points, smooth": smooth}
+# What a model has is no suspect: one that has a ball bar's causes can gain none of them.
+MODELS: dict[str, Callable[[int], tuple[Model, CircularTest]]] = {
+    **OF_POINTS,
     "causes of a ball bar": causes_of_a_ball_bar,
 }
 
@@ -141,7 +141,7 @@ def nulls(n_sets: int) -> str:
     """Give how many right models are told to lack something."""
     rows = []
     for name, make in MODELS.items():
-        told = [[one.verdict for one in both_ways(*make(number, None))] for number in range(n_sets)]
+        told = [[one.verdict for one in both_ways(*make(number))] for number in range(n_sets)]
         alarms = (sum(both[way] != "nothing-missing" for both in told) for way in (0, 1))
         rows.append([name, *(rate(count, n_sets) for count in alarms)])
     return table(["nothing is missing", "alarms", "alarms, the model taken for exact"], rows)
@@ -151,9 +151,7 @@ def gained(n_sets: int) -> str:
     """Give how often what a machine gained is named, or tied with what is."""
     rows = []
     for place, hidden in enumerate(HIDDEN):
-        for name, make in MODELS.items():
-            if make is few_splines:
-                continue
+        for name, make in OF_POINTS.items():
             made_of = [make(1_000 * (place + 1) + number, hidden) for number in range(n_sets)]
             named = sum(is_named(diagnose_circles(*one, threads=1), hidden) for one in made_of)
             rows.append([hidden, name, f"{named}/{n_sets}"])
@@ -168,8 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("-o", type=Path, default=RESULTS)
     asked = parser.parse_args(arguments)
     text = "# Models that are held against circular tests\n\n`python -m validation.given_circles`\n\n"
-    text += "Circles that the models have not seen: with their covariance, and as if they were exact. What few\n"
-    text += "splines leave of an error is in no covariance.\n\n"
+    text += "Circles that the models have not seen: with their covariance, and as if they were exact.\n\n"
     text += nulls(asked.sets) + "\nA play of 5 µm; a scale and a squareness of 8 µm over the radius.\n\n"
     asked.o.write_text(text + gained(asked.hidden), encoding="utf-8")
 
