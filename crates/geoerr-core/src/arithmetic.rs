@@ -46,6 +46,28 @@ pub(crate) fn run_widest<K: Kernel>(kernel: K) -> K::Output {
     Arch::new().dispatch(Run(kernel))
 }
 
+/// As [`run_widest`], in registers of 512 bits where the machine has them: for kernels whose time is arithmetic.
+///
+/// What waits for memory, or for a sum before it, gains nothing there.
+#[inline(always)]
+pub(crate) fn run_in_512_bits<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("fma")
+    {
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
+        fn run<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run::<Fused>()
+        }
+        // SAFETY: the machine has what the function is compiled for; that was asked just now.
+        #[allow(unsafe_code)]
+        return unsafe { run(kernel) };
+    }
+    run_widest(kernel)
+}
+
 /// How `a · b + c` is made: rounded once where the processor can, twice where it would have to pretend.
 pub(crate) trait Arithmetic {
     fn mul_add(a: f64, b: f64, c: f64) -> f64;
@@ -75,4 +97,16 @@ impl Arithmetic for Separate {
 #[inline(always)]
 pub(crate) fn two<A: Arithmetic>(a: f64, b: f64, c: f64, d: f64) -> f64 {
     A::mul_add(a, b, c * d)
+}
+
+/// Two values. `array::map` and `array::from_fn` need not be inlined, and what is not is compiled for any machine.
+#[inline(always)]
+pub(crate) fn both<T>(value: impl Fn(usize) -> T) -> [T; 2] {
+    [value(0), value(1)]
+}
+
+/// Three values, as [`both`].
+#[inline(always)]
+pub(crate) fn all_three<T>(value: impl Fn(usize) -> T) -> [T; 3] {
+    [value(0), value(1), value(2)]
 }

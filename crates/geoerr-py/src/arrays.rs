@@ -2,10 +2,11 @@
 
 use numpy::ndarray::Dimension;
 use numpy::{
-    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
-    PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray,
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 
 use crate::errors::CoreError;
 
@@ -83,4 +84,13 @@ pub fn from_matrices<'py>(
 /// Numbers as an (n,) array; the memory changes hands.
 pub fn from_numbers<'py, T: numpy::Element>(py: Python<'py>, numbers: Vec<T>) -> Bound<'py, PyArray1<T>> {
     numbers.into_pyarray(py)
+}
+
+/// NumPy's `empty`: an array for whoever writes all of it. To clear it before costs a seventh of the points that fill it.
+pub fn unfilled<'py, D: Dimension>(
+    py: Python<'py>,
+    shape: impl IntoPyObject<'py>,
+) -> PyResult<Bound<'py, PyArray<f64, D>>> {
+    static EMPTY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    Ok(EMPTY.import(py, "numpy", "empty")?.call1((shape,))?.cast_into()?)
 }

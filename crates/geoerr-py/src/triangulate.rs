@@ -6,7 +6,7 @@ use geoerr_core::triangulate::{
 use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
-use crate::arrays::{from_numbers, matrices, rows, rows_of};
+use crate::arrays::{from_numbers, matrices, rows, rows_of, unfilled};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 
@@ -51,9 +51,9 @@ fn py_triangulate<'py>(
     };
     let n_points = left.uv_px.len();
     // NumPy asks for large pages, and a fresh page costs more than the points that fill it.
-    let points_mm = PyArray2::zeros(py, [n_points, 3], false);
-    let covariance_mm2 = PyArray3::zeros(py, [n_points, 3, 3], false);
-    let reprojection_px = PyArray1::zeros(py, n_points, false);
+    let points_mm: Bound<'py, PyArray2<f64>> = unfilled(py, (n_points, 3))?;
+    let covariance_mm2: Bound<'py, PyArray3<f64>> = unfilled(py, (n_points, 3, 3))?;
+    let reprojection_px: Bound<'py, PyArray1<f64>> = unfilled(py, (n_points,))?;
     let mut status = vec![Status::Ok; n_points];
     {
         let (mut points, mut covariances) = (points_mm.readwrite(), covariance_mm2.readwrite());
@@ -99,7 +99,7 @@ fn plain_points<'py, P: Element + Precision>(
     threads: usize,
 ) -> PyResult<PlainPointArrays<'py>> {
     let (left, right) = (rows_of(left, "uv_left_px")?, rows_of(right, "uv_right_px")?);
-    let points_mm = PyArray2::zeros(py, [left.len(), 3], false);
+    let points_mm: Bound<'py, PyArray2<f64>> = unfilled(py, (left.len(), 3))?;
     let mut status = vec![Status::Ok; left.len()];
     {
         let mut points = points_mm.readwrite();

@@ -7,7 +7,7 @@
 use super::fast::{self, Noise, Own, Seen, State, Unit};
 use super::pair::Pair;
 use super::{PixelNoise, Pixels, Rows};
-use crate::arithmetic::{Arithmetic, Kernel, run_widest};
+use crate::arithmetic::{Arithmetic, Kernel, all_three, both, run_in_512_bits};
 
 /// Rows that are done together: what is worked out for them stays in the fastest cache.
 pub(super) const CHUNK: usize = 64;
@@ -73,7 +73,7 @@ impl ChunkView {
 
     #[inline(always)]
     fn noise(&self, row: usize) -> Own {
-        Own([0, 1, 2].map(|i| self.covariance_px2[i][row]))
+        Own(all_three(|i| self.covariance_px2[i][row]))
     }
 }
 
@@ -101,7 +101,7 @@ struct Columns {
 impl Columns {
     #[inline(always)]
     fn state(&self, row: usize) -> State {
-        State { depth_mm: self.depth_mm[row], residual_px: [0, 1].map(|i| self.residual_px[i][row]) }
+        State { depth_mm: self.depth_mm[row], residual_px: both(|i| self.residual_px[i][row]) }
     }
 
     #[inline(always)]
@@ -120,7 +120,8 @@ impl Columns {
             *p = [*x, *y, *z];
         }
         for (row, c) in rows.covariance_mm2.iter_mut().enumerate().take(CHUNK) {
-            let [xx, xy, xz, yy, yz, zz] = [0, 1, 2, 3, 4, 5].map(|i| self.covariance_mm2[i][row]);
+            let [xx, xy, xz] = all_three(|i| self.covariance_mm2[i][row]);
+            let [yy, yz, zz] = all_three(|i| self.covariance_mm2[3 + i][row]);
             *c = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
         }
         for (reprojection_px, found) in rows.reprojection_px.iter_mut().zip(&self.reprojection_px) {
@@ -162,7 +163,7 @@ impl Workspace {
         rows: &mut Rows<'_>,
     ) -> &[u64] {
         let n_rows = rows.points_mm.len();
-        run_widest(Everything { workspace: self, pair, left, right, reweightings, rows });
+        run_in_512_bits(Everything { workspace: self, pair, left, right, reweightings, rows });
         &self.columns.is_good[..n_rows]
     }
 }
@@ -257,7 +258,7 @@ pub(super) fn solve_points<P: Copy + Into<f64>>(
     right_px: &[[P; 2]; CHUNK],
     points_mm: &mut [[f64; 3]; CHUNK],
 ) -> [u64; CHUNK] {
-    run_widest(PointsOnly { pair, left_px, right_px, points_mm })
+    run_in_512_bits(PointsOnly { pair, left_px, right_px, points_mm })
 }
 
 struct PointsOnly<'a, P> {
@@ -276,7 +277,8 @@ impl<P: Copy + Into<f64>> Kernel for PointsOnly<'_, P> {
         let mut is_good = [0; CHUNK];
         let rows = self.left_px.iter().zip(self.right_px).zip(self.points_mm);
         for (((left_px, right_px), point_mm), is_good) in rows.zip(&mut is_good) {
-            let (found_mm, good) = fast::point::<A>(&pair, &left_px.map(P::into), &right_px.map(P::into));
+            let (found_mm, good) =
+                fast::point::<A>(&pair, &both(|i| left_px[i].into()), &both(|i| right_px[i].into()));
             *point_mm = found_mm;
             *is_good = u64::from(good);
         }

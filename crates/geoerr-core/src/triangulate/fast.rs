@@ -24,7 +24,7 @@
 //! apart, the point in front of both cameras. The others are left to the careful path, which also names what is wrong.
 
 use super::pair::Pair;
-use crate::arithmetic::{Arithmetic, two};
+use crate::arithmetic::{Arithmetic, all_three, both, two};
 
 /// `row · (x, y, 1)`.
 #[inline(always)]
@@ -40,18 +40,18 @@ pub(super) fn point<A: Arithmetic>(pair: &Pair, left_px: &[f64; 2], right_px: &[
     let a = parallax::<A>(pair, &x, &x_right);
     let b = offset::<A>(pair, &x_right);
     let c = coupling::<A>(pair, &x_right);
-    let [w00, w11] = c.map(|row| A::mul_add(row[0], row[0], A::mul_add(row[1], row[1], 1.0)));
+    let [w00, w11] = both(|i| A::mul_add(c[i][0], c[i][0], A::mul_add(c[i][1], c[i][1], 1.0)));
     let w01 = two::<A>(c[0][0], c[1][0], c[0][1], c[1][1]);
     let g = adjugate_times::<A>(&[w00, w01, w11], &a);
     let inverse = 1.0 / two::<A>(g[0], a[0], g[1], a[1]);
     let depth_mm = two::<A>(g[0], b[0], g[1], b[1]) * inverse;
     let turn = two::<A>(a[0], b[1], -a[1], b[0]) * inverse;
-    let r = [0, 1].map(|j| turn * two::<A>(c[0][j], a[1], -c[1][j], a[0]));
+    let r = both(|j| turn * two::<A>(c[0][j], a[1], -c[1][j], a[0]));
     let y = [A::mul_add(depth_mm, x[0], -r[0]), A::mul_add(depth_mm, x[1], -r[1]), depth_mm];
     let h3 = &pair.right_from_left[2];
     let depth_right_mm =
         A::mul_add(h3[0], y[0], A::mul_add(h3[1], y[1], A::mul_add(h3[2], y[2], pair.epipole[2])));
-    let point_mm = std::array::from_fn(|i| {
+    let point_mm = all_three(|i| {
         let n = &pair.world_from_left[i];
         A::mul_add(n[0], y[0], A::mul_add(n[1], y[1], A::mul_add(n[2], y[2], pair.centre_mm[i])))
     });
@@ -95,7 +95,7 @@ impl Noise for Own {
     #[inline(always)]
     fn spread<A: Arithmetic>(&self, c: &[[f64; 2]; 2]) -> [[f64; 2]; 2] {
         let s = &self.0;
-        c.map(|row| [two::<A>(row[0], s[0], row[1], s[1]), two::<A>(row[0], s[1], row[1], s[2])])
+        both(|i| [two::<A>(c[i][0], s[0], c[i][1], s[1]), two::<A>(c[i][0], s[1], c[i][1], s[2])])
     }
 
     #[inline(always)]
@@ -139,7 +139,7 @@ pub(super) fn start<A: Arithmetic, N: Noise>(pair: &Pair, left: &Seen<N>, right:
     let along = two::<A>(g[0], b[0], g[1], b[1]);
     let depth_mm = along / two::<A>(g[0], a[0], g[1], a[1]);
     let turn = two::<A>(a[0], b[1], -a[1], b[0]) / along;
-    let residual_px = [0, 1].map(|j| turn * two::<A>(cs[0][j], a[1], -cs[1][j], a[0]));
+    let residual_px = both(|j| turn * two::<A>(cs[0][j], a[1], -cs[1][j], a[0]));
     (State { depth_mm, residual_px }, are_apart::<A>(pair, &left.x, &right.x, &a))
 }
 
@@ -168,8 +168,8 @@ fn linearise<A: Arithmetic, N: Noise>(pair: &Pair, left: &Seen<N>, right: &Seen<
     let depth_right_mm = A::mul_add(state.depth_mm, third, pair.epipole[2]);
     let inverse = 1.0 / depth_right_mm;
     let b = offset::<A>(pair, &right.x);
-    let residual_right_px = [0, 1].map(|i| A::mul_add(state.depth_mm, measured[i], -b[i]) * inverse);
-    let a = [0, 1].map(|i| A::mul_add(-residual_right_px[i], third, measured[i]));
+    let residual_right_px = both(|i| A::mul_add(state.depth_mm, measured[i], -b[i]) * inverse);
+    let a = both(|i| A::mul_add(-residual_right_px[i], third, measured[i]));
     let c = coupling::<A>(pair, &[right.x[0] - residual_right_px[0], right.x[1] - residual_right_px[1]]);
     let ratio = state.depth_mm * inverse;
     let cs = left.noise.spread::<A>(&c);
@@ -189,13 +189,13 @@ pub(super) fn step<A: Arithmetic, N: Noise>(
     let Linear { residual_right_px, depth_right_mm, a, c, ratio, cs, g, .. } =
         linearise::<A, N>(pair, left, right, state);
     let r = &state.residual_px;
-    let b = [0, 1].map(|i| A::mul_add(ratio, two::<A>(c[i][0], r[0], c[i][1], r[1]), residual_right_px[i]));
+    let b = both(|i| A::mul_add(ratio, two::<A>(c[i][0], r[0], c[i][1], r[1]), residual_right_px[i]));
     let inverse = 1.0 / two::<A>(g[0], a[0], g[1], a[1]);
     let depth_mm = A::mul_add(-depth_right_mm * inverse, two::<A>(g[0], b[0], g[1], b[1]), state.depth_mm);
     let turn = ratio * inverse * two::<A>(b[0], a[1], -b[1], a[0]);
     // What is linear is the homogeneous pixel; its image moves by the old depth's share of the new one.
     let share = state.depth_mm / depth_mm;
-    let residual_px = [0, 1].map(|j| {
+    let residual_px = both(|j| {
         let new = turn * two::<A>(cs[0][j], a[1], -cs[1][j], a[0]);
         A::mul_add(share, new - r[j], r[j])
     });
@@ -218,7 +218,7 @@ pub(super) fn finish<A: Arithmetic, N: Noise>(
     let n = &pair.world_from_left;
     let depth_mm = state.depth_mm;
     let y = [depth_mm * image[0], depth_mm * image[1]];
-    let point_mm = std::array::from_fn(|i| {
+    let point_mm = all_three(|i| {
         A::mul_add(n[i][0], y[0], A::mul_add(n[i][1], y[1], A::mul_add(n[i][2], depth_mm, pair.centre_mm[i])))
     });
 
@@ -226,16 +226,18 @@ pub(super) fn finish<A: Arithmetic, N: Noise>(
     let inverse = 1.0 / determinant;
     let variance_of_depth = depth_right_mm * depth_right_mm * determinant / two::<A>(g[0], a[0], g[1], a[1]);
     let lean = ratio * ratio * inverse;
-    let moved = [0, 1].map(|j| A::mul_add(-lean, two::<A>(cs[0][j], g[0], cs[1][j], g[1]), image[j]));
-    let ray = [0, 1, 2].map(|i| A::mul_add(n[i][0], moved[0], A::mul_add(n[i][1], moved[1], n[i][2])));
+    let moved = both(|j| A::mul_add(-lean, two::<A>(cs[0][j], g[0], cs[1][j], g[1]), image[j]));
+    let ray = all_three(|i| A::mul_add(n[i][0], moved[0], A::mul_add(n[i][1], moved[1], n[i][2])));
     let p = left_covariance::<A, N>(&c, ratio * ratio, &left.noise, &right.noise);
     let scale = depth_mm * depth_mm * inverse;
-    let np = [0, 1, 2].map(|i| {
+    let np = all_three(|i| {
         [two::<A>(n[i][0], p[0], n[i][1], p[1]) * scale, two::<A>(n[i][0], p[1], n[i][1], p[2]) * scale]
     });
-    let scaled_ray = ray.map(|value| value * variance_of_depth);
-    let covariance_mm2 = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
-        .map(|(i, j)| A::mul_add(scaled_ray[i], ray[j], two::<A>(np[i][0], n[j][0], np[i][1], n[j][1])));
+    let scaled_ray = all_three(|i| ray[i] * variance_of_depth);
+    let entry = |i: usize, j: usize| {
+        A::mul_add(scaled_ray[i], ray[j], two::<A>(np[i][0], n[j][0], np[i][1], n[j][1]))
+    };
+    let covariance_mm2 = [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)];
 
     let [r, r_right] = [&state.residual_px, &residual_right_px];
     let square_sum =
@@ -261,15 +263,13 @@ fn left_covariance<A: Arithmetic, N: Noise>(
     let adjugate = [[c[1][1], -c[0][1]], [-c[1][0], c[0][0]]];
     let spread = right.spread::<A>(&adjugate);
     let [left, right] = [left.covariance(), right.covariance()];
-    let [from_left, from_right] = [left, right].map(|c| A::mul_add(c[0], c[2], -(c[1] * c[1])));
-    let gain = ratio_squared * from_left;
-    [(0, 0, left[0]), (0, 1, left[1]), (1, 1, left[2])].map(|(i, j, own)| {
-        A::mul_add(
-            gain,
-            two::<A>(spread[i][0], adjugate[j][0], spread[i][1], adjugate[j][1]),
-            own * from_right,
-        )
-    })
+    let determinant = |c: &[f64; 3]| A::mul_add(c[0], c[2], -(c[1] * c[1]));
+    let (gain, from_right) = (ratio_squared * determinant(&left), determinant(&right));
+    let entry = |i: usize, j: usize, own: f64| {
+        let spread = two::<A>(spread[i][0], adjugate[j][0], spread[i][1], adjugate[j][1]);
+        A::mul_add(gain, spread, own * from_right)
+    };
+    [entry(0, 0, left[0]), entry(0, 1, left[1]), entry(1, 1, left[2])]
 }
 
 /// A symmetric 2×2 matrix that is positive definite by a margin: a condition under some 10⁹.
@@ -281,8 +281,10 @@ fn is_proper(c: &[f64; 3]) -> bool {
 /// `Σ' + factor · (C Σ) Cᵀ` as 00, 01, 11.
 #[inline(always)]
 fn weight<A: Arithmetic>(c: &[[f64; 2]; 2], cs: &[[f64; 2]; 2], factor: f64, right: &[f64; 3]) -> [f64; 3] {
-    [(0, 0, right[0]), (0, 1, right[1]), (1, 1, right[2])]
-        .map(|(i, j, own)| A::mul_add(factor, two::<A>(cs[i][0], c[j][0], cs[i][1], c[j][1]), own))
+    let entry = |i: usize, j: usize, own: f64| {
+        A::mul_add(factor, two::<A>(cs[i][0], c[j][0], cs[i][1], c[j][1]), own)
+    };
+    [entry(0, 0, right[0]), entry(0, 1, right[1]), entry(1, 1, right[2])]
 }
 
 #[inline(always)]
@@ -293,14 +295,14 @@ fn adjugate_times<A: Arithmetic>(w: &[f64; 3], a: &[f64; 2]) -> [f64; 2] {
 /// `e₁₂ − x' e₃`.
 #[inline(always)]
 fn offset<A: Arithmetic>(pair: &Pair, x_right: &[f64; 2]) -> [f64; 2] {
-    [0, 1].map(|i| A::mul_add(-x_right[i], pair.epipole[2], pair.epipole[i]))
+    both(|i| A::mul_add(-x_right[i], pair.epipole[2], pair.epipole[i]))
 }
 
 /// `x' (H x)₃ − (H x)₁₂`, the large numbers subtracted first.
 #[inline(always)]
 fn parallax<A: Arithmetic>(pair: &Pair, x: &[f64; 2], x_right: &[f64; 2]) -> [f64; 2] {
     let third = affine::<A>(&pair.rest[2], x);
-    [0, 1].map(|i| {
+    both(|i| {
         let apart = A::mul_add(-pair.stretch[i], x[i], x_right[i]);
         A::mul_add(x_right[i], third, apart - affine::<A>(&pair.rest[i], x))
     })
@@ -310,7 +312,7 @@ fn parallax<A: Arithmetic>(pair: &Pair, x: &[f64; 2], x_right: &[f64; 2]) -> [f6
 #[inline(always)]
 fn coupling<A: Arithmetic>(pair: &Pair, x_right: &[f64; 2]) -> [[f64; 2]; 2] {
     let h = &pair.right_from_left;
-    [0, 1].map(|i| [0, 1].map(|j| A::mul_add(x_right[i], h[2][j], -h[i][j])))
+    both(|i| both(|j| A::mul_add(x_right[i], h[2][j], -h[i][j])))
 }
 
 /// Whether the rays surely meet at [`super::pair`]'s angle or more; false for anything not finite.
