@@ -123,9 +123,7 @@ impl Patch {
     /// The same for two commands.
     #[inline]
     pub fn actual_of_two(&self, commands_mm: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
-        let mut places_mm = *commands_mm;
-        run_widest(Adding { quadratic: &self.error, at_mm: &mut places_mm });
-        places_mm
+        [self.actual(&commands_mm[0]), self.actual(&commands_mm[1])]
     }
 
     /// Whether a command lies in the patch's box, or by a rounding outside.
@@ -226,9 +224,8 @@ impl Quadratic {
     /// A place, and what the quadratic gives there.
     #[inline]
     fn added_to(&self, at_mm: &[f64; 3]) -> [f64; 3] {
-        let mut sum_mm = [*at_mm];
-        run_widest(Adding { quadratic: self, at_mm: &mut sum_mm });
-        sum_mm[0]
+        let [x, y, z, _] = run_widest(AddingOnce { quadratic: self, at_mm });
+        [x, y, z]
     }
 
     /// The same for many: none waits for what another's sums wait for.
@@ -335,18 +332,40 @@ impl Kernel for Adding<'_> {
     /// In loops, for what a library's function is called with is compiled for narrow registers.
     #[inline(always)]
     fn run<A: Arithmetic>(self) {
-        let Quadratic { middle_mm, per_half_mm, terms } = self.quadratic;
         for at_mm in self.at_mm {
-            let u = (at_mm[0] - middle_mm[0]) * per_half_mm[0];
-            let v = (at_mm[1] - middle_mm[1]) * per_half_mm[1];
-            let w = (at_mm[2] - middle_mm[2]) * per_half_mm[2];
-            let a = plane::<A>(terms, 0, u, v);
-            let b = plane::<A>(terms, 9, u, v);
-            let c = plane::<A>(terms, 18, u, v);
-            let [x, y, z, _] = quadratic::<A>(&a, &b, &c, w);
-            *at_mm = [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z];
+            let [x, y, z, _] = added::<A>(self.quadratic, at_mm);
+            *at_mm = [x, y, z];
         }
     }
+}
+
+/// Adds what a quadratic gives to one place.
+struct AddingOnce<'a> {
+    quadratic: &'a Quadratic,
+    at_mm: &'a [f64; 3],
+}
+
+impl Kernel for AddingOnce<'_> {
+    /// With the fourth component: were it not wanted, three would be worked out in a narrow register and a half.
+    type Output = [f64; 4];
+
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) -> [f64; 4] {
+        added::<A>(self.quadratic, self.at_mm)
+    }
+}
+
+#[inline(always)]
+fn added<A: Arithmetic>(to: &Quadratic, at_mm: &[f64; 3]) -> [f64; 4] {
+    let Quadratic { middle_mm, per_half_mm, terms } = to;
+    let u = (at_mm[0] - middle_mm[0]) * per_half_mm[0];
+    let v = (at_mm[1] - middle_mm[1]) * per_half_mm[1];
+    let w = (at_mm[2] - middle_mm[2]) * per_half_mm[2];
+    let a = plane::<A>(terms, 0, u, v);
+    let b = plane::<A>(terms, 9, u, v);
+    let c = plane::<A>(terms, 18, u, v);
+    let [x, y, z, rest] = quadratic::<A>(&a, &b, &c, w);
+    [at_mm[0] + x, at_mm[1] + y, at_mm[2] + z, rest]
 }
 
 /// The sum of nine terms.
