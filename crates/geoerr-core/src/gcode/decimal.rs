@@ -121,14 +121,15 @@ pub fn fixed(scaled: i64, digits: u8) -> ([u8; FIXED_BYTES], usize) {
     (buffer, at)
 }
 
-/// Four digits as they are written, of a number below 10,000.
+/// Eight digits as they are written, of two numbers below 10,000: the first one's in the lower half.
 #[inline]
-fn four_digits(number: u32) -> u32 {
-    // Divisions by multiplication, exact for numbers of that size: by 100, and then both halves by 10.
-    let hundreds = (number * 5_243) >> 19;
-    let halves = hundreds | ((number - 100 * hundreds) << 16);
-    let tens = ((halves * 103) >> 10) & 0x000f_000f;
-    (tens | ((halves - 10 * tens) << 8)) + u32::from_le_bytes(*b"0000")
+fn twice_four_digits(first: u32, second: u32) -> u64 {
+    // Divisions by multiplication, exact for numbers of that size: by 100, and then all halves by 10.
+    let both = u64::from(first) | u64::from(second) << 32;
+    let hundreds = ((both * 5_243) >> 19) & 0x0000_007f_0000_007f;
+    let halves = hundreds | ((both - 100 * hundreds) << 16);
+    let tens = ((halves * 103) >> 10) & 0x000f_000f_000f_000f;
+    (tens | ((halves - 10 * tens) << 8)) + u64::from_le_bytes(*b"00000000")
 }
 
 /// Room for what [`short_fixed`] writes.
@@ -149,13 +150,14 @@ pub fn short_fixed(place: &mut [u8; SHORT_BYTES], scaled: i64, digits: u8) -> Op
     if whole >= 10_000 {
         return None;
     }
-    let padded = four_digits(whole);
+    let written = twice_four_digits(whole, fraction);
+    let padded = written as u32;
     // The last zero stays.
-    let n_zeros = ((padded ^ u32::from_le_bytes(*b"0000")).trailing_zeros() / 8).min(3);
+    let last_digit = 1 << 24;
+    let n_zeros = ((padded ^ u32::from_le_bytes(*b"0000")) | last_digit).trailing_zeros() / 8;
     let n_sign = usize::from(scaled < 0);
     let n_whole = 4 - n_zeros as usize;
-    let behind =
-        u64::from(b'.') | u64::from(four_digits(fraction)) << 8 | u64::from(u32::from(b'0') + last) << 40;
+    let behind = u64::from(b'.') | (written >> 32 << 8) | u64::from(u32::from(b'0') + last) << 40;
     place[0] = b'-';
     place[n_sign..n_sign + 4].copy_from_slice(&(padded >> (8 * n_zeros)).to_le_bytes());
     let point = n_sign + n_whole;
@@ -201,7 +203,9 @@ mod tests {
     #[test]
     fn four_digits_are_those_of_the_number() {
         for number in 0..10_000 {
-            assert_eq!(four_digits(number).to_le_bytes(), format!("{number:04}").as_bytes());
+            let other = 9_999 - number;
+            let written = twice_four_digits(number, other).to_le_bytes();
+            assert_eq!(written, format!("{number:04}{other:04}").as_bytes());
         }
     }
 
