@@ -21,6 +21,9 @@ const BLOCK_LINES: usize = 2_048;
 /// Moves and knot crossings of a block at most: what bounds the number of pieces, and so the memory, of a block.
 const BLOCK_WORK: usize = 8_192;
 
+/// Moves that are solved together.
+pub const MOVES_PER_TASK: usize = 64;
+
 /// What begins the comment that says a program is corrected.
 pub const MARK: &str = "corrected by geoerr: model ";
 
@@ -49,12 +52,17 @@ pub enum ItemStep {
 }
 
 /// What becomes of a move beside its end.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Way {
     /// It is commanded by its end.
     Whole,
-    /// It is commanded piece by piece.
-    Pieces(Vec<Node>),
+    /// It is commanded piece by piece: by these of its task's.
+    Pieces {
+        /// The first of them.
+        first: u32,
+        /// Behind the last of them.
+        behind: u32,
+    },
     /// It cannot be commanded.
     Refused(SplitError),
 }
@@ -77,6 +85,8 @@ pub struct Block {
     pub ends: Vec<Option<Solved>>,
     /// The way to it.
     pub ways: Vec<Way>,
+    /// Pieces of moves that have several: those of each [task](MOVES_PER_TASK), one move's behind another's.
+    pub pieces: Vec<Vec<Node>>,
     /// What ended the reading behind these lines.
     pub refusal: Option<GcodeError>,
 }
@@ -98,6 +108,12 @@ impl Block {
     #[inline]
     pub fn from(&self, item: &Item) -> &[u8] {
         self.text.get(item.start as usize..).unwrap_or_default()
+    }
+
+    /// The pieces of a move that has several.
+    pub fn pieces_of(&self, a_move: usize, first: u32, behind: u32) -> &[Node] {
+        let pieces = self.pieces.get(a_move / MOVES_PER_TASK).map_or(&[][..], Vec::as_slice);
+        pieces.get(first as usize..behind as usize).unwrap_or_default()
     }
 
     /// A line as it came.

@@ -1,6 +1,7 @@
 //! Blocks of solved lines into bytes.
 
-use super::block::{Block, ItemStep, MARK, Way};
+use super::block::{Block, Item, ItemStep, MARK, Way};
+use super::draft::Draft;
 use super::error::GcodeError;
 use super::extrusion::Share;
 use super::options::{OnUnsupported, Options};
@@ -23,6 +24,7 @@ struct Outgoing<'a> {
 #[derive(Debug)]
 pub struct BlockWriter {
     writer: Writer,
+    draft: Draft,
     /// Where commands may go, (low, high), by words in millimetres and in inches.
     reach_mm: [[(f64, f64); 3]; 2],
     is_marked: bool,
@@ -45,6 +47,7 @@ impl BlockWriter {
         };
         Self {
             writer: Writer::new(options),
+            draft: Draft::default(),
             reach_mm: [reach(false), reach(true)],
             is_marked: false,
             usual_ending: b"\n".to_vec(),
@@ -66,46 +69,67 @@ impl BlockWriter {
         is_nominal: bool,
         out: &mut Vec<u8>,
     ) -> Result<(), GcodeError> {
+        self.draft.clear();
+        let outcome = self.write_lines(block, closeness, options, is_nominal);
+        out.extend_from_slice(self.draft.bytes());
+        outcome.and_then(|()| block.refusal.take().map_or(Ok(()), Err))
+    }
+
+    fn write_lines(
+        &mut self,
+        block: &Block,
+        closeness: &[Closeness; 2],
+        options: &Options,
+        is_nominal: bool,
+    ) -> Result<(), GcodeError> {
         let mut effects = block.effects.iter();
-        let mut moves = block.moves.iter().zip(block.ends.iter().zip(&block.ways));
+        let mut moves = block.moves.iter().zip(block.ends.iter().zip(&block.ways)).enumerate();
+        // Words in millimetres, and in inches.
+        let has_too_few_digits =
+            closeness.map(|closeness| !is_nominal && closeness.limit_mm < 0.5 * options.tolerance_mm);
         for (item, line) in block.items.iter().zip(block.first_line..) {
             let ending = block.ending(item);
             match item.step {
-                ItemStep::Pass => out.extend_from_slice(block.whole_line(item)),
+                ItemStep::Pass => self.pass(block, item),
                 ItemStep::Do => {
-                    out.extend_from_slice(block.whole_line(item));
+                    self.pass(block, item);
                     if let Some(effects) = effects.next() {
                         self.writer.pass(effects);
                     }
                 }
                 ItemStep::Correct { comments_in_parentheses } => {
-                    let Some((a_move, (end, way))) = moves.next() else { continue };
+                    let Some((index, (a_move, (end, way)))) = moves.next() else { continue };
                     let body = block.body(item);
-                    let closeness = &closeness[usize::from(a_move.is_inch)];
-                    if !is_nominal && closeness.limit_mm < 0.5 * options.tolerance_mm {
+                    if has_too_few_digits[usize::from(a_move.is_inch)] {
                         let digits = options.word_digits(a_move.is_inch);
                         let tolerance_mm = options.tolerance_mm;
                         return Err(GcodeError::TooFewDigits { line, digits, tolerance_mm });
                     }
-                    let end = end.as_ref().map(|solved| solved.node);
-                    let nodes = match (way, &end) {
-                        (Way::Pieces(pieces), _) => pieces.as_slice(),
-                        (Way::Whole, Some(end)) => std::slice::from_ref(end),
-                        (Way::Refused(error), _) => return Err(refused(*error, line, body)),
+                    let nodes = match (*way, end) {
+                        (Way::Pieces { first, behind }, _) => block.pieces_of(index, first, behind),
+                        (Way::Whole, Some(end)) => std::slice::from_ref(&end.node),
+                        (Way::Refused(error), _) => return Err(refused(error, line, body)),
                         (Way::Whole, None) => {
                             return Err(refused(SplitError::NotSolved(f64::NAN), line, body));
                         }
                     };
                     let source = SourceLine { body, text: block.from(item), ending, usual_ending: &[] };
                     let outgoing = Outgoing { line, source, a_move, comments_in_parentheses };
-                    self.write_move(&outgoing, nodes, options, out)?;
+                    self.write_move(&outgoing, nodes, options)?;
                 }
             }
             if !ending.is_empty() && !is_same_ending(ending, &self.usual_ending) {
                 self.usual_ending = ending.to_vec();
             }
         }
-        block.refusal.take().map_or(Ok(()), Err)
+        Ok(())
+    }
+
+    /// A line as it came.
+    fn pass(&mut self, block: &Block, item: &Item) {
+        let n_bytes = block.whole_line(item).len();
+        self.draft.make_room(n_bytes);
+        self.draft.copy(block.from(item), 0, n_bytes);
     }
 
     #[inline]
@@ -114,7 +138,6 @@ impl BlockWriter {
         outgoing: &Outgoing<'_>,
         mut nodes: &[Node],
         options: &Options,
-        out: &mut Vec<u8>,
     ) -> Result<(), GcodeError> {
         let &Outgoing { line, source: SourceLine { body, .. }, a_move, .. } = outgoing;
         let reach_mm = &self.reach_mm[usize::from(a_move.is_inch)];
@@ -128,12 +151,12 @@ impl BlockWriter {
             self.warnings.add(WarningKind::NotSplit, line, body);
             nodes = std::slice::from_ref(end);
         }
-        let begin = out.len();
+        let begin = self.draft.length();
         let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
-        let written = self.writer.write(out, source, a_move, nodes);
+        let written = self.writer.write(&mut self.draft, source, a_move, nodes);
         if written.is_changed && !self.is_marked {
             self.is_marked = true;
-            out.splice(begin..begin, mark_line(outgoing.comments_in_parentheses, source, options));
+            self.draft.insert(begin, &mark_line(outgoing.comments_in_parentheses, source, options));
         }
         let summary = &mut self.summary;
         summary.moves_out += nodes.len() as u64;

@@ -8,7 +8,7 @@ const AT_ONCE: usize = 16;
 /// New numbers of a line.
 const NUMBERS: usize = 4;
 
-/// Lines of one move. Kept and filled again, so that its memory is.
+/// Lines of one block. Kept and filled again, so that its memory is.
 #[derive(Debug, Default)]
 pub struct Draft {
     /// What has been written, and room behind it.
@@ -74,12 +74,32 @@ impl Draft {
             && let Some(n_bytes) = short_fixed(place, scaled, digits)
         {
             self.length += n_bytes;
-            return;
+        } else {
+            self.long_number(scaled, digits);
         }
+    }
+
+    #[cold]
+    fn long_number(&mut self, scaled: i64, digits: u8) {
         let (buffer, begin) = fixed(scaled, digits);
         for &byte in &buffer[begin..] {
             self.push(byte);
         }
+    }
+
+    /// How much has been written.
+    #[inline]
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Puts a line between what has been written, before byte `at`.
+    #[cold]
+    pub fn insert(&mut self, at: usize, line: &[u8]) {
+        self.make_room(line.len());
+        self.bytes.copy_within(at..self.length, at + line.len());
+        self.bytes[at..at + line.len()].copy_from_slice(line);
+        self.length += line.len();
     }
 }
 
@@ -113,6 +133,10 @@ mod tests {
             }
             draft.push(b' ');
             expected.push(b' ');
+            prop_assert_eq!(draft.bytes(), expected.as_slice());
+            let middle = expected.len() / 2;
+            draft.insert(middle, bytes);
+            expected.splice(middle..middle, bytes.iter().copied());
             prop_assert_eq!(draft.bytes(), expected.as_slice());
             draft.clear();
             prop_assert!(draft.bytes().is_empty());

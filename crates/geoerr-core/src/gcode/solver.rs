@@ -2,15 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::block::{Block, Way};
+use super::block::{Block, MOVES_PER_TASK, Way};
 use super::course::Course;
 use super::grid::{Grid, Gridded, Near, Solved, Walk};
 use super::options::Options;
 use super::path::{Closeness, Node, PathMap, SplitError, split};
 use super::reader::Move;
-
-/// Moves that one thread takes at a time.
-const MOVES_PER_TASK: usize = 64;
 
 /// Share of the tolerance that is left to what the bound of [`split`] does not cover (terms beyond the quadratic, the
 /// turn of a rounding error by the machine): together they are orders below it.
@@ -20,11 +17,13 @@ const MARGIN: f64 = 0.02;
 const NEWTON_MM: f64 = 1e-7;
 
 /// What the moves of a task are solved and split with.
-#[derive(Debug, Default)]
-struct Memory<'a> {
+#[derive(Debug)]
+struct Memory<'a, 'b> {
     near: Near<'a>,
     walk: Walk,
     crossings: Vec<f64>,
+    /// Pieces of the task's moves.
+    pieces: &'b mut Vec<Node>,
 }
 
 /// Solves moves; knows where the last one ended.
@@ -61,26 +60,36 @@ impl Solver {
         block.ends.resize(moves.len(), None);
         block.ways.clear();
         block.ways.resize(moves.len(), Way::Whole);
+        let n_tasks = moves.len().div_ceil(MOVES_PER_TASK);
+        block.pieces.resize_with(n_tasks.max(block.pieces.len()), Vec::new);
         let ends = block.ends.par_chunks_mut(MOVES_PER_TASK);
-        let tasks = ends.zip(block.ways.par_chunks_mut(MOVES_PER_TASK)).enumerate();
-        tasks.for_each(|(task, (ends, ways))| {
+        let ways = block.ways.par_chunks_mut(MOVES_PER_TASK);
+        let tasks = ends.zip(ways.zip(&mut block.pieces)).enumerate();
+        tasks.for_each(|(task, (ends, (ways, pieces)))| {
+            pieces.clear();
             let first = task * MOVES_PER_TASK;
-            let mut memory = Memory::default();
+            let (near, walk, crossings) = (Near::default(), Walk::default(), Vec::new());
+            let mut memory = Memory { near, walk, crossings, pieces };
             // Solved twice rather than waited for.
-            let mut before = match first.checked_sub(1) {
+            let last = match first.checked_sub(1) {
                 Some(before) => self.end(map, &moves[before], courses.get(before), &mut memory.near).ok(),
                 None => self.last,
             };
+            let mut before = last.as_ref();
             for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
                 let (a_move, course) = (&moves[index], courses.get(index));
-                match self.end(map, a_move, course, &mut memory.near) {
-                    Ok(solved) => {
-                        *end = Some(solved);
-                        *way = self.way(map, a_move, course, before.as_ref(), &solved, &mut memory);
+                // In its place at once: it is too large to be handed on.
+                *end = self.end_by_grid(map, a_move, &mut memory.near);
+                if end.is_none() {
+                    match self.end_by_newton(map, a_move, course) {
+                        Ok(solved) => *end = Some(solved),
+                        Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
                     }
-                    Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
                 }
-                before = *end;
+                if let Some(solved) = end {
+                    *way = self.way(map, a_move, course, before, solved, &mut memory);
+                }
+                before = end.as_ref();
             }
         });
         if let Some(end) = block.ends.last() {
@@ -97,18 +106,28 @@ impl Solver {
         course: Option<&Course>,
         near: &mut Near<'a>,
     ) -> Result<Solved, f64> {
+        let by_grid = self.end_by_grid(map, a_move, near);
+        by_grid.map_or_else(|| self.end_by_newton(map, a_move, course), Ok)
+    }
+
+    /// The end of a move, where polynomials have it.
+    #[inline]
+    fn end_by_grid<'a>(&'a self, map: &impl PathMap, a_move: &Move, near: &mut Near<'a>) -> Option<Solved> {
+        self.grid.as_ref()?.solve(map, &a_move.end_mm, near)
+    }
+
+    fn end_by_newton(
+        &self,
+        map: &impl PathMap,
+        a_move: &Move,
+        course: Option<&Course>,
+    ) -> Result<Solved, f64> {
         let ideal_mm = a_move.end_mm;
         if map.is_nominal() {
             return Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm: ideal_mm }));
         }
-        if let Some(solved) = self.grid.as_ref().and_then(|grid| grid.solve(map, &ideal_mm, near)) {
-            return Ok(solved);
-        }
-        let command_mm = map.command_for(
-            &ideal_mm,
-            &course.map_or_else(Default::default, |course| course.at(1.0)),
-            self.newton_mm,
-        )?;
+        let approach = course.map_or_else(Default::default, |course| course.at(1.0));
+        let command_mm = map.command_for(&ideal_mm, &approach, self.newton_mm)?;
         Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm }))
     }
 
@@ -120,7 +139,7 @@ impl Solver {
         course: Option<&Course>,
         begin: Option<&Solved>,
         end: &Solved,
-        memory: &mut Memory<'a>,
+        memory: &mut Memory<'a, '_>,
     ) -> Way {
         // A move from a place that no corrected move has reached has no straight path to keep.
         let Some(begin) = begin.filter(|_| !a_move.is_first) else { return Way::Whole };
@@ -129,8 +148,8 @@ impl Solver {
             if grid.is_straight(begin, end, &memory.near, closeness) {
                 return Way::Whole;
             }
-            if let Some(pieces) = grid.walk(map, begin, end, closeness, &mut memory.near, &mut memory.walk) {
-                return if let [_] = pieces { Way::Whole } else { Way::Pieces(pieces.to_vec()) };
+            if let Some(found) = grid.walk(map, begin, end, closeness, &mut memory.near, &mut memory.walk) {
+                return if let [_] = found { Way::Whole } else { added(memory.pieces, found) };
             }
         }
         let begin = Node { share: 0.0, ..begin.node };
@@ -138,10 +157,17 @@ impl Solver {
         let course = course.copied().unwrap_or_default();
         match split(&map, &course, &begin, &end.node, closeness, &mut memory.crossings) {
             Ok(None) => Way::Whole,
-            Ok(Some(pieces)) => Way::Pieces(pieces),
+            Ok(Some(found)) => added(memory.pieces, &found),
             Err(error) => Way::Refused(error),
         }
     }
+}
+
+/// The way by these pieces, behind those of moves before.
+fn added(pieces: &mut Vec<Node>, found: &[Node]) -> Way {
+    let first = pieces.len() as u32;
+    pieces.extend_from_slice(found);
+    Way::Pieces { first, behind: pieces.len() as u32 }
 }
 
 fn closeness(options: &Options, newton_mm: f64, is_inch: bool) -> Closeness {

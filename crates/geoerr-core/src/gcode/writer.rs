@@ -64,7 +64,6 @@ pub struct Writer {
     /// Whether the next changed move must give all three axes, because the controller's own idea of its place is not
     /// relied on.
     must_give_all: bool,
-    draft: Draft,
     shares: Shares,
 }
 
@@ -75,7 +74,6 @@ impl Writer {
             frame: Frame::default(),
             prints: [false, true].map(|is_inch| Print::new(options, is_inch)),
             must_give_all: false,
-            draft: Draft::default(),
             shares: Shares::default(),
         }
     }
@@ -86,9 +84,10 @@ impl Writer {
     }
 
     /// Writes a move that ends at the last of `nodes`, one line for each.
+    #[inline]
     pub fn write(
         &mut self,
-        out: &mut Vec<u8>,
+        draft: &mut Draft,
         line: SourceLine<'_>,
         a_move: &Move,
         nodes: &[Node],
@@ -102,29 +101,33 @@ impl Writer {
         let words = self.words(a_move, first, 0, &print);
         let is_whole = further.is_empty();
         let is_changed = !is_whole || words.axes.iter().any(|word| matches!(word, PieceWord::New(_)));
-        self.draft.clear();
-        self.draft.make_room(line.body.len() + line.ending.len());
+        draft.make_room(line.body.len() + line.ending.len());
         let end = line.body.len() + if is_whole { line.ending.len() } else { 0 };
-        first_piece(&mut self.draft, line.text, end, &a_move.text, &words);
+        first_piece(draft, line.text, end, &a_move.text, &words);
         if !is_whole {
-            self.write_further(line, a_move, further, &print);
+            self.write_further(draft, line, a_move, further, &print);
         }
-        out.extend_from_slice(self.draft.bytes());
         self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
         Written { is_changed, extrusion: self.shares.extrusion }
     }
 
     /// Lines of further pieces, and the ends of all.
-    fn write_further(&mut self, line: SourceLine<'_>, a_move: &Move, further: &[Node], print: &Print) {
+    fn write_further(
+        &mut self,
+        draft: &mut Draft,
+        line: SourceLine<'_>,
+        a_move: &Move,
+        further: &[Node],
+        print: &Print,
+    ) {
         let between = if line.ending.is_empty() { line.usual_ending } else { line.ending };
         for (piece, node) in (1..).zip(further) {
             let words = self.words(a_move, node, piece, print);
-            let draft = &mut self.draft;
             draft.make_room(line.body.len() + 2 * between.len());
             draft.copy(between, 0, between.len());
             further_piece(draft, line.text, &a_move.text, &words);
         }
-        self.draft.copy(line.ending, 0, line.ending.len());
+        draft.copy(line.ending, 0, line.ending.len());
     }
 
     /// The words of a piece, and the machine moved to where they say.
