@@ -64,11 +64,10 @@ impl Edges {
     #[inline]
     pub fn cell(&self, at_mm: f64) -> Option<usize> {
         let bucket = (at_mm - self.low_mm) * self.buckets_per_mm;
-        // Not a number is outside.
-        if !(0.0..f64::INFINITY).contains(&bucket) {
-            return None;
-        }
-        let mut cell = *self.first.get(bucket as i64 as usize)? as usize;
+        // Not a number is outside; what is infinite is no bucket's number.
+        let is_inside = bucket >= 0.0;
+        let first = is_inside.then(|| self.first.get(bucket as i64 as usize)).flatten()?;
+        let mut cell = *first as usize;
         while *self.edges_mm.get(cell + 1)? <= at_mm {
             cell += 1;
         }

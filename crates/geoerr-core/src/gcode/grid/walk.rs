@@ -167,8 +167,8 @@ impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
         let bend_mm = norm(&std::array::from_fn(off)) + patch.twist_per_mm2 * length_mm.powi(3) / CUBIC;
         let mut kink_mm: f64 = 0.0;
         for stop in [from, to] {
-            let outside_mm = patch.outside_mm(&stop.node.command_mm);
-            if outside_mm > 0.0 {
+            if !patch.holds(&stop.node.command_mm) {
+                let outside_mm = patch.outside_mm(&stop.node.command_mm);
                 kink_mm = kink_mm.max(patch.turn_to(self.grid.made(stop.home)?) * (outside_mm + bend_mm));
             }
         }
