@@ -7,6 +7,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -338,8 +339,15 @@ def _rewrite(
     stream: IO[bytes],
     threads: int,
 ) -> None:
-    for block in _blocks(job, source, chunks, threads):
-        stream.write(block)
+    """Write the corrected blocks, each while the next one is worked out."""
+    with ThreadPoolExecutor(1) as writer:
+        writing: Future[int] | None = None
+        for block in _blocks(job, source, chunks, threads):
+            if writing is not None:
+                writing.result()
+            writing = writer.submit(stream.write, block)
+        if writing is not None:
+            writing.result()
 
 
 def _blocks(job: _Job, source: str | Path, chunks: Iterable[bytes], threads: int) -> Iterator[bytes]:

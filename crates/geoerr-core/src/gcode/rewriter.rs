@@ -49,7 +49,7 @@ pub struct Rewriter<M> {
     refusal: Option<GcodeError>,
 }
 
-impl<M: PathMap> Rewriter<M> {
+impl<M: PathMap + Send> Rewriter<M> {
     /// A rewriter at the begin of a program.
     ///
     /// # Errors
@@ -84,6 +84,11 @@ impl<M: PathMap> Rewriter<M> {
     /// # Errors
     /// Every [`GcodeError`] but [`GcodeError::Option`]: that of the first line that cannot be done.
     pub fn pull(&mut self, out: &mut Vec<u8>) -> Result<bool, GcodeError> {
+        // Among the threads that do the work once, and not for each block.
+        rayon::scope(|_| self.pull_here(out))
+    }
+
+    fn pull_here(&mut self, out: &mut Vec<u8>) -> Result<bool, GcodeError> {
         let enough = out.len() + PULL_BYTES;
         let mut has_worked = false;
         while out.len() < enough {
