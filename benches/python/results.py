@@ -52,6 +52,8 @@ PACKAGES = (
 )
 # What the core's kernels are compiled for, beside any processor of the kind: they take it where all of it is there.
 WIDE = ("avx2", "fma", "bmi1", "bmi2")
+# What triangulation is compiled for, too.
+WIDEST = (*WIDE, "avx512f", "avx512dq", "avx512vl")
 # The script, its options, and what is said of it.
 OTHERS = {
     "Least squares, 30,000 × 300": (
@@ -117,6 +119,7 @@ def processor_and_registers() -> tuple[str, str]:
         registers = "vector registers not known"
     else:
         registers = "kernels in AVX2 + FMA" if flags.issuperset(WIDE) else "kernels in SSE2"
+        registers += ", of triangulation in AVX-512" if flags.issuperset(WIDEST) else ""
     return (f"{name} ({kind})" if name not in ("", kind) else kind), registers
 
 

@@ -25,14 +25,13 @@ COVARIANCE = "geoerr, with covariance, no reweighting"
 IN_THE_WAY = {
     POINTS: (
         "Arithmetic: about 60 fused operations and a division, and the laying out of pixels and points by "
-        "coordinate, of which the core alone makes four fifths of the aim on such a processor (`cargo bench -p "
-        "geoerr-bench --bench triangulate`, points alone). The rest is a result whose memory is cleared before it "
-        "is filled, and the statuses."
+        "coordinate (`cargo bench -p geoerr-bench --bench triangulate`, points alone). The rest is the reading and "
+        "writing of 56 bytes a point, and the statuses."
     ),
     COVARIANCE: (
         "Two thirds of the time is arithmetic: about 150 fused operations, and divisions that wait for each "
-        "other. A sixth is the writing of nine numbers a covariance, a tenth the clearing of 105 bytes a point "
-        "before they are filled. Each reweighting adds three divisions and about 75 operations."
+        "other. A sixth is the writing of nine numbers a covariance. Each reweighting adds three divisions and about 75 "
+        "operations."
     ),
 }
 AIM_M_PER_S, AIM_WITH_COVARIANCE_M_PER_S = 250.0, 50.0

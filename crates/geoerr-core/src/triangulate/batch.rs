@@ -285,3 +285,44 @@ impl<P: Copy + Into<f64>> Kernel for PointsOnly<'_, P> {
         is_good
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arithmetic::run_widest;
+    use crate::triangulate::Rig;
+
+    /// Pixels of a chunk, each row with its own; some are not seen by both cameras at one place.
+    fn pixels(camera: f64) -> [[f64; 2]; CHUNK] {
+        std::array::from_fn(|row| {
+            let row = row as f64;
+            [
+                1100.0 + 17.0 * row - 480.0 * camera - 3.1 * row * camera,
+                900.0 + 11.0 * row + 0.07 * (row * camera).sin(),
+            ]
+        })
+    }
+
+    #[test]
+    fn all_registers_give_the_same_bits() {
+        let left = [[2000.0, 0.0, 1000.0, 0.0], [0.0, 2000.0, 1000.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        let mut right = left;
+        right[0][3] = -2000.0 * 200.0;
+        let pair = Rig::new(&left, &right).unwrap().pair;
+        let (left_px, right_px) = (pixels(0.0), pixels(1.0));
+        let mut points_mm = [[[0.0; 3]; CHUNK]; 2];
+        let [wide, widest] = &mut points_mm;
+        let good = [
+            run_widest(PointsOnly { pair: &pair, left_px: &left_px, right_px: &right_px, points_mm: wide }),
+            run_in_512_bits(PointsOnly {
+                pair: &pair,
+                left_px: &left_px,
+                right_px: &right_px,
+                points_mm: widest,
+            }),
+        ];
+        assert_eq!(good[0], good[1]);
+        assert_eq!(points_mm[0], points_mm[1]);
+        assert!(good[0].iter().filter(|&&good| good == 1).count() > CHUNK / 2);
+    }
+}
