@@ -76,8 +76,8 @@ def alike_periods(values: Numbers, period: float, low: float, high: float) -> li
         return float(abs(share @ np.exp(2j * np.pi * difference * places)))
 
     step = 1.0 / (_TRIED_PER_CYCLE * span)
-    tried = step * np.arange(_TRIED_PER_CYCLE // 2, math.ceil(2.0 / (low * step)) + 2)
-    lengths = np.array([length(one) for one in tried])
+    steps = np.arange(_TRIED_PER_CYCLE // 2, math.ceil(2.0 / (low * step)) + 2)
+    tried, lengths = step * steps, _lengths(share, step * places, steps)
     peaks = 1 + np.flatnonzero((lengths[1:-1] >= lengths[:-2]) & (lengths[1:-1] > lengths[2:]))
     found = []
     for peak in peaks[lengths[peaks] > 0.5]:
@@ -89,6 +89,13 @@ def alike_periods(values: Numbers, period: float, low: float, high: float) -> li
         {round(float(1.0 / one), 9) for one in found if one > 0.0 and low <= 1.0 / one <= high}, reverse=True
     )
     return [one for one in others if abs(1.0 / one - 1.0 / period) * span > _CYCLES_APART][:_MOST_TOLD]
+
+
+def _lengths(share: Numbers, turn: Numbers, steps: np.ndarray) -> Numbers:
+    """Give | Σ share e^(2πi k turn) | for numbers k (m,) that rise by 1: as one product, of few waves with few."""
+    n_fine = math.isqrt(len(steps)) + 1
+    coarse, fine = (np.exp(2j * np.pi * np.outer(k, turn)) for k in (steps[::n_fine], np.arange(n_fine)))
+    return np.asarray(np.abs((share * coarse) @ fine.T).ravel()[: len(steps)])
 
 
 def likeliest(parameter: Parameter, periods: Sequence[float]) -> float:
