@@ -30,8 +30,8 @@ IN_THE_WAY = {
     ),
     COVARIANCE: (
         "Two thirds of the time is arithmetic: about 150 fused operations, and divisions that wait for each "
-        "other. A sixth is the writing of nine numbers a covariance. Each reweighting adds three divisions and about 75 "
-        "operations."
+        "other. A sixth is the writing of nine numbers a covariance. Each reweighting adds three divisions and "
+        "about 75 operations."
     ),
 }
 AIM_M_PER_S, AIM_WITH_COVARIANCE_M_PER_S = 250.0, 50.0
