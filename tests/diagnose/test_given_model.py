@@ -11,11 +11,15 @@ from validation.given_models import sessions
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Case, Hidden, generate
 
+from geoerr.cli.diagnose_text import diagnosis_lines
 from geoerr.diagnose import Diagnosis, diagnose
+from geoerr.diagnose.change import add_effect
+from geoerr.diagnose.findings import IN_MODEL
 from geoerr.diagnose.space import Doubt, beyond_in_metric, doubt_that_counts, orthonormal
 from geoerr.fit import FitOptions, fit_model
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
+from geoerr.summaries import capitalised
 
 ROWS = 40
 # Noise that is white already.
@@ -91,3 +95,24 @@ def test_what_is_off_by_more_than_the_model_may_be_is_named(number: int, kind: s
     case = case_of(number, Hidden(kind))
     _, diagnosis = told_of_the_rest(case)
     assert diagnosis.found[0].reference.effect == kind
+
+
+def test_more_of_what_the_model_has_is_told_as_that() -> None:
+    """A play that has grown is no wind-up: it is told by how much, and to fit the model again."""
+    seed, kind = development_seed(991_000), Hidden("backlash")
+    before, after = (
+        generate(seed, None, "volume-floor", "gauss-10", (kind,), strength, 3_000) for strength in (6.0, 15.0)
+    )
+    options, seen = FitOptions(threads=1), sessions(before.observations, seen=True)
+    plain = fit_model(before.machine, seen, options=options).model
+    model = add_effect(plain, seen, reference="backlash:z", threads=1).result.model
+    had = model.parameter("backlash:z.b")
+    diagnosis = diagnose(model, sessions(after.observations, seen=False), threads=1)
+    (found,) = diagnosis.found
+    assert (str(found.reference), diagnosis.verdict, found.in_model) == ("backlash:z", "missing", True)
+    (more,) = found.parameters
+    assert more.value == pytest.approx(1.5 * had.value, abs=4.0 * np.hypot(more.std, 1.5 * had.std))
+    assert capitalised(IN_MODEL) in found.words()
+    text = "\n".join(diagnosis_lines(diagnosis, "geoerr add model.json new.csv", ""))
+    assert IN_MODEL[:40] in text
+    assert "to add it" not in text

@@ -78,3 +78,12 @@ def test_a_right_model_lacks_nothing_and_taken_for_exact_it_does() -> None:
 def test_what_a_machine_gained_is_named() -> None:
     for number, hidden in ((2, "backlash:x"), (3, "squareness:xy")):
         assert given_circles.is_named(told(model_of(number), number, hidden), hidden), hidden
+
+
+def test_more_of_what_the_model_has_is_told_as_that() -> None:
+    model, circles = given_circles.causes_of_a_ball_bar(9_001, "backlash:x")
+    diagnosis = diagnose_circles(model, circles, threads=1)
+    (found,) = diagnosis.found
+    assert (str(found.reference), found.in_model) == ("backlash:x", True)
+    assert abs(abs(found.term.coefficients[0].value) - 5e-3) < 5e-4
+    assert found.to_document()["in_model"]

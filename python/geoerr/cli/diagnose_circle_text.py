@@ -42,7 +42,7 @@ def circle_diagnosis_lines(
     for text in diagnosis.notes:
         yield from wrapped(f"note: {text}")
     yield from not_offered_lines(diagnosis.not_offered, verbose=verbose)
-    if diagnosis.ranked:
+    if diagnosis.ranked and not diagnosis.ranked[0].in_model:
         yield ""
         yield "to add the first and see the error fall:"
         yield f"  {command} {diagnosis.ranked[0].reference}{options} -o model2.json"

@@ -8,7 +8,7 @@ import numpy as np
 
 from geoerr.cli.text_tables import named_row, wrapped
 from geoerr.diagnose.diagnosis import Diagnosis
-from geoerr.diagnose.findings import Finding, Named, Unknown
+from geoerr.diagnose.findings import IN_MODEL, Finding, Named, Unknown
 from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.fit.empirical import Curve
 from geoerr.summaries import by_reason, capitalised, counted, listed
@@ -110,8 +110,6 @@ def _finding(finding: Finding, number: str) -> Iterator[str]:
     yield from remedy_lines(finding, "the cameras")
     if finding.left_because is not None:
         yield from wrapped(f"left: {finding.left_because}", "    ")
-    if finding.in_model:
-        yield from wrapped("the model has it with another value: fit it to these data (--refit)", "    ")
     yield from alias_lines(finding)
 
 
@@ -123,6 +121,8 @@ def remedy_lines(named: Named, device: str) -> Iterator[str]:
         yield from wrapped(f"cause: {named.effect.cause}", "    ")
     if named.effect.remedy:
         yield from wrapped(f"to do: {named.effect.remedy}", "    ")
+    if named.in_model:
+        yield from wrapped(IN_MODEL, "    ")
     if named.is_rig:
         yield from wrapped(f"an error of {device} is explained, and never compensated in a program", "    ")
 

@@ -135,12 +135,12 @@ def candidates_of(
     Parameters
     ----------
     present
-        Ids of terms that the model has besides those of the fit.
+        Channels of classic errors that the model has besides those of the fit.
     """
     sightings = fitted.sightings
     columns = [*sightings.covariate_columns]
     is_circular = "circle" in sightings.frames
-    taken = {term.id for term in fitted.terms} | set(present)
+    taken = {term.id for term in fitted.terms}
     offered: list[tuple[EffectReference, Effect, list[Term], list[Term]]] = [
         (reference, effect, [term], []) for reference, effect, term in lacking_classics(fitted, known, present)
     ]

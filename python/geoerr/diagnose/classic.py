@@ -35,7 +35,7 @@ def lacking_classics(
     known
         Where the smooth effects are.
     present
-        Channels (or ids of terms) that the model has besides those of the fit.
+        Channels that the model has besides those of the fit.
     """
     held = {channel for term in fitted.terms if term.kind == "classic" for channel in term.channels} | set(present)
     found = []

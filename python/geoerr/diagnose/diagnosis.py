@@ -292,8 +292,11 @@ def diagnose(
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     # A model that is held has its terms outside the fit.
     is_held = comparison is not None and comparison.freedom == "held"
-    held = [term.id for term in all_terms(comparison.model)] if comparison is not None and is_held else []
-    doubt = own_doubt(comparison.model, fitted) if comparison is not None and is_held else None
+    held, doubt = [], None
+    if comparison is not None and is_held:
+        # Of an effect that it has the machine may have come to have more.
+        held = [term.id for term in all_terms(comparison.model) if term.kind == "classic"]
+        doubt = own_doubt(comparison.model, fitted)
     whole, searched = searched_whole(fitted, known, present=held, doubt=doubt, steps=steps, threads=threads)
     found = diagnosis_of(whole, searched, known, comparison, as_it_was=fitted, steps=steps)
     steps.end()

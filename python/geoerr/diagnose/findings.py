@@ -25,6 +25,8 @@ from geoerr.fit.sightings import Numbers
 from geoerr.summaries import capitalised, listed, uncapitalised
 from geoerr.terms import EffectReference, Parameter, Term
 
+# What is said of an effect that a held model has, with another value.
+IN_MODEL = "the model has it with another value, and this is the difference: fit the model to these data"
 # More coefficients than this are a curve, not numbers to read.
 _MOST_VALUES = 8
 
@@ -94,6 +96,8 @@ class Named(ABC):
         What is like it.
     separate_by
         The measurement that would tell it from what it is tied with.
+    in_model
+        Whether a model that is held has it already, with another value: `term` is by how much it is another.
     """
 
     reference: EffectReference
@@ -105,6 +109,7 @@ class Named(ABC):
     tied: bool
     aliases: tuple[Alias, ...]
     separate_by: Separation | None
+    in_model: bool = field(default=False, kw_only=True)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -143,6 +148,7 @@ class Named(ABC):
             else {"text": separation.text, "plan": separation.plan, "minutes": separation.minutes},
             "title": self.effect.title,
             "is_rig": self.is_rig,
+            "in_model": self.in_model,
             "evidence": finite(self.evidence),
         }
 
@@ -166,8 +172,6 @@ class Finding(Named):
         Of inner parameters that are a time on the clock of all sessions: name to when that was.
     alike
         Of inner parameters whose other values are the same at the places that were measured: name to those values.
-    in_model
-        Whether the model has it already, with a value that was not fitted to these data.
     together
         Axes whose effects of this kind do only together what the first does, this one among them; empty where it
         stands for itself.
@@ -180,7 +184,6 @@ class Finding(Named):
     held_out: HeldOut | None
     moments: dict[str, Moment] = field(default_factory=dict)
     alike: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    in_model: bool = False
     together: tuple[str, ...] = ()
     left_because: str | None = None
 
@@ -214,7 +217,10 @@ class Finding(Named):
         for parameter in self.parameters:
             moment = self.moments.get(parameter.name)
             text = bounded_value_words(parameter if moment is None else replace(parameter, unit=moment.unit))
-            words = plausibility_words(parameter, signs.get(parameter.name, 0)) if moment is None else moment.words()
+            words = moment.words() if moment is not None else None
+            if moment is None and not self.in_model:
+                # What physics says of a value it does not say of a difference.
+                words = plausibility_words(parameter, signs.get(parameter.name, 0))
             texts.append(text if words is None else f"{text} ({words})")
             if parameter.name in self.alike:
                 texts[-1] += f", or {alike_words(self.alike[parameter.name], parameter.unit)}"
@@ -235,6 +241,7 @@ class Finding(Named):
             self.held_out_words,
             sure_words(self.p_value),
             "it is the cameras', and never compensated" if self.is_rig else None,
+            IN_MODEL if self.in_model else None,
         ]
         return ". ".join(capitalised(text) for text in texts if text)
 

@@ -44,7 +44,7 @@ class Offers:
     known
         The catalogue.
     present
-        Ids of terms that the model has besides those of a fit.
+        Channels of classic errors that the model has besides those of a fit.
     """
 
     def __init__(self, known: Catalogue, present: Sequence[str] = ()) -> None:

@@ -48,7 +48,7 @@ def searched_whole(
     Parameters
     ----------
     present
-        Ids of terms that the model has besides those of the fit.
+        Channels of classic errors that the model has besides those of the fit.
     doubt : (n, 3, k) or None
         How far that part of the model may be off.
     steps

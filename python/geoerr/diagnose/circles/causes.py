@@ -98,7 +98,7 @@ class Suspect:
 
 
 def suspects_of(
-    runs: Runs, known: Catalogue, own: Sequence[Effect] = (), present: Sequence[str] = ()
+    runs: Runs, known: Catalogue, own: Sequence[Effect] = ()
 ) -> tuple[list[Suspect], list[tuple[str, str]]]:
     """Give all causes that the runs can carry, and effects that are not offered, with the reason.
 
@@ -106,10 +106,8 @@ def suspects_of(
     ----------
     own
         A user's effects, beside the catalogue's causes.
-    present
-        Ids of terms that the model has already.
     """
-    taken = {*present, *(term.id for term in runs.fitted.terms)}
+    taken = {term.id for term in runs.fitted.terms}
     why_not: dict[str, str] = {}
     found: list[Suspect] = []
     for name, axis in _named(runs):

@@ -18,7 +18,7 @@ from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
 from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
-from geoerr.diagnose.findings import Alias, Named, Nameless, Separation, finite
+from geoerr.diagnose.findings import IN_MODEL, Alias, Named, Nameless, Separation, finite
 from geoerr.diagnose.own_uncertainty import own_doubt
 from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import circle_diagnosis_html
@@ -100,7 +100,8 @@ class Cause(Named):
         values = "; ".join(reading.words() for reading in self.readings)
         named = f"{self.effect.title} ({self.reference})" + (f": {values}" if values else "")
         part = "" if self.percent is None else f", {self.percent:.0f} % of the explainable"
-        return f"{named}. {capitalised(self.worth_words)}{part}; {self.sure}"
+        more = f". {capitalised(IN_MODEL)}" if self.in_model else ""
+        return f"{named}. {capitalised(self.worth_words)}{part}; {self.sure}{more}"
 
     def to_document(self) -> dict[str, Any]:
         """Give it as `diagnose --json` has it, and what is a circle's own."""
@@ -309,16 +310,20 @@ def diagnose_circles(
     steps.next("the model and the circles are compared")
     comparison = compare(model, *usable, threads=threads)
     fitted = comparison.points
-    doubt = own_doubt(model, fitted) if comparison.freedom == "held" else None
+    is_held = comparison.freedom == "held"
+    doubt = own_doubt(model, fitted) if is_held else None
     runs = runs_of(fitted, problems, notes, doubt)
     known = catalogue().extended(effects, "effects") if effects else catalogue()
-    suspects, not_offered = suspects_of(runs, known, effects, [term.id for term in model.terms])
-    found = _diagnosis(search(runs, suspects, steps), known, not_offered)
+    suspects, not_offered = suspects_of(runs, known, effects)
+    in_model = frozenset(term.id for term in model.terms) if is_held else frozenset[str]()
+    found = _diagnosis(search(runs, suspects, steps), known, not_offered, in_model)
     steps.end()
     return found
 
 
-def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str, str]]) -> CircleDiagnosis:
+def _diagnosis(
+    searched: Searched, known: Catalogue, not_offered: list[tuple[str, str]], in_model: frozenset[str]
+) -> CircleDiagnosis:
     runs = searched.runs
     unknown_um = None if searched.unknown is None else searched.unknown[2]
     set_up = orthonormal(runs.set_up_columns)
@@ -334,7 +339,10 @@ def _diagnosis(searched: Searched, known: Catalogue, not_offered: list[tuple[str
         float((doubt_um**2).sum()) / len(runs),
     )
     found = tuple(_cause(searched, place, shares, known) for place in range(len(searched.found)))
-    candidates = _candidates(searched, found, known)
+    found, candidates = (
+        tuple(replace(cause, in_model=str(cause.reference) in in_model) for cause in causes)
+        for causes in (found, _candidates(searched, found, known))
+    )
     verdict: Verdict = "nothing-missing"
     if found:
         is_tied = any(rival.is_tied for rivals in searched.rivals for rival in rivals)
