@@ -78,7 +78,7 @@ def test_least_squares_are_read_as_they_are_printed(bench: ModuleType) -> None:
 def test_the_processor_and_its_registers_are_named(bench: ModuleType) -> None:
     processor, registers = bench.processor_and_registers()
     assert processor
-    assert "registers" in registers or registers in ("kernels in AVX2 + FMA", "kernels in SSE2")
+    assert "registers" in registers or registers.startswith(("kernels in AVX2 + FMA", "kernels in SSE2"))
 
 
 def test_what_a_written_program_misses_is_measured(bench: ModuleType) -> None:
