@@ -10,13 +10,12 @@ the same machine (`circular_tests.py`), in three planes, both senses and two fee
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import polars as pl
-from validation.given_models import exact
+from validation.given_models import asked_for, exact
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.chain import RELATIVE, nothing, places_mm
 from validation.hidden_effects.generate import Case, generate
@@ -160,11 +159,7 @@ def gained(n_sets: int) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--sets", type=int, default=14)
-    parser.add_argument("--hidden", type=int, default=4)
-    parser.add_argument("-o", type=Path, default=RESULTS)
-    asked = parser.parse_args(arguments)
+    asked = asked_for(arguments, __doc__, 14, RESULTS)
     text = "# Models that are held against circular tests\n\n`python -m validation.given_circles`\n\n"
     text += "Circles that the models have not seen: with their covariance, and as if they were exact.\n\n"
     text += nulls(asked.sets) + "\nA play of 5 µm; a scale and a squareness of 8 µm over the radius.\n\n"

@@ -102,13 +102,20 @@ def hidden_effects(n_sets: int) -> str:
     return table(head, rows)
 
 
+def asked_for(
+    arguments: Sequence[str] | None, description: str | None, n_sets: int, results: Path
+) -> argparse.Namespace:
+    """Read how many sets there are to be, and where the tables go."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0] if description else None)
+    parser.add_argument("--sets", type=int, default=n_sets)
+    parser.add_argument("--hidden", type=int, default=4)
+    parser.add_argument("-o", type=Path, default=results)
+    return parser.parse_args(arguments)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--sets", type=int, default=40)
-    parser.add_argument("--hidden", type=int, default=4)
-    parser.add_argument("-o", type=Path, default=RESULTS)
-    asked = parser.parse_args(arguments)
+    asked = asked_for(arguments, __doc__, 40, RESULTS)
     text = "# Models that are given\n\n`python -m validation.given_models`\n\n"
     text += "Models of two sessions, diagnosed with the others: with their covariance, and as if they were exact.\n\n"
     asked.o.write_text(text + nulls(asked.sets) + "\n" + hidden_effects(asked.hidden), encoding="utf-8")

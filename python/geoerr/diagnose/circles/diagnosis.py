@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -338,11 +338,8 @@ def _diagnosis(
         unknown_um,
         float((doubt_um**2).sum()) / len(runs),
     )
-    found = tuple(_cause(searched, place, shares, known) for place in range(len(searched.found)))
-    found, candidates = (
-        tuple(replace(cause, in_model=str(cause.reference) in in_model) for cause in causes)
-        for causes in (found, _candidates(searched, found, known))
-    )
+    found = _marked((_cause(searched, place, shares, known) for place in range(len(searched.found))), in_model)
+    candidates = _marked(_candidates(searched, found, known), in_model)
     verdict: Verdict = "nothing-missing"
     if found:
         is_tied = any(rival.is_tied for rivals in searched.rivals for rival in rivals)
@@ -367,6 +364,14 @@ def _diagnosis(
         withdrawn=tuple(one.suspect.reference for one in searched.withdrawn),
         notes=(*runs.notes, *_cannot_tell(runs, searched)),
         searched=searched,
+    )
+
+
+def _marked(causes: Iterable[Cause], in_model: frozenset[str]) -> tuple[Cause, ...]:
+    """Mark what a held model has; what is marked already, and all others, are the same as before."""
+    return tuple(
+        replace(cause, in_model=True) if str(cause.reference) in in_model and not cause.in_model else cause
+        for cause in causes
     )
 
 
