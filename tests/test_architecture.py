@@ -15,11 +15,12 @@ PACKAGE = Path(geoerr.__file__).parent
 BASE = {"drawing", "errors", "files", "quoted_cells", "summaries", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
-MODEL = TABLES | CORE | {"terms", "bases", "effects", "model"}
+MODEL = TABLES | CORE | {"distributions", "terms", "bases", "effects", "model"}
 WORK = {"vision", "fit", "diagnose", "identify", "states", "budget", "compensate", "verify", "simulate"}
 ALLOWED: dict[str, set[str]] = {
     "drawing": set(),
     "errors": set(),
+    "distributions": set(),
     "installation": set(),
     "summaries": set(),
     "files": {"errors"},
@@ -37,7 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     "error_functions": BASE | {"machine"},
     "geometry": CORE | {"errors"},
     "model": TABLES | CORE | {"terms", "bases", "effects"},
-    "vision": TABLES | CORE,
+    "vision": TABLES | CORE | {"distributions"},
     "fit": MODEL,
     "identify": MODEL | {"fit"},
     "states": MODEL | {"fit"},

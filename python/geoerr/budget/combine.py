@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
+from geoerr.distributions import f_isf, student_isf
 from geoerr.model.arrays import Numbers
 
 PROBABILITY = 0.95
@@ -23,7 +23,7 @@ def effective_dof(variances: Sequence[Numbers], dof: Sequence[float]) -> Numbers
 
 def expanded(std: Numbers, dof: npt.ArrayLike) -> Numbers:
     """Give U = k·u of components, k from Student's t at 95 % (GUM G.3)."""
-    return np.asarray(std * stats.t.isf(0.5 * (1.0 - PROBABILITY), dof))
+    return np.asarray(std * student_isf(0.5 * (1.0 - PROBABILITY), dof))
 
 
 def expanded_length(covariance: Numbers, dof: npt.ArrayLike) -> Numbers:
@@ -37,4 +37,4 @@ def expanded_length(covariance: Numbers, dof: npt.ArrayLike) -> Numbers:
     squares = np.einsum("nij,nij->n", covariance, covariance)
     h = np.divide(trace**2, squares, out=np.ones_like(trace), where=squares > 0.0)
     finite = np.minimum(dof, 1e9)
-    return np.asarray(np.sqrt(trace * stats.f.isf(1.0 - PROBABILITY, h, finite)))
+    return np.asarray(np.sqrt(trace * f_isf(1.0 - PROBABILITY, h, finite)))

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import rms_um, unwhitened_um
 from geoerr.diagnose.words import sure_words, um_words
+from geoerr.distributions import ranks_of
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 
@@ -113,7 +113,7 @@ def _trend(space: Space, shared_um: Numbers) -> tuple[float | None, float | None
         own = own[np.argsort(first[own])]
         if len(own) < _FEWEST_PASSES or np.ptp(mean[own]) == 0.0:
             continue
-        ranks.append(stats.rankdata(mean[own]))
+        ranks.append(ranks_of(mean[own]))
         rises.append(float(np.polyfit(np.linspace(0.0, 1.0, len(own)), mean[own], 1)[0]))
     if not ranks:
         return None, None

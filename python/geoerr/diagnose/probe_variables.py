@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from geoerr.diagnose.gaps import read_columns
+from geoerr.distributions import ranks_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.noise import NOT_CONDITIONS
 from geoerr.fit.sightings import Numbers, Sightings
@@ -86,7 +86,7 @@ def variables_of(fitted: Fitted) -> list[Variable]:
         known = np.isfinite(values)
         if known.sum() < 2 or np.ptp(values[known]) <= 1e-9 * max(float(np.abs(values[known]).max()), 1e-300):
             continue
-        rank = stats.rankdata(np.where(known, values, np.median(values[known])))
+        rank = ranks_of(np.where(known, values, np.median(values[known])))
         rank = (rank - rank.mean()) / rank.std()
         if any(abs(float(rank @ other)) > _SAME * len(rank) for other in ranks):
             continue
@@ -126,7 +126,7 @@ def _variable(sightings: Sightings, name: str, kind: Kind, values: Numbers, know
     elif kind != "condition":
         by_rank = _polynomials(own, known, MOST_DEGREES)
     else:
-        rank = stats.rankdata(own)
+        rank = ranks_of(own)
         by_rank = _polynomials(rank, known, min(MOST_DEGREES, n_levels - 1))
         alike = float(np.corrcoef(rank, own)[0, 1])
         if alike < _EVEN:

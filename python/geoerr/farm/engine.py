@@ -98,8 +98,8 @@ def _put(ready: SimpleQueue[tuple[Job, FarmFuture]], job: Job, future: FarmFutur
 def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job, Finished]]:
     """Give each job with what became of it, by processes of this computer: one a core, of one thread each.
 
-    A process that dies takes the pool and all that it had along. Those jobs are done again, each in a process of its
-    own, so that only the one that kills its process is lost; the others go on in a new pool.
+    A process that dies takes the pool and all that it had along. Those jobs are done again, one at a time in a
+    process of their own, so that only the one that kills its process is lost; the others go on in a new pool.
     """
     n_workers = n_workers or _cores()
     waiting = iter(jobs)
@@ -113,9 +113,20 @@ def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job
                     yield job, finished
         if not lost:
             return
-        for job in lost:
-            with _pool(1) as own:
-                yield from finished_by(own, [job])
+        yield from _one_at_a_time(iter(lost))
+
+
+def _one_at_a_time(jobs: Iterator[Job]) -> Iterator[tuple[Job, Finished]]:
+    """Give each job with what became of it, all by one process, which only the job can have killed that it had."""
+    has_died = True
+    while has_died:
+        has_died = False
+        with _pool(1) as own:
+            for job, finished in finished_by(own, jobs, most_jobs=1):
+                yield job, finished
+                has_died = isinstance(finished, BrokenExecutor)
+                if has_died:
+                    break
 
 
 def _until(waiting: Iterator[Job], lost: list[Job]) -> Iterator[Job]:

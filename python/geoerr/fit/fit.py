@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from scipy import stats
 
 from geoerr import _core
+from geoerr.distributions import chi_squared_sf
 from geoerr.errors import GeoerrError, GeometryError
 from geoerr.fit.begun import known_columns, known_sums
 from geoerr.fit.classic import (
@@ -666,7 +666,7 @@ def _scale(solved: Solved, sightings: Sightings, dof: float) -> float:
     ratio = solved.chi_squared / dof
     if not sightings.is_stated:
         return math.sqrt(ratio)
-    is_more = ratio > 1.0 and float(stats.chi2.sf(solved.chi_squared, dof)) < _SIGNIFICANCE
+    is_more = ratio > 1.0 and float(chi_squared_sf(solved.chi_squared, dof)) < _SIGNIFICANCE
     return math.sqrt(ratio) if is_more else 1.0
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
 
+from geoerr.distributions import chi_squared_isf, chi_squared_ppf
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.observations import place_numbers
 
@@ -27,7 +27,7 @@ _TIMES_THE_SPREAD = 2.0
 
 def gross_limit(n_numbers: np.ndarray) -> Numbers:
     """Give the distance, in standard deviations, beyond which a row of so many numbers is gross, (n,)."""
-    return np.asarray(np.sqrt(stats.chi2.isf(_GROSS, np.arange(4)))[n_numbers])
+    return np.asarray(np.sqrt(chi_squared_isf(_GROSS, np.arange(4)))[n_numbers])
 
 
 def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:
@@ -41,7 +41,7 @@ def robust_scale(distance: Numbers, n_numbers: np.ndarray) -> float:
         rows = n_numbers == count
         if count == 0 or not rows.any():
             continue
-        ratios.append(float(np.median(distance[rows] ** 2)) / float(stats.chi2.ppf(0.5, count)))
+        ratios.append(float(np.median(distance[rows] ** 2)) / float(chi_squared_ppf(0.5, count)))
         weights.append(int(rows.sum()))
     if not ratios:
         return 1.0
@@ -90,7 +90,7 @@ def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
     square = (difference**2).sum(axis=1)
     scale2 = max(
         (
-            float(np.quantile(square[rows], share)) / float(stats.chi2.ppf(share, count))
+            float(np.quantile(square[rows], share)) / float(chi_squared_ppf(share, count))
             for count in np.unique(n_numbers)
             if (rows := is_told & (n_numbers == count)).any()
             for share in _SHARES
@@ -101,7 +101,7 @@ def stand_alone(sightings: Sightings, whitened: Numbers) -> np.ndarray:
         scale2 = max(scale2, 1.0)
     if scale2 == 0.0:
         return np.zeros(len(sightings), dtype=bool)
-    is_far = is_told & (square > stats.chi2.isf(_GROSS, n_numbers) * scale2)
+    is_far = is_told & (square > chi_squared_isf(_GROSS, n_numbers) * scale2)
     # Two mistakes beside each other would hide each other.
     spread = np.where(is_far[near].any(axis=1), but_one, spread)
     is_alone = np.asarray(is_far & (square > (_TIMES_THE_SPREAD * spread) ** 2))

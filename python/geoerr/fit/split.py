@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from geoerr.distributions import chi_squared_sf, f_sf
 from geoerr.fit.figures import figures_of
 from geoerr.fit.noise import Repeats, where
 from geoerr.fit.sightings import Numbers, Sightings
@@ -53,10 +53,10 @@ def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats
     if noise_dof >= 1 and dof > noise_dof:
         lack_dof = dof - noise_dof
         ratio = ((total - noise_ss) / lack_dof) / (noise_ss / noise_dof) if noise_ss > 0.0 else math.inf
-        p_value = float(stats.f.sf(max(ratio, 0.0), lack_dof, noise_dof))
+        p_value = float(f_sf(max(ratio, 0.0), lack_dof, noise_dof))
         noise = repeats.floor_um
     elif sightings.is_stated and dof > 0:
-        p_value = float(stats.chi2.sf(total, dof))
+        p_value = float(chi_squared_sf(total, dof))
         variances = sightings.once("variances", lambda one: (one.unwhitening**2).sum(axis=2))[used]
         count = np.maximum(sightings.is_measured[used].sum(axis=0), 1)
         noise = math.sqrt(float((variances.sum(axis=0) / count).sum())) * 1e3

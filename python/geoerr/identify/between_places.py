@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
+from geoerr.distributions import chi_squared_sf
 from geoerr.geometry import remove_line
 from geoerr.identify.distance import squared_distance
 from geoerr.identify.linear import Numbers
@@ -80,7 +80,7 @@ def _miss_rad(position_mm: Numbers, angles_rad: Sequence[Numbers], covariances: 
         n_missed += len(miss)
         square += float(miss @ miss)
         expected += float(np.trace(own))
-    if dof == 0 or stats.chi2.sf(chi_squared, dof) >= _SIGNIFICANCE:
+    if dof == 0 or chi_squared_sf(chi_squared, dof) >= _SIGNIFICANCE:
         return 0.0
     return float(np.sqrt(max(square - expected, 0.0) / n_missed))
 

@@ -18,8 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from geoerr.distributions import chi_squared_sf
 from geoerr.error_functions import LI_NAMES
 from geoerr.geometry import integrate_straightness
 from geoerr.identify.between_places import without_line
@@ -141,5 +141,5 @@ def judged(name: str, difference_mm: Numbers, covariance_mm2: Numbers | None) ->
     chi_squared, dof = squared_distance(difference_mm, covariance_mm2)
     if dof == 0:
         return TangentVerdict(name, rms, None, None)
-    p_value = float(stats.chi2.sf(chi_squared, dof))
+    p_value = float(chi_squared_sf(chi_squared, dof))
     return TangentVerdict(name, rms, p_value, p_value >= _SIGNIFICANCE)

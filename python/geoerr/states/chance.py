@@ -25,8 +25,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from geoerr.distributions import chi_squared_ppf, chi_squared_sf, f_sf
 from geoerr.fit.sightings import Numbers
 
 # Singular values below this share of the largest are the gauge's, or round-off.
@@ -118,14 +118,14 @@ def tail(chi_squared: float, rank: int, dof: float, share: Numbers | None = None
         per_mean = (inverse**2).sum(axis=1) / mean
     freedom, scaled = mean / per_mean, chi_squared / per_mean
     if math.isinf(dof):
-        return Test(chi_squared, rank, dof, float(stats.chi2.sf(scaled, freedom).mean()))
-    return Test(chi_squared, rank, dof, float(stats.f.sf(scaled / freedom, freedom, dof).mean()))
+        return Test(chi_squared, rank, dof, float(chi_squared_sf(scaled, freedom).mean()))
+    return Test(chi_squared, rank, dof, float(f_sf(scaled / freedom, freedom, dof).mean()))
 
 
 def _sizes(dof: float) -> Numbers:
     """Give equally probable values of χ²_ν/ν, never quite 0."""
     middle = (np.arange(_CLASSES) + 0.5) / _CLASSES
-    return np.asarray(np.maximum(stats.chi2.ppf(middle, dof) / dof, 1e-6))
+    return np.asarray(np.maximum(chi_squared_ppf(middle, dof) / dof, 1e-6))
 
 
 def deviations(value: Numbers, root: Numbers) -> Numbers:

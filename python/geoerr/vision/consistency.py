@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
+from geoerr.distributions import chi_squared_isf
 from geoerr.vision.rig import Rig
 from geoerr.vision.sensitivity import sensitivity_of_points
 
@@ -59,7 +59,7 @@ def stand_out(chi: Array, n_residuals: int) -> npt.NDArray[np.bool_]:
         Of how many.
     """
     usual = max(float(np.median(chi)), 1.0) if len(chi) else 1.0
-    limit = float(stats.chi2.isf(_NO_CHANCE / max(len(chi), 1), n_residuals))
+    limit = float(chi_squared_isf(_NO_CHANCE / max(len(chi), 1), n_residuals))
     return np.asarray(n_residuals * (chi / usual) ** 2 > limit)
 
 

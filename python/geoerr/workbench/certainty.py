@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
 from geoerr.diagnose.words import alike_words
+from geoerr.distributions import f_sf
 from geoerr.fit import Fitted
 from geoerr.fit.from_nothing import chance_of_nothing
 from geoerr.fit.held_out import folds_of
@@ -52,7 +52,7 @@ def _chance_by_passes(before: Fitted, after: Fitted, n_coefficients: int) -> flo
         return 1.0
     dof = max(size**2 / float((squares**2).sum()) - 1.0, _LEAST_DOF)
     ratio = size**2 / variance if variance > 0.0 else math.inf
-    return float(stats.f.sf(ratio / n_coefficients, n_coefficients, dof))
+    return float(f_sf(ratio / n_coefficients, n_coefficients, dof))
 
 
 def other_period_words(fitted: Fitted, terms: Sequence[Term]) -> tuple[str, ...]:

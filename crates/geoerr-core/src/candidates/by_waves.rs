@@ -1,7 +1,6 @@
 //! Sums of a tile of waves along one variable: looked up among those at all harmonics, made at once.
 
 use rayon::prelude::*;
-use rustfft::FftNum;
 
 use super::group::Group;
 use super::moments::Moments;
@@ -9,6 +8,7 @@ use super::scene::Scene;
 use super::sources::{Numbering, Source};
 use super::spectrum::Spectrum;
 use super::tile::{Pair, Piece, Tile, used_channels};
+use super::transform::Transformed;
 use super::wave_blocks::{OfKinds, beyond_white};
 use super::waves::{Family, Kind, Wave};
 use crate::least_squares::Real;
@@ -35,7 +35,7 @@ struct OfChannel<T> {
     is_seen: Vec<[bool; 2]>,
 }
 
-impl<T: Real + FftNum> WaveOperands<T> {
+impl<T: Transformed> WaveOperands<T> {
     /// Transforms what the pieces' channels are multiplied with.
     pub(super) fn new(
         scene: &Scene<T>,
@@ -108,7 +108,7 @@ fn seen(squares: &OfKinds) -> [bool; 2] {
 
 /// The information of waves of two channels each in white noise, `Σ f g Σ_c d e / σ_c²`, from the sums of the weights at
 /// twice the frequency; nothing of channels that share no component.
-fn white<T: Real + FftNum>(
+fn white<T: Transformed>(
     scene: &Scene<T>,
     family: &Family,
     harmonics: &[usize],

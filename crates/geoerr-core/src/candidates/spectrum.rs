@@ -10,9 +10,9 @@
 use std::f64::consts::PI;
 
 use rustfft::num_complex::Complex;
-use rustfft::{FftNum, FftPlanner};
 
 use super::lanes;
+use super::transform::Transformed;
 use crate::least_squares::Real;
 
 /// Nodes of one row: an error of 10⁻⁵ of the largest sum.
@@ -81,7 +81,7 @@ impl Spectrum {
     /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
     ///
     /// What is summed are the rows of all terms, `width` numbers each, times the scale of the row.
-    pub(super) fn sums<T: Real + FftNum>(
+    pub(super) fn sums<T: Transformed>(
         &self,
         width: usize,
         harmonics: &[usize],
@@ -101,7 +101,7 @@ impl Spectrum {
         for columns in grid.chunks_exact_mut((self.n_nodes + 2 * MARGIN) * lanes::SPREAD) {
             self.close(columns);
         }
-        let transform = FftPlanner::new().plan_fft_forward(self.n_nodes);
+        let transform = T::forward(self.n_nodes);
         let nothing = Complex::new(T::default(), T::default());
         let mut columns = vec![nothing; BESIDE * self.n_nodes];
         let mut scratch = vec![nothing; transform.get_inplace_scratch_len()];

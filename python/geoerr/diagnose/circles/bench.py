@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from geoerr.diagnose.circles.causes import Suspect, Way
 from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.noise import Noise
 from geoerr.diagnose.circles.probes import Probe
+from geoerr.distributions import chi_squared_log_sf
 from geoerr.fit.sightings import Numbers
 
 # Directions of which the model leaves a smaller share are the model's own: nothing can be said of them.
@@ -272,7 +273,7 @@ def _surprise(gain: Numbers, rank: int, n_trials: int) -> Numbers:
     """Give −ln of the tail of χ² beyond the gain, less ln of the number of trials."""
     k = 0.5 * max(rank, 1)
     half = 0.5 * np.maximum(gain, 0.0)
-    tail = stats.chi2.logsf(2.0 * half, 2.0 * k)
+    tail = chi_squared_log_sf(2.0 * half, 2.0 * k)
     # Beyond what a double holds, the first term of the tail's own series.
     far = (k - 1.0) * np.log(np.maximum(half, 1.0)) - half - special.gammaln(k)
     return np.asarray(-np.where(np.isfinite(tail), tail, far) - np.log(max(n_trials, 1)))

@@ -29,9 +29,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg, optimize, stats
+from scipy import linalg, optimize
 
 from geoerr.diagnose.circles.runs import Runs
+from geoerr.distributions import chi_squared_ppf
 from geoerr.fit.sightings import Numbers
 
 MEMORIES_RAD = tuple(float(np.radians(3.0)) * 4.0**k for k in range(5))
@@ -312,7 +313,7 @@ def _offset_bound_um2(runs: Runs, signal_um: Numbers, shapes: Numbers) -> float:
     dof = runs.n_runs - basis.shape[1]
     if dof < 1:
         return _FREE_UM2
-    return float(left @ left) / float(stats.chi2.ppf(_OFFSET_DOUBT, dof))
+    return float(left @ left) / float(chi_squared_ppf(_OFFSET_DOUBT, dof))
 
 
 def _among(kinds: list[_Geometry], blocks: Blocks, shapes: Numbers) -> Numbers:

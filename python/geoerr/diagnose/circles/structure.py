@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 from geoerr.diagnose.circles.bench import Judged, Null
 from geoerr.diagnose.circles.found import Found
@@ -13,6 +12,7 @@ from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.probes import Probe
 from geoerr.diagnose.circles.state import ALPHA, State
 from geoerr.diagnose.circles.values import sizes_of
+from geoerr.distributions import f_sf
 from geoerr.fit.sightings import Numbers
 
 # As in the search over points: a probe has to be this much better, and the name to leave so much of what it does;
@@ -184,7 +184,7 @@ class Structure:
         if left < 1:
             return True
         ratio = (gain / rank) / max((probe.gain - gain) / left, 1e-300)
-        return float(stats.f.sf(ratio, rank, left)) * len(self.state.suspects) < _STANDS_OUT
+        return float(f_sf(ratio, rank, left)) * len(self.state.suspects) < _STANDS_OUT
 
     def _trace(self, columns: Numbers, found: Sequence[Found], basis: Numbers, left: Numbers) -> Numbers:
         """Give what columns explain beyond set-up and causes, µm."""

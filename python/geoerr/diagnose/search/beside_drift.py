@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
 from geoerr.diagnose.candidates import Candidate
 from geoerr.diagnose.noise import NoiseModel, without_drift
@@ -18,6 +17,7 @@ from geoerr.diagnose.search.judged import Judged, evidence_of, freedom_of, scann
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import settle
 from geoerr.diagnose.space import Space
+from geoerr.distributions import f_log_sf
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import is_motion
 
@@ -127,7 +127,7 @@ def _surprise_of_passes(gain: float, rank: int, n_passes: int, n_trials: int) ->
     if left < 1:
         return 0.0
     ratio = math.expm1(min(gain / n_passes, _CERTAIN)) * left / rank
-    return float(-stats.f.logsf(ratio, rank, left)) - math.log(n_trials)
+    return float(-f_log_sf(ratio, rank, left)) - math.log(n_trials)
 
 
 def drifts_far(space: Space, noise: NoiseModel) -> bool:

@@ -10,12 +10,12 @@ little more.
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
 
 from geoerr.diagnose.candidates import n_waves
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search.settle import Settled
+from geoerr.distributions import chi_squared_sf
 from geoerr.machine import AXES
 
 # Parts of an axis, at most, and waves in each, at least: of less than one the model's own functions do much.
@@ -35,7 +35,7 @@ def is_one_wave(functions: Functions, settled: Settled) -> bool:
     _, root, whole = estimate(settled.space, _waves(settled))
     _, root_of_parts, parts = estimate(settled.space, columns)
     more, rank = float(parts - whole), root_of_parts.shape[1] - root.shape[1]
-    if rank <= 0 or float(stats.chi2.sf(more, rank)) > _NO_CHANCE:
+    if rank <= 0 or float(chi_squared_sf(more, rank)) > _NO_CHANCE:
         return True
     return bool(whole - root.shape[1] >= _LEAST_SHARE * (parts - root_of_parts.shape[1]))
 
