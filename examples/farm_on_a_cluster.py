@@ -1,4 +1,4 @@
-"""A dozen printers on a cluster that loses a worker half-way: the results are those of one worker that does it all.
+"""Six printers on a cluster that loses a worker half-way: the results are those of one worker that does it all.
 
     python examples/farm_on_a_cluster.py [FOLDER]
 
@@ -25,8 +25,8 @@ from virtual_machines import printers
 import geoerr
 from geoerr.farm import Farm
 
-# Of the dozen.
-HALF = 6
+# Of the six.
+HALF = 3
 
 
 def main(folder: Path) -> None:

@@ -127,12 +127,12 @@ def laser(folder: Path) -> None:
 
 
 def printers(folder: Path) -> None:
-    """Write a dozen printers, a folder each, with a program each; 2 µm of noise.
+    """Write six printers, a folder each, with a program each; 2 µm of noise.
 
-    X of the n-th is 10 n µm/m too long, and every third has 8 + n µm of play. The seventh's table lost its columns.
+    X of the n-th is 10 n µm/m too long, and every third has 8 + n µm of play. The fourth's table lost its columns.
     """
-    for n in range(1, 13):
-        own = folder / f"printer-{n:02d}"
+    for n in range(1, 7):
+        own = folder / f"printer-{n}"
         (own / "programs").mkdir(parents=True, exist_ok=True)
         rng = np.random.default_rng(n)
         q, d, line, repeat = _there_and_back(2)
@@ -142,7 +142,7 @@ def printers(folder: Path) -> None:
         seen = q + error + rng.normal(0.0, 2e-3, q.shape)
         _write_points(own / "observations.csv", line, repeat, q, d, seen, t=8.0 * np.arange(len(q)))
         (own / "programs" / "square.gcode").write_text(SQUARE, encoding="utf-8")
-    (folder / "printer-07" / "observations.csv").write_text("line,repeat,x,y,z\n", encoding="utf-8")
+    (folder / "printer-4" / "observations.csv").write_text("line,repeat,x,y,z\n", encoding="utf-8")
 
 
 MAKERS: dict[str, Callable[[Path], None]] = {

@@ -21,10 +21,10 @@ ON_DASK = {"farm_on_a_cluster.py"}
 SAYS = {
     "circle_diagnosed.py": ["(servo-mismatch:xy)", "(squareness:xy)", "(backlash:x)", "\n    none above 0.8"],
     "farm_on_a_cluster.py": [
-        "a worker is killed when 6 printers have a model",
-        "44 files, the same bytes",
-        "printer-12  missing: backlash:x",
-        "printer-07/observations.csv:1: ",
+        "a worker is killed when 3 printers have a model",
+        "20 files, the same bytes",
+        "printer-6  missing: backlash:x",
+        "printer-4/observations.csv:1: ",
     ],
     "folder_of_programs.sh": ["corner.gcode  ", "inches.ngc  ", "refused: programs/too-far.gcode:4: "],
     "how_sure.py": ["passes that were left out", "condition temp_bed                        3 °C"],
