@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from geoerr.effects import catalogue
 from geoerr.effects.effect import LAG_RANGE_S
-from geoerr.fit import FitOptions, Fitted, fit_terms, refit
+from geoerr.fit import FitOptions, Fitted, fit_terms, refit, solve
 from geoerr.machine import Machine
 from geoerr.observations import Observations, observations_from_columns
 from geoerr.terms import Term
@@ -102,3 +103,19 @@ def test_a_model_that_nothing_holds_does_not_run_away() -> None:
     result = fitted(observations, bending, known)
     assert np.isfinite(result.solved.chi_squared)
     assert result.held_out.figures is not None
+
+
+def test_where_no_step_has_residuals_what_was_before_stands_unsettled(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    def lost(*arguments: Any) -> float:
+        calls.append(arguments)
+        return float("nan") if len(calls) > 1 else cost(*arguments)
+
+    cost = solve._cost
+    monkeypatch.setattr(solve, "_cost", lost)
+    result = fitted(measured(at_once()), lagged(20.0))
+    assert len(calls) > 2
+    assert not result.solved.converged
+    assert result.terms[0].inner[0].value == pytest.approx(20.0)
+    assert np.isfinite(result.solved.residual_mm).all()

@@ -363,6 +363,9 @@ def _gauss_newton(
             if trial_cost <= most or factor < 1e-6 * longest:
                 break
             factor *= 0.5
+        if not np.isfinite(trial_cost):
+            # Nowhere along the step there are residuals: what was found before stands, as not settled.
+            break
         state, residual, cost = trial, trial_residual, trial_cost
         steps += 1
         # Without a stated noise the unit of standard errors is what is left.
