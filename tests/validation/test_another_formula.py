@@ -1,5 +1,6 @@
 """A name whose own variable does what it does, and clearly more, has another formula: it is none."""
 
+import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Hidden, generate
 from validation.hidden_effects.sets import sets_of
@@ -22,6 +23,7 @@ def test_what_an_acceleration_does_by_its_sign_has_no_name() -> None:
     assert diagnosis.unknown.depends_on == case.truth[0].variables
 
 
+@pytest.mark.hard_case
 def test_a_small_one_is_told_by_what_its_name_leaves() -> None:
     """At 2 µm the name comes first, and what it leaves follows the acceleration alone: it was named, worth 0 µm."""
     sets = {one.key: one for one in sets_of("unlisted", 40, ["acceleration-sign"])}

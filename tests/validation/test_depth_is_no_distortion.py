@@ -1,5 +1,6 @@
 """Depth of the cameras beside offsets of passes: their lenses are judged in the same noise."""
 
+import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Hidden, generate
 from validation.hidden_effects.record import OPTIONS
@@ -9,6 +10,7 @@ from geoerr.effects import catalogue
 from geoerr.fit import fit_terms
 
 
+@pytest.mark.hard_case
 def test_rows_of_a_picture_are_no_speeds() -> None:
     """The noise was estimated anew beside distortion alone, whose `v_left` was taken for a speed: it came first."""
     case = generate(development_seed(30_009), None, "nine-lines", "offsets-3", [Hidden("rig-depth")], 30.0, 10_000)

@@ -1,5 +1,6 @@
 """A lag of up to a millimetre on the work: told in the scatter that it makes, a straight line looked like a curve."""
 
+import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Case, Hidden, generate
 from validation.hidden_effects.record import OPTIONS
@@ -17,6 +18,7 @@ def diagnosed(number: int, kind: str, strength_um: float, n_rows: int) -> tuple[
     return case, diagnose(fitted, threads=1)
 
 
+@pytest.mark.hard_case
 def test_beside_a_curve_of_the_right_body_it_is_named() -> None:
     """The curve that stands for it until then was one of the tool, which does not move.
 
@@ -30,6 +32,7 @@ def test_beside_a_curve_of_the_right_body_it_is_named() -> None:
     assert abs(tau.value - case.truth[0].parameters["tau"]) < 4.0 * tau.std
 
 
+@pytest.mark.hard_case
 def test_without_a_name_the_curve_is_one_of_the_body_that_moves() -> None:
     """What `geoerr add` is told to take lets the error fall."""
     _, diagnosis = diagnosed(981_001, "direction-tilt-with-z", 30.0, 4_000)

@@ -16,9 +16,9 @@ UNEVEN, STRENGTH_UM, N_ROWS = 0.3, 8.0, 2500
 @pytest.mark.parametrize(
     ("kind", "plan", "noise"),
     [
-        ("backlash", "nine-lines", "gauss-10"),
+        pytest.param("backlash", "nine-lines", "gauss-10", marks=pytest.mark.hard_case),
         ("angular-reversal", "volume-floor", "offsets-3"),
-        ("frame-tilt-thermal", "volume-floor", "drift-2"),
+        pytest.param("frame-tilt-thermal", "volume-floor", "drift-2", marks=pytest.mark.hard_case),
     ],
 )
 def test_an_uneven_effect_keeps_its_name_and_the_rest_is_told(kind: str, plan: str, noise: str) -> None:

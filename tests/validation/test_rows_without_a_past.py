@@ -9,7 +9,7 @@ from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
 
 
-@pytest.mark.parametrize("number", [1, 9])
+@pytest.mark.parametrize("number", [1, pytest.param(9, marks=pytest.mark.hard_case)])
 def test_a_spike_at_the_start_is_no_jump(number: int) -> None:
     """Development sets in which a jump and a warm-up were named beside the spike."""
     seed = development_seed(700_000 + number)
