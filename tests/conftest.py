@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -20,6 +21,12 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     # before NumPy is loaded and before the core makes its threads, here and in what a test starts.
     for library in ("OPENBLAS", "RAYON"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+
+def pytest_collection_finish() -> None:
+    """Leave what all modules hold out of every later look for what can go: it stays until the end."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -113,20 +113,25 @@ def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job
                     yield job, finished
         if not lost:
             return
-        yield from _one_at_a_time(iter(lost))
+        yield from _one_at_a_time(lost)
 
 
-def _one_at_a_time(jobs: Iterator[Job]) -> Iterator[tuple[Job, Finished]]:
-    """Give each job with what became of it, all by one process, which only the job can have killed that it had."""
-    has_died = True
-    while has_died:
-        has_died = False
+def _one_at_a_time(jobs: list[Job]) -> Iterator[tuple[Job, Finished]]:
+    """Give each job with what became of it, all by one process, and by a new one where that died.
+
+    A job is lost that kills a process which had no other: of one that had, it is not known what it died of.
+    """
+    while jobs:
+        n_done = 0
         with _pool(1) as own:
             for job, finished in finished_by(own, jobs, most_jobs=1):
-                yield job, finished
                 has_died = isinstance(finished, BrokenExecutor)
+                if n_done == 0 or not has_died:
+                    n_done += 1
+                    yield job, finished
                 if has_died:
                     break
+        jobs = jobs[n_done:]
 
 
 def _until(waiting: Iterator[Job], lost: list[Job]) -> Iterator[Job]:

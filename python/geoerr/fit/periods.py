@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from geoerr.effects.plausible import plausible_match
 from geoerr.fit.sightings import Numbers
@@ -82,7 +82,7 @@ def alike_periods(values: Numbers, period: float, low: float, high: float) -> li
     found = []
     for peak in peaks[lengths[peaks] > 0.5]:
         ends = (tried[peak - 1], tried[peak + 1])
-        best = optimize.minimize_scalar(lambda one: -length(one), bounds=ends, options={"xatol": 1e-4 * step})
+        best = scipy.optimize.minimize_scalar(lambda one: -length(one), bounds=ends, options={"xatol": 1e-4 * step})
         if -best.fun >= _ALIKE:
             found += [abs(1.0 / period + best.x), abs(1.0 / period - best.x)]
     others = sorted(

@@ -24,7 +24,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import linalg, optimize
+import scipy
+from scipy import linalg
 
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Numbers, Sightings
@@ -104,7 +105,7 @@ def pass_offsets(fitted: Fitted) -> PassOffsets:
             best = min(values), float(np.linspace(low, high, _STARTS)[int(np.argmin(values))]), root, likelihood
     assert best is not None
     _, start, root, likelihood = best
-    found = optimize.minimize(likelihood, np.full(3, start), method="Powell", bounds=[(low, high)] * 3).x
+    found = scipy.optimize.minimize(likelihood, np.full(3, start), method="Powell", bounds=[(low, high)] * 3).x
     is_there = is_seen & (found > low + math.log(_NEAR))
     if not is_there.any():
         return nothing

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from geoerr.diagnose.circles.bench import Group, Judged, Null
 from geoerr.diagnose.circles.causes import Way
@@ -156,7 +156,7 @@ class Names:
             return -self.state.gain(self.state.noise.whiten(self.state.columns(group, way, trial)), basis, left)
 
         low, high = (float(np.log(end)) for end in ends) if is_log else ends
-        found = optimize.minimize_scalar(
+        found = scipy.optimize.minimize_scalar(
             loss, bounds=(low, high), method="bounded", options={"xatol": 2e-4 * (high - low)}
         )
         at_start = float(np.log(inner[place])) if is_log else inner[place]

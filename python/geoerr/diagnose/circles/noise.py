@@ -29,7 +29,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg, optimize
+import scipy
+from scipy import linalg
 
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.distributions import chi_squared_ppf
@@ -238,7 +239,7 @@ def fit_noise(runs: Runs, blocks: Blocks, signal_um: Numbers, shapes: Numbers, c
         gradient[:-1] -= 2.0 * caution / level_of_causes * among_causes[:-1]
         return value, (gradient * theta)[:n_free]
 
-    found = optimize.minimize(
+    found = scipy.optimize.minimize(
         objective,
         np.full(n_free, _START_LOG),
         jac=True,
