@@ -2,8 +2,8 @@
 
     python -m validation.hard_cases
 
-Each is a test of `tests/validation`, beside those of its kind, with the mark `hard_case`: `pytest` leaves it out, and
-this runs it and writes what came out. Exit status as pytest's.
+Each is a test of `tests/validation` with the mark `hard_case`: `pytest` leaves it out, and this runs it and writes
+what came out. Exit status as pytest's.
 """
 
 from __future__ import annotations

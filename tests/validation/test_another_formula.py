@@ -8,6 +8,8 @@ from validation.hidden_effects.sets import sets_of
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
+pytestmark = pytest.mark.hard_case
+
 # A plan whose feeds give an axis more than one acceleration: with one alone, sign and size are the same.
 SEED = 6
 
@@ -23,7 +25,6 @@ def test_what_an_acceleration_does_by_its_sign_has_no_name() -> None:
     assert diagnosis.unknown.depends_on == case.truth[0].variables
 
 
-@pytest.mark.hard_case
 def test_a_small_one_is_told_by_what_its_name_leaves() -> None:
     """At 2 µm the name comes first, and what it leaves follows the acceleration alone: it was named, worth 0 µm."""
     sets = {one.key: one for one in sets_of("unlisted", 40, ["acceleration-sign"])}

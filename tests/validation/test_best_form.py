@@ -6,13 +6,11 @@ from validation.hidden_effects.sets import single_set
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
+pytestmark = pytest.mark.hard_case
+
 
 @pytest.mark.parametrize(
-    ("kind", "reference", "number"),
-    [
-        ("periodic-harmonics", "periodic", 0),
-        pytest.param("warm-up-two", "warm-up", 0, marks=pytest.mark.hard_case),
-    ],
+    ("kind", "reference", "number"), [("periodic-harmonics", "periodic", 0), ("warm-up-two", "warm-up", 0)]
 )
 def test_the_fuller_form_is_found_with_its_values(kind: str, reference: str, number: int) -> None:
     one = single_set(kind, number, 4.0)
@@ -28,7 +26,6 @@ def test_the_fuller_form_is_found_with_its_values(kind: str, reference: str, num
         assert values[name].value == pytest.approx(true, abs=5.0 * values[name].std)
 
 
-@pytest.mark.hard_case
 def test_one_harmonic_stays_one() -> None:
     one = single_set("periodic", 0, 4.0)
     case = one.case(6000, is_study=False)

@@ -10,10 +10,12 @@ from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import fit_terms
 
+pytestmark = pytest.mark.hard_case
+
 STRENGTH_UM = 4.0
 
 
-@pytest.mark.parametrize("number", [pytest.param(1, marks=pytest.mark.hard_case), 6])
+@pytest.mark.parametrize("number", [1, 6])
 def test_a_centre_is_as_sure_as_it_says(number: int) -> None:
     """In the first set two centres explain the same; in the second one does, far from where a search begins."""
     one = single_set("bed-bow", number, STRENGTH_UM)

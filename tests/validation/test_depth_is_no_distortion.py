@@ -9,8 +9,9 @@ from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
 from geoerr.fit import fit_terms
 
+pytestmark = pytest.mark.hard_case
 
-@pytest.mark.hard_case
+
 def test_rows_of_a_picture_are_no_speeds() -> None:
     """The noise was estimated anew beside distortion alone, whose `v_left` was taken for a speed: it came first."""
     case = generate(development_seed(30_009), None, "nine-lines", "offsets-3", [Hidden("rig-depth")], 30.0, 10_000)

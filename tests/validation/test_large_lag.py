@@ -8,6 +8,8 @@ from validation.hidden_effects.record import OPTIONS
 from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.fit import fit_terms
 
+pytestmark = pytest.mark.hard_case
+
 # Targets on the tool and on the work are seen from the floor; the axis that lags carries the work.
 PLAN, NOISE = "volume-floor", "gauss-10"
 
@@ -18,7 +20,6 @@ def diagnosed(number: int, kind: str, strength_um: float, n_rows: int) -> tuple[
     return case, diagnose(fitted, threads=1)
 
 
-@pytest.mark.hard_case
 def test_beside_a_curve_of_the_right_body_it_is_named() -> None:
     """The curve that stands for it until then was one of the tool, which does not move.
 
@@ -32,7 +33,6 @@ def test_beside_a_curve_of_the_right_body_it_is_named() -> None:
     assert abs(tau.value - case.truth[0].parameters["tau"]) < 4.0 * tau.std
 
 
-@pytest.mark.hard_case
 def test_without_a_name_the_curve_is_one_of_the_body_that_moves() -> None:
     """What `geoerr add` is told to take lets the error fall."""
     _, diagnosis = diagnosed(981_001, "direction-tilt-with-z", 30.0, 4_000)

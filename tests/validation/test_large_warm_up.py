@@ -9,10 +9,11 @@ from validation.hidden_effects.sets import sets_of
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
 
+pytestmark = pytest.mark.hard_case
+
 STRENGTH_UM = 100.0
 
 
-@pytest.mark.hard_case
 @pytest.mark.parametrize("place", [2, 3])
 def test_time_constants_are_those_of_the_noise_beside_it(place: int) -> None:
     """Half a millimetre and eight; estimated in the drift, time constants are tens of per cent off."""

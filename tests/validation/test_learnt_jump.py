@@ -7,8 +7,9 @@ from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.fit.variables import times_s, variable_columns
 
+pytestmark = pytest.mark.hard_case
 
-@pytest.mark.hard_case
+
 def test_lost_steps_under_a_drift_are_named_at_their_moment() -> None:
     one = single_set("lost-steps", 1, 4.0)
     case = one.case(4000, is_study=False)

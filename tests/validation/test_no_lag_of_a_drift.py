@@ -7,10 +7,11 @@ from validation.hidden_effects.sets import sets_of
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
 
+pytestmark = pytest.mark.hard_case
+
 STRENGTH_UM = 100.0
 
 
-@pytest.mark.hard_case
 def test_a_lag_that_is_none_goes_before_the_next_look() -> None:
     """With ten seconds of it 12 of 200 µm were left, which other bows, and something unknown, explained."""
     own = (one for one in sets_of("large", 6, ["bed-bow"]) if one.strength_um == STRENGTH_UM)

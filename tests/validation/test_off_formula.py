@@ -10,15 +10,17 @@ from geoerr.diagnose.search.uneven import most_uneven
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.terms import EffectReference
 
+pytestmark = pytest.mark.hard_case
+
 UNEVEN, STRENGTH_UM, N_ROWS = 0.3, 8.0, 2500
 
 
 @pytest.mark.parametrize(
     ("kind", "plan", "noise"),
     [
-        pytest.param("backlash", "nine-lines", "gauss-10", marks=pytest.mark.hard_case),
+        ("backlash", "nine-lines", "gauss-10"),
         ("angular-reversal", "volume-floor", "offsets-3"),
-        pytest.param("frame-tilt-thermal", "volume-floor", "drift-2", marks=pytest.mark.hard_case),
+        ("frame-tilt-thermal", "volume-floor", "drift-2"),
     ],
 )
 def test_an_uneven_effect_keeps_its_name_and_the_rest_is_told(kind: str, plan: str, noise: str) -> None:

@@ -10,6 +10,8 @@ from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.diagnose.advice import Advice
 from geoerr.fit import fit_terms
 
+pytestmark = pytest.mark.hard_case
+
 
 @cache
 def _diagnosis() -> Diagnosis:
@@ -19,7 +21,6 @@ def _diagnosis() -> Diagnosis:
     return diagnose(fit_terms(case.machine, [case.observations], options=OPTIONS), threads=1)
 
 
-@pytest.mark.hard_case
 def test_both_bodies_are_compared_in_the_form_that_was_found() -> None:
     """With two time constants the one is the other; with one of them it is another curve."""
     diagnosis = _diagnosis()
@@ -31,7 +32,6 @@ def test_both_bodies_are_compared_in_the_form_that_was_found() -> None:
     assert diagnosis.verdict == "ambiguous"
 
 
-@pytest.mark.hard_case
 def test_a_look_from_the_floor_is_advised() -> None:
     advice = _diagnosis().found[0].separate_by
     assert isinstance(advice, Advice)

@@ -8,8 +8,10 @@ from validation.hidden_effects.record import OPTIONS
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
 
+pytestmark = pytest.mark.hard_case
 
-@pytest.mark.parametrize("number", [1, pytest.param(9, marks=pytest.mark.hard_case)])
+
+@pytest.mark.parametrize("number", [1, 9])
 def test_a_spike_at_the_start_is_no_jump(number: int) -> None:
     """Development sets in which a jump and a warm-up were named beside the spike."""
     seed = development_seed(700_000 + number)

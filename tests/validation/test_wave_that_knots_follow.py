@@ -13,6 +13,8 @@ from geoerr.effects.collection import Catalogue
 from geoerr.fit import fit_terms
 from geoerr.terms import Parameter
 
+pytestmark = pytest.mark.hard_case
+
 STRENGTH_UM, NUMBER = 8.0, 5
 
 
@@ -48,7 +50,6 @@ def test_of_a_wave_with_harmonics_the_first_counts() -> None:
     assert period_of_waves_in(one.case(10_000, is_study=False)).value > 40.0
 
 
-@pytest.mark.hard_case
 @pytest.mark.parametrize("number", [2, 14])
 def test_a_large_wave_with_harmonics_is_told_at_its_period(number: int) -> None:
     """Sought about the period of one frequency alone, the first was silent, and the second 41 standard errors off."""
@@ -57,7 +58,6 @@ def test_a_large_wave_with_harmonics_is_told_at_its_period(number: int) -> None:
     period_of_waves_in(generate(seed, None, "nine-lines", "offsets-3", hidden, 30.0, 10_000))
 
 
-@pytest.mark.hard_case
 @pytest.mark.parametrize(
     ("number", "noise", "strength_um"),
     [
