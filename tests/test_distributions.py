@@ -42,8 +42,7 @@ def test_student() -> None:
 def test_logarithms(dof: float) -> None:
     values = VALUES[1:-2]
     agree(distributions.chi_squared_log_sf(values, dof), stats.chi2.logsf(values, dof))
-    own = [distributions.f_log_sf(value, dof, 9.0) for value in values]
-    agree(np.array(own), stats.f.logsf(values, dof, 9.0))
+    agree(distributions.f_log_sf(values, dof, 9.0), stats.f.logsf(values, dof, 9.0))
 
 
 def test_ranks() -> None:

@@ -7,6 +7,7 @@ and at the ends.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,10 +24,9 @@ def chi_squared_sf(value: npt.ArrayLike, dof: npt.ArrayLike) -> Numbers:
 
 def chi_squared_log_sf(value: npt.ArrayLike, dof: float) -> Numbers:
     """Give the logarithm of the probability of more than a value; −∞ where that is no number any more."""
-    median = special.chdtri(dof, 0.5)
-    with np.errstate(divide="ignore"):
-        beyond = np.log(chi_squared_sf(value, dof))
-    return np.where(np.asarray(value) > median, beyond, np.log1p(-special.chdtr(dof, np.minimum(value, median))))
+    return _log_sf(
+        value, special.chdtri(dof, 0.5), lambda one: chi_squared_sf(one, dof), lambda one: special.chdtr(dof, one)
+    )
 
 
 def chi_squared_isf(probability: npt.ArrayLike, dof: npt.ArrayLike) -> Numbers:
@@ -44,12 +44,14 @@ def f_sf(value: npt.ArrayLike, dof: npt.ArrayLike, other_dof: npt.ArrayLike) -> 
     return _known(special.fdtrc(dof, other_dof, np.maximum(value, 0.0)), value, dof, other_dof)
 
 
-def f_log_sf(value: float, dof: float, other_dof: float) -> float:
+def f_log_sf(value: npt.ArrayLike, dof: float, other_dof: float) -> Numbers:
     """Give the logarithm of the probability of more than a value; −∞ where that is no number any more."""
-    if value <= special.fdtri(dof, other_dof, 0.5):
-        return float(np.log1p(-special.fdtr(dof, other_dof, value)))
-    with np.errstate(divide="ignore"):
-        return float(np.log(f_sf(value, dof, other_dof)))
+    return _log_sf(
+        value,
+        special.fdtri(dof, other_dof, 0.5),
+        lambda one: f_sf(one, dof, other_dof),
+        lambda one: special.fdtr(dof, other_dof, one),
+    )
 
 
 def f_isf(probability: npt.ArrayLike, dof: npt.ArrayLike, other_dof: npt.ArrayLike) -> Numbers:
@@ -66,6 +68,15 @@ def ranks_of(values: npt.ArrayLike) -> Numbers:
     """Give the ranks of numbers (n,), from 1 on; of equal ones their mean."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(count) - 0.5 * (count - 1))[place]
+
+
+def _log_sf(
+    value: npt.ArrayLike, median: float, sf: Callable[[Any], Numbers], cdf: Callable[[Any], Numbers]
+) -> Numbers:
+    """Give the logarithm of a tail by that of the smaller of both sides."""
+    with np.errstate(divide="ignore"):
+        beyond = np.log(sf(value))
+    return np.where(np.asarray(value) > median, beyond, np.log1p(-cdf(np.minimum(value, median))))
 
 
 def _known(values: Any, argument: npt.ArrayLike, *dofs: npt.ArrayLike) -> Numbers:
