@@ -8,10 +8,14 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 # The same cases on every machine, so that a red run can be repeated, and however slow it is: no test is one of time.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+# Cases are drawn from constants of the project's modules, too: of those that are loaded, which differ with the tests
+# that a process happens to have run before.
+providers._get_local_constants = lambda: providers._local_constants
 
 # However wide the window is in which they run, lines are not folded.
 os.environ.pop("COLUMNS", None)

@@ -97,8 +97,10 @@ def test_scatter_of_repeats_is_the_noise_whatever_the_machine_does(
     seen = np.array([std_um[1], std_um[0], std_um[2]])
     are_one = found.std_mm[0].max() == found.std_mm[0].min()
     if are_one:
-        # As near to each other as 1.25, or as chance.
-        assert np.ptp(np.log(seen)) < max(np.log(1.25), 8.0 * 2.25 / np.sqrt(2.0 * found.n_told_by.min()))
+        # As near to each other as 1.25, or as four standard errors of a difference; what is seen is off by six more
+        # at most. A component is told by a third of the numbers that tell the three together.
+        error = np.sqrt(2.0) * 2.25 / np.sqrt(2.0 * found.n_told_by.min() / 3.0)
+        assert np.ptp(np.log(seen)) < max(np.log(1.25), 4.0 * error) + 6.0 * error
     else:
         for std_mm, true_um, count in zip(found.std_mm[0], seen, found.n_told_by[0], strict=True):
             assert is_within(std_mm, true_um, count)
