@@ -6,6 +6,8 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+
 import geoerr
 from geoerr.report import figures
 
@@ -127,14 +129,17 @@ def test_the_core_knows_nothing_of_python() -> None:
         assert not {"pyo3", "numpy", "opencv"} & set(root.read_text(encoding="utf-8").replace(".", " ").split())
 
 
-def test_faer_lives_in_least_squares_only() -> None:
+@pytest.mark.parametrize(
+    ("library", "room"), [("faer", "geoerr-core/src/least_squares/"), ("rustfft", "geoerr-fourier/")]
+)
+def test_a_library_of_the_core_lives_in_one_room(library: str, room: str) -> None:
     root = PACKAGE.parents[1] / "crates"
     users = {
         path.relative_to(root).as_posix()
         for path in root.rglob("*.rs")
-        if re.search(r"\bfaer\s*::", path.read_text(encoding="utf-8"))
+        if re.search(rf"\b{library}\s*::", path.read_text(encoding="utf-8"))
     }
-    assert all(user.startswith("geoerr-core/src/least_squares/") for user in users)
+    assert all(user.startswith(room) for user in users)
     if root.is_dir():
         assert users
 

@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
+use geoerr_fourier::Transformed;
+
 use super::group::Group;
 use super::moments::Moments;
 use super::scene::Scene;
 use super::sources::{Numbering, Source};
 use super::spectrum::Spectrum;
 use super::tile::{Pair, Piece, Tile, used_channels};
-use super::transform::Transformed;
 use super::wave_blocks::{OfKinds, beyond_white};
 use super::waves::{Family, Kind, Wave};
 use crate::least_squares::Real;
@@ -35,7 +36,7 @@ struct OfChannel<T> {
     is_seen: Vec<[bool; 2]>,
 }
 
-impl<T: Transformed> WaveOperands<T> {
+impl<T: Real + Transformed> WaveOperands<T> {
     /// Transforms what the pieces' channels are multiplied with.
     pub(super) fn new(
         scene: &Scene<T>,
@@ -108,7 +109,7 @@ fn seen(squares: &OfKinds) -> [bool; 2] {
 
 /// The information of waves of two channels each in white noise, `Σ f g Σ_c d e / σ_c²`, from the sums of the weights at
 /// twice the frequency; nothing of channels that share no component.
-fn white<T: Transformed>(
+fn white<T: Real + Transformed>(
     scene: &Scene<T>,
     family: &Family,
     harmonics: &[usize],

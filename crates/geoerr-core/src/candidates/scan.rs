@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use geoerr_fourier::Transformed;
 use rayon::prelude::*;
 
 use super::by_nodes::NodeOperands;
@@ -17,8 +18,8 @@ use super::scene::Scene;
 use super::series::SeriesBlocks;
 use super::sources::{Numbering, Source, Sources};
 use super::tile::{Piece, Tile};
-use super::transform::Transformed;
 use super::waves::{Wave, families};
+use crate::least_squares::Real;
 
 /// Functions on channels of one tile: so many that groups which share them seldom sum the same again (a bow about some
 /// centre is tried with every temperature and every difference of two), and few enough for every thread to have tiles to
@@ -52,7 +53,7 @@ pub struct Scanned {
 ///
 /// # Errors
 /// [`CandidateError`] for groups that name what is not there, and for rows that do not fit.
-pub fn scan<T: Transformed>(
+pub fn scan<T: Real + Transformed>(
     scene: &Scene<T>,
     sources: &Sources<'_>,
     groups: &[Group],

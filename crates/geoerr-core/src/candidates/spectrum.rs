@@ -9,10 +9,9 @@
 
 use std::f64::consts::PI;
 
-use rustfft::num_complex::Complex;
+use geoerr_fourier::{Complex, Transformed};
 
 use super::lanes;
-use super::transform::Transformed;
 use crate::least_squares::Real;
 
 /// Nodes of one row: an error of 10⁻⁵ of the largest sum.
@@ -81,7 +80,7 @@ impl Spectrum {
     /// Gives, for each of some harmonics, the sums with the cosine and those with the sine, `width` of each.
     ///
     /// What is summed are the rows of all terms, `width` numbers each, times the scale of the row.
-    pub(super) fn sums<T: Transformed>(
+    pub(super) fn sums<T: Real + Transformed>(
         &self,
         width: usize,
         harmonics: &[usize],
