@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import replace
@@ -47,12 +48,18 @@ def children() -> list[int]:
     return [child.pid for child in active_children() if child.pid is not None]
 
 
-def test_a_process_that_is_killed_changes_nothing(farm: Path, right_bytes: dict[str, bytes]) -> None:
+def test_a_process_that_is_killed_changes_nothing(
+    farm: Path, right_bytes: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
     kill = KillOnce(children)
     done = geoerr.run_farm(farm, farm.parent / "out", RECIPE, workers=2, on_progress=kill)
     assert kill.killed is not None
     assert not done.failures
     assert contents(farm.parent / "out") == right_bytes
+    # Nor does it leave what it worked with.
+    assert not list(tmp_path.glob("geoerr-farm-*"))
 
 
 def test_only_the_job_that_kills_its_process_is_lost(farm: Path) -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
 from queue import SimpleQueue
+from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
 from geoerr.farm.job import Job, work
@@ -178,15 +180,22 @@ def _pool(n_workers: int) -> Iterator[ProcessPoolExecutor]:
     before = os.environ.get("OPENBLAS_NUM_THREADS")
     # Read by NumPy when a process loads it: a pool of threads in each would take the cores from the others.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    pool = _Pool(n_workers, mp_context=get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
-        if before is None:
-            del os.environ["OPENBLAS_NUM_THREADS"]
-        else:
-            os.environ["OPENBLAS_NUM_THREADS"] = before
+    # What a process that is killed was working with goes with its pool.
+    with TemporaryDirectory(prefix="geoerr-farm-") as folder:
+        pool = _Pool(n_workers, mp_context=get_context("spawn"), initializer=_keep_files_in, initargs=(folder,))
+        try:
+            yield pool
+        finally:
+            pool.shutdown(cancel_futures=True)
+            if before is None:
+                del os.environ["OPENBLAS_NUM_THREADS"]
+            else:
+                os.environ["OPENBLAS_NUM_THREADS"] = before
+
+
+def _keep_files_in(folder: str) -> None:
+    """Have all temporary files of this process in a folder."""
+    tempfile.tempdir = folder
 
 
 def _cores() -> int:
