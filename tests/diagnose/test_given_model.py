@@ -15,7 +15,7 @@ from geoerr.cli.diagnose_text import diagnosis_lines
 from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.findings import IN_MODEL
-from geoerr.diagnose.space import Doubt, beyond_in_metric, doubt_that_counts, orthonormal
+from geoerr.diagnose.space import Doubt, basis_of_draws, beyond_in_metric, doubt_that_counts, orthonormal
 from geoerr.fit import FitOptions, fit_model
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
@@ -97,21 +97,40 @@ def test_what_is_off_by_more_than_the_model_may_be_is_named(number: int, kind: s
     assert diagnosis.found[0].reference.effect == kind
 
 
-def test_more_of_what_the_model_has_is_told_as_that() -> None:
+def test_draws_off_a_doubt_scatter_as_the_residual_does() -> None:
+    basis = shortened(drawn(5, 1, 0.3), drawn(4, 2))
+    unit = np.eye(3 * ROWS)
+    of_draws = basis_of_draws(basis.reshape(ROWS, 3, -1)).reshape(3 * ROWS, -1)
+    metric, root = (unit - one @ one.T for one in (basis, of_draws))
+    np.testing.assert_allclose(root @ root, metric, atol=1e-9)
+    # With the basis itself they would be smaller.
+    assert np.trace(metric @ metric) < np.trace(metric) - 0.1
+
+
+@pytest.mark.parametrize(
+    ("number", "plan", "kind", "name", "value"),
+    [
+        (0, "volume-floor", "backlash", "backlash:z", "b"),
+        # Of its own freedom the model may be off by more than the noise there.
+        (1, "volume-relative", "thermal-expansion", "thermal-expansion:z@temp_bed_low", "alpha"),
+    ],
+)
+def test_more_of_what_the_model_has_is_told_as_that(number: int, plan: str, kind: str, name: str, value: str) -> None:
     """A play that has grown is no wind-up: it is told by how much, and to fit the model again."""
-    seed, kind = development_seed(991_000), Hidden("backlash")
+    seed = development_seed(991_000 + number)
     before, after = (
-        generate(seed, None, "volume-floor", "gauss-10", (kind,), strength, 3_000) for strength in (6.0, 15.0)
+        generate(seed, None, plan, "gauss-10", (Hidden(kind),), strength, 3_000) for strength in (6.0, 15.0)
     )
     options, seen = FitOptions(threads=1), sessions(before.observations, seen=True)
     plain = fit_model(before.machine, seen, options=options).model
-    model = add_effect(plain, seen, reference="backlash:z", threads=1).result.model
-    had = model.parameter("backlash:z.b")
+    model = add_effect(plain, seen, reference=name, threads=1).result.model
+    had = model.parameter(f"{name}.{value}")
     diagnosis = diagnose(model, sessions(after.observations, seen=False), threads=1)
     (found,) = diagnosis.found
-    assert (str(found.reference), diagnosis.verdict, found.in_model) == ("backlash:z", "missing", True)
-    (more,) = found.parameters
-    assert more.value == pytest.approx(1.5 * had.value, abs=4.0 * np.hypot(more.std, 1.5 * had.std))
+    assert (str(found.reference), found.in_model) == (name, True)
+    more = found.parameters[0]
+    truth = next(size for key, size in after.truth[0].parameters.items() if key == value)
+    assert more.value == pytest.approx(truth - had.value, abs=4.0 * np.hypot(more.std, had.std))
     assert capitalised(IN_MODEL) in found.words()
     text = "\n".join(diagnosis_lines(diagnosis, "geoerr add model.json new.csv", ""))
     assert IN_MODEL[:40] in text

@@ -43,7 +43,7 @@ def told(model: Model, number: int, hidden: str | None = None) -> CircleDiagnosi
 def runs() -> Runs:
     usable, problems, notes = checked((given_circles.circles_of(case_of(0), 0, None, RUNS, N_ROWS),))
     fitted = compare(model_of(0), *usable, threads=1).points
-    return runs_of(fitted, problems, notes, own_doubt(model_of(0), fitted))
+    return runs_of(fitted, problems, notes, own_doubt(model_of(0), fitted, counts_choice=False))
 
 
 def test_noise_and_doubt_together_are_white() -> None:

@@ -296,7 +296,7 @@ def diagnose(
     if comparison is not None and is_held:
         # Of an effect that it has the machine may have come to have more.
         held = [term.id for term in all_terms(comparison.model) if term.kind == "classic"]
-        doubt = own_doubt(comparison.model, fitted)
+        doubt = own_doubt(comparison.model, fitted, counts_choice=True)
     whole, searched = searched_whole(fitted, known, present=held, doubt=doubt, steps=steps, threads=threads)
     found = diagnosis_of(whole, searched, known, comparison, as_it_was=fitted, steps=steps)
     steps.end()

@@ -11,6 +11,7 @@ is what lies beyond both the noise and the model's own doubt.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,15 +81,23 @@ def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
     return OwnUncertainty(gram, moment, float((squares / count).sum()) * _UM_PER_MM**2)
 
 
-def own_doubt(model: Model, fitted: Fitted) -> Numbers | None:
+def own_doubt(model: Model, fitted: Fitted, *, counts_choice: bool) -> Numbers | None:
     """Give how far a given model may be off at the rows of a fit of frames alone, (n, 3, k); None where it is sure.
 
     Whitened by the stated uncertainties; each column one standard deviation, independent of the others: W J F. Also
     at rows that the fit leaves out: a search over circles judges anew which are gross.
+
+    Parameters
+    ----------
+    counts_choice
+        Whether it is as much larger as what the choice of the model may hide. A circle sees few of a model's
+        functions, and is told right without (`validation/given_circles.md`).
     """
     root = _covariance_root(model)
-    if root is None:
+    if root is None or model.record is None:
         return None
+    if counts_choice:
+        root = math.sqrt(_hidden_by_choice(model.record.n_rows)) * root
     problem = with_terms(model.machine, fitted, model.terms)
     row_scale = np.ones(len(fitted.sightings))
     blocks = [
@@ -96,6 +105,16 @@ def own_doubt(model: Model, fitted: Fitted) -> Numbers | None:
         for block in _blocks(len(row_scale))
     ]
     return np.concatenate(blocks).reshape(len(row_scale), 3, -1)
+
+
+def _hidden_by_choice(n_rows: int) -> float:
+    """Give how much larger the variances of a model's numbers may be than their covariance tells.
+
+    What a model consists of is chosen by evidence: functions and effects that would gain less than their price, the
+    logarithm of the number of numbers (Schwarz), are left out. What they did is in the numbers of the others, up to
+    so many variances, and in no covariance. Verified by `validation/given_models.py`.
+    """
+    return max(math.log(max(3 * n_rows, 1)), 1.0)
 
 
 def _covariance_root(model: Model) -> Numbers | None:

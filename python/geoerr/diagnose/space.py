@@ -99,7 +99,7 @@ class Space:
             drawn[own] = numbers[rng.integers(0, len(numbers), size=(len(own), n_draws))]
         drawn = drawn.reshape(*self.rows.shape, n_draws)
         size = float(np.sqrt((self.residual**2).sum() / max(self.n_numbers - self.basis.shape[2], 1)))
-        self.noise.take_off(drawn, self.basis, size=size, threads=threads)
+        self.noise.take_off(drawn, basis_of_draws(self.basis), size=size, threads=threads)
         return drawn.transpose(2, 0, 1)
 
     @cached_property
@@ -120,9 +120,10 @@ class Space:
     def with_columns(self, columns: Numbers) -> Space:
         """Give the space in which these whitened columns (n, 3, k) are the model's own too."""
         flat = self.basis.reshape(-1, self.basis.shape[2])
-        new = beyond_in_metric(flat, columns.reshape(-1, columns.shape[2]))
+        unit = _unit_in_metric(flat, columns.reshape(-1, columns.shape[2]))
+        new = unit - flat @ (flat.T @ unit)
         residual = self.residual.reshape(-1)
-        residual = residual - new @ (new.T @ residual)
+        residual = residual - new @ (unit.T @ residual)
         return replace(
             self,
             basis=np.concatenate([self.basis, new.reshape(*self.basis.shape[:2], -1)], axis=2),
@@ -224,8 +225,9 @@ def whitened_space(
     sizes = np.abs(left[counts]) if counts.any() else np.ones(1)
     middle, nearly_all = np.quantile(sizes, [0.5, 1.0 - _FEW])
     limit = max(WINSOR * float(middle) / 0.6745, float(nearly_all), 1e-300)
-    clipped = known + np.clip(left, -limit, limit)
-    clipped = clipped - basis @ (basis.T @ clipped)
+    # As if so much less had been measured: what is left of a doubt is not to be taken off once more.
+    less = np.clip(left, -limit, limit) - left
+    clipped = flat + less - basis @ (basis.T @ less)
     return Space(fitted, noise, rows, basis.reshape(*rows.shape, -1), clipped.reshape(rows.shape))
 
 
@@ -302,12 +304,31 @@ def beyond_in_metric(basis: Numbers, columns: Numbers) -> Numbers:
 
     With M = I − B Bᵀ that is N = M X (Xᵀ M X)^(−1/2): where X is free too, M becomes M − N Nᵀ.
     """
+    unit = _unit_in_metric(basis, columns)
+    return np.asarray(unit - basis @ (basis.T @ unit))
+
+
+def _unit_in_metric(basis: Numbers, columns: Numbers) -> Numbers:
+    """Give combinations Y (n, m) of columns (n, k) with Yᵀ M Y = I, where M = I − B Bᵀ with the basis (n, r)."""
     size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
     unit = columns / np.where(size > 0.0, size, 1.0)
-    left = unit - basis @ (basis.T @ unit)
-    value, vector = np.linalg.eigh(unit.T @ left)
+    value, vector = np.linalg.eigh(unit.T @ (unit - basis @ (basis.T @ unit)))
     keep = value > INSIDE
-    return np.asarray(left @ (vector[:, keep] / np.sqrt(value[keep])))
+    return np.asarray(unit @ (vector[:, keep] / np.sqrt(value[keep])))
+
+
+def basis_of_draws(basis: Numbers) -> Numbers:
+    """Give the basis (n, 3, r) off which white noise has a residual's covariance M = I − B Bᵀ: of I − M^(1/2).
+
+    Off Q they are the same; of a direction of a doubt, its column b long, white noise less that column would have the
+    square of the residual's variance 1 − b².
+    """
+    square = np.einsum("ncr,ncr->r", basis, basis)
+    is_short = square < 1.0 - INSIDE
+    if not is_short.any():
+        return basis
+    wanted = 1.0 - np.sqrt(np.maximum(1.0 - square, 0.0))
+    return basis * np.where(is_short, np.sqrt(wanted / np.maximum(square, 1e-300)), 1.0)
 
 
 def independent(gram: Numbers, least: float) -> Numbers:

@@ -311,7 +311,7 @@ def diagnose_circles(
     comparison = compare(model, *usable, threads=threads)
     fitted = comparison.points
     is_held = comparison.freedom == "held"
-    doubt = own_doubt(model, fitted) if is_held else None
+    doubt = own_doubt(model, fitted, counts_choice=False) if is_held else None
     runs = runs_of(fitted, problems, notes, doubt)
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     suspects, not_offered = suspects_of(runs, known, effects)
