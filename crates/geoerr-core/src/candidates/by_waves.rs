@@ -1,8 +1,7 @@
 //! Sums of a tile of waves along one variable: looked up among those at all harmonics, made at once.
 
-use rayon::prelude::*;
-
 use geoerr_fourier::Transformed;
+use rayon::prelude::*;
 
 use super::group::Group;
 use super::moments::Moments;
