@@ -261,7 +261,7 @@ def _step_of_diagnosis(
         peer=", ".join(f"{name}: {peer_s:.3g} s" for peer_s, name in peers),
         times_peer=peers[0][0] / float(of_one[step][3]) if peers else None,
         share_of_limit=multiplied_s / seconds if is_ranking and n_points == POINTS_OF_FLOP else None,
-        in_the_way=IN_A_RANKING if is_ranking else "",
+        in_the_way=IN_A_RANKING if is_ranking else Reached.in_the_way,
     )
 
 
