@@ -79,7 +79,7 @@ class Reached:
     peer: str = ""
     times_peer: float | None = None
     share_of_limit: float | None = None
-    in_the_way: str = "Not profiled."
+    in_the_way: str = ""
 
 
 def rate(n_items: int, seconds: float) -> str:

@@ -157,7 +157,9 @@ def shortfalls(summary: Sequence[Reached]) -> str:
     short = [row for row in summary if row.share_of_aim < 1.0]
     if not short:
         return ""
-    lines_of = [f"- **{row.path}**, {row.share_of_aim:.0%} of the aim. {row.in_the_way}\n" for row in short]
+    lines_of = [
+        f"- **{row.path}**, {row.share_of_aim:.0%} of the aim. {row.in_the_way or 'Not profiled.'}\n" for row in short
+    ]
     return "\n## What stands in the way\n\nFrom profiles of the rows that fall short.\n\n" + "".join(lines_of)
 
 
@@ -261,7 +263,7 @@ def _step_of_diagnosis(
         peer=", ".join(f"{name}: {peer_s:.3g} s" for peer_s, name in peers),
         times_peer=peers[0][0] / float(of_one[step][3]) if peers else None,
         share_of_limit=multiplied_s / seconds if is_ranking and n_points == POINTS_OF_FLOP else None,
-        in_the_way=IN_A_RANKING if is_ranking else Reached.in_the_way,
+        in_the_way=IN_A_RANKING if is_ranking else "",
     )
 
 

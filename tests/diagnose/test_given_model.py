@@ -58,7 +58,7 @@ def test_what_is_added_becomes_free_in_the_same_metric() -> None:
     # Partly what the model may be off by anyway.
     added = drawn(2, 3) + doubt[:, :, :2]
     basis = shortened(doubt, free)
-    new = beyond_in_metric(basis, added.reshape(3 * ROWS, -1))
+    _, new = beyond_in_metric(basis, added.reshape(3 * ROWS, -1))
     metric = np.eye(3 * ROWS) - basis @ basis.T - new @ new.T
     np.testing.assert_allclose(metric, dense_metric(doubt, free, added), atol=5e-6)
 

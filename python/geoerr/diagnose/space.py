@@ -120,8 +120,7 @@ class Space:
     def with_columns(self, columns: Numbers) -> Space:
         """Give the space in which these whitened columns (n, 3, k) are the model's own too."""
         flat = self.basis.reshape(-1, self.basis.shape[2])
-        unit = _unit_in_metric(flat, columns.reshape(-1, columns.shape[2]))
-        new = unit - flat @ (flat.T @ unit)
+        unit, new = beyond_in_metric(flat, columns.reshape(-1, columns.shape[2]))
         residual = self.residual.reshape(-1)
         residual = residual - new @ (unit.T @ residual)
         return replace(
@@ -299,22 +298,18 @@ def beyond(basis: Numbers, columns: Numbers) -> Numbers:
     return orthonormal(own - basis @ (basis.T @ own))
 
 
-def beyond_in_metric(basis: Numbers, columns: Numbers) -> Numbers:
-    """Give what columns (n, k) add to a basis (n, r) some of whose columns are shorter than 1.
+def beyond_in_metric(basis: Numbers, columns: Numbers) -> tuple[Numbers, Numbers]:
+    """Give what columns X (n, k) add to a basis B (n, r) some of whose columns are shorter than 1.
 
-    With M = I − B Bᵀ that is N = M X (Xᵀ M X)^(−1/2): where X is free too, M becomes M − N Nᵀ.
+    With M = I − B Bᵀ that are Y = X (Xᵀ M X)^(−1/2) and N = M Y: where X is free too, M becomes M − N Nᵀ.
     """
-    unit = _unit_in_metric(basis, columns)
-    return np.asarray(unit - basis @ (basis.T @ unit))
-
-
-def _unit_in_metric(basis: Numbers, columns: Numbers) -> Numbers:
-    """Give combinations Y (n, m) of columns (n, k) with Yᵀ M Y = I, where M = I − B Bᵀ with the basis (n, r)."""
     size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
     unit = columns / np.where(size > 0.0, size, 1.0)
-    value, vector = np.linalg.eigh(unit.T @ (unit - basis @ (basis.T @ unit)))
+    left = unit - basis @ (basis.T @ unit)
+    value, vector = np.linalg.eigh(unit.T @ left)
     keep = value > INSIDE
-    return np.asarray(unit @ (vector[:, keep] / np.sqrt(value[keep])))
+    turn = vector[:, keep] / np.sqrt(value[keep])
+    return unit @ turn, left @ turn
 
 
 def basis_of_draws(basis: Numbers) -> Numbers:

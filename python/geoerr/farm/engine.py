@@ -177,11 +177,11 @@ def _interrupts(*, held_back: bool) -> Iterator[None]:
 @contextmanager
 def _pool(n_workers: int) -> Iterator[ProcessPoolExecutor]:
     """Open a pool whose processes begin anew: threads of libraries do not survive a fork."""
-    before = os.environ.get("OPENBLAS_NUM_THREADS")
-    # Read by NumPy when a process loads it: a pool of threads in each would take the cores from the others.
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     # What a process that is killed was working with goes with its pool.
     with TemporaryDirectory(prefix="geoerr-farm-") as folder:
+        before = os.environ.get("OPENBLAS_NUM_THREADS")
+        # Read by NumPy when a process loads it: a pool of threads in each would take the cores from the others.
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
         pool = _Pool(n_workers, mp_context=get_context("spawn"), initializer=_keep_files_in, initargs=(folder,))
         try:
             yield pool
