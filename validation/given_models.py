@@ -1,4 +1,4 @@
-"""Right models and data that they have not seen: are they told to lack something; is what one lacks named there.
+"""Right models and data that they have not seen: are they told to lack something; is what one lacks told there.
 
     python -m validation.given_models [--sets 40] [--hidden 4]
 
@@ -19,11 +19,13 @@ import polars as pl
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import CannotCarryError, Case, Hidden, generate
 from validation.hidden_effects.tables import rate, table
+from validation.hidden_effects.unlisted import UNLISTED
 
 from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.fit import FitOptions, fit_model
 from geoerr.model import Model
 from geoerr.observations import Observations
+from geoerr.summaries import listed
 
 RESULTS = Path(__file__).with_name("given_models.md")
 FIRST_SEED, N_ROWS, SEEN_SESSIONS, STRENGTH_UM = 997_000, 4_000, 2, 8.0
@@ -74,9 +76,14 @@ class Told:
 
 def told_of(case: Case) -> tuple[Told, Told]:
     """Diagnose a model of the first sessions with the others: with its covariance, and as if it were exact."""
-    model = fit_model(case.machine, sessions(case.observations, seen=True), options=FitOptions(threads=1)).model
-    others = sessions(case.observations, seen=False)
+    model, others = given(case)
     return Told.by(diagnose(model, others, threads=1)), Told.by(diagnose(exact(model), others, threads=1))
+
+
+def given(case: Case) -> tuple[Model, Observations]:
+    """Give a model of the first sessions, and the others."""
+    seen, others = (sessions(case.observations, seen=is_seen) for is_seen in (True, False))
+    return fit_model(case.machine, seen, options=FitOptions(threads=1)).model, others
 
 
 def nulls(n_sets: int) -> str:
@@ -102,6 +109,19 @@ def hidden_effects(n_sets: int) -> str:
     return table(head, rows)
 
 
+def without_names(n_sets: int) -> str:
+    """Give what is told of what no catalogue has, where the model's own data had it, too."""
+    rows = []
+    for place, kind in enumerate(UNLISTED.kinds):
+        first = 1_000 * (len(KINDS) + place + 1)
+        told = [Told.by(diagnose(*given(case), threads=1)) for _, _, case in cases(n_sets, first, Hidden(kind))]
+        named = listed(sorted({name for one in told for name in one.names}))
+        verdicts = [one.verdict for one in told]
+        counts = (verdicts.count("unknown"), sum(bool(one.names) for one in told), verdicts.count("nothing-missing"))
+        rows.append([kind, *(f"{count}/{n_sets}" for count in counts), named])
+    return table([f"{STRENGTH_UM:g} µm that no catalogue has", "unknown", "named", "silent", "names"], rows)
+
+
 def asked_for(
     arguments: Sequence[str] | None, description: str | None, n_sets: int, results: Path
 ) -> argparse.Namespace:
@@ -118,7 +138,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = asked_for(arguments, __doc__, 40, RESULTS)
     text = "# Models that are given\n\n`python -m validation.given_models`\n\n"
     text += "Models of two sessions, diagnosed with the others: with their covariance, and as if they were exact.\n\n"
-    asked.o.write_text(text + nulls(asked.sets) + "\n" + hidden_effects(asked.hidden), encoding="utf-8")
+    parts = (nulls(asked.sets), hidden_effects(asked.hidden), without_names(asked.hidden))
+    asked.o.write_text(text + "\n".join(parts), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +17,7 @@ from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.findings import IN_MODEL
 from geoerr.diagnose.space import Doubt, basis_of_draws, beyond_in_metric, doubt_that_counts, orthonormal
+from geoerr.errors import GeoerrError
 from geoerr.fit import FitOptions, fit_model
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
@@ -135,3 +137,73 @@ def test_more_of_what_the_model_has_is_told_as_that(number: int, plan: str, kind
     text = "\n".join(diagnosis_lines(diagnosis, "geoerr add model.json new.csv", ""))
     assert IN_MODEL[:40] in text
     assert "to add it" not in text
+
+
+def test_what_acted_on_the_models_own_data_is_named_with_its_numbers_fitted() -> None:
+    """Of growth with temperature the model's functions hold a part; the rest of it is no known effect."""
+    case = case_of(1, Hidden("thermal-expansion"))
+    _, diagnosis = told_of_the_rest(case)
+    held = diagnosis.other_way
+    assert held is not None
+    assert (held.verdict, held.takes_part, held.found) == ("unknown", False, ())
+    assert diagnosis.takes_part
+    (found,) = diagnosis.found
+    (truth,) = case.truth
+    assert found.reference.effect == truth.kind
+    growth = next(one for one in found.parameters if one.name == "alpha")
+    assert growth.value == pytest.approx(truth.parameters["alpha"], abs=4.0 * growth.std)
+    (note,) = [text for text in diagnosis.notes if "hold a part of a cause" in text]
+    assert held.unknown is not None
+    assert all(name in note for name in held.unknown.depends_on)
+    document = diagnosis.to_document()
+    assert document["model_takes_part"] is True
+    assert document["other_way"]["verdict"] == "unknown"
+    assert document["other_way"]["model_takes_part"] is False
+    text = "\n".join(diagnosis_lines(diagnosis, "geoerr add model.json new.csv", ""))
+    assert "numbers are fitted to these data, too" in text
+    # What it is told to add lets the error fall.
+    assert f"geoerr add model.json new.csv {found.reference} " in text
+    assert found.held_out is not None
+    assert found.held_out.after_um < 0.9 * found.held_out.before_um
+
+
+def test_what_has_no_name_has_none_with_the_models_numbers_fitted() -> None:
+    case = case_of(0, Hidden("play-cubic-across"))
+    _, diagnosis = told_of_the_rest(case)
+    assert (diagnosis.verdict, diagnosis.takes_part) == ("unknown", False)
+    fitted = diagnosis.other_way
+    assert fitted is not None
+    assert (fitted.verdict, fitted.takes_part) == ("unknown", True)
+    (note,) = [text for text in diagnosis.notes if "no name either" in text]
+    assert fitted.unknown is not None
+    assert all(name in note for name in fitted.unknown.depends_on)
+    # The answer can be gone through; of the other way only what it says is kept.
+    assert diagnosis.searched.unknown is not None
+    with pytest.raises(GeoerrError, match="let go"):
+        _ = fitted.searched
+
+
+def test_errors_of_its_own_that_have_changed_stay_without_a_name() -> None:
+    """A straightness is another by now: fitted to the new data nothing is missing, and the answer stays."""
+    case = case_of(1)
+    model = fit_model(case.machine, sessions(case.observations, seen=True), options=FitOptions(threads=1)).model
+    diagnosis = diagnose(changed(model, "EYX", 0.1), sessions(case.observations, seen=False), threads=1)
+    assert (diagnosis.verdict, diagnosis.takes_part) == ("unknown", False)
+    fitted = diagnosis.other_way
+    assert fitted is not None
+    assert fitted.verdict == "nothing-missing"
+    assert [text for text in diagnosis.notes if "its own errors can do" in text]
+
+
+def changed(model: Model, name: str, by: float) -> Model:
+    """Move one function of an error in the middle of its axis."""
+    terms = []
+    for term in model.terms:
+        if term.id == name:
+            coefficients = list(term.coefficients)
+            middle = len(coefficients) // 2
+            coefficients[middle] = replace(coefficients[middle], value=coefficients[middle].value + by)
+            term = replace(term, coefficients=tuple(coefficients))
+        terms.append(term)
+    assert any(term.id == name for term in terms)
+    return replace(model, terms=tuple(terms))

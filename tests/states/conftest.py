@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from hot_machines import TEMPERATURES_DEGC, gantry
 from validation.hot_and_cold import Hot, states_of
 

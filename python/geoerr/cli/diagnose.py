@@ -71,8 +71,9 @@ def diagnose_verb(
     """Which physical effect a model lacks, by measurements; or that none is missing, or none that is known.
 
     On data that the model was not fitted to its numbers stay as they are, and only the pose of each session's
-    measuring frame is fitted; what is off by no more than the model may be is not missing. Circular tests alone are
-    ranked as ball-bar software does.
+    measuring frame is fitted; what is off by no more than the model may be is not missing. Where what is left so has
+    no name, they are fitted, too: a cause that acted on the model's own data may be seen only so. Circular tests
+    alone are ranked as ball-bar software does.
     """
     from geoerr.cli.diagnose_circle_text import circle_diagnosis_lines
     from geoerr.cli.diagnose_text import diagnosis_lines

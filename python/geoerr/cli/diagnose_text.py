@@ -15,7 +15,7 @@ from geoerr.summaries import by_reason, capitalised, counted, listed
 
 _MEANINGS = {
     "own": "the model was fitted to these data: its own numbers take part",
-    "refit": "the model's numbers are fitted to these data (--refit)",
+    "refit": "the model's numbers are fitted to these data, too",
     "held": "the model's numbers stay, as uncertain as they are; measuring frames are fitted",
 }
 _MOST_OTHERS = 5

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from geoerr.diagnose.advice import advise
@@ -82,6 +82,9 @@ class Diagnosis(Answer):
         What `searched` gives; None where it was let go.
     later_tied
         Of each that was found after the first, those that these data cannot tell from it; `tied` has the first's.
+    other_way
+        What the model that is held leaves has no name, and its numbers were fitted to these data, too: that answer,
+        or, where that one has a name and is this, the one of the model as it is. None where one was enough.
     """
 
     found: tuple[Finding, ...]
@@ -92,6 +95,7 @@ class Diagnosis(Answer):
     comparison: Comparison | None = None
     search: Searched | None = None
     later_tied: tuple[tuple[Finding, ...], ...] = ()
+    other_way: Diagnosis | None = None
 
     @property
     def searched(self) -> Searched:
@@ -125,7 +129,13 @@ class Diagnosis(Answer):
             self.comparison,
             has_found=bool(self.found) or self.unknown is not None,
             blames_cameras=any(one.is_rig for one in (*self.found, *self.tied)),
+            other_way=self.other_way,
         )
+
+    @property
+    def takes_part(self) -> bool:
+        """Whether the model's own numbers were fitted to these data, or only measuring frames were."""
+        return self.comparison is None or self.comparison.freedom != "held"
 
     @property
     def is_without_errors(self) -> bool:
@@ -217,7 +227,19 @@ class Diagnosis(Answer):
             **super().to_document(),
             "sentence": self.sentence,
             "between_passes": self.between_passes.to_document(),
+            "model_takes_part": self.takes_part,
+            "other_way": None if self.other_way is None else self.other_way.in_short(),
             "notes": list(self.notes),
+        }
+
+    def in_short(self) -> dict[str, Any]:
+        """Give the verdict alone, as `diagnose --json` has it of the other way."""
+        return {
+            "model_takes_part": self.takes_part,
+            "verdict": self.verdict,
+            "p_value": self.p_value,
+            "held_out_rmse_um": self.held_out_rmse_um,
+            "sentence": self.sentence,
         }
 
 
@@ -238,7 +260,9 @@ def diagnose(
     ----------
     subject
         A model, or a fit. Where a model was fitted to these very measurements its own freedom takes part; else only
-        the measuring frames do, and by as much as the model may be off by its covariance it lacks nothing.
+        the measuring frames do, and by as much as the model may be off by its covariance it lacks nothing. Where what
+        is left so has no name, its freedom takes part, too: what acted on the model's own data already is in its
+        numbers, and only the rest of it is seen, which is no known effect's. A name that is found so is the answer.
     tables
         Measurements; none where `subject` is a fit. Circular tests beside points; alone they are for
         `geoerr.diagnose.circles.diagnose_circles`.
@@ -267,40 +291,59 @@ def diagnose(
     """
     steps = Steps(progress, on_step)
     steps.next("the model and the measurements are compared")
-    comparison: Comparison | None = None
+    known = catalogue().extended(effects, "effects") if effects else catalogue()
     if isinstance(subject, Fitted):
         if tables:
             raise GeoerrError("a fit has its measurements already\nhint: give the fit alone, or its model and tables")
-        fitted = subject
-    else:
-        if not tables:
-            raise GeoerrError("a diagnosis needs measurements\nhint: give the tables after the model")
-        if all(isinstance(table, CircularTest) for table in tables):
-            raise GeoerrError(
-                "circular tests alone have causes and noise of their own\n"
-                "hint: geoerr.diagnose.circles.diagnose_circles(model, *tests) looks for them"
-            )
-        comparison = compare(
-            subject,
-            *tables,
-            refit=refit,
-            rig_sensitivity=rig_sensitivity,
-            rig_covariance=rig_covariance,
-            threads=threads,
+        whole, searched = searched_whole(subject, known, steps=steps, threads=threads)
+        found = diagnosis_of(whole, searched, known, as_it_was=subject, steps=steps)
+        steps.end()
+        return found
+    if not tables:
+        raise GeoerrError("a diagnosis needs measurements\nhint: give the tables after the model")
+    if all(isinstance(table, CircularTest) for table in tables):
+        raise GeoerrError(
+            "circular tests alone have causes and noise of their own\n"
+            "hint: geoerr.diagnose.circles.diagnose_circles(model, *tests) looks for them"
         )
-        fitted = comparison.points
-    known = catalogue().extended(effects, "effects") if effects else catalogue()
+    compared = partial(
+        compare, subject, *tables, rig_sensitivity=rig_sensitivity, rig_covariance=rig_covariance, threads=threads
+    )
+    found = _of_comparison(compared(refit=refit), known, steps, threads)
+    if found.verdict == "unknown" and not found.takes_part and all_terms(subject):
+        found = _the_better_way(found, partial(compared, refit=True), known, steps, threads)
+    steps.end()
+    return found
+
+
+def _of_comparison(comparison: Comparison, known: Catalogue, steps: Steps, threads: int) -> Diagnosis:
+    """Search what a model leaves, as it is held or fitted."""
+    fitted, held, doubt = comparison.points, list[str](), None
     # A model that is held has its terms outside the fit.
-    is_held = comparison is not None and comparison.freedom == "held"
-    held, doubt = [], None
-    if comparison is not None and is_held:
+    if comparison.freedom == "held":
         # Of an effect that it has the machine may have come to have more.
         held = [term.id for term in all_terms(comparison.model) if term.kind == "classic"]
         doubt = own_doubt(comparison.model, fitted, counts_choice=True)
     whole, searched = searched_whole(fitted, known, present=held, doubt=doubt, steps=steps, threads=threads)
-    found = diagnosis_of(whole, searched, known, comparison, as_it_was=fitted, steps=steps)
-    steps.end()
-    return found
+    return diagnosis_of(whole, searched, known, comparison, as_it_was=fitted, steps=steps)
+
+
+def _the_better_way(
+    held: Diagnosis, freely: Callable[[], Comparison], known: Catalogue, steps: Steps, threads: int
+) -> Diagnosis:
+    """Give the answer with the model's numbers fitted, too, where that has a name; else the one that there is.
+
+    Verified by `validation/given_models.py`.
+    """
+    steps.next("what is left has no name: the model's numbers are fitted to these data, too")
+    try:
+        fitted = _of_comparison(freely(), known, steps, threads)
+    except GeoerrError:
+        # Too little was measured for that.
+        return held
+    if fitted.found:
+        return replace(fitted, other_way=held.without_numbers())
+    return replace(held, other_way=fitted.without_numbers())
 
 
 def diagnosis_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from geoerr.model.fit_words import NOT_SETTLED
 from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import counted, listed
 
+if TYPE_CHECKING:
+    from geoerr.diagnose.diagnosis import Diagnosis
+
 # A session that lasts longer, and a machine that moves faster from row to row, have times in another unit.
 _DAY_S = 86_400.0
 _LONGEST_S, _FASTEST_MM_S = 14.0 * _DAY_S, 2000.0
@@ -26,10 +30,19 @@ _SPOKEN = 3
 # their scatter beyond; and by stated uncertainties, which say nothing of what drifts.
 _FAR_OFF, _STANDARD_ERRORS = 1.25, 3.0
 _FAR_OFF_AS_STATED = 2.0
+_OTHER_DATA = (
+    "the model's numbers come from other data: where the cause acted there already they hold a part of it, and its "
+    "image is what is seen here"
+)
 
 
 def notes_of(
-    fitted: Fitted, comparison: Comparison | None, *, has_found: bool, blames_cameras: bool = False
+    fitted: Fitted,
+    comparison: Comparison | None,
+    *,
+    has_found: bool,
+    blames_cameras: bool = False,
+    other_way: Diagnosis | None = None,
 ) -> tuple[str, ...]:
     """Give them, a sentence each; none where nothing stands in the way.
 
@@ -43,6 +56,9 @@ def notes_of(
         Whether anything is missing.
     blames_cameras
         Whether an effect of the cameras is among it.
+    other_way
+        What is found with the model's numbers as they are where they were fitted, and the other way round, if both
+        were tried.
     """
     said = []
     is_held = comparison is not None and comparison.freedom == "held"
@@ -59,11 +75,10 @@ def notes_of(
     record = None if comparison is None else comparison.model.record
     if is_held and record is not None and not record.has_settled:
         said.append(f"the model's own data: {NOT_SETTLED}")
-    if has_found and is_held and comparison is not None and all_terms(comparison.model):
-        said.append(
-            "the model's numbers come from other data: where the cause acted there already they hold a part of it, "
-            "and its image is what is seen here; --refit fits them to these data"
-        )
+    if other_way is not None:
+        said.append(_of_both_ways(other_way, is_held=is_held))
+    elif has_found and is_held and comparison is not None and all_terms(comparison.model):
+        said.append(f"{_OTHER_DATA}; --refit fits them to these data")
     if blames_cameras and fitted.shared is None and set(PIXELS) <= set(fitted.sightings.table.columns):
         said.append(
             "an effect of the cameras may be no more than what their calibration does not know, which took no part: "
@@ -83,6 +98,24 @@ def notes_of(
             "back to, and both visits count as one pass: number them in the column repeat"
         )
     return tuple(said)
+
+
+def _of_both_ways(other_way: Diagnosis, *, is_held: bool) -> str:
+    """Say what the other way has found, and why this one is the answer."""
+    if not is_held:
+        assert other_way.unknown is not None
+        return (
+            "as they were, the model's numbers leave what no known effect explains (over "
+            f"{listed(other_way.unknown.depends_on)}): they come from other data, and hold a part of a cause that "
+            "acted there already; fitted to these data, too, they leave what is named here"
+        )
+    if other_way.unknown is not None:
+        over = listed(other_way.unknown.depends_on)
+        return f"{_OTHER_DATA}; fitted to these data, too, they leave what has no name either (over {over})"
+    return (
+        "the model's numbers come from other data; fitted to these, too, they leave nothing: what is seen here "
+        "its own errors can do, which have changed since, or hold a part of a cause that acted already"
+    )
 
 
 def _not_carried_over(fitted: Fitted) -> list[str]:

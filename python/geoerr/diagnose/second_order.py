@@ -36,7 +36,7 @@ def second_order(beside: Fitted, places: Sequence[int], searched: Fitted, known:
 
     Notes
     -----
-    Verified against kinematics written anew (`tests/validation/test_turns_of_milliradians.py`).
+    Verified against kinematics written anew (`tests/hard_cases/test_turns_of_milliradians.py`).
     """
     terms = [beside.terms[place] for place in places if _is_of_formulas(beside.terms[place])]
     problem, state, threads = beside.problem, beside.solved.state, beside.threads

@@ -10,8 +10,6 @@ from geoerr.diagnose.search.uneven import most_uneven
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.terms import EffectReference
 
-pytestmark = pytest.mark.hard_case
-
 UNEVEN, STRENGTH_UM, N_ROWS = 0.3, 8.0, 2500
 
 

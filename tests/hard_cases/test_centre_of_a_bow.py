@@ -10,8 +10,6 @@ from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import fit_terms
 
-pytestmark = pytest.mark.hard_case
-
 STRENGTH_UM = 4.0
 
 

@@ -13,8 +13,6 @@ from geoerr.effects.collection import Catalogue
 from geoerr.fit import fit_terms
 from geoerr.terms import Parameter
 
-pytestmark = pytest.mark.hard_case
-
 STRENGTH_UM, NUMBER = 8.0, 5
 
 

@@ -1,13 +1,10 @@
 """A jump that a drift had learnt keeps its moment: settled in the drift, it was put where the drift forgave it."""
 
-import pytest
 from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.fit.variables import times_s, variable_columns
-
-pytestmark = pytest.mark.hard_case
 
 
 def test_lost_steps_under_a_drift_are_named_at_their_moment() -> None:

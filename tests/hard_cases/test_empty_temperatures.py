@@ -10,8 +10,6 @@ from validation.hidden_effects.sets import single_set
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
-pytestmark = pytest.mark.hard_case
-
 
 @pytest.mark.parametrize("of_all", [True, False])
 def test_growth_is_named_where_a_tenth_of_the_readings_is_missing(of_all: bool) -> None:

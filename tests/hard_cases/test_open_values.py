@@ -9,8 +9,6 @@ from validation.hidden_effects.generate import Hidden, generate
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
-pytestmark = pytest.mark.hard_case
-
 
 def test_sag_under_weights_that_change_is_named_by_what_the_weights_do() -> None:
     case = generate(development_seed(0), None, "mixed", "gauss-10", (Hidden("gravity-sag-load"),), 8.0, 3000)

@@ -1,12 +1,9 @@
 """What chance does not explain is named, also where its many numbers cost more than they gain (Schwarz)."""
 
-import pytest
 from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
-
-pytestmark = pytest.mark.hard_case
 
 
 def test_an_effect_of_many_numbers_is_named_where_chance_is_out_of_the_question() -> None:

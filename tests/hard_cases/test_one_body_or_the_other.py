@@ -2,15 +2,12 @@
 
 from functools import cache
 
-import pytest
 from validation.hidden_effects.record import OPTIONS
 from validation.hidden_effects.sets import single_set
 
 from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.diagnose.advice import Advice
 from geoerr.fit import fit_terms
-
-pytestmark = pytest.mark.hard_case
 
 
 @cache

@@ -1,13 +1,10 @@
 """A bow of the bed far larger than the noise: the drift learns it, and makes a lag of what has none."""
 
-import pytest
 from validation.hidden_effects.record import OPTIONS
 from validation.hidden_effects.sets import sets_of
 
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
-
-pytestmark = pytest.mark.hard_case
 
 STRENGTH_UM = 100.0
 

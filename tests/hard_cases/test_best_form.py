@@ -6,8 +6,6 @@ from validation.hidden_effects.sets import single_set
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
-pytestmark = pytest.mark.hard_case
-
 
 @pytest.mark.parametrize(
     ("kind", "reference", "number"), [("periodic-harmonics", "periodic", 0), ("warm-up-two", "warm-up", 0)]

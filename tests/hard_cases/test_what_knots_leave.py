@@ -1,14 +1,11 @@
 """What evidence leaves of a smooth error, because its knots were not worth their price, is no wave of the drive."""
 
-import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import generate
 from validation.hidden_effects.record import OPTIONS
 
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
-
-pytestmark = pytest.mark.hard_case
 
 
 def test_three_waves_along_an_axis_are_what_nine_functions_left() -> None:

@@ -1,6 +1,5 @@
 """Depth of the cameras beside offsets of passes: their lenses are judged in the same noise."""
 
-import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Hidden, generate
 from validation.hidden_effects.record import OPTIONS
@@ -8,8 +7,6 @@ from validation.hidden_effects.record import OPTIONS
 from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
 from geoerr.fit import fit_terms
-
-pytestmark = pytest.mark.hard_case
 
 
 def test_rows_of_a_picture_are_no_speeds() -> None:

@@ -1,14 +1,11 @@
 """A lag of up to a millimetre on the work: told in the scatter that it makes, a straight line looked like a curve."""
 
-import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Case, Hidden, generate
 from validation.hidden_effects.record import OPTIONS
 
 from geoerr.diagnose import Diagnosis, diagnose
 from geoerr.fit import fit_terms
-
-pytestmark = pytest.mark.hard_case
 
 # Targets on the tool and on the work are seen from the floor; the axis that lags carries the work.
 PLAN, NOISE = "volume-floor", "gauss-10"

@@ -9,8 +9,6 @@ from validation.hidden_effects.sets import sets_of
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
 
-pytestmark = pytest.mark.hard_case
-
 STRENGTH_UM = 100.0
 
 

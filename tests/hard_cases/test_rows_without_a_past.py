@@ -8,8 +8,6 @@ from validation.hidden_effects.record import OPTIONS
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_terms
 
-pytestmark = pytest.mark.hard_case
-
 
 @pytest.mark.parametrize("number", [1, 9])
 def test_a_spike_at_the_start_is_no_jump(number: int) -> None:

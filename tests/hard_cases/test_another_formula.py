@@ -1,14 +1,11 @@
 """A name whose own variable does what it does, and clearly more, has another formula: it is none."""
 
-import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Hidden, generate
 from validation.hidden_effects.sets import sets_of
 
 from geoerr.diagnose.diagnosis import diagnose
 from geoerr.fit import FitOptions, fit_terms
-
-pytestmark = pytest.mark.hard_case
 
 # A plan whose feeds give an axis more than one acceleration: with one alone, sign and size are the same.
 SEED = 6
