@@ -142,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = asked_for(arguments, __doc__, 40, RESULTS)
     text = "# Models that are given\n\n`python -m validation.given_models`\n\n"
     text += "Models of two sessions, diagnosed with the others: with their covariance, and as if they were exact.\n\n"
-    parts = (nulls(asked.sets), hidden_effects(asked.hidden), without_names(asked.hidden))
+    parts = (nulls(asked.sets), hidden_effects(asked.hidden), without_names(asked.hidden // 2))
     asked.o.write_text(text + "\n".join(parts), encoding="utf-8")
 
 
