@@ -364,7 +364,7 @@ def test_before_has_the_rows_that_after_has(folder: Path) -> None:
     arguments = ("--components", "none", "--add", "backlash:x", "--add", "thermal-expansion:x@temp_bed")
     document = json.loads(done(folder, *arguments, "--json"))
     assert document["before"]["n"] == document["after"]["n"] == len(frame) - 30
-    assert document["left_out"] == {"a covariate is empty": 30}
+    assert document["left_out"] == {"nothing is known of temp_bed": 30}
 
 
 def test_gross_outliers_are_named_by_file_and_row(folder: Path) -> None:

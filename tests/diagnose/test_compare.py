@@ -119,8 +119,8 @@ def test_the_digest_is_of_the_rows_that_the_model_can_use() -> None:
     result = geoerr.fit_model(MACHINE, observations, components="none", effects=("thermal-expansion:x@temp_bed",))
     comparison = compare(result.model, observations)
     assert comparison.freedom == "own"
-    assert comparison.points.sightings.left_out == {"a covariate is empty": 10}
-    assert comparison.to_document()["left_out"] == {"a covariate is empty": 10}
+    assert comparison.points.sightings.left_out == {"nothing is known of temp_bed": 10}
+    assert comparison.to_document()["left_out"] == {"nothing is known of temp_bed": 10}
 
 
 def test_tables_of_errors_are_held_too() -> None:

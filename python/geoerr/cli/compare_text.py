@@ -248,4 +248,4 @@ def print_notes(comparison: Comparison, measured: Measurements, quiet: bool) -> 
         for sentence in comparison.fitted.sightings.notes:
             note(f"note: {sentence}", quiet)
     if comparison.lengths is not None and comparison.lengths.n_lacking:
-        note(f"left out: {comparison.lengths.n_lacking} lengths (a covariate is empty)", quiet)
+        note(f"left out: {counted(comparison.lengths.n_lacking, 'length')} (a condition is empty)", quiet)

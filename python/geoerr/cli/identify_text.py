@@ -99,6 +99,6 @@ def print_notes(result: NineLineResult | JointResult, table: Observations, quiet
     note_set_aside(table.set_aside, quiet)
     left_out = result.left_out if isinstance(result, NineLineResult) else result.result.fitted.sightings.left_out
     for why, count in left_out.items():
-        note(f"left out: {count} rows ({why})", quiet)
+        note(f"left out: {counted(count, 'row')} ({why})", quiet)
     for sentence in result.errors.notes:
         note(f"note: {sentence}", quiet)

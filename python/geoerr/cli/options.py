@@ -13,6 +13,7 @@ import typer
 
 from geoerr.cli.text_tables import say
 from geoerr.errors import InputFileError
+from geoerr.summaries import counted
 
 if TYPE_CHECKING:
     from geoerr.effects import Effect
@@ -88,7 +89,7 @@ def note_set_aside(problems: Sequence[RowProblem], quiet: bool) -> None:
 def note_left_out(sightings: Sightings, quiet: bool) -> None:
     """Count the rows that took no part, by the reason."""
     for why, count in sightings.left_out.items():
-        note(f"left out: {count} rows ({why})", quiet)
+        note(f"left out: {counted(count, 'row')} ({why})", quiet)
 
 
 def print_result(

@@ -32,9 +32,9 @@ from geoerr.fit import (
 from geoerr.fit.additions import additions, usual_terms
 from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
-from geoerr.fit.fit import LACKING
 from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.variables import lacks_some
 from geoerr.fit.wavy import may_be_followed, without_waves
 from geoerr.model import HistoryEntry, Model
 from geoerr.observations import CircularTest, Observations
@@ -310,7 +310,7 @@ def remove_terms(
     data.steps.next(f"the fit without {reference}")
     after = refit(before, left)
     # Rows that lacked what the effect needed come back: the model does without it.
-    whole = data.fitted(model, left) if LACKING in before.sightings.left_out else after
+    whole = data.fitted(model, left) if lacks_some(before.sightings) else after
     return _change(model, data, before, after, "removed", reference, title, [reference], whole=whole)
 
 
@@ -340,7 +340,7 @@ class _Data:
 
     @property
     def _of_all_rows(self) -> Fitted | None:
-        return None if self.known is None or LACKING in self.known.sightings.left_out else self.known
+        return None if self.known is None or lacks_some(self.known.sightings) else self.known
 
     def fitted(self, model: Model, terms: Sequence[Term]) -> Fitted:
         """Fit these terms alone."""

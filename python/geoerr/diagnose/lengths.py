@@ -31,7 +31,7 @@ class LengthComparison:
     nominal_mm, predicted_mm, measured_mm : (n,)
         Of nominal end points, by the model, by the measurement.
     n_lacking
-        Rows left out: a covariate is empty.
+        Rows left out: a condition is empty.
     """
 
     frame: pl.DataFrame

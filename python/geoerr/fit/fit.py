@@ -44,7 +44,7 @@ from geoerr.fit.standing import Standing, known_variables, midway, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
-from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
+from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -57,8 +57,6 @@ Freedom = Literal["knots", "smooth", "elements"]
 _ROUND_OFF = 1e-9
 # A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
 _ABSURD = {"mm": 3.0, "rad": 0.02}
-# Why a row is left out of one model and not of another.
-LACKING = "a covariate is empty"
 # Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
 _SIGNIFICANCE = 0.01
 
@@ -330,7 +328,9 @@ class Posed:
         variables = midway(still, compiled.variables, shown)
         known = complete_rows_of(sightings, compiled.variables, variables, terms)
         amounts = self.amounts(still, compiled.variables, shown)[known]
-        sightings, variables, own_shared, given = _complete_rows(sightings, known, variables, self.shared, self.given)
+        sightings, variables, own_shared, given = _complete_rows(
+            sightings, known, compiled.variables, variables, self.shared, self.given
+        )
         shared = beside(own_shared, amounts)
         used = given.is_used if given is not None else None if used is None else used[known]
         if not len(sightings):
@@ -644,6 +644,7 @@ def beside(shared: Numbers | None, amounts: Numbers) -> Numbers | None:
 def _complete_rows(
     sightings: Sightings,
     known: np.ndarray,
+    names: Sequence[str],
     variables: Numbers,
     shared: Numbers | None,
     given: Given | None,
@@ -652,7 +653,7 @@ def _complete_rows(
     if known.all():
         return sightings, variables, shared, given
     return (
-        with_rows(sightings, known, LACKING),
+        with_rows(sightings, known, why_lacking(names, variables, known)),
         variables[:, known],
         None if shared is None else shared[known],
         None if given is None else given.select(known),

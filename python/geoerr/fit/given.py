@@ -14,13 +14,13 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.errors import GeometryError
-from geoerr.fit.fit import LACKING, FitOptions, Given, Posed, beside, shared_unknowns
+from geoerr.fit.fit import FitOptions, Given, Posed, beside, shared_unknowns
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.gross_rows import stand_alone
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.standing import known_variables, standing
 from geoerr.fit.start import Frames
-from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, with_rows
+from geoerr.fit.variables import Rows, complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
@@ -35,8 +35,14 @@ def has_covariates(machine: Machine, sightings: Sightings, terms: Sequence[Term]
     GeoerrError
         for a covariate that is no column of the data.
     """
+    return _known_rows(machine, sightings, terms)[2]
+
+
+def _known_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term]) -> tuple[Sequence[str], Numbers, Rows]:
+    """Give the variables that the terms need, their values, and in which rows all of them are known."""
     names = compile_terms(machine, terms).variables
-    return complete_rows_of(sightings, names, known_variables(sightings, names, terms), terms)
+    variables = known_variables(sightings, names, terms)
+    return names, variables, complete_rows_of(sightings, names, variables, terms)
 
 
 def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term]) -> Sightings:
@@ -49,13 +55,13 @@ def complete_rows(machine: Machine, sightings: Sightings, terms: Sequence[Term])
     GeometryError
         where no row is left.
     """
-    known = has_covariates(machine, sightings, terms)
+    names, variables, known = _known_rows(machine, sightings, terms)
     if not known.any():
-        names = ", ".join(name for name in compile_terms(machine, terms).variables if name not in AXES)
+        needed = ", ".join(name for name in names if name not in AXES)
         raise GeometryError(
-            f"no row has all that the model needs: {names}\nhint: a row needs a number in each of these columns"
+            f"no row has all that the model needs: {needed}\nhint: a row needs a number in each of these columns"
         )
-    return sightings if known.all() else with_rows(sightings, known, LACKING)
+    return sightings if known.all() else with_rows(sightings, known, why_lacking(names, variables, known))
 
 
 def frames_only(machine: Machine, sightings: Sightings, terms: Sequence[Term], *, threads: int = 0) -> Fitted:

@@ -17,12 +17,16 @@ from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
+from geoerr.summaries import listed
 from geoerr.terms import CLOCK_NAME, HISTORY_NAMES, PLACE_NAMES, SESSION_NAME, Part, Term
 
 _HISTORY = {f"{name}_{axis}" for name in HISTORY_NAMES for axis in AXES}
 # What nobody knows who does not know the direction of the last motion.
 _OF_DIRECTION = ("d", "s", "t_rev")
 _TRAVELS = {f"s_{axis}" for axis in AXES}
+
+# Why a row is left out of one model and not of another begins so.
+_LACKING = "nothing is known of"
 
 # Of more rows that is gigabytes.
 _MOST_KEPT = 1_000_000
@@ -94,6 +98,25 @@ def complete_rows_of(sightings: Sightings, names: Sequence[str], variables: Numb
             (direction,) = variable_columns(sightings, [f"d_{name[-1]}"])
             known[row] |= _before_any_travel(sightings, variables[row], direction)
     return np.asarray(known.all(axis=0))
+
+
+def why_lacking(names: Sequence[str], variables: Numbers, known: Rows) -> str:
+    """Say of what nothing is known in the rows that lack something, by the names of columns.
+
+    Parameters
+    ----------
+    names, variables
+        As in `complete_rows_of`.
+    known : (n,)
+        What it gives.
+    """
+    lacking = [name for name, own in zip(names, variables, strict=True) if not np.isfinite(own[~known]).all()]
+    return f"{_LACKING} {listed(lacking)}"
+
+
+def lacks_some(sightings: Sightings) -> bool:
+    """Tell whether rows were left out that lack what a model needs."""
+    return any(why.startswith(_LACKING) for why in sightings.left_out)
 
 
 def _is_only_wound(part: Part, travel: str) -> bool:
