@@ -13,7 +13,6 @@ import typer
 
 from geoerr.cli.text_tables import say
 from geoerr.errors import InputFileError
-from geoerr.summaries import counted
 
 if TYPE_CHECKING:
     from geoerr.effects import Effect
@@ -88,6 +87,8 @@ def note_set_aside(problems: Sequence[RowProblem], quiet: bool) -> None:
 
 def note_left_out(sightings: Sightings, quiet: bool) -> None:
     """Count the rows that took no part, by the reason."""
+    from geoerr.summaries import counted
+
     for why, count in sightings.left_out.items():
         note(f"left out: {counted(count, 'row')} ({why})", quiet)
 
