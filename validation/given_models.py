@@ -30,22 +30,22 @@ from geoerr.summaries import listed
 RESULTS = Path(__file__).with_name("given_models.md")
 FIRST_SEED, N_ROWS, SEEN_SESSIONS, STRENGTH_UM = 997_000, 4_000, 2, 8.0
 PLANS, NOISES = ("volume-floor", "volume-relative"), ("gauss-10", "offsets-3", "drift-2", "heavy-tails")
-# Of numbers tried in vain: no plan here may show what is hidden.
-MOST_TRIED = 60
+# No plan here may show what is hidden.
+MOST_IN_VAIN = 60
 KINDS = ("backlash", "thermal-expansion", "periodic", "gantry-racking", "screw-wobble", "angular-thermal")
 
 
 def cases(n_sets: int, first: int, *hidden: Hidden) -> Iterator[tuple[str, str, Case]]:
     """Give so many machines with their plan and noise; where the plan cannot show what is hidden, another, if any."""
-    number = first
-    while n_sets and number < first + MOST_TRIED:
+    number, in_vain = first, 0
+    while n_sets and in_vain < MOST_IN_VAIN:
         plan, noise = PLANS[number // len(NOISES) % len(PLANS)], NOISES[number % len(NOISES)]
         try:
             seed, strength_um = development_seed(FIRST_SEED + number), STRENGTH_UM if hidden else 0.0
             yield plan, noise, generate(seed, None, plan, noise, hidden, strength_um, N_ROWS)
             n_sets -= 1
         except CannotCarryError:
-            pass
+            in_vain += 1
         number += 1
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from validation.given_models import sessions
+from validation.given_models import given, sessions
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Case, Hidden, generate
 
@@ -78,15 +78,13 @@ def case_of(number: int, *hidden: Hidden) -> Case:
     return generate(development_seed(996_000 + number), None, plan, noise, hidden, 8.0 if hidden else 0.0, 3_000)
 
 
-def told_of_the_rest(case: Case) -> tuple[Model, Diagnosis]:
+def told_of_the_rest(case: Case) -> Diagnosis:
     """Fit a model to the first sessions, and ask what it lacks in the others."""
-    options = FitOptions(threads=1)
-    model = fit_model(case.machine, sessions(case.observations, seen=True), options=options).model
-    return model, diagnose(model, sessions(case.observations, seen=False), threads=1)
+    return diagnose(*given(case), threads=1)
 
 
 def test_a_right_model_lacks_nothing_in_other_data() -> None:
-    p_values = [told_of_the_rest(case_of(number))[1].p_value for number in range(6)]
+    p_values = [told_of_the_rest(case_of(number)).p_value for number in range(6)]
     # At 5 %, three of six would be a chance of one in 400.
     assert sum(p < 0.05 for p in p_values) < 3, p_values
     assert max(p_values) > 0.2, p_values
@@ -95,7 +93,7 @@ def test_a_right_model_lacks_nothing_in_other_data() -> None:
 @pytest.mark.parametrize(("number", "kind"), [(20, "backlash"), (21, "screw-wobble")])
 def test_what_is_off_by_more_than_the_model_may_be_is_named(number: int, kind: str) -> None:
     case = case_of(number, Hidden(kind))
-    _, diagnosis = told_of_the_rest(case)
+    diagnosis = told_of_the_rest(case)
     assert diagnosis.found[0].reference.effect == kind
 
 
@@ -142,7 +140,7 @@ def test_more_of_what_the_model_has_is_told_as_that(number: int, plan: str, kind
 def test_what_acted_on_the_models_own_data_is_named_with_its_numbers_fitted() -> None:
     """Of growth with temperature the model's functions hold a part; the rest of it is no known effect."""
     case = case_of(1, Hidden("thermal-expansion"))
-    _, diagnosis = told_of_the_rest(case)
+    diagnosis = told_of_the_rest(case)
     held = diagnosis.other_way
     assert held is not None
     assert (held.verdict, held.takes_part, held.found) == ("unknown", False, ())
@@ -169,7 +167,7 @@ def test_what_acted_on_the_models_own_data_is_named_with_its_numbers_fitted() ->
 
 def test_what_has_no_name_has_none_with_the_models_numbers_fitted() -> None:
     case = case_of(0, Hidden("play-cubic-across"))
-    _, diagnosis = told_of_the_rest(case)
+    diagnosis = told_of_the_rest(case)
     assert (diagnosis.verdict, diagnosis.takes_part) == ("unknown", False)
     fitted = diagnosis.other_way
     assert fitted is not None
@@ -185,9 +183,8 @@ def test_what_has_no_name_has_none_with_the_models_numbers_fitted() -> None:
 
 def test_errors_of_its_own_that_have_changed_stay_without_a_name() -> None:
     """A straightness is another by now: fitted to the new data nothing is missing, and the answer stays."""
-    case = case_of(1)
-    model = fit_model(case.machine, sessions(case.observations, seen=True), options=FitOptions(threads=1)).model
-    diagnosis = diagnose(changed(model, "EYX", 0.1), sessions(case.observations, seen=False), threads=1)
+    model, others = given(case_of(1))
+    diagnosis = diagnose(changed(model, "EYX", 0.1), others, threads=1)
     assert (diagnosis.verdict, diagnosis.takes_part) == ("unknown", False)
     fitted = diagnosis.other_way
     assert fitted is not None

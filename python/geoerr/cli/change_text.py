@@ -122,6 +122,6 @@ def report_change(
     for line in change_text(change):
         say(line)
     note_set_aside(measured.set_aside, quiet)
-    note_left_out(change.after.sightings, quiet)
+    note_left_out(change.after.sightings.left_out, quiet)
     if output is not None:
         note(f"model: {output}", quiet)

@@ -244,7 +244,7 @@ def print_notes(comparison: Comparison, measured: Measurements, quiet: bool) -> 
     """Say on standard error what took no part."""
     note_set_aside(measured.set_aside, quiet)
     if comparison.fitted is not None:
-        note_left_out(comparison.fitted.sightings, quiet)
+        note_left_out(comparison.fitted.sightings.left_out, quiet)
         for sentence in comparison.fitted.sightings.notes:
             note(f"note: {sentence}", quiet)
     if comparison.lengths is not None and comparison.lengths.n_lacking:

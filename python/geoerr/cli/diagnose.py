@@ -131,7 +131,7 @@ def diagnose_verb(
     for line in lines:
         say(line)
     note_set_aside(measured.set_aside, quiet)
-    note_left_out(diagnosis.fitted.sightings, quiet)
+    note_left_out(diagnosis.fitted.sightings.left_out, quiet)
     if report is not None:
         note(f"report: {report}", quiet)
     if plan is not None:

@@ -121,7 +121,7 @@ def print_notes(outcome: FitOutcome, rig: Path | None, quiet: bool) -> None:
     """Say on standard error what took no part."""
     note_set_aside(outcome.measured.set_aside, quiet)
     sightings = outcome.result.fitted.sightings
-    note_left_out(sightings, quiet)
+    note_left_out(sightings.left_out, quiet)
     for sentence in sightings.notes:
         note(f"note: {sentence}", quiet)
     points = outcome.measured.points

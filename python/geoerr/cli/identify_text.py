@@ -10,7 +10,7 @@ from geoerr.cli.fit_text import (
     quality_in_words,
     scale_sentence,
 )
-from geoerr.cli.options import note, note_set_aside
+from geoerr.cli.options import note, note_left_out, note_set_aside
 from geoerr.cli.text_tables import wrapped
 from geoerr.error_functions import ALL_NAMES, LI_NAMES
 from geoerr.fit import figures_document
@@ -98,7 +98,6 @@ def print_notes(result: NineLineResult | JointResult, table: Observations, quiet
     """Say on standard error what took no part."""
     note_set_aside(table.set_aside, quiet)
     left_out = result.left_out if isinstance(result, NineLineResult) else result.result.fitted.sightings.left_out
-    for why, count in left_out.items():
-        note(f"left out: {counted(count, 'row')} ({why})", quiet)
+    note_left_out(left_out, quiet)
     for sentence in result.errors.notes:
         note(f"note: {sentence}", quiet)

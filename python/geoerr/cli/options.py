@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +16,6 @@ from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
     from geoerr.effects import Effect
-    from geoerr.fit.sightings import Sightings
     from geoerr.observations import Observations
     from geoerr.report.provenance import Provenance
     from geoerr.tables import RowProblem
@@ -85,11 +84,11 @@ def note_set_aside(problems: Sequence[RowProblem], quiet: bool) -> None:
         note(f"set aside: {len(problems) - _MOST_ROWS_NAMED} more rows", quiet)
 
 
-def note_left_out(sightings: Sightings, quiet: bool) -> None:
+def note_left_out(left_out: Mapping[str, int], quiet: bool) -> None:
     """Count the rows that took no part, by the reason."""
     from geoerr.summaries import counted
 
-    for why, count in sightings.left_out.items():
+    for why, count in left_out.items():
         note(f"left out: {counted(count, 'row')} ({why})", quiet)
 
 

@@ -74,6 +74,11 @@ class Comparison:
     lengths: LengthComparison | None = None
 
     @property
+    def is_held(self) -> bool:
+        """Whether the model's coefficients stayed as they were."""
+        return self.freedom == "held"
+
+    @property
     def points(self) -> Fitted:
         """The fit behind the figures of points and radii.
 
@@ -154,7 +159,7 @@ class Comparison:
     @cached_property
     def own_uncertainty(self) -> OwnUncertainty | None:
         """What the model's covariance does to the residuals; None where its coefficients took part, or have none."""
-        return own_uncertainty(self.model, self.points) if self.freedom == "held" else None
+        return own_uncertainty(self.model, self.points) if self.is_held else None
 
     @property
     def lack_of_fit_p(self) -> float | None:

@@ -135,7 +135,7 @@ class Diagnosis(Answer):
     @property
     def takes_part(self) -> bool:
         """Whether the model's own numbers were fitted to these data, or only measuring frames were."""
-        return self.comparison is None or self.comparison.freedom != "held"
+        return self.comparison is None or not self.comparison.is_held
 
     @property
     def is_without_errors(self) -> bool:
@@ -320,7 +320,7 @@ def _of_comparison(comparison: Comparison, known: Catalogue, steps: Steps, threa
     """Search what a model leaves, as it is held or fitted."""
     fitted, held, doubt = comparison.points, list[str](), None
     # A model that is held has its terms outside the fit.
-    if comparison.freedom == "held":
+    if comparison.is_held:
         # Of an effect that it has the machine may have come to have more.
         held = [term.id for term in all_terms(comparison.model) if term.kind == "classic"]
         doubt = own_doubt(comparison.model, fitted, counts_choice=True)
@@ -373,7 +373,7 @@ class _Summary:
     ) -> None:
         self.fitted, self.searched, self.known, self.comparison = fitted, searched, known, comparison
         self.as_it_was, self.steps = as_it_was, steps
-        held = () if comparison is None or comparison.freedom != "held" else all_terms(comparison.model)
+        held = all_terms(comparison.model) if comparison is not None and comparison.is_held else ()
         self.held = {term.id for term in held}
 
     def diagnosis(self) -> Diagnosis:

@@ -58,7 +58,7 @@ def document_of(comparison: Comparison) -> dict[str, Any]:
         document = dict(_NO_POINTS)
     else:
         document = comparison_document(comparison.fitted) | {"lack_of_fit_p": comparison.lack_of_fit_p}
-    document |= {"model_takes_part": comparison.freedom != "held", "is_own_data": comparison.freedom == "own"}
+    document |= {"model_takes_part": not comparison.is_held, "is_own_data": comparison.freedom == "own"}
     if lengths is not None:
         document["lengths"] = _lengths(lengths)
         if comparison.fitted is None:

@@ -61,7 +61,7 @@ def notes_of(
         were tried.
     """
     said = []
-    is_held = comparison is not None and comparison.freedom == "held"
+    is_held = comparison is not None and comparison.is_held
     if is_without_errors(fitted, comparison):
         said.append(
             "the 21 geometric errors were never fitted, as geoerr fit does: the model is a machine without errors, "

@@ -310,12 +310,11 @@ def diagnose_circles(
     steps.next("the model and the circles are compared")
     comparison = compare(model, *usable, threads=threads)
     fitted = comparison.points
-    is_held = comparison.freedom == "held"
-    doubt = own_doubt(model, fitted, counts_choice=False) if is_held else None
+    doubt = own_doubt(model, fitted, counts_choice=False) if comparison.is_held else None
     runs = runs_of(fitted, problems, notes, doubt)
     known = catalogue().extended(effects, "effects") if effects else catalogue()
     suspects, not_offered = suspects_of(runs, known, effects)
-    in_model = frozenset(term.id for term in model.terms) if is_held else frozenset[str]()
+    in_model = frozenset(term.id for term in model.terms) if comparison.is_held else frozenset[str]()
     found = _diagnosis(search(runs, suspects, steps), known, not_offered, in_model)
     steps.end()
     return found
