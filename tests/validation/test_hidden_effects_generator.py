@@ -141,30 +141,37 @@ def test_what_is_hidden_and_the_noise_leave_the_measurement_as_it_was() -> None:
     assert plain.observations.frame[kept].equals(other.observations.frame[kept])
 
 
-@pytest.mark.parametrize("plan", SHOWN_PLANS)
-def test_every_kind_has_the_strength_that_was_asked_for(plan: str) -> None:
-    carried = []
-    for number, kind in enumerate(KINDS):
-        chain = CHAINS[(7 * number + len(plan)) % 24]
-        try:
-            case = generate(number, chain, plan, hidden=[kind], strength_um=3.0, n_rows=SMALL)
-        except CannotCarryError:
-            continue
-        carried.append(kind)
+def carried_by(plan: str, number: int, kind: str) -> Case | None:
+    """Hide one kind, on a chain of its own; chains with all axes on one side hide the other body."""
+    chain = CHAINS[(7 * number + len(plan)) % 24]
+    try:
+        return generate(number, chain, plan, hidden=[kind], strength_um=3.0, n_rows=SMALL)
+    except CannotCarryError:
+        return None
+
+
+@pytest.mark.parametrize("first", range(len(SHOWN_PLANS)))
+def test_every_kind_has_the_strength_that_was_asked_for(first: int) -> None:
+    own = list(enumerate(KINDS))[first :: len(SHOWN_PLANS)]
+    tried = [(number, carried_by(SHOWN_PLANS[first], number, kind)) for number, kind in own]
+    carried = [(number, case) for number, case in tried if case is not None]
+    lacking = [number for number, case in tried if case is None]
+    # Not every plan has what an effect needs, and to some a slow one is drift: the last has the most.
+    others = [(number, carried_by(SHOWN_PLANS[-1], number, list(KINDS)[number])) for number in lacking]
+    carried += [(number, case) for number, case in others if case is not None]
+    assert len(carried) >= len(own) - 2
+    for number, case in carried:
         (truth,) = case.truth
         observations = case.observations
         assert not observations.set_aside
         assert np.isfinite(observations.measured_mm).all()
         # Nine lines with three repeats in two sessions have three thousand rows at least.
         assert 0.6 * SMALL < len(observations) < 2.0 * SMALL
-        if number % 6 == 0:
+        if number % 3 == 0:
             again = rms_um(Projection(case.log, with_offsets=True)(case.displacement_mm))
             assert np.sqrt(np.sum(again**2)) == pytest.approx(3.0, rel=0.02)
         assert truth.visible_rms_um == pytest.approx(3.0, rel=0.02)
         assert truth.visible_rms_um <= truth.explainable_rms_um * 1.001 <= truth.raw_rms_um * 1.002
-    lacking = {name for name, kind in KINDS.items() if kind.needs}
-    # Chains with all axes on one side hide the other body, and slow effects look like drift: some are not carried.
-    assert len(carried) >= len(KINDS) - len(lacking) - 12 if plan != "mixed" else len(carried) >= len(KINDS) - 8
 
 
 def test_two_at_once_and_off_the_formula() -> None:
