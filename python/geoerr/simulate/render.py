@@ -30,8 +30,9 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 # The normal distribution is taken from a table: steps of 1/512 and straight lines in between are good to 1.2e-7.
 _REACH_SIGMA = 6.0
 _STEPS_PER_SIGMA = 512
-# Rows at a time, so that what is worked on stays in the cache.
-_PAINT_ROWS = 16
+# Rows at a time: few enough that what is worked on stays in the cache, and enough that threads seldom wait for each
+# other's turn at the interpreter.
+_PAINT_ROWS = 64
 _LATTICE_PX = 8
 _EXPOSE_ROWS = 64
 
