@@ -14,7 +14,8 @@ import numpy as np
 from laser_run import MACHINE, draw_laser_run
 
 import geoerr.diagnose.noise as noise_of_diagnosis
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, fit_terms
 
 KINDS_UM = {"offsets of passes, 5 µm": (5.0, 0.0), "random walk, 5 µm": (0.0, 5.0), "both": (5.0, 5.0)}

@@ -12,7 +12,8 @@ from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 
 from geoerr.cli.diagnose_text import diagnosis_lines
 from geoerr.diagnose.advice import Advice
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.observations import Observations
 

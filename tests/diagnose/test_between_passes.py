@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
 
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.between_passes import BetweenPasses, between_passes
-from geoerr.diagnose.diagnosis import diagnose
 from geoerr.diagnose.space import space_of
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.machine import read_machine

@@ -31,7 +31,7 @@ OPTIONS = FitOptions(threads=1)
 
 def test_what_the_calibration_can_do_is_no_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     """All lengths 1 in 10⁴ too long, and play: with a baseline that is known to 1 in 10⁴ only the play is missing."""
-    monkeypatch.setattr("geoerr.diagnose.diagnosis.catalogue", lambda: KNOWN)
+    monkeypatch.setattr("geoerr.diagnose.asked.catalogue", lambda: KNOWN)
     rng = np.random.default_rng(4)
     moved = motion(rng, PLAN)
     seen = 1.0001 * moved.q - 8e-3 * moved.d[:, :1] * np.eye(3)[0]
@@ -46,7 +46,7 @@ def test_what_the_calibration_can_do_is_no_effects(monkeypatch: pytest.MonkeyPat
 
 def test_cameras_that_are_blamed_without_their_calibration_are_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of cameras only: where there are no pixels there is no rig.json; held, the calibration needs --refit, too."""
-    monkeypatch.setattr("geoerr.diagnose.diagnosis.catalogue", lambda: KNOWN)
+    monkeypatch.setattr("geoerr.diagnose.asked.catalogue", lambda: KNOWN)
     rng = np.random.default_rng(4)
     moved = motion(rng, PLAN)
     pixels = dict.fromkeys(PIXELS, np.zeros(len(moved.q)))
@@ -79,7 +79,7 @@ def test_what_the_calibration_hardly_moves_takes_no_residual_away(
 
     Twenty-one functions beside it: all that is left of a column of the scale, known to 1 in 10⁵, is the residual.
     """
-    monkeypatch.setattr("geoerr.diagnose.diagnosis.catalogue", lambda: KNOWN)
+    monkeypatch.setattr("geoerr.diagnose.asked.catalogue", lambda: KNOWN)
     rng = np.random.default_rng(4)
     moved = motion(rng, PLAN)
     seen = moved.q - 16e-3 * moved.d[:, :1] * np.eye(3)[0]

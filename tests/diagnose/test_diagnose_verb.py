@@ -20,9 +20,10 @@ from geoerr.cli.main import app
 from geoerr.cli.text_tables import WIDTH
 from geoerr.diagnose import add_effect
 from geoerr.diagnose.advice import Advice, adviser_of
-from geoerr.diagnose.diagnosis import Diagnosis, diagnosis_of, with_terms
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import reference_of, search, why_left
+from geoerr.diagnose.told import diagnosis_of, with_terms
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError
@@ -97,7 +98,7 @@ def clean() -> Diagnosis:
 
 @pytest.fixture
 def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("geoerr.diagnose.diagnosis.catalogue", lambda: KNOWN)
+    monkeypatch.setattr("geoerr.diagnose.asked.catalogue", lambda: KNOWN)
 
 
 def text_of(diagnosis: Diagnosis, *, verbose: bool = False) -> str:
@@ -156,7 +157,7 @@ def test_the_advised_measurement_is_written_where_there_is_one(
     advised = replace(advised, candidates=(advised.found[0], *advised.candidates[1:]))
     # So weak a gap no plan would separate: the catalogue speaks, in words.
     for diagnosis, why in ((clean, "nothing is tied"), (ambiguous, "is known in words at most"), (advised, None)):
-        monkeypatch.setattr("geoerr.diagnose.diagnosis.diagnose", lambda *_, found=diagnosis, **__: found)
+        monkeypatch.setattr("geoerr.diagnose.asked.diagnose", lambda *_, found=diagnosis, **__: found)
         said, as_json = (CliRunner().invoke(app, [*arguments, *more]) for more in ([], ["--json"]))
         assert (said.exit_code, as_json.exit_code) == (0, 0), said.output + as_json.output
         assert path.exists() is (why is None)

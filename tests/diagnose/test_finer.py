@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hidden_machine import LENGTH_MM, Noise, Plan, machine, measure, motion
 
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.terms import BasisSpec
 

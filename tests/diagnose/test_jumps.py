@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
 
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.candidates import _towards_ends
-from geoerr.diagnose.diagnosis import diagnose
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.fit.jumps import MOST_GAPS, Gaps, jump_places

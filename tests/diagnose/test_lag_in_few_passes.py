@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.observations import Observations, observations_from_columns

@@ -7,7 +7,8 @@ import numpy as np
 from hidden_machine import Motion, Noise, Numbers, Plan, machine, measure, motion
 
 from geoerr.diagnose import Change, add_effect
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, Fitted, fit_terms
 from geoerr.fit.choose_again import choose_again
 from geoerr.fit.result import result_of

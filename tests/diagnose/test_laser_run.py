@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from validation.laser_run import MACHINE, draw_laser_run
 
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.observations import Observations
 

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
 
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.notes import interrupted_lines, notes_of
 from geoerr.fit import FitOptions, Fitted, fit_terms
 from geoerr.model import FitRecord, Model

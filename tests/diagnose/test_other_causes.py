@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
 
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, fit_terms
 
 PLAN = Plan(n_sessions=3, n_lines=20, n_points=16)

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from validation.laser_run import MACHINE, laser_run
 
 from geoerr.cli.change_text import change_text
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.change import Change, add_effect
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, fit_model, fit_terms
 from geoerr.fit.inner import other_periods
 from geoerr.fit.periods import alike_periods, periods_to_try

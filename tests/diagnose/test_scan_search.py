@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.candidates import candidates_of
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of

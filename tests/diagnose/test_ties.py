@@ -11,8 +11,9 @@ from test_diagnose_circles import MODEL, R_MM, circular
 from validation.laser_run import LENGTH_MM, MACHINE, laser_run
 
 from geoerr.cli.diagnose_text import diagnosis_lines
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.circles import diagnose_circles
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.ties import LEAST_DIFFERENCE, MOST_DIFFERENCE, is_as_good, z_by_noise, z_by_pieces
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, Fitted, fit_terms, refit

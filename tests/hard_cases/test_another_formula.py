@@ -4,7 +4,7 @@ from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Hidden, generate
 from validation.hidden_effects.sets import sets_of
 
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
 # A plan whose feeds give an axis more than one acceleration: with one alone, sign and size are the same.

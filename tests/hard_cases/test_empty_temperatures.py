@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from validation.hidden_effects.sets import single_set
 
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
 

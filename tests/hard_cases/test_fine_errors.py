@@ -11,7 +11,7 @@ from hidden_machine import LENGTH_MM, Noise, Plan, machine, measure, motion
 from validation.fine_errors import Curve, bump, step
 
 from geoerr.diagnose import Diagnosis
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.settle import settle_as
 from geoerr.fit import FitOptions, fit_model

@@ -12,7 +12,7 @@ from test_large_effects import (
     warmth,
 )
 
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 
 GROWTH = "thermal-expansion:y@temp_bed"
 

@@ -2,7 +2,7 @@
 
 from validation.hidden_effects.sets import single_set
 
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
 

@@ -6,7 +6,7 @@ import pytest
 from validation.hidden_effects.cases import development_seed
 from validation.hidden_effects.generate import Hidden, generate
 
-from geoerr.diagnose.diagnosis import diagnose
+from geoerr.diagnose.asked import diagnose
 from geoerr.fit import FitOptions, fit_terms
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from hidden_machine import LENGTH_MM, Motion, Noise, Numbers, Plan, machine, measure, motion
 
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.search.uneven import most_uneven
 from geoerr.fit import FitOptions, fit_terms
 

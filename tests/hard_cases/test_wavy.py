@@ -6,8 +6,8 @@ from hidden_machine import LENGTH_MM, Noise, Plan, machine, measure, motion
 from numpy.polynomial import Chebyshev
 
 from geoerr.bases import basis_of
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.change import add_effect
-from geoerr.diagnose.diagnosis import diagnose
 from geoerr.diagnose.notes import notes_of
 from geoerr.fit import FitOptions, fit_model
 from geoerr.fit.classic import on_basis, spline

@@ -48,7 +48,8 @@ from validation.hidden_effects.tables import rate, read_lines, table
 
 from geoerr.diagnose.advice.measurement import Measurement
 from geoerr.diagnose.advice.separation import Advice
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import fit_terms
 from geoerr.observations import Observations, observations_from_columns
 

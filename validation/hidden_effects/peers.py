@@ -44,8 +44,8 @@ from validation.hidden_effects.record import OPTIONS, answer_of, truth_of
 from validation.hidden_effects.sets import Set, sets_of
 from validation.hidden_effects.tables import rate, table
 
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.candidates import Shapes, candidates_of
-from geoerr.diagnose.diagnosis import diagnose
 from geoerr.diagnose.scan import OWNED, all_channels
 from geoerr.diagnose.search import Round
 from geoerr.diagnose.search.bench import Bench

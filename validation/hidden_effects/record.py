@@ -13,7 +13,8 @@ from validation.hidden_effects.bound import inner_bounds
 from validation.hidden_effects.generate import CannotCarryError, Case, TrueEffect
 from validation.hidden_effects.sets import Set
 
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, Fitted, fit_terms
 from geoerr.observations import MEASURED, Observations
 from geoerr.terms import EffectReference

@@ -77,8 +77,8 @@ def diagnose_verb(
     """
     from geoerr.cli.diagnose_circle_text import circle_diagnosis_lines
     from geoerr.cli.diagnose_text import diagnosis_lines
+    from geoerr.diagnose.asked import diagnose
     from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
-    from geoerr.diagnose.diagnosis import diagnose
     from geoerr.measurements import read_measurements
     from geoerr.model import load_model
     from geoerr.report.provenance import provenance_of_command

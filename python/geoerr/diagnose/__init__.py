@@ -1,10 +1,11 @@
 """Where a model fails, which physical effect it lacks, and how the error falls when that is added."""
 
 from geoerr.diagnose.answer import Answer, Verdict
+from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.change import Change, add_effect
 from geoerr.diagnose.comparison import Comparison, Freedom, common_rows, compare
 from geoerr.diagnose.components import Component
-from geoerr.diagnose.diagnosis import Diagnosis, diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.document import comparison_document, document_of
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.lengths import LengthComparison

@@ -157,8 +157,8 @@ def _fit(bench: Bench) -> list[StepResult]:
 
 
 def _diagnose(bench: Bench) -> list[StepResult]:
+    from geoerr.diagnose.asked import diagnose
     from geoerr.diagnose.circles import diagnose_circles
-    from geoerr.diagnose.diagnosis import diagnose
 
     model, measured = load_model(bench.model), bench.measured
     own = [effect for path in bench.effect_files for effect in load_effects(path)]
