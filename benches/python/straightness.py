@@ -24,8 +24,9 @@ OURS: dict[str, Literal["trapezoid", "simpson"]] = {
 }
 AIM_M_PER_S = {"geoerr, trapezoid": 700.0, "geoerr, Simpson": 300.0}
 IN_THE_WAY = (
-    "A running sum waits for itself, which four functions side by side hide for the most part. The rest is one "
-    "pass for the intervals, two for the line, and a result that is cleared before it is filled."
+    "A weighted sum of the angles gives the slope before anything is integrated; then come each interval's integral and "
+    "the running sum of eight functions side by side, which is half of the time: a number is read, added and written. "
+    "In the cache alone all three take as long as reading and writing the memory, of which the limit is."
 )
 LENGTH_MM = 400.0
 WAVES_MM = np.array([800.0, 310.0, 170.0])
@@ -46,7 +47,9 @@ def angles(n_functions: int, at: Array) -> tuple[Array, Array]:
     phase *= 1e5
     k = 2.0 * np.pi / WAVES_MM
     turn = k * at[:, None, None] + phase
-    return np.sum(size * np.sin(turn), axis=2).T, np.sum(-size / k * np.cos(turn), axis=2).T
+    values, integrals = np.sum(size * np.sin(turn), axis=2), np.sum(-size / k * np.cos(turn), axis=2)
+    # Function after function, as they would be measured: transposed, each path would first be put in order.
+    return np.ascontiguousarray(values.T), np.ascontiguousarray(integrals.T)
 
 
 def slope_weights(at: Array) -> Array:

@@ -18,6 +18,10 @@
 //! | `$\bar f_k$`, `$\Delta f_k$` | `value` | mean and difference of the values at its two ends | any |
 //! | `$b$` | `slope` | slope of the line | any/mm |
 //!
+//! Of an integral the slope is known before it is taken: `$b = \sum_j s_j I_j$` of the intervals' integrals `$I_j$`, with
+//! `$s_j$` the sum of the slope's weights behind interval j, and so a weighted sum of the angles. What is added up is then
+//! each interval's integral less the line's share: two passes, and nothing large is taken off in the end.
+//!
 //! Everything is linear in the values, so callers may push the columns of a covariance's root (or an identity matrix) through
 //! as a batch of functions.
 //!
@@ -71,6 +75,14 @@ pub enum StraightnessError {
         /// Number of positions.
         n_positions: usize,
     },
+    /// Room for more or fewer results than there are values.
+    #[error("{found} results for {needed} values")]
+    OtherNumberOfResults {
+        /// Number of results.
+        found: usize,
+        /// Number of values.
+        needed: usize,
+    },
 }
 
 /// How an integral is taken between samples.
@@ -106,12 +118,29 @@ pub fn integrate_straightness(
     values: &[f64],
     rule: Rule,
 ) -> Result<Vec<f64>, StraightnessError> {
+    let mut results = vec![0.0; values.len()];
+    integrate_straightness_into(position_mm, values, rule, &mut results)?;
+    Ok(results)
+}
+
+/// As [`integrate_straightness`], for whoever has memory already: as many results as values.
+///
+/// # Errors
+/// As [`integrate_straightness`], and for another number of results, which are not touched then.
+pub fn integrate_straightness_into(
+    position_mm: &[f64],
+    values: &[f64],
+    rule: Rule,
+    results: &mut [f64],
+) -> Result<(), StraightnessError> {
     check(position_mm, values)?;
+    check_results(values, results)?;
     let pieces = Pieces::new(position_mm, rule);
-    let line = Line::new(position_mm);
-    Ok(for_each_function(values, position_mm.len(), |functions, results| {
-        run_widest(Integration { pieces: &pieces, line: &line, position_mm, functions, results });
-    }))
+    let slope_weights = pieces.slope_weights(position_mm);
+    for_each_part(values, results, position_mm.len(), |functions, results| {
+        run_widest(Integration { pieces: &pieces, slope_weights: &slope_weights, functions, results });
+    });
+    Ok(())
 }
 
 /// Takes the least-squares line off functions of position: no slope is left, and the first value is 0.
@@ -121,12 +150,27 @@ pub fn integrate_straightness(
 /// # Errors
 /// As [`integrate_straightness`].
 pub fn remove_line(position_mm: &[f64], values: &[f64]) -> Result<Vec<f64>, StraightnessError> {
+    let mut results = vec![0.0; values.len()];
+    remove_line_into(position_mm, values, &mut results)?;
+    Ok(results)
+}
+
+/// As [`remove_line`], for whoever has memory already: as many results as values.
+///
+/// # Errors
+/// As [`integrate_straightness_into`].
+pub fn remove_line_into(
+    position_mm: &[f64],
+    values: &[f64],
+    results: &mut [f64],
+) -> Result<(), StraightnessError> {
     check(position_mm, values)?;
-    let line = Line::new(position_mm);
-    Ok(for_each_function(values, position_mm.len(), |functions, results| {
-        results.copy_from_slice(functions);
-        run_widest(Removal { line: &line, position_mm, results });
-    }))
+    check_results(values, results)?;
+    let slope_weights = slope_weights(position_mm);
+    for_each_part(values, results, position_mm.len(), |functions, results| {
+        run_widest(Removal { slope_weights: &slope_weights, position_mm, functions, results });
+    });
+    Ok(())
 }
 
 fn check(position_mm: &[f64], values: &[f64]) -> Result<(), StraightnessError> {
@@ -154,47 +198,42 @@ fn check(position_mm: &[f64], values: &[f64]) -> Result<(), StraightnessError> {
     Ok(())
 }
 
+fn check_results(values: &[f64], results: &[f64]) -> Result<(), StraightnessError> {
+    if results.len() == values.len() {
+        Ok(())
+    } else {
+        Err(StraightnessError::OtherNumberOfResults { found: results.len(), needed: values.len() })
+    }
+}
+
 /// Functions whose sums run side by side: one sum waits for itself at every sample.
-const FUNCTIONS: usize = 4;
+const FUNCTIONS: usize = 8;
 
-/// Numbers that stay in the fastest cache beside what they are made of.
-const MOST_IN_CACHE: usize = 1024;
+/// Lanes of a sum.
+const LANES: usize = 4;
 
-/// Lanes of a sum: two of the widest registers.
-const LANES: usize = 16;
-
-/// Applies `work` to some functions at once, in order, in parallel where that pays.
-fn for_each_function(
+/// Applies `work` to some whole functions and their results, in parallel where that pays.
+fn for_each_part(
     values: &[f64],
+    results: &mut [f64],
     n_positions: usize,
     work: impl Fn(&[f64], &mut [f64]) + Sync,
-) -> Vec<f64> {
+) {
     let n_group = FUNCTIONS * n_positions;
-    if n_group <= MOST_IN_CACHE && (values.len() <= PARALLEL_ABOVE || rayon::current_num_threads() == 1) {
-        // Made where it stays in the cache, and written once: the result's memory is not cleared before.
-        let mut result = Vec::with_capacity(values.len());
-        let mut group = [0.0; MOST_IN_CACHE];
-        for functions in values.chunks(n_group) {
-            let results = &mut group[..functions.len()];
-            work(functions, results);
-            result.extend_from_slice(results);
-        }
-        return result;
+    if values.len() <= PARALLEL_ABOVE || rayon::current_num_threads() == 1 {
+        return work(values, results);
     }
-    let mut result = vec![0.0; values.len()];
+    let part = (PARALLEL_ABOVE / 4).next_multiple_of(n_group);
     values
-        .par_chunks(n_group)
-        .zip(result.par_chunks_mut(n_group))
-        .with_min_len(PARALLEL_ABOVE.div_ceil(4 * n_group))
+        .par_chunks(part)
+        .zip(results.par_chunks_mut(part))
         .for_each(|(functions, results)| work(functions, results));
-    result
 }
 
 /// Integrates functions and takes their lines off.
 struct Integration<'a> {
     pieces: &'a Pieces,
-    line: &'a Line,
-    position_mm: &'a [f64],
+    slope_weights: &'a [f64],
     functions: &'a [f64],
     results: &'a mut [f64],
 }
@@ -204,24 +243,27 @@ impl Kernel for Integration<'_> {
 
     #[inline(always)]
     fn run<A: Arithmetic>(self) {
-        let n_positions = self.position_mm.len();
-        for (function, result) in
-            self.functions.chunks_exact(n_positions).zip(self.results.chunks_exact_mut(n_positions))
-        {
-            result[0] = 0.0;
-            self.pieces.integrate::<A>(function, &mut result[1..]);
-        }
-        add_up(self.results, n_positions);
-        for result in self.results.chunks_exact_mut(n_positions) {
-            self.line.remove::<A>(self.position_mm, result);
+        let n_positions = self.slope_weights.len();
+        let n_group = FUNCTIONS * n_positions;
+        for (functions, results) in self.functions.chunks(n_group).zip(self.results.chunks_mut(n_group)) {
+            for (function, result) in
+                functions.chunks_exact(n_positions).zip(results.chunks_exact_mut(n_positions))
+            {
+                let slope = weighted_sum::<A>(self.slope_weights, function, 0.0);
+                // What begins as no number stays none.
+                result[0] = if slope.is_finite() { 0.0 } else { f64::NAN };
+                self.pieces.integrate::<A>(function, slope, &mut result[1..]);
+            }
+            add_up(results, n_positions);
         }
     }
 }
 
-/// Takes the lines off functions.
+/// Takes the lines off functions: slope, then first value.
 struct Removal<'a> {
-    line: &'a Line,
+    slope_weights: &'a [f64],
     position_mm: &'a [f64],
+    functions: &'a [f64],
     results: &'a mut [f64],
 }
 
@@ -230,22 +272,60 @@ impl Kernel for Removal<'_> {
 
     #[inline(always)]
     fn run<A: Arithmetic>(self) {
-        for result in self.results.chunks_exact_mut(self.position_mm.len()) {
-            self.line.remove::<A>(self.position_mm, result);
+        let (n_positions, first_mm) = (self.position_mm.len(), self.position_mm[0]);
+        for (function, result) in
+            self.functions.chunks_exact(n_positions).zip(self.results.chunks_exact_mut(n_positions))
+        {
+            let slope = weighted_sum::<A>(self.slope_weights, function, function[0]);
+            if !slope.is_finite() {
+                result.fill(f64::NAN);
+                continue;
+            }
+            for ((result, value), position_mm) in result.iter_mut().zip(function).zip(self.position_mm) {
+                *result = A::mul_add(-slope, position_mm - first_mm, *value - function[0]);
+            }
         }
     }
+}
+
+/// `Σ weight · (value − reference)`.
+#[inline(always)]
+fn weighted_sum<A: Arithmetic>(weights: &[f64], values: &[f64], reference: f64) -> f64 {
+    let (weights, weights_rest) = weights.as_chunks::<LANES>();
+    let (chunks, values_rest) = values.as_chunks::<LANES>();
+    let mut sums = [[0.0; LANES]; 2];
+    for (place, (weights, values)) in weights.iter().zip(chunks).enumerate() {
+        let sums = &mut sums[place % 2];
+        for lane in 0..LANES {
+            sums[lane] = A::mul_add(weights[lane], values[lane] - reference, sums[lane]);
+        }
+    }
+    let mut rest = 0.0;
+    for (weight, value) in weights_rest.iter().zip(values_rest) {
+        rest = A::mul_add(*weight, value - reference, rest);
+    }
+    let [mut sums, other] = sums;
+    for lane in 0..LANES {
+        sums[lane] += other[lane];
+    }
+    ((sums[0] + sums[2]) + (sums[1] + sums[3])) + rest
 }
 
 /// Replaces the numbers of each function by their running sums.
 #[inline(always)]
 fn add_up(results: &mut [f64], n_positions: usize) {
     let mut functions = results.chunks_exact_mut(n_positions);
-    if let (Some(a), Some(b), Some(c), Some(d), None) =
-        (functions.next(), functions.next(), functions.next(), functions.next(), functions.next())
+    if functions.len() == FUNCTIONS
+        && let (Some(a), Some(b), Some(c), Some(d)) =
+            (functions.next(), functions.next(), functions.next(), functions.next())
+        && let (Some(e), Some(f), Some(g), Some(h)) =
+            (functions.next(), functions.next(), functions.next(), functions.next())
     {
         let mut sums = [0.0; FUNCTIONS];
-        for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
-            for (sum, value) in sums.iter_mut().zip([a, b, c, d]) {
+        let first = a.iter_mut().zip(b).zip(c).zip(d);
+        let second = e.iter_mut().zip(f).zip(g).zip(h);
+        for ((((a, b), c), d), (((e, f), g), h)) in first.zip(second) {
+            for (sum, value) in sums.iter_mut().zip([a, b, c, d, e, f, g, h]) {
                 *sum += *value;
                 *value = *sum;
             }
@@ -265,62 +345,97 @@ fn add_up(results: &mut [f64], n_positions: usize) {
 enum Pieces {
     /// Half the length of every interval.
     Trapezoids { half_mm: Vec<f64> },
-    /// For every interval the weights of the sample before it, of its two ends, and of the sample after it.
-    Parabolas { weights_mm: [Vec<f64>; 4] },
+    /// For every interval its length, and the weights of the sample before it, of its two ends, and of the sample after it.
+    Parabolas { step_mm: Vec<f64>, weights_mm: [Vec<f64>; 4] },
 }
 
 impl Pieces {
     fn new(position_mm: &[f64], rule: Rule) -> Self {
         let n_intervals = position_mm.len() - 1;
-        let step_mm = |interval: usize| position_mm[interval + 1] - position_mm[interval];
+        let step_mm: Vec<f64> = position_mm.windows(2).map(|pair| pair[1] - pair[0]).collect();
         if rule == Rule::Trapezoid || n_intervals == 1 {
-            return Self::Trapezoids { half_mm: (0..n_intervals).map(|k| 0.5 * step_mm(k)).collect() };
+            return Self::Trapezoids { half_mm: step_mm.iter().map(|step| 0.5 * step).collect() };
         }
         let mut weights_mm = std::array::from_fn(|_| vec![0.0; n_intervals]);
         let [before, first, second, after] = &mut weights_mm;
         for k in 0..n_intervals {
             if k % 2 == 0 && k + 1 < n_intervals {
-                [first[k], second[k], after[k]] = under_parabola(step_mm(k), step_mm(k + 1));
+                [first[k], second[k], after[k]] = under_parabola(step_mm[k], step_mm[k + 1]);
             } else {
                 // The same parabola seen from the other end.
-                [second[k], first[k], before[k]] = under_parabola(step_mm(k), step_mm(k - 1));
+                [second[k], first[k], before[k]] = under_parabola(step_mm[k], step_mm[k - 1]);
             }
         }
-        Self::Parabolas { weights_mm }
+        Self::Parabolas { step_mm, weights_mm }
     }
 
-    /// Each interval's integral.
+    /// What each sample weighs in the slope of the whole integral; see the head of this file.
+    fn slope_weights(&self, position_mm: &[f64]) -> Vec<f64> {
+        let n_intervals = position_mm.len() - 1;
+        let mut of_interval = slope_weights(position_mm);
+        // Of an interval all that lies behind it.
+        for k in (0..n_intervals).rev() {
+            of_interval[k] += of_interval[k + 1];
+        }
+        let of_interval = &of_interval[1..];
+        let mut of_sample = vec![0.0; position_mm.len()];
+        for (k, own) in of_interval.iter().enumerate() {
+            match self {
+                Self::Trapezoids { half_mm } => {
+                    of_sample[k] += own * half_mm[k];
+                    of_sample[k + 1] += own * half_mm[k];
+                }
+                Self::Parabolas { weights_mm: [before, first, second, after], .. } => {
+                    of_sample[k] += own * first[k];
+                    of_sample[k + 1] += own * second[k];
+                    if k > 0 {
+                        of_sample[k - 1] += own * before[k];
+                    }
+                    if k + 1 < n_intervals {
+                        of_sample[k + 2] += own * after[k];
+                    }
+                }
+            }
+        }
+        of_sample
+    }
+
+    /// Each interval's integral less that of a slope.
     #[inline(always)]
-    fn integrate<A: Arithmetic>(&self, function: &[f64], integrals: &mut [f64]) {
+    fn integrate<A: Arithmetic>(&self, function: &[f64], slope: f64, integrals: &mut [f64]) {
         let n = integrals.len();
         let (starts, ends) = (&function[..n], &function[1..]);
-        let weights_mm = match self {
+        let (step_mm, weights_mm) = match self {
             Self::Trapezoids { half_mm } => {
+                let twice = 2.0 * slope;
                 for (((integral, half), start), end) in
                     integrals.iter_mut().zip(half_mm).zip(starts).zip(ends)
                 {
-                    *integral = half * (start + end);
+                    *integral = half * ((start + end) - twice);
                 }
                 return;
             }
-            Self::Parabolas { weights_mm } => weights_mm,
+            Self::Parabolas { step_mm, weights_mm } => (&step_mm[..n], weights_mm),
         };
         let [before, first, second, after] = weights_mm.each_ref().map(|weights| &weights[..n]);
         let inner = n - 1;
         // The first interval has no sample before it, the last none after it.
-        integrals[0] = A::mul_add(first[0], starts[0], two::<A>(second[0], ends[0], after[0], ends[1]));
-        integrals[inner] = A::mul_add(
+        let own = A::mul_add(first[0], starts[0], two::<A>(second[0], ends[0], after[0], ends[1]));
+        integrals[0] = A::mul_add(-slope, step_mm[0], own);
+        let own = A::mul_add(
             before[inner],
             starts[inner - 1],
             two::<A>(first[inner], starts[inner], second[inner], ends[inner]),
         );
+        integrals[inner] = A::mul_add(-slope, step_mm[inner], own);
         let weights =
             before[1..inner].iter().zip(&first[1..inner]).zip(&second[1..inner]).zip(&after[1..inner]);
         let samples = starts[..inner - 1].iter().zip(&starts[1..inner]).zip(&ends[1..inner]).zip(&ends[2..]);
-        for ((integral, (((wb, w0), w1), wa)), (((fb, f0), f1), fa)) in
-            integrals[1..inner].iter_mut().zip(weights).zip(samples)
+        for (((integral, step), (((wb, w0), w1), wa)), (((fb, f0), f1), fa)) in
+            integrals[1..inner].iter_mut().zip(&step_mm[1..inner]).zip(weights).zip(samples)
         {
-            *integral = two::<A>(*w0, *f0, *w1, *f1) + two::<A>(*wb, *fb, *wa, *fa);
+            let outer = A::mul_add(-slope, *step, two::<A>(*wb, *fb, *wa, *fa));
+            *integral = two::<A>(*w0, *f0, *w1, *f1) + outer;
         }
     }
 }
@@ -334,48 +449,17 @@ fn under_parabola(step: f64, next: f64) -> [f64; 3] {
     [first, near, far]
 }
 
-/// The least-squares line of a piecewise-linear function; see the head of this file.
-struct Line {
-    /// `slope = Σ weight · value`.
-    slope_weights: Vec<f64>,
-}
-
-impl Line {
-    fn new(position_mm: &[f64]) -> Self {
-        let (first, last) = (position_mm[0], position_mm[position_mm.len() - 1]);
-        let length_mm = last - first;
-        let mut slope_weights = vec![0.0; position_mm.len()];
-        for (k, pair) in position_mm.windows(2).enumerate() {
-            // In units of the length, and of the distance from the range's middle: no large numbers are subtracted.
-            let step = (pair[1] - pair[0]) / length_mm;
-            let centre = 0.5 * ((pair[0] - first) - (last - pair[1])) / length_mm;
-            slope_weights[k] += step * (6.0 * centre - step) / length_mm;
-            slope_weights[k + 1] += step * (6.0 * centre + step) / length_mm;
-        }
-        Self { slope_weights }
+/// What each value of a piecewise-linear function weighs in the slope of its line; see the head of this file.
+fn slope_weights(position_mm: &[f64]) -> Vec<f64> {
+    let (first, last) = (position_mm[0], position_mm[position_mm.len() - 1]);
+    let length_mm = last - first;
+    let mut weights = vec![0.0; position_mm.len()];
+    for (k, pair) in position_mm.windows(2).enumerate() {
+        // In units of the length, and of the distance from the range's middle: no large numbers are subtracted.
+        let step = (pair[1] - pair[0]) / length_mm;
+        let centre = 0.5 * ((pair[0] - first) - (last - pair[1])) / length_mm;
+        weights[k] += step * (6.0 * centre - step) / length_mm;
+        weights[k + 1] += step * (6.0 * centre + step) / length_mm;
     }
-
-    /// Takes slope, then first value, off one function.
-    #[inline(always)]
-    fn remove<A: Arithmetic>(&self, position_mm: &[f64], values: &mut [f64]) {
-        let (first_mm, first_value) = (position_mm[0], values[0]);
-        let (weights, weights_rest) = self.slope_weights.as_chunks::<LANES>();
-        let (chunks, values_rest) = values.as_chunks::<LANES>();
-        let mut sums = [0.0; LANES];
-        for (weights, values) in weights.iter().zip(chunks) {
-            for lane in 0..LANES {
-                sums[lane] = A::mul_add(weights[lane], values[lane] - first_value, sums[lane]);
-            }
-        }
-        let rest: f64 =
-            weights_rest.iter().zip(values_rest).map(|(w, value)| w * (value - first_value)).sum();
-        let slope = sums.iter().sum::<f64>() + rest;
-        if !slope.is_finite() {
-            values.fill(f64::NAN);
-            return;
-        }
-        for (value, position_mm) in values.iter_mut().zip(position_mm) {
-            *value = A::mul_add(-slope, position_mm - first_mm, *value - first_value);
-        }
-    }
+    weights
 }

@@ -1,6 +1,9 @@
 //! Integration and the removed line: polynomials to each rule's order, the gauge, linearity.
 
-use geoerr_core::straightness::{Rule, StraightnessError, integrate_straightness, remove_line};
+use geoerr_core::straightness::{
+    Rule, StraightnessError, integrate_straightness, integrate_straightness_into, remove_line,
+    remove_line_into,
+};
 use proptest::prelude::*;
 
 /// Rising positions with steps from 0.5 to 60 mm, from anywhere on a machine.
@@ -129,6 +132,31 @@ proptest! {
         prop_assert!(differ(&through, &direct) < 1e-10);
     }
 
+    /// Eight are added up side by side, the last of them one by one; one without a number is alone in that.
+    #[test]
+    fn a_function_is_integrated_among_others_as_alone(
+        positions in any_positions(), n_functions in 1..20_usize, without in 0..20_usize,
+        all in prop::collection::vec(-1.0..1.0_f64, 20 * 40),
+    ) {
+        let n_positions = positions.len();
+        let mut values = all[..n_functions * n_positions].to_vec();
+        let without = without % n_functions;
+        values[without * n_positions + n_positions / 2] = f64::INFINITY;
+        for rule in [Rule::Trapezoid, Rule::Simpson] {
+            let together = integrate_straightness(&positions, &values, rule).unwrap();
+            for (number, (own, among)) in
+                values.chunks(n_positions).zip(together.chunks(n_positions)).enumerate()
+            {
+                if number == without {
+                    prop_assert!(among.iter().all(|value| value.is_nan()));
+                    continue;
+                }
+                let alone = integrate_straightness(&positions, own, rule).unwrap();
+                prop_assert_eq!(&alone[..], among);
+            }
+        }
+    }
+
     /// Simpson integrates a parabola exactly on any spacing, the trapezoid a line.
     #[test]
     fn polynomials_are_exact_to_the_order_of_the_rule(
@@ -153,6 +181,16 @@ proptest! {
             prop_assert!(differ(&found, &expected) < 1e-10, "{:?}", rule);
         }
     }
+}
+
+#[test]
+fn another_number_of_results_is_refused_and_left_alone() {
+    let (positions, values) = ([0.0, 10.0, 20.0], [1.0, 2.0, 4.0]);
+    let expected = Err(StraightnessError::OtherNumberOfResults { found: 2, needed: 3 });
+    let mut results = [7.0; 2];
+    assert_eq!(integrate_straightness_into(&positions, &values, Rule::Trapezoid, &mut results), expected);
+    assert_eq!(remove_line_into(&positions, &values, &mut results), expected);
+    assert_eq!(results, [7.0; 2]);
 }
 
 #[test]

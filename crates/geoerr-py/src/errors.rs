@@ -199,7 +199,9 @@ impl From<StraightnessError> for CoreError {
         use StraightnessError as E;
         let message = error.to_string();
         Self(match error {
-            E::TooFewPositions { .. } | E::NotWholeFunctions { .. } => ShapeError::new_err(message),
+            E::TooFewPositions { .. } | E::NotWholeFunctions { .. } | E::OtherNumberOfResults { .. } => {
+                ShapeError::new_err(message)
+            }
             E::PositionNotFinite { .. } | E::PositionsNotRising { .. } => GeometryError::new_err(message),
         })
     }

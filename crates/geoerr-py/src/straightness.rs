@@ -1,11 +1,11 @@
 //! Binds `geoerr_core::straightness`.
 
-use geoerr_core::straightness::{Rule, integrate_straightness, remove_line};
-use numpy::{PyArray1, PyReadonlyArray1};
+use geoerr_core::straightness::{Rule, integrate_straightness_into, remove_line_into};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{from_numbers, numbers};
+use crate::arrays::{numbers, unfilled};
 use crate::core_door::enter_core;
 
 fn rule_of(name: &str) -> PyResult<Rule> {
@@ -28,8 +28,13 @@ fn py_integrate_straightness<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let (position_mm, values) = (numbers(&position_mm, "position_mm")?, numbers(&values, "values")?);
     let rule = rule_of(rule)?;
-    let result = enter_core(py, threads, || integrate_straightness(position_mm, values, rule))?;
-    Ok(from_numbers(py, result))
+    let results: Bound<'py, PyArray1<f64>> = unfilled(py, (values.len(),))?;
+    {
+        let mut own = results.readwrite();
+        let own = own.as_slice_mut()?;
+        enter_core(py, threads, || integrate_straightness_into(position_mm, values, rule, own))?;
+    }
+    Ok(results)
 }
 
 /// Functions laid one after another in `values`, their lines removed.
@@ -42,8 +47,13 @@ fn py_remove_line<'py>(
     threads: usize,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let (position_mm, values) = (numbers(&position_mm, "position_mm")?, numbers(&values, "values")?);
-    let result = enter_core(py, threads, || remove_line(position_mm, values))?;
-    Ok(from_numbers(py, result))
+    let results: Bound<'py, PyArray1<f64>> = unfilled(py, (values.len(),))?;
+    {
+        let mut own = results.readwrite();
+        let own = own.as_slice_mut()?;
+        enter_core(py, threads, || remove_line_into(position_mm, values, own))?;
+    }
+    Ok(results)
 }
 
 /// Adds this file's functions to the module.
