@@ -24,9 +24,9 @@ OURS: dict[str, Literal["trapezoid", "simpson"]] = {
 }
 AIM_M_PER_S = {"geoerr, trapezoid": 700.0, "geoerr, Simpson": 300.0}
 IN_THE_WAY = (
-    "A weighted sum of the angles gives the slope before anything is integrated; then come each interval's integral and "
-    "the running sum of eight functions side by side, which is half of the time: a number is read, added and written. "
-    "In the cache alone all three take as long as reading and writing the memory, of which the limit is."
+    "A weighted sum of the angles gives the slope before anything is integrated; then come each interval's integral "
+    "and the running sum of eight functions side by side, which is half of the time: a number is read, added and "
+    "written. In the cache alone all three take as long as reading and writing the memory, of which the limit is."
 )
 LENGTH_MM = 400.0
 WAVES_MM = np.array([800.0, 310.0, 170.0])
