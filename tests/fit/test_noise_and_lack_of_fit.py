@@ -12,6 +12,7 @@ from scipy import stats
 from virtual_machine import machine_of
 
 from geoerr.effects import catalogue
+from geoerr.errors import GeometryError
 from geoerr.fit import Fitted
 from geoerr.fit.joined import sightings_of
 from geoerr.fit.noise import groups_of
@@ -114,7 +115,7 @@ def test_other_conditions_are_no_repeats() -> None:
     assert small_fit(level).repeats.dof.tolist() == small_fit(observations).repeats.dof.tolist()
 
 
-def test_a_running_number_is_told_to_hide_repeats() -> None:
+def test_a_column_is_told_to_hide_repeats() -> None:
     table = passes(2)
     assert not [note for note in sightings_of(table).notes if "repeat of another" in note]
     number = np.arange(len(table), dtype=np.float64)
@@ -122,6 +123,10 @@ def test_a_running_number_is_told_to_hide_repeats() -> None:
     notes = [note for note in sightings_of(counted).notes if "repeat of another" in note]
     assert len(notes) == 1
     assert "for order rises from row to row" in notes[0]
+    # So is a sensor whose digits roll, where nothing can depend on it; that is for its reader to know.
+    rolling = replaced(table, load=np.random.default_rng(508).uniform(0.0, 100.0, len(table)))
+    (note,) = [note for note in sightings_of(rolling).notes if "repeat of another" in note]
+    assert "for load differs from row to row and is a condition" in note
     # What was changed from visit to visit is a condition.
     changed = replaced(table, spool=number // 50)
     assert not [note for note in sightings_of(changed).notes if "repeat of another" in note]
@@ -209,3 +214,12 @@ def test_an_axis_that_may_have_come_from_beyond_its_end_repeats_nothing() -> Non
     assert all(group[one] != group[other] for one, other in ends)
     # From cycle to cycle they repeat: what was reached from below, and what was looked at again.
     assert len({group[row] for row in (2, 8, 14)}) == len({group[row] for row in (3, 9, 15)}) == 1
+
+
+@pytest.mark.parametrize("factor", [10.0, 1000.0])
+def test_measured_positions_in_another_unit_follow_nothing(factor: float) -> None:
+    """A thousand times too far they were all set aside as mistakes, and the table had no measured component."""
+    table = passes(2)
+    measured = {name: factor * table.numbers(name)[:, 0] for name in ("mx", "my", "mz")}
+    with pytest.raises(GeometryError, match="do not follow the commanded ones"):
+        small_fit(replaced(table, **measured))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from geoerr.diagnose.answer import Answer, held_out_um
 from geoerr.diagnose.between_passes import BetweenPasses
+from geoerr.diagnose.between_sessions import SquarenessChange
 from geoerr.diagnose.comparison import Comparison
 from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.diagnose.notes import is_without_errors, notes_of
@@ -53,6 +54,11 @@ class Diagnosis(Answer):
     other_way
         What the model that is held leaves has no name, and its numbers were fitted to these data, too: that answer,
         or, where that one has a name and is this, the one of the model as it is. None where one was enough.
+    has_unread
+        Whether nothing is missing where every temperature is known, and this is of all rows, without what follows a
+        temperature that is unknown in some.
+    changed
+        Squareness that differs between sessions beside what was found; None where it does not.
     """
 
     found: tuple[Finding, ...]
@@ -64,6 +70,8 @@ class Diagnosis(Answer):
     search: Searched | None = None
     later_tied: tuple[tuple[Finding, ...], ...] = ()
     other_way: Diagnosis | None = None
+    has_unread: bool = False
+    changed: SquarenessChange | None = None
 
     @property
     def searched(self) -> Searched:
@@ -98,6 +106,8 @@ class Diagnosis(Answer):
             has_found=bool(self.found) or self.unknown is not None,
             blames_cameras=any(one.is_rig for one in (*self.found, *self.tied)),
             other_way=self.other_way,
+            has_unread=self.has_unread,
+            changed=self.changed,
         )
 
     @property

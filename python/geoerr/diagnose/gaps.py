@@ -73,6 +73,16 @@ def gaps_of(sightings: Sightings) -> tuple[Gaps, ...]:
     return tuple(found)
 
 
+def unread_temperatures(sightings: Sightings) -> tuple[str, ...]:
+    """Give the temperatures for the sake of which a search goes on without rows."""
+    unread = unread_rows(sightings)
+    return tuple(
+        name
+        for name in filter(is_temperature, sightings.covariate_columns)
+        if np.isnan(between_readings(sightings, sightings.numbers(name)))[unread].any()
+    )
+
+
 def unread_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
     """Tell in which rows some temperature stays unknown that others know, (n,): a search goes on without them."""
     unread = np.zeros(len(sightings), dtype=bool)

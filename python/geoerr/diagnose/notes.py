@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoerr.diagnose.answer import held_out_um
+from geoerr.diagnose.between_sessions import SquarenessChange
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.components import is_circle
-from geoerr.diagnose.gaps import gaps_of, unread_rows
+from geoerr.diagnose.gaps import gaps_of, unread_rows, unread_temperatures
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
@@ -43,6 +44,8 @@ def notes_of(
     has_found: bool,
     blames_cameras: bool = False,
     other_way: Diagnosis | None = None,
+    has_unread: bool = False,
+    changed: SquarenessChange | None = None,
 ) -> tuple[str, ...]:
     """Give them, a sentence each; none where nothing stands in the way.
 
@@ -59,8 +62,12 @@ def notes_of(
     other_way
         What is found with the model's numbers as they are where they were fitted, and the other way round, if both
         were tried.
+    has_unread
+        Whether rows took part in which a temperature is unknown, and nothing that follows it.
+    changed
+        Squareness that differs between sessions.
     """
-    said = []
+    said = [] if changed is None else [changed.sentence]
     is_held = comparison is not None and comparison.is_held
     if is_without_errors(fitted, comparison):
         said.append(
@@ -88,7 +95,7 @@ def notes_of(
         *([] if has_found or is_held else _not_carried_over(fitted)),
         *fitted.sightings.notes,
         *_odd_times(fitted.sightings),
-        *_gaps(fitted.sightings),
+        *_gaps(fitted.sightings, has_unread=has_unread),
     ]
     broken = interrupted_lines(fitted)
     if broken:
@@ -140,7 +147,10 @@ def _not_carried_over(fitted: Fitted) -> list[str]:
 
 def is_without_errors(fitted: Fitted, comparison: Comparison | None) -> bool:
     """Tell whether points are held against a machine without errors, of which the 21 could be fitted."""
-    return comparison is not None and comparison.model.is_nominal and not bool(is_circle(fitted).all())
+    if comparison is None or not comparison.model.is_nominal or bool(is_circle(fitted).all()):
+        return False
+    # Where no axis moves there is nothing to fit.
+    return bool(np.ptp(fitted.sightings.commanded_mm, axis=0).any())
 
 
 def _odd_times(sightings: Sightings) -> list[str]:
@@ -162,7 +172,7 @@ def _odd_times(sightings: Sightings) -> list[str]:
     return said
 
 
-def _gaps(sightings: Sightings) -> list[str]:
+def _gaps(sightings: Sightings, *, has_unread: bool) -> list[str]:
     """Say which temperatures were not read in every row, and what was made of that."""
     alike: dict[tuple[int, int], list[str]] = {}
     for one in gaps_of(sightings):
@@ -178,7 +188,12 @@ def _gaps(sightings: Sightings) -> list[str]:
         parts = [*([straight] if n_between else []), *([unknown] if n_between < n_empty else [])]
         said.append(f"{empty}: {', and '.join(parts)}")
     n_unread = int(unread_rows(sightings).sum())
-    if n_unread:
+    if n_unread and has_unread:
+        said.append(
+            f"without {counted(n_unread, 'row')} of unknown temperature nothing is missing; with them, and without "
+            f"what follows {listed(unread_temperatures(sightings), 'or')}, there is what is told here"
+        )
+    elif n_unread:
         said.append(f"the search goes on without {counted(n_unread, 'row')} of unknown temperature")
     return said
 

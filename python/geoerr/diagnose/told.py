@@ -9,6 +9,7 @@ from dataclasses import replace
 from geoerr.diagnose.advice import advise
 from geoerr.diagnose.answer import Verdict, held_out_um
 from geoerr.diagnose.between_passes import between_passes
+from geoerr.diagnose.between_sessions import SquarenessChange, squareness_change
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
@@ -74,6 +75,7 @@ class _Summary:
         self.as_it_was, self.steps = as_it_was, steps
         held = all_terms(comparison.model) if comparison is not None and comparison.is_held else ()
         self.held = {term.id for term in held}
+        self.held_channels = {part.channel for term in held if term.kind == "classic" for part in term.parts}
 
     def diagnosis(self) -> Diagnosis:
         searched = self.searched
@@ -112,11 +114,18 @@ class _Summary:
             self.comparison,
             searched,
             later_tied,
+            has_unread=searched.has_unread,
+            changed=self._changed() if found or unknown is not None else None,
         )
         if verdict == "ambiguous":
             diagnosis = self._with_advice(diagnosis)
         searched.let_go()
         return diagnosis
+
+    def _changed(self) -> SquarenessChange | None:
+        self.steps.next("whether the machine is another one from session to session")
+        terms = [one.at_last.term for one in self.searched.found]
+        return squareness_change(self.fitted, [term for term in terms if term is not None])
 
     def _with_advice(self, diagnosis: Diagnosis) -> Diagnosis:
         """Say with everything tied which one measurement tells all of it apart, for this machine and these data."""
@@ -259,10 +268,17 @@ class _Summary:
             explained_um=moved_um,
             held_out=held_out,
             moments=moments_of(settled.term, self.fitted.sightings),
-            in_model=str(reference) in self.held,
+            in_model=self._is_in_model(reference, settled.term),
             together=together,
             left_because=left_because,
         )
+
+    def _is_in_model(self, reference: EffectReference, term: Term) -> bool:
+        """Tell whether a model that is held has the effect, or the error of its axes that it is."""
+        is_own = (
+            self.known[reference.effect].is_classic and {part.channel for part in term.parts} <= self.held_channels
+        )
+        return is_own or str(reference) in self.held
 
     def _held_out(self, settled: Settled, earlier: Sequence[Settled]) -> HeldOut:
         """Give the held-out error with the earlier ones in the model, and with this one too."""

@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.diagnose.few_knots import with_few_knots
+from geoerr.diagnose.gaps import unread_rows
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probes import Probe, curve_reference
 from geoerr.diagnose.search import Found, Searched, channel_of, search
@@ -61,11 +62,24 @@ def searched_whole(
         beside_few = _searched(few.fitted, offers, doubt, steps, threads)
         if few.is_named_in(beside_few[1]):
             return beside_few
-    return _searched(fitted, offers, doubt, steps, threads)
+    again, searched = _searched(fitted, offers, doubt, steps, threads)
+    if searched.finds_nothing and unread_rows(fitted.sightings).any():
+        # What those rows alone would show is no temperature's that they lack.
+        searched.let_go()
+        with_all = _searched(fitted, offers, doubt, steps, threads, with_unread=True)
+        if not with_all[1].finds_nothing:
+            return with_all
+    return again, searched
 
 
 def _searched(
-    fitted: Fitted, offers: Offers, doubt: Numbers | None, steps: Steps, threads: int
+    fitted: Fitted,
+    offers: Offers,
+    doubt: Numbers | None,
+    steps: Steps,
+    threads: int,
+    *,
+    with_unread: bool = False,
 ) -> tuple[Fitted, Searched]:
     """Search, and search again beside what was large; give the last search and the fit that it was of."""
     again, explained, beside_large = fitted, None, list[str]()
@@ -80,6 +94,7 @@ def _searched(
             explained=explained,
             ends_beside_large=beside_large,
             doubt=doubt,
+            with_unread=with_unread,
             steps=rounds,
             threads=threads,
         )
@@ -92,7 +107,15 @@ def _searched(
     assert searched is not None
     if searched.ends_early:
         searched = None
-        searched = search(again, offers, explained=explained, doubt=doubt, steps=rounds, threads=threads)
+        searched = search(
+            again,
+            offers,
+            explained=explained,
+            doubt=doubt,
+            with_unread=with_unread,
+            steps=rounds,
+            threads=threads,
+        )
     return again, searched
 
 

@@ -17,7 +17,7 @@ from geoerr.fit.arguments import check_tables
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.fit.counted_twice import counted_twice
-from geoerr.fit.noise import running_numbers
+from geoerr.fit.noise import in_the_way_of_repeats
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
 from geoerr.fit.weights import weighed
@@ -31,6 +31,7 @@ _LEAST_STD_MM = 1e-7
 _AT_AN_END_MM = 1.0
 # A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
 _BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
+_FEWEST_NEAR = 0.5
 
 
 def sightings_of(*tables: Observations | CircularTest) -> Sightings:
@@ -56,7 +57,7 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     joined = parts[0] if len(parts) == 1 else _joined(parts)
     told = (
         *counted_twice(joined),
-        *running_numbers(joined),
+        *in_the_way_of_repeats(joined),
         *_without_name(joined),
         *unread_columns(joined.table.columns),
     )
@@ -149,7 +150,9 @@ def _near_the_others(sightings: Sightings) -> np.ndarray:
         columns = zip(measured.T, seen.T, strict=True)
         middle = [np.median(own[is_seen]) if is_seen.any() else 0.0 for own, is_seen in columns]
         distance = np.linalg.norm(np.where(seen, measured - middle, 0.0), axis=1)
-        is_near[rows] = distance <= _BEYOND_REACH * (travel + offsets) + _BEYOND_REACH_MM
+        near = distance <= _BEYOND_REACH * (travel + offsets) + _BEYOND_REACH_MM
+        # Where most are far no point is lost: they are in another unit, and a fit says that they follow nothing.
+        is_near[rows] = near | (near.mean() < _FEWEST_NEAR)
     return is_near
 
 

@@ -7,8 +7,9 @@ The floor is the pooled standard deviation (n − 1) of each component, summed a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -28,6 +29,8 @@ _ALIKE = 0.05
 _ALIKE_K = 0.1
 _ALIKE_SHARE = 1e-3
 _UM_PER_MM = 1e3
+# Columns without which a smaller share of the rows would be repeats are in nobody's way.
+_REPEATED = 0.05
 # Columns that identify or order rows; they say nothing about the conditions.
 NOT_CONDITIONS = {
     *("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz", "sx", "sy", "sz", "repeat", "t", "r", "file_row"),
@@ -92,22 +95,56 @@ def groups_of(sightings: Sightings) -> np.ndarray:
     return numbers_of_alike([*_places(sightings), *_conditions(sightings).values()])
 
 
-def running_numbers(sightings: Sightings) -> Iterator[str]:
-    """Name columns that count rows, if but for them visits of a place would be repeats of each other."""
-    numbers = [name for name in _condition_columns(sightings) if not is_temperature(name)]
-    counting = [name for name in numbers if (np.diff(sightings.numbers(name)) > 0.0).all()]
-    if not counting or _has_repeats(sightings.once("groups", groups_of)):
+def in_the_way_of_repeats(sightings: Sightings) -> Iterator[str]:
+    """Name columns but for which visits of a place would be repeats: counts of rows, or one or two that differ."""
+    few = _REPEATED * len(sightings)
+    n_repeated = _n_repeated(sightings.once("groups", groups_of))
+    if n_repeated > few:
         return
-    others = [own for name, own in _conditions(sightings).items() if name not in counting]
-    if _has_repeats(numbers_of_alike([*_places(sightings), *others])):
+    conditions = _conditions(sightings)
+
+    def n_repeated_without(names: Sequence[str]) -> int:
+        others = [own for name, own in conditions.items() if name not in names]
+        return _n_repeated(numbers_of_alike([*_places(sightings), *others]))
+
+    if n_repeated_without(list(conditions)) <= few:
+        return
+    visits = f"{'hardly any' if n_repeated else 'no'} visit of a place counts as a repeat of another"
+    columns = _condition_columns(sightings)
+    counting = [
+        name for name in columns if not is_temperature(name) and (np.diff(sightings.numbers(name)) > 0.0).all()
+    ]
+    if counting and n_repeated_without(counting):
         yield (
-            f"no visit of a place counts as a repeat of another, for {listed(counting)} rises from row to row and is "
+            f"{visits}, for {listed(counting)} rises from row to row and is "
             "taken for a condition: leave a running number out"
         )
+        return
+    # What is set once for many rows was changed on purpose; what differs in most rows may be of no matter.
+    restless = [
+        name
+        for name in columns
+        if name in conditions
+        and not is_temperature(name)
+        and np.diff(conditions[name][:, 0]).astype(bool).mean() > 0.5
+    ]
+    if not restless:
+        return
+    others = [name for name in columns if name in conditions]
+    sets = [*((name,) for name in restless), *(pair for pair in combinations(others, 2) if set(pair) & set(restless))]
+    for names in sets:
+        if n_repeated_without(names) > few:
+            differ = "differs from row to row and is a condition" if len(names) == 1 else "differ and are conditions"
+            yield (
+                f"{visits}, for {listed(names)} {differ}: without repeats "
+                "nothing tells the noise; leave a column out that nothing can depend on"
+            )
+            return
 
 
-def _has_repeats(group: np.ndarray) -> bool:
-    return int(group.max(initial=-1)) + 1 < len(group)
+def _n_repeated(group: np.ndarray) -> int:
+    """Count the rows that repeat another."""
+    return len(group) - int(group.max(initial=-1)) - 1
 
 
 def _places(sightings: Sightings) -> list[np.ndarray]:

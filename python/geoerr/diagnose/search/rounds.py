@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate
-from geoerr.diagnose.gaps import unread_rows
+from geoerr.diagnose.gaps import unread_rows, unread_temperatures
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
@@ -91,6 +92,8 @@ class Searched:
         Whether it ended where something large was found.
     dropped
         What passed for more than chance and was not added all the same, and why.
+    has_unread
+        Whether rows took part in which a temperature is unknown, and nothing that follows it.
     """
 
     bench: Bench
@@ -102,6 +105,12 @@ class Searched:
     beside: tuple[Numbers, ...]
     ends_early: bool = False
     dropped: Mapping[EffectReference, str] = field(default_factory=dict)
+    has_unread: bool = False
+
+    @property
+    def finds_nothing(self) -> bool:
+        """Tell whether nothing is missing, with a name or without."""
+        return not self.found and self.unknown is None
 
     def rivals_at_last(self, found: Found, rivals: Sequence[Rival]) -> list[Settled]:
         """Give rivals in the place of what was found: beside the others, in the noise that all of it leaves."""
@@ -123,6 +132,7 @@ def search(
     explained: Numbers | None = None,
     ends_beside_large: Sequence[str] | None = None,
     doubt: Numbers | None = None,
+    with_unread: bool = False,
     steps: RoundSteps | None = None,
     threads: int = 0,
 ) -> Searched:
@@ -140,6 +150,8 @@ def search(
         go on in any case.
     doubt : (n, 3, k) or None
         How far a given model may be off (`geoerr.diagnose.own_uncertainty.own_doubt`).
+    with_unread
+        Let rows take part in which a temperature is unknown, and look for nothing that follows it.
     steps
         Told what is looked at next.
     """
@@ -148,9 +160,9 @@ def search(
     candidates, not_offered, functions = offers.to(fitted)
     variables = variables_of(fitted)
     smooth, waves = probes_of(fitted, functions, variables), UnevenWaves(functions, variables)
+    unread, candidates, smooth = _taking_part(fitted, candidates, smooth, with_unread=with_unread)
     everything: list[Candidate | Probe] = [*candidates, *smooth]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
-    unread = unread_rows(fitted.sightings)
     bench = Bench(fitted, functions, names=names, explained=explained, left_out=unread, doubt=doubt, threads=threads)
     found: list[Found] = []
     unknown: Found | None = None
@@ -229,7 +241,28 @@ def search(
     dropped |= _gone(found, together, "nothing of it is left beside what was found")
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
-    return Searched(bench, first, looked, together, unknown, not_offered, tuple(beside), ends_early, dropped)
+    return Searched(
+        bench, first, looked, together, unknown, not_offered, tuple(beside), ends_early, dropped, with_unread
+    )
+
+
+def _taking_part(
+    fitted: Fitted, candidates: list[Candidate], probes: list[Probe], *, with_unread: bool
+) -> tuple[np.ndarray, list[Candidate], list[Probe]]:
+    """Give the rows (n,) that take no part, with what is looked for in the others.
+
+    Rows in which a temperature is unknown take no part; or they do, and nothing that follows it.
+    """
+    unread = unread_rows(fitted.sightings)
+    if not with_unread:
+        return unread, candidates, probes
+    unknown = set(unread_temperatures(fitted.sightings))
+    followed = [unknown & set(re.findall(r"\w+", one.reference.covariate or "")) for one in candidates]
+    return (
+        np.zeros_like(unread),
+        [one for one, names in zip(candidates, followed, strict=True) if not names],
+        [one for one in probes if not unknown & set(one.depends_on)],
+    )
 
 
 def _gone(before: Sequence[Found], after: Sequence[Found], why: str) -> dict[EffectReference, str]:

@@ -1,0 +1,94 @@
+"""A machine that came out of square between sessions is told as such, and nothing else is."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import polars as pl
+import pytest
+from hidden_machine import Motion, Noise, Numbers, Plan, machine, measure, motion
+
+from geoerr.cli.diagnose_text import diagnosis_lines
+from geoerr.diagnose import Diagnosis, diagnose
+from geoerr.fit import FitOptions, fit_model, fit_terms
+from geoerr.observations import Observations
+
+WHITE = Noise(white=(2.0, 2.0, 2.0))
+PLAN = Plan(n_lines=30)
+CHANGE_RAD = 60e-6
+# The first session after it.
+AFTER = 2
+
+
+def knocked(moved: Motion) -> Numbers:
+    """The Z column leans along Y from some session on."""
+    return np.outer(1e3 * CHANGE_RAD * moved.q[:, 2] * (moved.session >= AFTER), [0.0, 1.0, 0.0])
+
+
+def play(moved: Motion) -> Numbers:
+    return np.outer(-0.5 * 10.0 * moved.d[:, 0], [1.0, 0.0, 0.0])
+
+
+def leaning_with_warmth(moved: Motion) -> Numbers:
+    """It leans with the bed's temperature, which differs from session to session."""
+    return np.outer(1e3 * 3e-6 * (moved.bed - 20.0) * moved.q[:, 2], [0.0, 1.0, 0.0])
+
+
+def observed(hidden: Numbers | float, moved: Motion) -> Observations:
+    return measure(np.random.default_rng(5), moved, WHITE, hidden + np.zeros_like(moved.q))
+
+
+def diagnosed(observations: Observations) -> Diagnosis:
+    return diagnose(fit_terms(machine(), [observations], options=FitOptions(threads=1)), threads=1)
+
+
+@cache
+def moved() -> Motion:
+    return motion(np.random.default_rng(4), PLAN)
+
+
+def test_a_column_that_was_knocked_is_told_with_its_angle() -> None:
+    found = diagnosed(observed(knocked(moved()), moved()))
+    assert found.verdict != "nothing-missing"
+    assert found.changed is not None
+    assert found.changed.after_um < found.changed.before_um
+    assert found.notes[0].startswith("the machine is another one from session to session")
+    of_plane = {session: (value, std) for plane, session, value, std in found.changed.changes if plane == "yz"}
+    names = sorted(of_plane)
+    assert len(names) == PLAN.n_sessions - AFTER
+    for value, std in of_plane.values():
+        assert abs(abs(value) - CHANGE_RAD) < 4.0 * std
+        assert std < 0.1 * CHANGE_RAD
+
+
+@pytest.mark.parametrize("hidden", [play, leaning_with_warmth])
+def test_what_is_an_effect_is_no_change_of_the_machine(hidden) -> None:
+    found = diagnosed(observed(hidden(moved()), moved()))
+    assert found.found
+    assert found.changed is None
+
+
+def test_what_a_session_without_a_sensor_shows_is_seen() -> None:
+    """It was left out of the search for the sake of that sensor, and nothing was missing in the others."""
+    observations = observed(3.0 * knocked(moved()) * (moved().session >= AFTER + 1)[:, None], moved())
+    frame = observations.frame
+    is_last = pl.col("session") == frame["session"][-1]
+    frame = frame.with_columns(pl.when(is_last).then(None).otherwise(pl.col("temp_frame")).alias("temp_frame"))
+    found = diagnosed(replace(observations, frame=frame))
+    assert found.verdict != "nothing-missing"
+    assert found.changed is not None
+    n_unread = int(frame["temp_frame"].is_null().sum())
+    assert any(f"without {n_unread} rows of unknown temperature nothing is missing" in note for note in found.notes)
+
+
+def test_beside_a_held_model_the_difference_is_told_and_no_effect_to_add() -> None:
+    """`geoerr add` was offered for an error that the model has, which it cannot determine a second time."""
+    before = fit_model(machine(), observed(0.0, moved())).model
+    later = motion(np.random.default_rng(8), replace(PLAN, n_sessions=1))
+    found = diagnose(before, observed(knocked(replace(later, session=later.session + AFTER)), later), threads=1)
+    first = found.found[0]
+    assert str(first.reference) == "squareness:yz"
+    assert first.in_model
+    (value,) = first.term.coefficients
+    assert abs(abs(value.value) - CHANGE_RAD) < 4.0 * value.std
+    assert not any("geoerr add" in line for line in diagnosis_lines(found, "geoerr diagnose", ""))
