@@ -81,6 +81,16 @@ def test_what_a_session_without_a_sensor_shows_is_seen() -> None:
     assert any(f"without {n_unread} rows of unknown temperature nothing is missing" in note for note in found.notes)
 
 
+def seen_um(moved: Motion) -> float:
+    """Give what a column that leans moves points by, less the rigid motion that fits it best."""
+    lean = np.outer(1e3 * CHANGE_RAD * moved.q[:, 2], [0.0, 1.0, 0.0])
+    axes = np.broadcast_to(np.eye(3), (len(lean), 3, 3))
+    turns = np.cross(np.eye(3)[None], moved.q[:, None, :]).transpose(0, 2, 1)
+    rigid = np.concatenate([axes, turns], axis=2).reshape(-1, 6)
+    left = lean.reshape(-1) - rigid @ np.linalg.lstsq(rigid, lean.reshape(-1))[0]
+    return float(np.sqrt((left.reshape(-1, 3) ** 2).sum(axis=1).mean()))
+
+
 def test_beside_a_held_model_the_difference_is_told_and_no_effect_to_add() -> None:
     """`geoerr add` was offered for an error that the model has, which it cannot determine a second time."""
     before = fit_model(machine(), observed(0.0, moved())).model
@@ -91,4 +101,6 @@ def test_beside_a_held_model_the_difference_is_told_and_no_effect_to_add() -> No
     assert first.in_model
     (value,) = first.term.coefficients
     assert abs(abs(value.value) - CHANGE_RAD) < 4.0 * value.std
+    # Its worth is what no frame takes over, however unsure the model is of it.
+    assert first.worth_um == pytest.approx(seen_um(later), rel=0.1)
     assert not any("geoerr add" in line for line in diagnosis_lines(found, "geoerr diagnose", ""))

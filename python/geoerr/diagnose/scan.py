@@ -185,6 +185,11 @@ class Seen:
         basis = space.basis.reshape(len(self.whitened), -1)
         return np.asarray(self.whitened @ coefficients - basis @ (self.inside @ coefficients))
 
+    def beyond_free(self, space: Space, coefficients: Numbers) -> Numbers:
+        """As `beyond`, (3 n,), of what is free alone: what a given model may be off by takes nothing away."""
+        taken = np.where(space.is_free, self.inside @ coefficients, 0.0)
+        return np.asarray(self.whitened @ coefficients - space.basis.reshape(len(self.whitened), -1) @ taken)
+
 
 def seen(space: Space, raw: Numbers) -> Seen:
     """Whiten columns (n, 3, k), and multiply them with the model's basis."""

@@ -34,6 +34,8 @@ _OWN = 1e-3
 _FEW = 0.02
 # A direction in which a given model is known better than to so many standard deviations of the noise is known.
 _DOUBT = 0.3
+# A direction that is shorter than 1 by this has a doubt of a thousand standard deviations: it is free.
+_AS_FREE = 1e-6
 # Columns whose part off the others has less than this share of their square are inside already. The core's.
 INSIDE = 1e-9
 
@@ -63,6 +65,11 @@ class Space:
     rows: Numbers
     basis: Numbers
     residual: Numbers
+
+    @cached_property
+    def is_free(self) -> np.ndarray:
+        """Which directions of the basis are free, (r,); the others are those in which a given model may be off."""
+        return np.asarray(np.einsum("ncr,ncr->r", self.basis, self.basis) > 1.0 - _AS_FREE)
 
     @property
     def pass_number(self) -> np.ndarray:

@@ -252,7 +252,7 @@ class _Summary:
         assert settled.term is not None
         rival = None if against is None else self.known.separation(against.effect, reference.effect)
         variables = variables_of_term(settled.term, self.fitted.sightings.covariate_columns)
-        moved_um = displacement_um(settled.space, settled.displacement)
+        moved_um = displacement_um(settled.space, settled.moved)
         return Finding(
             reference=reference,
             effect=self.known[reference.effect],
@@ -304,7 +304,7 @@ class _Summary:
             after = fit_again(before, [*before.terms, term])
             curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
         columns = self.fitted.sightings.covariate_columns
-        moved_um = displacement_um(settled.space, settled.displacement)
+        moved_um = displacement_um(settled.space, settled.moved)
         return Unknown(
             probe.depends_on,
             probe.component,

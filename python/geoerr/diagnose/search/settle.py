@@ -37,8 +37,11 @@ class Settled:
         Columns in units of the stated uncertainties: coefficients, then inner derivatives.
     displacement : (n, 3)
         What it explains, whitened, off the model.
+    moved : (n, 3)
+        The same for `visible_um`: beside a model that is given what no frame can take over, for its numbers are held,
+        however unsure they are. Of what has no name it is `displacement`: its numbers are as unsure as the model.
     visible_um
-        Root mean square of what it explains beyond the model.
+        Root mean square of `moved`.
     space
         In which it was estimated.
     """
@@ -48,6 +51,7 @@ class Settled:
     gain: float
     raw: Numbers
     displacement: Numbers
+    moved: Numbers
     visible_um: float
     space: Space
 
@@ -60,7 +64,8 @@ def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int =
         own = seen(space, raw)
         coefficients, gain = own.estimate(space)
         displacement = own.beyond(space, coefficients).reshape(space.residual.shape)
-        return Settled(None, shapes, float(gain), raw, displacement, _visible_um(space, displacement), space)
+        visible_um = _visible_um(space, displacement)
+        return Settled(None, shapes, float(gain), raw, displacement, displacement, visible_um, space)
     bounds = {
         place: neighbours(shapes, judged.trial, place)
         for place, one in enumerate(shapes.term.inner)
@@ -157,9 +162,10 @@ def _settled(
         found.coefficients.tolist(), found.inner, coefficients_std=std[:k].tolist(), inner_std=std[k:].tolist()
     )
     displacement = own.beyond(space, found.coefficients).reshape(space.residual.shape)
-    visible_um = _visible_um(space, displacement)
-    return Settled(valued, at([found.inner]), found.gain, found.raw, displacement, visible_um, space)
+    moved = own.beyond_free(space, found.coefficients).reshape(space.residual.shape)
+    visible_um = _visible_um(space, moved)
+    return Settled(valued, at([found.inner]), found.gain, found.raw, displacement, moved, visible_um, space)
 
 
-def _visible_um(space: Space, displacement: Numbers) -> float:
-    return rms_um(space, space.noise.unwhiten(displacement))
+def _visible_um(space: Space, moved: Numbers) -> float:
+    return rms_um(space, space.noise.unwhiten(moved))
