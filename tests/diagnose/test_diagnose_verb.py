@@ -20,10 +20,11 @@ from geoerr.cli.main import app
 from geoerr.cli.text_tables import WIDTH
 from geoerr.diagnose import add_effect
 from geoerr.diagnose.advice import Advice, adviser_of
+from geoerr.diagnose.answer import with_terms
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import reference_of, search, why_left
-from geoerr.diagnose.told import diagnosis_of, with_terms
+from geoerr.diagnose.told import diagnosis_of
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.errors import GeoerrError

@@ -8,10 +8,11 @@ from hidden_machine import Noise, Plan, machine, measure, motion
 
 import geoerr
 from geoerr.cli.fit_text import effect_rows
+from geoerr.diagnose.answer import with_terms
 from geoerr.diagnose.moments import moment_of, moments_of, span_words
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.search import search
-from geoerr.diagnose.told import diagnosis_of, with_terms
+from geoerr.diagnose.told import diagnosis_of
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import FitOptions, sightings_of

@@ -8,7 +8,8 @@ from functools import cached_property
 from typing import Any, Literal
 
 from geoerr.diagnose.findings import Named, Nameless
-from geoerr.fit import Fitted
+from geoerr.fit import Fitted, refit
+from geoerr.terms import Term
 
 Verdict = Literal["missing", "nothing-missing", "unknown", "ambiguous"]
 
@@ -72,3 +73,9 @@ def held_out_um(fitted: Fitted) -> float | None:
     """Give a fit's held-out error; None where it is not computable."""
     figures = fitted.held_out.figures
     return None if figures is None else figures.headline_um
+
+
+def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:
+    """Fit with more terms: everything free, inner parameters starting where the search found them."""
+    added = [term for term in terms if term is not None]
+    return refit(fitted, [*fitted.terms, *added]) if added else fitted

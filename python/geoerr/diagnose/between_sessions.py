@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from geoerr.diagnose.answer import held_out_um
+from geoerr.diagnose.answer import held_out_um, with_terms
 from geoerr.effects import catalogue
 from geoerr.errors import GeoerrError
-from geoerr.fit import Fitted, refit
+from geoerr.fit import Fitted
 from geoerr.summaries import listed
 from geoerr.terms import Parameter, Term
 
@@ -57,7 +57,7 @@ class SquarenessChange:
         )
 
 
-def squareness_change(fitted: Fitted, found: Sequence[Term]) -> SquarenessChange | None:
+def squareness_change(fitted: Fitted, found: Sequence[Term | None]) -> SquarenessChange | None:
     """Give how squareness differs between sessions, where that explains more than what was found; else None."""
     sessions = fitted.sightings.sessions
     if len(sessions) < 2 or "circle" in fitted.sightings.frames:
@@ -65,8 +65,8 @@ def squareness_change(fitted: Fitted, found: Sequence[Term]) -> SquarenessChange
     effect = replace(catalogue()["squareness"], id="squareness-by-session", is_classic=False, each_session=True)
     terms = [effect.term(plane, None, fitted.machine, n_sessions=len(sessions)) for plane in _PLANES]
     try:
-        beside = refit(fitted, [*fitted.terms, *found]) if found else fitted
-        changed = refit(beside, [*beside.terms, *terms])
+        beside = with_terms(fitted, found)
+        changed = with_terms(beside, terms)
     except GeoerrError:
         # Too little was measured for that.
         return None

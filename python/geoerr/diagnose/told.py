@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from geoerr.diagnose.advice import advise
-from geoerr.diagnose.answer import Verdict, held_out_um
+from geoerr.diagnose.answer import Verdict, held_out_um, with_terms
 from geoerr.diagnose.between_passes import between_passes
 from geoerr.diagnose.between_sessions import SquarenessChange, squareness_change
 from geoerr.diagnose.comparison import Comparison, all_terms
@@ -124,8 +124,7 @@ class _Summary:
 
     def _changed(self) -> SquarenessChange | None:
         self.steps.next("whether the machine is another one from session to session")
-        terms = [one.at_last.term for one in self.searched.found]
-        return squareness_change(self.fitted, [term for term in terms if term is not None])
+        return squareness_change(self.fitted, [one.at_last.term for one in self.searched.found])
 
     def _with_advice(self, diagnosis: Diagnosis) -> Diagnosis:
         """Say with everything tied which one measurement tells all of it apart, for this machine and these data."""
@@ -320,12 +319,6 @@ class _Summary:
 
 def _advised(finding: Finding, separation: Separation | None) -> Finding:
     return finding if separation is None else replace(finding, separate_by=separation)
-
-
-def with_terms(fitted: Fitted, terms: Sequence[Term | None]) -> Fitted:
-    """Fit with more terms: everything free, inner parameters starting where the search found them."""
-    added = [term for term in terms if term is not None]
-    return fit_again(fitted, [*fitted.terms, *added]) if added else fitted
 
 
 def _on_common_rows(before: Fitted, after: Fitted) -> HeldOut:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -84,20 +85,12 @@ def _searched(
     """Search, and search again beside what was large; give the last search and the fit that it was of."""
     again, explained, beside_large = fitted, None, list[str]()
     rounds = RoundSteps(steps)
+    looked_for = partial(search, offers=offers, doubt=doubt, with_unread=with_unread, steps=rounds, threads=threads)
     searched: Searched | None = None
     for _ in range(_MOST_TIMES):
         # What the one before was judged in is gigabytes of many rows.
         searched = None
-        searched = search(
-            again,
-            offers,
-            explained=explained,
-            ends_beside_large=beside_large,
-            doubt=doubt,
-            with_unread=with_unread,
-            steps=rounds,
-            threads=threads,
-        )
+        searched = looked_for(again, explained=explained, ends_beside_large=beside_large)
         is_first = explained is None
         beside = _fitted_beside(fitted, searched, rounds) if is_first or searched.ends_early else None
         if beside is None:
@@ -107,15 +100,7 @@ def _searched(
     assert searched is not None
     if searched.ends_early:
         searched = None
-        searched = search(
-            again,
-            offers,
-            explained=explained,
-            doubt=doubt,
-            with_unread=with_unread,
-            steps=rounds,
-            threads=threads,
-        )
+        searched = looked_for(again, explained=explained)
     return again, searched
 
 
