@@ -68,9 +68,27 @@ pub(crate) fn run_in_512_bits<K: Kernel>(kernel: K) -> K::Output {
     run_widest(kernel)
 }
 
+/// As [`in_wide_registers`], in registers of 512 bits where the machine has them.
+#[inline(always)]
+pub(crate) fn in_512_bits<R>(run: impl FnMut() -> R) -> R {
+    struct Run<F>(F);
+    impl<R, F: FnMut() -> R> Kernel for Run<F> {
+        type Output = R;
+
+        #[inline(always)]
+        fn run<A: Arithmetic>(mut self) -> R {
+            (self.0)()
+        }
+    }
+    run_in_512_bits(Run(run))
+}
+
 /// How `a · b + c` is made: rounded once where the processor can, twice where it would have to pretend.
 pub(crate) trait Arithmetic {
     fn mul_add(a: f64, b: f64, c: f64) -> f64;
+
+    /// The same in single precision.
+    fn mul_add_f32(a: f32, b: f32, c: f32) -> f32;
 }
 
 /// One rounding.
@@ -84,11 +102,21 @@ impl Arithmetic for Fused {
     fn mul_add(a: f64, b: f64, c: f64) -> f64 {
         a.mul_add(b, c)
     }
+
+    #[inline(always)]
+    fn mul_add_f32(a: f32, b: f32, c: f32) -> f32 {
+        a.mul_add(b, c)
+    }
 }
 
 impl Arithmetic for Separate {
     #[inline(always)]
     fn mul_add(a: f64, b: f64, c: f64) -> f64 {
+        a * b + c
+    }
+
+    #[inline(always)]
+    fn mul_add_f32(a: f32, b: f32, c: f32) -> f32 {
         a * b + c
     }
 }

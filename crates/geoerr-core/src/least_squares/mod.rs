@@ -33,7 +33,7 @@ pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};
 pub use matrix::Matrix;
 pub use orthonormal::{orthonormal, orthonormalizing};
 pub use products::{
-    Real, add_cross_product, add_product_by_rows, add_product_of_columns, add_product_of_rows, set_gram,
+    Real, add_cross_product, add_product_by_rows, add_product_of_columns, add_product_of_rows,
 };
 pub use rank::RankDecision;
 pub use registers::clear_wide_registers;

@@ -120,15 +120,3 @@ pub fn add_product_by_rows<T: Real>(sum: &mut [T], left: &[T], right: &[T], n_ro
     let sum = MatMut::from_row_major_slice_mut(&mut sum[..n_rows * k], n_rows, k);
     matmul::matmul(sum, Accum::Add, left, right, T::nearest(scale), Par::Seq);
 }
-
-/// `result = columnsᵀ · columns`, row after row: `columns` (n × m) column after column.
-pub fn set_gram<T: Real>(result: &mut [T], columns: &[T], n_rows: usize) {
-    let _wide = WideRegisters;
-    let m = columns.len() / n_rows.max(1);
-    if result.len() < m * m || n_rows == 0 || m == 0 {
-        return;
-    }
-    let columns = MatRef::from_column_major_slice(&columns[..n_rows * m], n_rows, m);
-    let result = MatMut::from_row_major_slice_mut(&mut result[..m * m], m, m);
-    matmul::matmul(result, Accum::Replace, columns.transpose(), columns, T::nearest(1.0), Par::Seq);
-}

@@ -1,13 +1,12 @@
 //! Pixels far from every edge: they say how bright black and white are, whatever the corners do.
 
+use super::lanes::{Lanes, WIDTH};
 use super::model::{N_LEVELS, N_LIGHT, light_at};
-use crate::arithmetic::in_wide_registers;
-use crate::least_squares::set_gram;
+use super::products::Products;
+use crate::arithmetic::{in_512_bits, in_wide_registers};
 
 /// Light of a pixel and one number more.
 const N_ALL: usize = N_LIGHT + 1;
-/// Pixels whose sums are in single precision.
-const SOME: usize = 512;
 
 /// All pixels of one colour: where they are from the centre, and how bright.
 #[derive(Clone, Default)]
@@ -57,7 +56,7 @@ impl FlatPixels {
             #[inline(always)]
             || {
                 for ((left, &u), &v) in left.iter_mut().zip(&self.u).zip(&self.v) {
-                    for (light, level) in light_at([u, v]).into_iter().zip(levels) {
+                    for (light, level) in light_at(1.0, [u, v]).into_iter().zip(levels) {
                         *left -= light * level;
                     }
                 }
@@ -68,30 +67,25 @@ impl FlatPixels {
 
     /// Products of light and `beside` with each other; both are multiplied by `scale` first.
     fn gram(&self, beside: &[f32], scale: Option<&[f32]>) -> [[f64; N_ALL]; N_ALL] {
-        let mut all = [[0.0; N_ALL]; N_ALL];
-        let mut columns = vec![0.0; N_ALL * SOME];
-        for first in (0..self.len()).step_by(SOME) {
-            let here = first..(first + SOME).min(self.len());
-            columns.fill(0.0);
-            in_wide_registers(
-                #[inline(always)]
-                || {
-                    for (at, place) in here.clone().enumerate() {
-                        let scale = scale.map_or(1.0, |scale| scale[place]);
-                        for (i, light) in light_at([self.u[place], self.v[place]]).into_iter().enumerate() {
-                            columns[i * SOME + at] = light * scale;
-                        }
-                        columns[N_LIGHT * SOME + at] = beside[place] * scale;
+        let mut products = Products::new();
+        in_512_bits(
+            #[inline(always)]
+            || {
+                for first in (0..self.len()).step_by(WIDTH) {
+                    let here = |all: &[f32]| Lanes::first_of(&all[first..]);
+                    let is_pixel = Lanes::from_fn(|lane| if first + lane < self.len() { 1.0 } else { 0.0 });
+                    let scale = scale.map_or(is_pixel, here);
+                    let mut all = [here(beside) * scale; N_ALL];
+                    for (column, light) in
+                        all.iter_mut().zip(light_at(is_pixel, [here(&self.u), here(&self.v)]))
+                    {
+                        *column = light * scale;
                     }
-                },
-            );
-            let mut some = [0.0; N_ALL * N_ALL];
-            set_gram(&mut some, &columns, SOME);
-            for (sums, some) in all.iter_mut().zip(some.chunks_exact(N_ALL)) {
-                sums.iter_mut().zip(some).for_each(|(sum, &value)| *sum += f64::from(value));
-            }
-        }
-        all
+                    products.add(&all);
+                }
+            },
+        );
+        products.finished()
     }
 }
 

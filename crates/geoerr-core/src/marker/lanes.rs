@@ -6,6 +6,9 @@ use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
 /// So large that it has no fraction, nor has what is added to it: 1.5 · 2²³.
 pub(super) const SHIFT: f32 = 12_582_912.0;
+/// Below this eˣ is nothing beside 1 in single precision. Were it kept, products of such numbers would be subnormal, and
+/// each of them takes as long as a hundred others.
+const LEAST_EXPONENT: f32 = -20.0;
 /// Pixels of a block.
 pub(super) const WIDTH: usize = 16;
 
@@ -26,6 +29,15 @@ impl Lanes {
         Self(std::array::from_fn(value))
     }
 
+    /// The first of some numbers; 0 where there are no more.
+    #[inline(always)]
+    pub(super) fn first_of(numbers: &[f32]) -> Self {
+        match numbers.first_chunk() {
+            Some(&own) => Self(own),
+            None => Self::from_fn(|lane| numbers.get(lane).copied().unwrap_or(0.0)),
+        }
+    }
+
     #[inline(always)]
     pub(super) fn sqrt(self) -> Self {
         Self(self.0.map(f32::sqrt))
@@ -34,6 +46,20 @@ impl Lanes {
     #[inline(always)]
     pub(super) fn abs(self) -> Self {
         Self(self.0.map(f32::abs))
+    }
+
+    /// All of them together, in double precision.
+    #[inline(always)]
+    pub(super) fn sum(self) -> f64 {
+        let mut sums = self.0.map(f64::from);
+        let mut n = WIDTH;
+        while n > 1 {
+            n /= 2;
+            for lane in 0..n {
+                sums[lane] += sums[lane + n];
+            }
+        }
+        sums[0]
     }
 
     /// The nearest whole number, of halves the even one, of numbers that are not in the millions.
@@ -56,13 +82,13 @@ impl Lanes {
         (whole, exponential * PER_SQRT_2_PI)
     }
 
-    /// eˣ of numbers that are not above 0, to 10⁻⁷ of itself; below −87 as at −87, which is nothing.
+    /// eˣ of numbers that are not above 0, to 10⁻⁷ of itself; 0 below [`LEAST_EXPONENT`].
     ///
     /// Cephes' polynomial; the whole part is found by the bits of a number so large that it has no fraction.
     #[inline(always)]
     fn exp_of_negative(self) -> Self {
         Self::from_fn(|i| {
-            let x = if self.0[i] > -87.0 { self.0[i] } else { -87.0 };
+            let x = if self.0[i] > LEAST_EXPONENT { self.0[i] } else { LEAST_EXPONENT };
             let shifted = x * std::f32::consts::LOG2_E + SHIFT;
             let whole = shifted - SHIFT;
             let r = (x - whole * 0.693_359_4) - whole * -2.121_944_4e-4;
@@ -71,7 +97,7 @@ impl Lanes {
                 * r
                 + 0.5;
             let power = f32::from_bits(shifted.to_bits().wrapping_add(127) << 23);
-            (p * r * r + r + 1.0) * power
+            if self.0[i] > LEAST_EXPONENT { (p * r * r + r + 1.0) * power } else { 0.0 }
         })
     }
 }

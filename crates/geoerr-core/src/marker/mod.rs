@@ -33,6 +33,7 @@
 mod adjust;
 mod error;
 mod flat;
+mod grid;
 mod homography;
 mod lanes;
 mod lens;

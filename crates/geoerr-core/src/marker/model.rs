@@ -1,5 +1,7 @@
 //! What a marker looks like, pixel by pixel, and how that changes with everything that is adjusted.
 
+use std::ops::Mul;
+
 use super::homography::Homography;
 use super::lanes::Lanes;
 
@@ -43,8 +45,8 @@ impl State {
 
 /// What light may be made of at a place from the centre.
 #[inline(always)]
-pub(super) fn light_at([u, v]: [f32; 2]) -> [f32; N_LIGHT] {
-    [1.0, u, v, u * u, u * v, v * v]
+pub(super) fn light_at<T: Copy + Mul<Output = T>>(one: T, [u, v]: [T; 2]) -> [T; N_LIGHT] {
+    [one, u, v, u * u, u * v, v * v]
 }
 
 /// A state in the precision of pixels.

@@ -1,10 +1,11 @@
 //! Which pixels take part: those near an edge, and some in the flat.
 
 use super::flat::{Flat, FlatPixels};
+use super::grid::Vertex;
 use super::lanes::{Lanes, WIDTH};
 use super::model::{Block, Evaluated, Place, SATURATED_GREY, State, View, evaluate, light_at};
-use super::scene::{PAD, QUIET_MODULES, Scene};
-use crate::arithmetic::in_wide_registers;
+use super::scene::{QUIET_MODULES, Scene};
+use crate::arithmetic::in_512_bits;
 
 /// Pixels further than this many blurs from every edge carry no place, only brightness.
 const REACH_SIGMAS: f32 = 3.0;
@@ -42,7 +43,7 @@ impl Pixels {
     ) {
         let view = View::new(state, scene.ray_from_pixel);
         let n_edge = self.n_edge;
-        in_wide_registers(
+        in_512_bits(
             #[inline(always)]
             || match &self.edge {
                 Edge::One(blocks) => each_of(&view, blocks, n_edge, all, &mut visit),
@@ -121,44 +122,21 @@ impl Inside {
         Tied { row: self.row as u32, column: self.column as u32, line_s: self.line_s, line_t: self.line_t }
     }
 
-    /// The cell it lies in: row and column.
-    fn cell(&self) -> [i32; 2] {
-        let of = |place: f32, line: f32| line as i32 - i32::from(place < line);
-        [of(self.t, self.line_t), of(self.s, self.line_s)]
-    }
-}
-
-/// What changes at the vertices of the grid: across lines of s and of t, at the vertex itself or anywhere around it.
-struct Changes {
-    /// Vertices from one module before the marker to one behind it, row by row.
-    of_vertex: Vec<[bool; 3]>,
-    width: usize,
-}
-
-impl Changes {
-    fn new(scene: &Scene<'_>) -> Self {
-        let width = scene.n_modules + 3;
-        let of_vertex = (0..width * width)
-            .map(|place| {
-                let line = [place / width, place % width].map(|line| line as i32 - 1);
-                let (near, around) = (scene.steps::<1>(line), scene.steps::<3>(line));
-                let changes = |steps: [f32; 1]| steps[0] != 0.0 || near.vertex[0][0] != 0.0;
-                let all = around.step_s.iter().chain(&around.step_t).chain(around.vertex.iter().flatten());
-                [changes(near.step_s), changes(near.step_t), all.copied().any(|step| step != 0.0)]
-            })
-            .collect();
-        Self { of_vertex, width }
-    }
-
-    /// Whether a pixel is near enough to an edge to say where it is.
-    fn is_near(&self, one: &Inside, n_lines: usize) -> bool {
-        let place = |line: f32| (line as i32 + 1).clamp(0, self.width as i32 - 1) as usize;
-        let [in_s, in_t, around] = self.of_vertex[place(one.line_t) * self.width + place(one.line_s)];
+    /// Whether it is near enough to an edge to say where it is.
+    #[inline(always)]
+    fn is_near(&self, vertex: &Vertex, n_lines: usize) -> bool {
+        let [across_s, across_t, around] = vertex.changes;
         if n_lines > 1 {
             return around;
         }
         let close = |place: f32, line: f32, per: f32| (place - line).abs() * per < REACH_SIGMAS;
-        (in_s && close(one.s, one.line_s, one.per_s)) || (in_t && close(one.t, one.line_t, one.per_t))
+        (across_s && close(self.s, self.line_s, self.per_s))
+            || (across_t && close(self.t, self.line_t, self.per_t))
+    }
+
+    #[inline(always)]
+    fn is_white(&self, vertex: &Vertex) -> bool {
+        vertex.is_white[usize::from(self.t >= self.line_t)][usize::from(self.s >= self.line_s)]
     }
 }
 
@@ -173,7 +151,7 @@ impl Scene<'_> {
             |one| least = least.min(one.per_s).min(one.per_t),
         );
         let n_lines = if 0.5 * least > ALONE_SIGMAS { 1 } else { 3 };
-        let changes = Changes::new(self);
+        let vertices = self.vertices();
         let mut edge: Vec<Tied> = Vec::new();
         let mut flat = [FlatPixels::default(), FlatPixels::default()];
         self.each_inside(
@@ -181,15 +159,14 @@ impl Scene<'_> {
             stride,
             #[inline(always)]
             |one| {
-                if changes.is_near(one, n_lines) {
+                let vertex = vertices.at(one.line_t, one.line_s);
+                if one.is_near(vertex, n_lines) {
                     edge.push(one.tied());
                     return;
                 }
                 let grey = self.row(one.row)[one.column];
                 if f32::from(grey) < SATURATED_GREY {
-                    let [row, column] = one.cell();
-                    let is_white = self.cell(row, column) > 0.0;
-                    flat[usize::from(is_white)].push(self.off_centre(one.row, one.column), grey);
+                    flat[usize::from(one.is_white(vertex))].push(self.off_centre(one.row, one.column), grey);
                 }
             },
         );
@@ -207,7 +184,7 @@ impl Scene<'_> {
     fn each_inside(&self, state: &State, stride: usize, mut visit: impl FnMut(&Inside)) {
         let view = View::new(state, self.ray_from_pixel);
         let (low, high) = (-QUIET_MODULES as f32, (self.n_modules as f64 + QUIET_MODULES) as f32);
-        in_wide_registers(
+        in_512_bits(
             #[inline(always)]
             || {
                 for row in (0..self.height).step_by(stride) {
@@ -243,47 +220,18 @@ impl Scene<'_> {
         );
     }
 
-    /// The pattern's cell, white outside.
-    fn cell(&self, row: i32, column: i32) -> f32 {
-        let width = self.n_modules + 2 * PAD;
-        let place = |index: i32| usize::try_from(index + PAD as i32).ok().filter(|&place| place < width);
-        match (place(row), place(column)) {
-            (Some(row), Some(column)) => self.pattern[row * width + column],
-            _ => 1.0,
-        }
-    }
-
-    /// The pattern around a vertex, its lines of t and of s, as a base value and steps over the nearest grid lines.
-    fn steps<const L: usize>(&self, [line_t, line_s]: [i32; 2]) -> Steps<L> {
-        // The cell left of and above the first line.
-        let (left, top) = (line_s - 1 - (L / 2) as i32, line_t - 1 - (L / 2) as i32);
-        let cell = |down: usize, right: usize| self.cell(top + down as i32, left + right as i32);
-        Steps {
-            base: cell(0, 0),
-            step_s: std::array::from_fn(|i| cell(0, i + 1) - cell(0, i)),
-            step_t: std::array::from_fn(|j| cell(j + 1, 0) - cell(j, 0)),
-            vertex: std::array::from_fn(|i| {
-                std::array::from_fn(|j| (cell(j + 1, i + 1) - cell(j + 1, i)) - (cell(j, i + 1) - cell(j, i)))
-            }),
-        }
-    }
-
-    /// From the marker's centre, in halves of its side.
-    fn off_centre(&self, row: usize, column: usize) -> [f32; 2] {
-        let of = |pixel: usize, c: usize| ((pixel as f64 - self.centre_px[c]) * self.per_half_px) as f32;
-        [of(column + self.left, 0), of(row + self.top, 1)]
-    }
-
     fn blocks<const L: usize>(&self, pixels: &[Tied]) -> Vec<Block<L>> {
+        let of_vertices = self.steps::<L>();
         (pixels.chunks(WIDTH))
             .map(|own| {
                 let mut block = Block::EMPTY;
                 for (lane, one) in own.iter().enumerate() {
                     let (row, column) = (one.row as usize, one.column as usize);
                     let place = row * self.width + column;
-                    let steps = self.steps::<L>([one.line_t as i32, one.line_s as i32]);
+                    let steps = of_vertices.at(one.line_t, one.line_s);
                     let offset = |i: usize| i as f32 - (L / 2) as f32;
-                    for (target, value) in block.light.iter_mut().zip(light_at(self.off_centre(row, column)))
+                    for (target, value) in
+                        block.light.iter_mut().zip(light_at(1.0, self.off_centre(row, column)))
                     {
                         target.0[lane] = value;
                     }
@@ -306,12 +254,4 @@ impl Scene<'_> {
             })
             .collect()
     }
-}
-
-/// As in [`Block`], of one pixel.
-struct Steps<const L: usize> {
-    base: f32,
-    step_s: [f32; L],
-    step_t: [f32; L],
-    vertex: [[f32; L]; L],
 }

@@ -1,52 +1,120 @@
 //! Products of everything at a pixel with everything else, summed over pixels.
 
 use super::lanes::{Lanes, WIDTH};
-use crate::least_squares::set_gram;
+use crate::arithmetic::{Arithmetic, Kernel, run_in_512_bits};
 
-/// Pixels whose sums are in single precision: their columns stay in the cache.
-const SOME: usize = 16 * WIDTH;
+/// Columns that are multiplied at once each way: their sums stay in registers.
+const TILE: usize = 4;
+/// Blocks whose columns stay in the cache.
+const SOME: usize = 16;
+/// So many times such blocks are summed in single precision, each lane by itself.
+const MOST_TIMES: usize = 4;
+
+/// Columns of a tile.
+type Columns = [[Lanes; SOME]; TILE];
+
+/// Sums of products of columns with columns, by lanes.
+type Tile = [[Lanes; TILE]; TILE];
 
 /// Sums of products of everything with everything: of some pixels in single precision, of all of them in double.
 pub(super) struct Products<const N: usize> {
-    /// Column after column.
-    some: Vec<f32>,
+    /// By tiles; columns behind the last, which make its tile whole, are 0.
+    some: Vec<Columns>,
     n_some: usize,
+    /// Row after row of tiles, each from the diagonal on.
+    tiles: Vec<Tile>,
+    n_times: usize,
     all: [[f64; N]; N],
 }
 
 impl<const N: usize> Products<N> {
     pub(super) fn new() -> Self {
-        Self { some: vec![0.0; N * SOME], n_some: 0, all: [[0.0; N]; N] }
+        let n_tiles = N.div_ceil(TILE);
+        Self {
+            some: vec![[[Lanes::ZERO; SOME]; TILE]; n_tiles],
+            n_some: 0,
+            tiles: vec![[[Lanes::ZERO; TILE]; TILE]; n_tiles * (n_tiles + 1) / 2],
+            n_times: 0,
+            all: [[0.0; N]; N],
+        }
     }
 
     #[inline(always)]
     pub(super) fn add(&mut self, all: &[Lanes; N]) {
-        let first = self.n_some;
-        for (column, lanes) in self.some.chunks_exact_mut(SOME).zip(all) {
-            column[first..first + WIDTH].copy_from_slice(&lanes.0);
+        for (column, &lanes) in self.some.iter_mut().flatten().zip(all) {
+            column[self.n_some] = lanes;
         }
-        self.n_some += WIDTH;
+        self.n_some += 1;
         if self.n_some == SOME {
-            self.flush();
+            self.multiply();
         }
     }
 
-    fn flush(&mut self) {
-        for column in self.some.chunks_exact_mut(SOME) {
-            column[self.n_some..].fill(0.0);
-        }
-        let mut products = vec![0.0; N * N];
-        set_gram(&mut products, &self.some, SOME);
-        for (sums, products) in self.all.iter_mut().zip(products.chunks_exact(N)) {
-            for (sum, &product) in sums.iter_mut().zip(products) {
-                *sum += f64::from(product);
-            }
-        }
+    #[inline(never)]
+    fn multiply(&mut self) {
+        run_in_512_bits(AddProducts { tiles: &mut self.tiles, columns: &self.some, n_blocks: self.n_some });
         self.n_some = 0;
+        self.n_times += 1;
+        if self.n_times == MOST_TIMES {
+            self.sum();
+        }
+    }
+
+    /// Takes the lanes of all tiles together, and begins anew.
+    fn sum(&mut self) {
+        let n_tiles = N.div_ceil(TILE);
+        let places = (0..n_tiles).flat_map(|down| (down..n_tiles).map(move |across| [down, across]));
+        for ([down, across], tile) in places.zip(&mut self.tiles) {
+            for (row, sums) in (down * TILE..N).zip(tile.iter()) {
+                for (sum, lanes) in self.all[row][across * TILE..].iter_mut().zip(sums) {
+                    *sum += lanes.sum();
+                }
+            }
+            *tile = [[Lanes::ZERO; TILE]; TILE];
+        }
+        self.n_times = 0;
     }
 
     pub(super) fn finished(mut self) -> [[f64; N]; N] {
-        self.flush();
-        self.all
+        self.multiply();
+        self.sum();
+        std::array::from_fn(|i| std::array::from_fn(|j| self.all[i.min(j)][i.max(j)]))
     }
+}
+
+/// Adds the products of columns' first blocks to all tiles.
+struct AddProducts<'a> {
+    tiles: &'a mut [Tile],
+    columns: &'a [Columns],
+    n_blocks: usize,
+}
+
+impl Kernel for AddProducts<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) {
+        let mut tiles = self.tiles.iter_mut();
+        for (place, down) in self.columns.iter().enumerate() {
+            for (across, tile) in self.columns[place..].iter().zip(&mut tiles) {
+                add_products::<A>(tile, down, across, self.n_blocks);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_products<A: Arithmetic>(tile: &mut Tile, down: &Columns, across: &Columns, n_blocks: usize) {
+    let mut sums = *tile;
+    for block in 0..n_blocks.min(SOME) {
+        // Lanes outermost: they are what is made a register.
+        for lane in 0..WIDTH {
+            for (sums, one) in sums.iter_mut().zip(down) {
+                for (sum, other) in sums.iter_mut().zip(across) {
+                    sum.0[lane] = A::mul_add_f32(one[block].0[lane], other[block].0[lane], sum.0[lane]);
+                }
+            }
+        }
+    }
+    *tile = sums;
 }

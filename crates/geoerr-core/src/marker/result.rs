@@ -81,7 +81,7 @@ struct LastLook {
     information: Gram,
     /// The same of pixels near edges, each with its squared residual as its weight.
     by_residual: Gram,
-    /// How steep the picture is, and what is left, of pixels near edges that count.
+    /// How steep the picture is (squared), and what is left, of pixels near edges that count.
     edge: Vec<(f32, f32)>,
     /// What is left of black pixels and of white ones.
     flat: [Vec<f32>; 2],
@@ -104,7 +104,7 @@ impl LastLook {
                 let slope = own.columns[2] * own.columns[2] + own.columns[5] * own.columns[5];
                 for lane in 0..WIDTH {
                     if kept.0[lane] > 0.0 {
-                        edge.push((slope.0[lane].sqrt(), own.residual.0[lane]));
+                        edge.push((slope.0[lane], own.residual.0[lane]));
                         parts.add(place_of(own, lane), own.residual.0[lane]);
                     }
                 }
@@ -147,23 +147,31 @@ struct Scatter {
 
 impl Scatter {
     fn of(last: &LastLook) -> Self {
-        let steep = STEEP * last.edge.iter().fold(0.0_f32, |most, one| most.max(one.0));
-        let squares = |is_steep: Option<bool>, with_flat: bool| {
-            let of_edge = (last.edge.iter())
-                .filter(|one| is_steep.is_none_or(|is| is == (one.0 > steep)))
-                .map(|one| f64::from(one.1));
-            let flat = if with_flat { &last.flat[..] } else { &[] };
-            let (mut sum, mut count) = (0.0, 0_usize);
-            for value in of_edge.chain(flat.iter().flatten().map(|&value| f64::from(value))) {
-                sum += value * value;
-                count += 1;
-            }
-            if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
-        };
-        Self {
-            all: squares(None, true),
-            steep: squares(Some(true), false),
-            level: squares(Some(false), true),
+        let steep = STEEP * STEEP * last.edge.iter().fold(0.0_f32, |most, one| most.max(one.0));
+        let [mut at_edges, mut elsewhere] = [Squares::default(); 2];
+        for &(slope, left) in &last.edge {
+            if slope > steep { at_edges.add(left) } else { elsewhere.add(left) }
         }
+        last.flat.iter().flatten().for_each(|&left| elsewhere.add(left));
+        let all = Squares { sum: at_edges.sum + elsewhere.sum, count: at_edges.count + elsewhere.count };
+        Self { all: all.rms(), steep: at_edges.rms(), level: elsewhere.rms() }
+    }
+}
+
+#[derive(Clone, Copy, Default)]
+struct Squares {
+    sum: f64,
+    count: usize,
+}
+
+impl Squares {
+    fn add(&mut self, value: f32) {
+        self.sum += f64::from(value).powi(2);
+        self.count += 1;
+    }
+
+    /// Root mean square; 0 of nothing.
+    fn rms(&self) -> f64 {
+        (self.sum / self.count.max(1) as f64).sqrt()
     }
 }

@@ -50,9 +50,9 @@ pub(super) struct Scene<'a> {
     pub y: Vec<f32>,
     ray_centre: [f64; 2],
     pub ray_scale: f64,
-    pub centre_px: [f64; 2],
     pub half_px: f64,
-    pub per_half_px: f64,
+    /// How far columns, then rows of the window are from the marker's centre, in halves of its side.
+    off_centre: [Vec<f32>; 2],
     /// How far from the centre pixels are used, in halves of the marker's side.
     pub reach: f64,
     /// d(scaled ray)/d(u, v) at the centre: for the blur only, which needs no better.
@@ -124,9 +124,10 @@ impl<'a> Scene<'a> {
             y: Vec::new(),
             ray_centre,
             ray_scale,
-            centre_px,
             half_px: 0.5 * module_px * n,
-            per_half_px: 2.0 / (module_px * n),
+            off_centre: [(across, centre_px[0]), (down, centre_px[1])].map(|(pixels, centre)| {
+                pixels.map(|pixel| ((pixel as f64 - centre) * 2.0 / (module_px * n)) as f32).collect()
+            }),
             reach: reach(&corners_px, centre_px) * (1.0 + 2.0 * QUIET_MODULES / n) * 2.0 / (module_px * n),
             ray_from_pixel: inverse_2x2(
                 [0, 1].map(|r| by_ray[r].map(|value| value * lens.focal_px[r] * ray_scale)),
@@ -143,6 +144,12 @@ impl<'a> Scene<'a> {
     pub(super) fn row(&self, row: usize) -> &[u8] {
         let first = (self.top + row) * self.picture.width + self.left;
         &self.picture.grey[first..first + self.width]
+    }
+
+    /// Where a pixel of the window is from the marker's centre, in halves of its side.
+    #[inline(always)]
+    pub(super) fn off_centre(&self, row: usize, column: usize) -> [f32; 2] {
+        [self.off_centre[0][column], self.off_centre[1][row]]
     }
 
     /// The median of the differences of neighbours in a row, as a standard deviation.

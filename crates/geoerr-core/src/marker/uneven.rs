@@ -155,7 +155,7 @@ impl Parts {
             },
         );
         pixels.flat.each(of_flat, 1, |colour, place, residual| {
-            let light = light_at(place).map(f64::from);
+            let light = light_at(1.0, place).map(f64::from);
             let sums = &mut of_parts[self.at(place)];
             let first = FIRST_LEVEL + colour * N_LIGHT;
             add_products(sums, &light, first);
