@@ -277,6 +277,61 @@ def test_another_extrusion_is_no_proof(tmp_path):
     assert "1 move extrudes another length" in str(failed.exception)
 
 
+UNCLEAR = "G1 X20 Y20 Z5 F3000\nM83\nG90\nG1 X300.5 E10\n"
+
+
+def test_what_compensate_asks_is_asked_here(tmp_path):
+    """M83, then G90: for Marlin E is a position again, for the others an increment still."""
+    program, output = written(tmp_path, UNCLEAR), tmp_path / "out.gcode"
+    with pytest.raises(GcodeError) as asked_there:
+        compensate_program(wavy(), program, output)
+    for firmware in ("marlin", "klipper", "reprapfirmware"):
+        compensate_program(wavy(), program, output, CompensationOptions(firmware=firmware))
+        with pytest.raises(GcodeError) as asked:
+            compare_paths(wavy(), program, output)
+        assert asked.value.problem in asked_there.value.problem
+        assert (
+            (asked.value.path, asked.value.line)
+            == (asked_there.value.path, asked_there.value.line)
+            == (str(program), 4)
+        )
+        assert asked.value.remedy == asked_there.value.remedy
+        result = compare_paths(wavy(), program, output, firmware=firmware)
+        assert result.moves_with_other_extrusion == 0
+        assert result.extrusion_out_mm == 10.0
+        other = "marlin" if firmware != "marlin" else "klipper"
+        assert compare_paths(wavy(), program, output, firmware=other).moves_with_other_extrusion == 1
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        # As positions, or from nowhere on: where it stands they do not agree.
+        "G1 E5\nG91\nG1 E-2\nG90\nG1 X300.5 E10\n",
+        "M83\nG1 E2\nM82\nG91\nG90\nM83\nG91\nG90\nG1 X300.5 E10\n",
+    ],
+)
+def test_readings_of_extrusion_that_differ_are_asked_for(tmp_path, lines):
+    program, output = written(tmp_path, f"G1 X20 Y20 Z5 F3000\n{lines}"), tmp_path / "out.gcode"
+    with pytest.raises(GcodeError, match="firmwares differ"):
+        compensate_program(wavy(), program, output)
+    compensate_program(wavy(), program, output, CompensationOptions(firmware="klipper"))
+    with pytest.raises(GcodeError, match="firmwares differ"):
+        compare_paths(wavy(), program, output)
+
+
+def test_a_move_in_one_piece_asks_for_no_firmware(tmp_path):
+    """Passed whole by `compensate`, or with a zero set since: nobody has to be asked."""
+    program, output = written(tmp_path, UNCLEAR), tmp_path / "out.gcode"
+    result = compensate_program(wavy(), program, output, CompensationOptions(on_unsupported="pass"))
+    assert "not-split" in {warning.kind for warning in result.warnings}
+    assert compare_paths(wavy(), program, output).moves_with_other_extrusion == 0
+    text = "G1 X20 Y20 Z5 F3000\nG91\nG1 Z1 E-2\nG90\nG92 E0\nG1 X300.5 E10\n"
+    program = written(tmp_path, text, "set.gcode")
+    compensate_program(wavy(), program, output)
+    assert compare_paths(wavy(), program, output).moves_with_other_extrusion == 0
+
+
 @pytest.mark.parametrize(
     ("line", "firmware", "is_compared"),
     [

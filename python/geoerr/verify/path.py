@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
+from geoerr.errors import GcodeError
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time
@@ -186,7 +187,8 @@ def compare_paths(
     Raises
     ------
     GcodeError
-        naming the line of `after` that does not belong to `before`: it is no move and differs, or moves are missing.
+        naming the line of `after` that does not belong to `before`: it is no move and differs, or moves are missing;
+        or that of a split move in `before` of which firmwares differ on what it extrudes, where none is named.
     InputFileError
         where a file cannot be read.
     """
@@ -196,7 +198,7 @@ def compare_paths(
     in_figures, out_figures = _Figures(), _Figures()
     n_compared = n_other = 0
     for batch in _batches(paired_runs(reader_in, reader_out)):
-        pieces, n_moves, n_differ = _pieces(machine, batch)
+        pieces, n_moves, n_differ = _pieces(machine, reader_in.path, batch)
         n_compared += n_moves
         n_other += n_differ
         for part in _parts(pieces, sample_step_mm):
@@ -237,7 +239,7 @@ def _batches(runs: Iterator[tuple[Run, Run]]) -> Iterator[list[tuple[Run, Run]]]
         yield batch
 
 
-def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, int, int]:
+def _pieces(machine: _Machine, program: Path, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, int, int]:
     """Match the moves of a batch; give their pieces, the number of moves, and of those with another extrusion."""
     commands = _rows([move.end_mm for _, run_out in batch for move in run_out.moves])
     actual_mm = commands
@@ -254,6 +256,7 @@ def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, i
         else:
             counts = piece_counts(run_in, run_out, own_mm)
             shares = _shares(run_in, counts, own_mm)
+        _refuse_unclear_extrusion(program, run_in, counts)
         first = 0
         for move, count in zip(run_in.moves, counts, strict=True):
             own = run_out.moves[first : first + count]
@@ -283,6 +286,14 @@ def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, i
         np.array(lines, dtype=np.int64),
     )
     return pieces, n_moves, n_differ
+
+
+def _refuse_unclear_extrusion(program: Path, run_in: Run, counts: list[int]) -> None:
+    """Ask what `compensate` asks, in its words: what a split move extrudes, its firmware decides."""
+    for move, number, count in zip(run_in.moves, run_in.numbers, counts, strict=True):
+        if count > 1 and not move.is_extrusion_clear:
+            problem, remedy = _core.unclear_extrusion()
+            raise GcodeError(program, number, problem, remedy=remedy)
 
 
 def _shares(run_in: Run, counts: list[int], actual_mm: Numbers) -> list[float]:

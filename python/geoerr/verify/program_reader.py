@@ -56,7 +56,9 @@ class Move(NamedTuple):
     end_mm
         Where it ends.
     extrusion
-        What its E word extrudes, in units of 1e-9 mm.
+        What its E word extrudes, in units of 1e-9 mm; where no firmware is named, as Marlin reads it.
+    is_extrusion_clear
+        Whether all firmwares that may run the program read its E word alike.
     course
         Direction, travel and speed.
     """
@@ -64,6 +66,7 @@ class Move(NamedTuple):
     start_mm: Triple | None
     end_mm: Triple
     extrusion: int
+    is_extrusion_clear: bool
     course: Course
 
 
@@ -77,33 +80,58 @@ class Line(NamedTuple):
 
 @dataclass
 class _Extruder:
-    """The extruder, as one firmware reads E: Marlin obeys the last of G90 G91 M82 M83."""
+    """The extruder, as each firmware that may run the program reads E; the first of them is told.
+
+    E is an increment for Marlin by the last of G90 G91 M82 M83, for Klipper while M83 or G91 holds, for
+    RepRapFirmware while M83 does.
+    """
 
     firmware: str | None
-    position: int = 0
-    total: int = 0
     axes_relative: bool = False
     own_relative: bool = False
     last_relative: bool = False
+    total: int = 0
+    positions: list[int] = field(init=False)
+    relative: list[bool] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._read()
+        self.positions = [0] * len(self.relative)
 
     def set_axes(self, is_relative: bool) -> None:
         self.axes_relative = self.last_relative = is_relative
+        self._read()
 
     def set_own(self, is_relative: bool) -> None:
         self.own_relative = self.last_relative = is_relative
+        self._read()
 
-    def move(self, word: float | None) -> int:
+    def set_position(self, word: float | None) -> None:
+        self.positions = [_nano(word)] * len(self.relative)
+
+    def move(self, word: float | None) -> tuple[int, bool]:
+        """Give what E extrudes, and whether all read it alike: as a position or an increment, from the same place."""
         if word is None:
-            return 0
-        is_relative = self.last_relative
-        if self.firmware == "klipper":
-            is_relative = self.axes_relative or self.own_relative
-        elif self.firmware == "reprapfirmware":
-            is_relative = self.own_relative
-        increment = _nano(word) if is_relative else _nano(word) - self.position
-        self.position += increment
-        self.total += increment
-        return increment
+            return 0, True
+        nano = _nano(word)
+        readings = [
+            (is_relative, nano if is_relative else nano - position)
+            for is_relative, position in zip(self.relative, self.positions, strict=True)
+        ]
+        self.positions = [
+            position + increment for position, (_, increment) in zip(self.positions, readings, strict=True)
+        ]
+        told = readings[0]
+        self.total += told[1]
+        return told[1], readings.count(told) == len(readings)
+
+    def _read(self) -> None:
+        readings = {
+            "marlin": self.last_relative,
+            "klipper": self.axes_relative or self.own_relative,
+            "reprapfirmware": self.own_relative,
+        }
+        self.relative = list(readings.values()) if self.firmware is None else [readings[self.firmware]]
 
 
 @dataclass
@@ -137,7 +165,7 @@ class ProgramReader:
     home_mm
         Where G28 leaves the machine; None: not known.
     firmware
-        `marlin`, `klipper` or `reprapfirmware`: how E is read; Marlin's way where it is not said.
+        `marlin`, `klipper` or `reprapfirmware`: how E is read; None: not known, and Marlin's way is told.
     """
 
     def __init__(
@@ -225,7 +253,7 @@ class ProgramReader:
         digit, x, y, z, e, feed = plain.groups()
         self._modes.is_rapid = digit == b"0"
         self._take_feed(_number(feed))
-        extrusion = 0 if e is None else self._extruder.move(float(e))
+        extrusion = self._extruder.move(_number(e))
         if x is None and y is None and z is None:
             return None
         return self._arrive(self._end(_number(x), _number(y), _number(z), self._origin()), extrusion)
@@ -304,7 +332,7 @@ class ProgramReader:
         selected = (_system_of(code) for code in statement.codes if 54.0 <= code < 60.0)
         return all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
 
-    def _arrive(self, end: Place, extrusion: int) -> Move | None:
+    def _arrive(self, end: Place, extrusion: tuple[int, bool]) -> Move | None:
         """Move on a straight line; give the move where its end is known."""
         self.n_moves += 1
         begin, was_on_path = self._place, self._is_on_path
@@ -313,7 +341,7 @@ class ProgramReader:
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             return None
-        return Move(begin if was_on_path and _is_known(begin) else None, end, extrusion, course)
+        return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, course)
 
     def _origin(self) -> Place:
         """Give the machine coordinates from which axis words count."""
@@ -433,7 +461,7 @@ class ProgramReader:
             self._lose_zero()
             return
         if words.get(b"E") is not None:
-            self._extruder.position = _nano(words[b"E"])
+            self._extruder.set_position(words[b"E"])
         system = self._systems.get(self._modes.system, _UNKNOWN)
         shift = list(self._shift)
         for axis, letter in enumerate(_LETTERS):
