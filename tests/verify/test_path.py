@@ -277,6 +277,26 @@ def test_another_extrusion_is_no_proof(tmp_path):
     assert "1 move extrudes another length" in str(failed.exception)
 
 
+@pytest.mark.parametrize(
+    ("lines", "length_mm"),
+    [
+        ("G20\nG1 X11.5 E1\n", 25.4),
+        ("G20\nM83\nG1 X11.5 E.50001\nG1 E-.125\n", 0.37501 * 25.4),
+        ("G20\nG92 E1\nG1 X11.5 E3\n", 2.0 * 25.4),
+        # Where E stands is the same place in both units.
+        ("G1 E50.8\nG20\nG1 X11.5 E3\nG21\nG1 X20 E80\n", 80.0),
+    ],
+)
+def test_extrusion_in_inches_is_told_in_millimetres(tmp_path, lines, length_mm):
+    program, output = written(tmp_path, f"G1 X20 Y20 Z5 F3000\n{lines}"), tmp_path / "out.gcode"
+    compensation = compensate_program(wavy(), program, output)
+    assert compensation.moves_out > compensation.moves_in
+    result = compare_paths(wavy(), program, output)
+    for one in (compensation, result):
+        assert one.extrusion_in_mm == one.extrusion_out_mm == pytest.approx(length_mm, abs=1e-9)
+    assert result.moves_with_other_extrusion == 0
+
+
 UNCLEAR = "G1 X20 Y20 Z5 F3000\nM83\nG90\nG1 X300.5 E10\n"
 
 

@@ -17,7 +17,7 @@ from geoerr.model import Model
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time
 from geoerr.verify.path_matching import END_MM, Run, further_pieces, paired_runs, piece_counts
-from geoerr.verify.program_reader import ProgramReader, Triple
+from geoerr.verify.program_reader import UNITS_PER_MM, ProgramReader, Triple
 
 Numbers = npt.NDArray[np.float64]
 
@@ -219,8 +219,8 @@ def compare_paths(
         moves_compared=n_compared,
         moves_not_compared=reader_in.n_moves - n_compared,
         path_mm=in_figures.weight,
-        extrusion_in_mm=reader_in.extrusion / 1e9,
-        extrusion_out_mm=reader_out.extrusion / 1e9,
+        extrusion_in_mm=reader_in.extrusion / UNITS_PER_MM,
+        extrusion_out_mm=reader_out.extrusion / UNITS_PER_MM,
         moves_with_other_extrusion=n_other,
     )
 

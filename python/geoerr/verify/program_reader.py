@@ -36,6 +36,9 @@ _PARAMETERS = frozenset((b"D", b"H", b"L", b"P", b"Q"))
 _TAKES_PARAMETERS = frozenset((40.0, 41.0, 41.1, 42.0, 42.1, 43.0, 64.0))
 _UNKNOWN: Place = (None, None, None)
 _INCH_MM = 25.4
+# Extruded lengths are counted in whole units of 1e-10 mm, of which 1e-9 mm and 1e-9 inches have so many.
+UNITS_PER_MM = 10**10
+_NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
 
 # G codes that say nothing about where the machine is.
 _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
@@ -56,7 +59,7 @@ class Move(NamedTuple):
     end_mm
         Where it ends.
     extrusion
-        What its E word extrudes, in units of 1e-9 mm; where no firmware is named, as Marlin reads it.
+        What its E word extrudes, in units of 1e-10 mm; where no firmware is named, as Marlin reads it.
     is_extrusion_clear
         Whether all firmwares that may run the program read its E word alike.
     course
@@ -90,6 +93,7 @@ class _Extruder:
     axes_relative: bool = False
     own_relative: bool = False
     last_relative: bool = False
+    nano_units: int = _NANO_MM_UNITS
     total: int = 0
     positions: list[int] = field(init=False)
     relative: list[bool] = field(init=False)
@@ -106,16 +110,16 @@ class _Extruder:
         self.own_relative = self.last_relative = is_relative
         self._read()
 
-    def set_position(self, word: float | None) -> None:
-        self.positions = [_nano(word)] * len(self.relative)
+    def set_position(self, word: float) -> None:
+        self.positions = [self._units(word)] * len(self.relative)
 
     def move(self, word: float | None) -> tuple[int, bool]:
         """Give what E extrudes, and whether all read it alike: as a position or an increment, from the same place."""
         if word is None:
             return 0, True
-        nano = _nano(word)
+        units = self._units(word)
         readings = [
-            (is_relative, nano if is_relative else nano - position)
+            (is_relative, units if is_relative else units - position)
             for is_relative, position in zip(self.relative, self.positions, strict=True)
         ]
         self.positions = [
@@ -124,6 +128,10 @@ class _Extruder:
         told = readings[0]
         self.total += told[1]
         return told[1], readings.count(told) == len(readings)
+
+    def _units(self, word: float) -> int:
+        """Give a length as whole units: exact for the digits that programs have."""
+        return round(word * 1e9) * self.nano_units
 
     def _read(self) -> None:
         readings = {
@@ -195,7 +203,7 @@ class ProgramReader:
 
     @property
     def extrusion(self) -> int:
-        """Net extruded length so far, in units of 1e-9 mm."""
+        """Net extruded length so far, in units of 1e-10 mm."""
         return self._extruder.total
 
     def __iter__(self) -> Iterator[Line]:
@@ -373,6 +381,7 @@ class ProgramReader:
             return True
         if code in (20.0, 21.0):
             modes.unit_mm = _INCH_MM if code == 20.0 else 1.0
+            self._extruder.nano_units = _NANO_INCH_UNITS if code == 20.0 else _NANO_MM_UNITS
         elif code in (90.0, 91.0):
             modes.is_relative = code == 91.0
             self._extruder.set_axes(modes.is_relative)
@@ -460,8 +469,9 @@ class ProgramReader:
         if not words or not _has_numbers(words):
             self._lose_zero()
             return
-        if words.get(b"E") is not None:
-            self._extruder.set_position(words[b"E"])
+        extruder = words.get(b"E")
+        if extruder is not None:
+            self._extruder.set_position(extruder)
         system = self._systems.get(self._modes.system, _UNKNOWN)
         shift = list(self._shift)
         for axis, letter in enumerate(_LETTERS):
@@ -583,8 +593,3 @@ def _is_known(place: Place) -> TypeGuard[Triple]:
 
 def _number(digits: bytes | None) -> float | None:
     return None if digits is None else float(digits)
-
-
-def _nano(word: float | None) -> int:
-    """Give a length in units of 1e-9 mm: exact for the digits that programs have."""
-    return round((word or 0.0) * 1e9)
