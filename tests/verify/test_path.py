@@ -366,6 +366,9 @@ def test_a_move_in_one_piece_asks_for_no_firmware(tmp_path):
         ("G28 O", "marlin", False),
         ("G80", "marlin", False),
         ("G91 G1 Z5", "klipper", False),
+        ("G20", "klipper", False),
+        ("G20", "marlin", True),
+        ("G21", "klipper", True),
     ],
 )
 def test_what_a_controller_may_do_is_not_known(tmp_path, line, firmware, is_compared):

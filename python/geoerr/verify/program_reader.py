@@ -235,8 +235,7 @@ class ProgramReader:
         return self._take(read_statement(body, is_for_printer=self._firmware is not None))
 
     def _take(self, statement: Statement) -> Move | None:
-        if self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1:
-            # These run the first code alone.
+        if self._is_not_run(statement):
             self._lose()
             return None
         match statement.kind:
@@ -255,6 +254,12 @@ class ProgramReader:
             case Kind.WORDS:
                 return self._words(statement)
         return None
+
+    def _is_not_run(self, statement: Statement) -> bool:
+        """Tell whether the firmware that was named does not run a line as it stands."""
+        # Klipper and Marlin run the first code alone; Klipper stops at inches.
+        is_cut = self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1
+        return is_cut or (self._firmware == "klipper" and 20.0 in statement.codes)
 
     def _plain_move(self, plain: re.Match[bytes]) -> Move | None:
         self._modes.motion = "straight"
