@@ -95,12 +95,12 @@ class _Extruder:
     last_relative: bool = False
     nano_units: int = _NANO_MM_UNITS
     total: int = 0
-    positions: list[int] = field(init=False)
+    # Where it stands for each of them, or for all while they read the next word alike.
+    positions: list[int] = field(default_factory=lambda: [0])
     relative: list[bool] = field(init=False)
 
     def __post_init__(self) -> None:
         self._read()
-        self.positions = [0] * len(self.relative)
 
     def set_axes(self, is_relative: bool) -> None:
         self.axes_relative = self.last_relative = is_relative
@@ -111,20 +111,26 @@ class _Extruder:
         self._read()
 
     def set_position(self, word: float) -> None:
-        self.positions = [self._units(word)] * len(self.relative)
+        self._settle([self._units(word)])
 
     def move(self, word: float | None) -> tuple[int, bool]:
         """Give what E extrudes, and whether all read it alike: as a position or an increment, from the same place."""
         if word is None:
             return 0, True
         units = self._units(word)
+        if len(self.positions) == 1:
+            increment = units if self.relative[0] else units - self.positions[0]
+            self.positions[0] += increment
+            self.total += increment
+            return increment, True
+        return self._move_each(units)
+
+    def _move_each(self, units: int) -> tuple[int, bool]:
         readings = [
             (is_relative, units if is_relative else units - position)
             for is_relative, position in zip(self.relative, self.positions, strict=True)
         ]
-        self.positions = [
-            position + increment for position, (_, increment) in zip(self.positions, readings, strict=True)
-        ]
+        self._settle([at + increment for at, (_, increment) in zip(self.positions, readings, strict=True)])
         told = readings[0]
         self.total += told[1]
         return told[1], readings.count(told) == len(readings)
@@ -140,6 +146,13 @@ class _Extruder:
             "reprapfirmware": self.own_relative,
         }
         self.relative = list(readings.values()) if self.firmware is None else [readings[self.firmware]]
+        self._settle(self.positions)
+
+    def _settle(self, positions: list[int]) -> None:
+        if len(positions) == 1:
+            positions = positions * len(self.relative)
+        is_alike = len(set(zip(self.relative, positions, strict=True))) == 1
+        self.positions = positions[:1] if is_alike else positions
 
 
 @dataclass
