@@ -297,6 +297,80 @@ def test_extrusion_in_inches_is_told_in_millimetres(tmp_path, lines, length_mm):
     assert result.moves_with_other_extrusion == 0
 
 
+FEEDS = """G1 X20 Y20 Z5 F3000
+G1 X300.5 F1200
+G0 X20
+G1 Y280.25
+G95
+G1 X200 F.2
+G94
+G1 X20 F600
+M84
+"""
+
+
+@pytest.mark.parametrize("firmware", [None, "marlin"])
+def test_a_corrected_program_keeps_its_feeds(tmp_path, firmware):
+    program, output = written(tmp_path, FEEDS), tmp_path / "out.gcode"
+    compensate_program(wavy(), program, output, CompensationOptions(firmware=firmware))
+    result = compare_paths(wavy(), program, output, firmware=firmware)
+    assert result.moves_out > result.moves_in
+    assert (result.max_feed_change_percent, result.max_feed_change_line, result.moves_with_other_feed) == (0.0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "percent", "n_moves"),
+    [
+        # It holds for the moves behind it, also where a mill's rapid lies between.
+        ("F1200", "F2400", 100.0, 3),
+        ("F1200", "F1206", 0.5, 0),
+        (" F1200", "", 150.0, 3),
+        ("F600", "F480", 20.0, 1),
+        ("F.2", "F2", 900.0, 1),
+        # A mill's rapid through the part has no feed to compare.
+        ("G1 Y", "G0 Y", 100.0, 1),
+        ("G1 X20 Y20 Z5 F3000", "G1 X20 Y20 Z5", 100.0, 1),
+    ],
+)
+def test_another_feed_is_found_out(tmp_path, old, new, percent, n_moves):
+    machine = model({})
+    program = written(tmp_path, FEEDS)
+    other = written(tmp_path, FEEDS.replace(old, new), "other.gcode")
+    result = compare_paths(machine, program, other)
+    assert result.max_feed_change_percent == pytest.approx(percent)
+    first = 1 + FEEDS[: FEEDS.index(old)].count("\n")
+    assert result.max_feed_change_line == first
+    assert result.moves_with_other_feed == n_moves
+    assert result.max_error_um_after == result.max_error_um_before == 0.0
+
+
+def test_a_feed_that_none_had_before_is_found_out(tmp_path):
+    program = written(tmp_path, "G1 X20 Y20 Z5\nG1 X30\n")
+    other = written(tmp_path, "G1 X20 Y20 Z5\nG1 X30 F600\n", "other.gcode")
+    result = compare_paths(model({}), program, other)
+    assert (result.max_feed_change_percent, result.max_feed_change_line, result.moves_with_other_feed) == (
+        100.0,
+        2,
+        1,
+    )
+
+
+def test_another_feed_is_no_proof(tmp_path):
+    errors = tmp_path / "errors.json"
+    write_errors(errors, model({}).errors)
+    program = written(tmp_path, FEEDS)
+    other = written(tmp_path, FEEDS.replace("F600", "F480"), "other.gcode")
+    told = run("verify", "path", errors, program, other)
+    assert told.exit_code == 0
+    assert "the feed differs by up to 20.00 %, line 8; by more than 1 % in 1 move" in told.stdout
+    failed = run("verify", "path", errors, program, other, "--tolerance", "0.001")
+    assert failed.exit_code == 1
+    assert "by up to 20.00 %, line 8" in str(failed.exception)
+    near = written(tmp_path, FEEDS.replace("F600", "F603"), "near.gcode")
+    assert run("verify", "path", errors, program, near, "--tolerance", "0.001").exit_code == 0
+    assert "feed" not in run("verify", "path", errors, program, program).stdout
+
+
 UNCLEAR = "G1 X20 Y20 Z5 F3000\nM83\nG90\nG1 X300.5 E10\n"
 
 

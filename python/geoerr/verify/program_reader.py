@@ -20,6 +20,7 @@ from geoerr.verify.program_words import Kind, Statement, read_statement
 Triple = tuple[float, float, float]
 Place = tuple[float | None, float | None, float | None]
 Motion = Literal["straight", "ends at its words", "ends somewhere", "none"]
+Pace = Literal["rapid", "a minute", "a turn"]
 
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 # The form that nearly all lines of a sliced program have; read without taking the line apart in general.
@@ -49,6 +50,34 @@ _TRANSFORM = {7.0: 8.0, 16.0: 15.0, 51.0: 50.0, 68.0: 69.0, 41.0: 40.0, 41.1: 40
 _TRANSFORM_ENDS = frozenset(_TRANSFORM.values())
 
 
+class Feed(NamedTuple):
+    """How fast a move is asked to be.
+
+    Attributes
+    ----------
+    pace
+        Whether a mill's controller chooses the speed itself (`G0`), or F is a length a minute or a turn.
+    feed_mm
+        The F that holds, 0 before any; of a rapid it is what holds for the moves behind it.
+    """
+
+    pace: Pace
+    feed_mm: float
+
+    @property
+    def speed_mm_min(self) -> float:
+        """Speed along the path; 0 where it is not told."""
+        return self.feed_mm if self.pace == "a minute" else 0.0
+
+    def change_to(self, other: Feed) -> float:
+        """Give by what share of this another feed differs; 1 where they cannot be compared, or this is none."""
+        if self == other:
+            return 0.0
+        if self.pace != other.pace or self.feed_mm == 0.0:
+            return 1.0
+        return abs(other.feed_mm / self.feed_mm - 1.0)
+
+
 class Move(NamedTuple):
     """A straight move whose end is known.
 
@@ -62,6 +91,8 @@ class Move(NamedTuple):
         What its E word extrudes, in units of 1e-10 mm; where no firmware is named, as Marlin reads it.
     is_extrusion_clear
         Whether all firmwares that may run the program read its E word alike.
+    feed
+        How fast it is asked to be.
     course
         Direction, travel and speed.
     """
@@ -70,6 +101,7 @@ class Move(NamedTuple):
     end_mm: Triple
     extrusion: int
     is_extrusion_clear: bool
+    feed: Feed
     course: Course
 
 
@@ -342,11 +374,11 @@ class ProgramReader:
         if feed is not None:
             self._modes.feed_mm_min = feed * self._modes.unit_mm
 
-    def _speed_mm_min(self) -> float:
-        """Give the speed along the path; 0 where it is not told: a mill's rapids have a speed of their own."""
+    def _feed(self) -> Feed:
         modes = self._modes
-        is_told = not modes.is_feed_a_turn and (not modes.is_rapid or self._firmware is not None)
-        return modes.feed_mm_min if is_told else 0.0
+        # The firmwares of printers take the feed for G0, too.
+        is_rapid = modes.is_rapid and self._firmware is None
+        return Feed("rapid" if is_rapid else "a turn" if modes.is_feed_a_turn else "a minute", modes.feed_mm_min)
 
     def _forget_past(self, named: list[bool]) -> None:
         for axis in range(3):
@@ -363,11 +395,12 @@ class ProgramReader:
         self.n_moves += 1
         begin, was_on_path = self._place, self._is_on_path
         self._place = end
-        course = self._past.straight(begin, end, self._speed_mm_min())
+        feed = self._feed()
+        course = self._past.straight(begin, end, feed.speed_mm_min)
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             return None
-        return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, course)
+        return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, feed, course)
 
     def _origin(self) -> Place:
         """Give the machine coordinates from which axis words count."""
