@@ -460,6 +460,9 @@ class GcodeRewriter:
     def summary(self) -> dict[str, Any]: ...
     def warnings(self) -> list[tuple[str, int, str, int, str]]: ...
 
+def unclear_extrusion() -> tuple[str, str]:
+    """Give what is said of a split move of which firmwares differ on what it extrudes, and the remedy."""
+
 _Shape = Basis | Expression
 _Part = tuple[str, float, int, _Shape, list[int], list[int]]
 _Frames = tuple[

@@ -58,6 +58,7 @@ def test_sliced_programs(real_data, tmp_path, name):
     assert path.max_error_um_after < TOLERANCE_UM
     assert path.max_error_um_before > 2000.0
     assert path.moves_with_other_extrusion == 0
+    assert path.max_feed_change_percent == 0.0
     assert path.extrusion_in_mm == path.extrusion_out_mm == pytest.approx(result.extrusion_in_mm, abs=1e-9)
     assert (path.moves_in, path.moves_out) == (result.moves_in, result.moves_out)
     # What is not compared: before the first known position, and one placeholder.
@@ -101,5 +102,6 @@ def test_other_programs_are_refused_or_passed_by_line(real_data, tmp_path, folde
             path = compare_paths(model, source, target, home_mm=home)
             assert path.max_error_um_after < TOLERANCE_UM
             assert path.moves_with_other_extrusion == 0
+            assert path.max_feed_change_percent == 0.0
             compared += path.moves_compared
     assert compared >= fewest

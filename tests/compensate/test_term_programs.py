@@ -122,6 +122,7 @@ def test_the_checker_agrees_and_finds_other_conditions_out(tmp_path):
         assert path.max_error_um_after < 1e3 * TOLERANCE_MM
         assert path.max_error_um_before > 100.0
         assert path.moves_with_other_extrusion == 0
+        assert path.max_feed_change_percent == 0.0
         assert path.extrusion_in_mm == path.extrusion_out_mm == result.extrusion_out_mm
         cold = compare_paths(model, source, target, at={"temp_bed": "reference"})
         # 70 K of 17e-6 over 180 mm from the fixed point.

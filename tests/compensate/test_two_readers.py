@@ -67,6 +67,7 @@ def check(model: Model, program: str, folder: Path, passed: bytes | None = None)
     if "not-split" not in {warning.kind for warning in result.warnings}:
         assert path.max_error_um_after <= 5.0
     assert path.moves_with_other_extrusion == 0
+    assert path.max_feed_change_percent == 0.0
     assert result.extrusion_in_mm == result.extrusion_out_mm
     return written
 

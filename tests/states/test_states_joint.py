@@ -16,7 +16,8 @@ from geoerr.errors import GeoerrError
 from geoerr.model import Model, load_model, write_model
 from geoerr.observations import Observations
 from geoerr.states import States, identify_states
-from geoerr.states.joint import fit_temperature
+from geoerr.states.evidence import UNIT_K, Space, System, search
+from geoerr.states.joint import fit_temperature, price_of
 from geoerr.states.shapes import shapes_of, temperature_terms
 
 
@@ -61,6 +62,21 @@ def test_what_follows_temperature_is_found(hot: Hot, states: States) -> None:
         alpha = next(one for one in terms[f"E{axis}{axis}*T@temp"].coefficients if one.name == "alpha")
         assert alpha.value == pytest.approx(hot.heat.expansion[index], abs=5.0 * alpha.std)
         assert alpha.plausible
+
+
+def test_noise_follows_no_temperature(states: States) -> None:
+    """One error of 21 may look as if it did in 5 % of searches; 26 of 300 are 2.9 standard deviations more."""
+    functions, rng = states.functions, np.random.default_rng(7)
+    shapes, heat = shapes_of(functions, with_squares=True), (np.array(sorted(states.estimates)) - 20.0) / UNIT_K
+    found = 0
+    for _ in range(300):
+        drawn = [
+            replace(one, parameters=one.root @ rng.standard_normal(one.root.shape[1]))
+            for _, one in sorted(states.estimates.items())
+        ]
+        system = System.of(Space.of(functions, drawn), drawn, heat, shapes)
+        found += bool(search(system, shapes, price_of(shapes)))
+    assert found < 26
 
 
 def test_all_observations_at_once_say_what_the_estimates_said(states: States) -> None:

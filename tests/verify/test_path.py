@@ -278,6 +278,155 @@ def test_another_extrusion_is_no_proof(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("lines", "length_mm"),
+    [
+        ("G20\nG1 X11.5 E1\n", 25.4),
+        ("G20\nM83\nG1 X11.5 E.50001\nG1 E-.125\n", 0.37501 * 25.4),
+        ("G20\nG92 E1\nG1 X11.5 E3\n", 2.0 * 25.4),
+        # Where E stands is the same place in both units.
+        ("G1 E50.8\nG20\nG1 X11.5 E3\nG21\nG1 X20 E80\n", 80.0),
+    ],
+)
+def test_extrusion_in_inches_is_told_in_millimetres(tmp_path, lines, length_mm):
+    program, output = written(tmp_path, f"G1 X20 Y20 Z5 F3000\n{lines}"), tmp_path / "out.gcode"
+    compensation = compensate_program(wavy(), program, output)
+    assert compensation.moves_out > compensation.moves_in
+    result = compare_paths(wavy(), program, output)
+    for one in (compensation, result):
+        assert one.extrusion_in_mm == one.extrusion_out_mm == pytest.approx(length_mm, abs=1e-9)
+    assert result.moves_with_other_extrusion == 0
+
+
+FEEDS = """G1 X20 Y20 Z5 F3000
+G1 X300.5 F1200
+G0 X20
+G1 Y280.25
+G95
+G1 X200 F.2
+G94
+G1 X20 F600
+M84
+"""
+
+
+@pytest.mark.parametrize("firmware", [None, "marlin"])
+def test_a_corrected_program_keeps_its_feeds(tmp_path, firmware):
+    program, output = written(tmp_path, FEEDS), tmp_path / "out.gcode"
+    compensate_program(wavy(), program, output, CompensationOptions(firmware=firmware))
+    result = compare_paths(wavy(), program, output, firmware=firmware)
+    assert result.moves_out > result.moves_in
+    assert (result.max_feed_change_percent, result.max_feed_change_line, result.moves_with_other_feed) == (0.0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "percent", "n_moves"),
+    [
+        # It holds for the moves behind it, also where a mill's rapid lies between.
+        ("F1200", "F2400", 100.0, 3),
+        ("F1200", "F1206", 0.5, 0),
+        (" F1200", "", 150.0, 3),
+        ("F600", "F480", 20.0, 1),
+        ("F.2", "F2", 900.0, 1),
+        # A mill's rapid through the part has no feed to compare.
+        ("G1 Y", "G0 Y", 100.0, 1),
+        ("G1 X20 Y20 Z5 F3000", "G1 X20 Y20 Z5", 100.0, 1),
+    ],
+)
+def test_another_feed_is_found_out(tmp_path, old, new, percent, n_moves):
+    machine = model({})
+    program = written(tmp_path, FEEDS)
+    other = written(tmp_path, FEEDS.replace(old, new), "other.gcode")
+    result = compare_paths(machine, program, other)
+    assert result.max_feed_change_percent == pytest.approx(percent)
+    first = 1 + FEEDS[: FEEDS.index(old)].count("\n")
+    assert result.max_feed_change_line == first
+    assert result.moves_with_other_feed == n_moves
+    assert result.max_error_um_after == result.max_error_um_before == 0.0
+
+
+def test_a_feed_that_none_had_before_is_found_out(tmp_path):
+    program = written(tmp_path, "G1 X20 Y20 Z5\nG1 X30\n")
+    other = written(tmp_path, "G1 X20 Y20 Z5\nG1 X30 F600\n", "other.gcode")
+    result = compare_paths(model({}), program, other)
+    assert (result.max_feed_change_percent, result.max_feed_change_line, result.moves_with_other_feed) == (
+        100.0,
+        2,
+        1,
+    )
+
+
+def test_another_feed_is_no_proof(tmp_path):
+    errors = tmp_path / "errors.json"
+    write_errors(errors, model({}).errors)
+    program = written(tmp_path, FEEDS)
+    other = written(tmp_path, FEEDS.replace("F600", "F480"), "other.gcode")
+    told = run("verify", "path", errors, program, other)
+    assert told.exit_code == 0
+    assert "the feed differs by up to 20.00 %, line 8; by more than 1 % in 1 move" in told.stdout
+    failed = run("verify", "path", errors, program, other, "--tolerance", "0.001")
+    assert failed.exit_code == 1
+    assert "by up to 20.00 %, line 8" in str(failed.exception)
+    near = written(tmp_path, FEEDS.replace("F600", "F603"), "near.gcode")
+    assert run("verify", "path", errors, program, near, "--tolerance", "0.001").exit_code == 0
+    assert "feed" not in run("verify", "path", errors, program, program).stdout
+
+
+UNCLEAR = "G1 X20 Y20 Z5 F3000\nM83\nG90\nG1 X300.5 E10\n"
+
+
+def test_what_compensate_asks_is_asked_here(tmp_path):
+    """M83, then G90: for Marlin E is a position again, for the others an increment still."""
+    program, output = written(tmp_path, UNCLEAR), tmp_path / "out.gcode"
+    with pytest.raises(GcodeError) as asked_there:
+        compensate_program(wavy(), program, output)
+    for firmware in ("marlin", "klipper", "reprapfirmware"):
+        compensate_program(wavy(), program, output, CompensationOptions(firmware=firmware))
+        with pytest.raises(GcodeError) as asked:
+            compare_paths(wavy(), program, output)
+        assert asked.value.problem in asked_there.value.problem
+        assert (
+            (asked.value.path, asked.value.line)
+            == (asked_there.value.path, asked_there.value.line)
+            == (str(program), 4)
+        )
+        assert asked.value.remedy == asked_there.value.remedy
+        result = compare_paths(wavy(), program, output, firmware=firmware)
+        assert result.moves_with_other_extrusion == 0
+        assert result.extrusion_out_mm == 10.0
+        other = "marlin" if firmware != "marlin" else "klipper"
+        assert compare_paths(wavy(), program, output, firmware=other).moves_with_other_extrusion == 1
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        # As positions, or from nowhere on: where it stands they do not agree.
+        "G1 E5\nG91\nG1 E-2\nG90\nG1 X300.5 E10\n",
+        "M83\nG1 E2\nM82\nG91\nG90\nM83\nG91\nG90\nG1 X300.5 E10\n",
+    ],
+)
+def test_readings_of_extrusion_that_differ_are_asked_for(tmp_path, lines):
+    program, output = written(tmp_path, f"G1 X20 Y20 Z5 F3000\n{lines}"), tmp_path / "out.gcode"
+    with pytest.raises(GcodeError, match="firmwares differ"):
+        compensate_program(wavy(), program, output)
+    compensate_program(wavy(), program, output, CompensationOptions(firmware="klipper"))
+    with pytest.raises(GcodeError, match="firmwares differ"):
+        compare_paths(wavy(), program, output)
+
+
+def test_a_move_in_one_piece_asks_for_no_firmware(tmp_path):
+    """Passed whole by `compensate`, or with a zero set since: nobody has to be asked."""
+    program, output = written(tmp_path, UNCLEAR), tmp_path / "out.gcode"
+    result = compensate_program(wavy(), program, output, CompensationOptions(on_unsupported="pass"))
+    assert "not-split" in {warning.kind for warning in result.warnings}
+    assert compare_paths(wavy(), program, output).moves_with_other_extrusion == 0
+    text = "G1 X20 Y20 Z5 F3000\nG91\nG1 Z1 E-2\nG90\nG92 E0\nG1 X300.5 E10\n"
+    program = written(tmp_path, text, "set.gcode")
+    compensate_program(wavy(), program, output)
+    assert compare_paths(wavy(), program, output).moves_with_other_extrusion == 0
+
+
+@pytest.mark.parametrize(
     ("line", "firmware", "is_compared"),
     [
         ("M01 G0 X60", None, True),
@@ -291,6 +440,9 @@ def test_another_extrusion_is_no_proof(tmp_path):
         ("G28 O", "marlin", False),
         ("G80", "marlin", False),
         ("G91 G1 Z5", "klipper", False),
+        ("G20", "klipper", False),
+        ("G20", "marlin", True),
+        ("G21", "klipper", True),
     ],
 )
 def test_what_a_controller_may_do_is_not_known(tmp_path, line, firmware, is_compared):

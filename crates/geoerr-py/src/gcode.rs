@@ -2,7 +2,9 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use geoerr_core::gcode::{Firmware, GcodeError, OnUnsupported, Options, PathMap, Rewriter, TermPath};
+use geoerr_core::gcode::{
+    Firmware, GcodeError, OnUnsupported, Options, PathMap, Rewriter, TermPath, Unsupported,
+};
 use geoerr_core::kinematics::MachineModel;
 use geoerr_core::volumetric::{Approach, MotionNeeds};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -195,7 +197,15 @@ impl PyGcodeRewriter {
     }
 }
 
-/// Adds the class to the module.
+/// Gives what is said of a split move of which firmwares differ on what it extrudes, and the remedy.
+#[pyfunction]
+fn unclear_extrusion() -> (String, &'static str) {
+    let what = Unsupported::ExtruderMode;
+    (what.to_string(), what.remedy())
+}
+
+/// Adds the class and the function to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<PyGcodeRewriter>()
+    module.add_class::<PyGcodeRewriter>()?;
+    module.add_function(wrap_pyfunction!(unclear_extrusion, module)?)
 }

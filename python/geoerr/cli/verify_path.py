@@ -54,7 +54,8 @@ def path(
         typer.Option(
             "--tolerance",
             callback=positive,
-            help="Fail (exit status 1) where the path of OUT is further off, mm, or extrudes another length.",
+            help="Fail (exit status 1) where the path of OUT is further off, mm, extrudes another length, or has"
+            " another feed.",
         ),
     ] = None,
     as_json: JsonFlag = False,
@@ -117,12 +118,22 @@ def _report(result: PathResult) -> str:
         lines.append(f"{not_compared} not compared (position not known, or no straight move)")
     if result.moves_with_other_extrusion:
         lines.append(_other_extrusion(result))
+    if result.max_feed_change_line:
+        lines.append(_other_feed(result))
     return "\n".join(lines)
 
 
 def _other_extrusion(result: PathResult) -> str:
     count = result.moves_with_other_extrusion
     return f"{'1 move extrudes' if count == 1 else f'{count} moves extrude'} another length than before"
+
+
+def _other_feed(result: PathResult) -> str:
+    from geoerr.summaries import counted
+
+    largest = f"the feed differs by up to {result.max_feed_change_percent:.2f} %, line {result.max_feed_change_line}"
+    count = result.moves_with_other_feed
+    return f"{largest}; by more than 1 % in {counted(count, 'move')}" if count else largest
 
 
 def _check(result: PathResult, tolerance_mm: float | None) -> None:
@@ -137,6 +148,11 @@ def _check(result: PathResult, tolerance_mm: float | None) -> None:
         raise GeoerrError(
             f"{_other_extrusion(result)}\n"
             "hint: name the firmware, --firmware marlin, klipper or reprapfirmware: it decides how E is read"
+        )
+    if result.moves_with_other_feed:
+        raise GeoerrError(
+            f"{_other_feed(result)}\n"
+            "hint: compensate keeps every F; change it in the program as it was written, and correct that again"
         )
     if not result.max_error_um_after <= tolerance_mm * 1e3:
         raise GeoerrError(

@@ -4,8 +4,8 @@ Prediction at a temperature, with an uncertainty that counts the noise, the choi
 small may be there: `evidence`), and, where the states show more than the shapes can follow, that (Birge's ratio).
 
 Source: generalised least squares of summary statistics (meta-regression); the criterion is Akaike's with a penalty
-for having searched (Foster and George 1994, risk inflation). Verified: tests/states/test_joint.py, against a fit of
-all observations at once, and validation/hot_and_cold.py.
+for having searched (Foster and George 1994, risk inflation), here Bonferroni's. Verified: tests/states, against a fit
+of all observations at once and by what is found in noise, and validation/hot_and_cold.py.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoerr.distributions import chi_squared_isf
 from geoerr.error_functions import ErrorFunctions, is_angular
 from geoerr.fit.sightings import Numbers
 from geoerr.states.chance import Test, tail
@@ -23,8 +24,8 @@ from geoerr.states.evidence import UNIT_K, Space, System, search, size_passed_ov
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.shapes import Shape, shapes_of
 
-# What one more shape has to gain in χ².
-PENALTY = 4.0
+# How often something is found where nothing follows temperature.
+_FALSE_ALARMS = 0.05
 # Less probable than this, what the model misses is not chance, and its uncertainties are scaled (Birge).
 _SIGNIFICANCE = 0.01
 
@@ -118,7 +119,6 @@ def fit_temperature(
     reference_degc: float,
     *,
     shapes: Sequence[tuple[str, int, int]] | None = None,
-    penalty: float = PENALTY,
 ) -> TemperatureFit:
     """Find how errors follow temperature.
 
@@ -131,8 +131,6 @@ def fit_temperature(
     shapes
         Keys (name, order, power) of the shapes to take; None lets the evidence choose. Of T² only with three states
         or more, for two cannot tell it from T.
-    penalty
-        What a shape has to gain in χ² to be taken.
 
     Raises
     ------
@@ -148,8 +146,19 @@ def fit_temperature(
         candidates = ()
     heat = (np.array(temperatures) - reference_degc) / UNIT_K
     system = System.of(space, [estimates[one] for one in temperatures], heat, candidates)
-    chosen = search(system, candidates, penalty) if shapes is None else list(range(len(candidates)))
+    chosen = search(system, candidates, price_of(candidates)) if shapes is None else list(range(len(candidates)))
     return _fitted(functions, space, system, candidates, chosen, temperatures, reference_degc, estimates)
+
+
+def price_of(shapes: Sequence[Shape]) -> float:
+    """Give what a shape has to gain in χ² to be taken, for so many are looked at.
+
+    Where nothing follows temperature the search begins with a shape that needs no other, one of each error: the best
+    of these is beyond the price in one of twenty searches (Bonferroni), as the table of differences judges its 21
+    functions. Shapes that need another pay for both, or are looked at beside what was found.
+    """
+    beginnings = sum(not shape.needs for shape in shapes)
+    return float(chi_squared_isf(_FALSE_ALARMS / max(beginnings, 1), 1))
 
 
 def _fitted(

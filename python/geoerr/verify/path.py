@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,17 +12,20 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
+from geoerr.errors import GcodeError
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time
 from geoerr.verify.path_matching import END_MM, Run, further_pieces, paired_runs, piece_counts
-from geoerr.verify.program_reader import ProgramReader, Triple
+from geoerr.verify.program_reader import UNITS_PER_MM, Move, ProgramReader, Triple
 
 Numbers = npt.NDArray[np.float64]
 
 # Moves that are compared together, and samples that are evaluated together: what bounds the memory.
 _BATCH_MOVES = 50_000
 _BATCH_SAMPLES = 500_000
+# What a correction changes of a path's length is far less; what is more than this has another reason.
+_FEED_CHANGE = 0.01
 # Each leaves as much of the last change as errors change by a millimetre of travel: under a hundredth.
 _PLACE_STEPS = 4
 
@@ -53,6 +56,11 @@ class PathResult:
         Net extruded length of both.
     moves_with_other_extrusion
         Moves whose pieces together do not extrude what the move did.
+    max_feed_change_percent, max_feed_change_line
+        Largest difference of a piece's feed from that of its move, and the line of the corrected program where it is;
+        100 % where a rapid move is none any more, or there was no feed. `compensate` keeps the feed.
+    moves_with_other_feed
+        Moves of which a piece's feed differs by more than 1 %.
     """
 
     max_error_um_before: float
@@ -68,6 +76,9 @@ class PathResult:
     extrusion_in_mm: float
     extrusion_out_mm: float
     moves_with_other_extrusion: int
+    max_feed_change_percent: float
+    max_feed_change_line: int
+    moves_with_other_feed: int
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""
@@ -124,6 +135,25 @@ class _Figures:
     @property
     def rms_mm(self) -> float:
         return float(np.sqrt(self.weighted_square / self.weight)) if self.weight > 0.0 else 0.0
+
+
+@dataclass
+class _Tally:
+    """What was compared, and how moves differ from their pieces other than by their path."""
+
+    n_compared: int = 0
+    n_other_extrusion: int = 0
+    n_other_feed: int = 0
+    feed_change: float = 0.0
+    feed_change_line: int = 0
+
+    def add(self, move: Move, pieces: Sequence[Move], lines: Sequence[int]) -> None:
+        self.n_other_extrusion += sum(piece.extrusion for piece in pieces) != move.extrusion
+        changes = [move.feed.change_to(piece.feed) for piece in pieces]
+        largest = max(changes)
+        self.n_other_feed += largest > _FEED_CHANGE
+        if largest > self.feed_change:
+            self.feed_change, self.feed_change_line = largest, lines[changes.index(largest)]
 
 
 class _Machine:
@@ -186,7 +216,8 @@ def compare_paths(
     Raises
     ------
     GcodeError
-        naming the line of `after` that does not belong to `before`: it is no move and differs, or moves are missing.
+        naming the line of `after` that does not belong to `before`: it is no move and differs, or moves are missing;
+        or that of a split move in `before` of which firmwares differ on what it extrudes, where none is named.
     InputFileError
         where a file cannot be read.
     """
@@ -194,11 +225,9 @@ def compare_paths(
     options = (work_offset_mm, home_mm, firmware)
     reader_in, reader_out = ProgramReader(before, *options), ProgramReader(after, *options)
     in_figures, out_figures = _Figures(), _Figures()
-    n_compared = n_other = 0
+    tally = _Tally()
     for batch in _batches(paired_runs(reader_in, reader_out)):
-        pieces, n_moves, n_differ = _pieces(machine, batch)
-        n_compared += n_moves
-        n_other += n_differ
+        pieces = _pieces(machine, reader_in.path, batch, tally)
         for part in _parts(pieces, sample_step_mm):
             samples = _sample(machine, part, sample_step_mm, in_figures, out_figures)
             if on_samples is not None:
@@ -214,12 +243,15 @@ def compare_paths(
         max_error_line_after=out_figures.largest_at,
         moves_in=reader_in.n_moves,
         moves_out=reader_out.n_moves,
-        moves_compared=n_compared,
-        moves_not_compared=reader_in.n_moves - n_compared,
+        moves_compared=tally.n_compared,
+        moves_not_compared=reader_in.n_moves - tally.n_compared,
         path_mm=in_figures.weight,
-        extrusion_in_mm=reader_in.extrusion / 1e9,
-        extrusion_out_mm=reader_out.extrusion / 1e9,
-        moves_with_other_extrusion=n_other,
+        extrusion_in_mm=reader_in.extrusion / UNITS_PER_MM,
+        extrusion_out_mm=reader_out.extrusion / UNITS_PER_MM,
+        moves_with_other_extrusion=tally.n_other_extrusion,
+        max_feed_change_percent=100.0 * tally.feed_change,
+        max_feed_change_line=tally.feed_change_line,
+        moves_with_other_feed=tally.n_other_feed,
     )
 
 
@@ -237,15 +269,15 @@ def _batches(runs: Iterator[tuple[Run, Run]]) -> Iterator[list[tuple[Run, Run]]]
         yield batch
 
 
-def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, int, int]:
-    """Match the moves of a batch; give their pieces, the number of moves, and of those with another extrusion."""
+def _pieces(machine: _Machine, program: Path, batch: list[tuple[Run, Run]], tally: _Tally) -> _Pieces:
+    """Match the moves of a batch; give the pieces of those that can be compared."""
     commands = _rows([move.end_mm for _, run_out in batch for move in run_out.moves])
     actual_mm = commands
     if not machine.follows_motion:
         actual_mm = commands + machine.error_mm(commands, np.zeros((1, 10)))
     rows: list[tuple[Triple, Triple, Triple, Triple, int]] = []
     motions: list[Numbers] = []
-    n_moves = n_differ = at = 0
+    at = 0
     for run_in, run_out in batch:
         n_out = len(run_out.moves)
         own_mm = actual_mm[at : at + n_out]
@@ -254,12 +286,13 @@ def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, i
         else:
             counts = piece_counts(run_in, run_out, own_mm)
             shares = _shares(run_in, counts, own_mm)
+        _refuse_unclear_extrusion(program, run_in, counts)
         first = 0
         for move, count in zip(run_in.moves, counts, strict=True):
             own = run_out.moves[first : first + count]
-            n_differ += sum(piece.extrusion for piece in own) != move.extrusion
+            tally.add(move, own, run_out.numbers[first : first + count])
             if move.start_mm is not None and own[0].start_mm is not None:
-                n_moves += 1
+                tally.n_compared += 1
                 ideal, before = move.start_mm, 0.0
                 for number, piece in enumerate(own):
                     share = shares[first + number]
@@ -273,7 +306,7 @@ def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, i
         at += n_out
     begins, ends, ideal_begins, ideal_ends, lines = ([row[column] for row in rows] for column in range(5))
     motion = np.array(motions, dtype=np.float64).reshape(-1, 2, 10)
-    pieces = _Pieces(
+    return _Pieces(
         _rows(begins),
         _rows(ends),
         _rows(ideal_begins),
@@ -282,7 +315,14 @@ def _pieces(machine: _Machine, batch: list[tuple[Run, Run]]) -> tuple[_Pieces, i
         motion[:, 1],
         np.array(lines, dtype=np.int64),
     )
-    return pieces, n_moves, n_differ
+
+
+def _refuse_unclear_extrusion(program: Path, run_in: Run, counts: list[int]) -> None:
+    """Ask what `compensate` asks, in its words: what a split move extrudes, its firmware decides."""
+    for move, number, count in zip(run_in.moves, run_in.numbers, counts, strict=True):
+        if count > 1 and not move.is_extrusion_clear:
+            problem, remedy = _core.unclear_extrusion()
+            raise GcodeError(program, number, problem, remedy=remedy)
 
 
 def _shares(run_in: Run, counts: list[int], actual_mm: Numbers) -> list[float]:

@@ -20,6 +20,7 @@ from geoerr.verify.program_words import Kind, Statement, read_statement
 Triple = tuple[float, float, float]
 Place = tuple[float | None, float | None, float | None]
 Motion = Literal["straight", "ends at its words", "ends somewhere", "none"]
+Pace = Literal["rapid", "a minute", "a turn"]
 
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 # The form that nearly all lines of a sliced program have; read without taking the line apart in general.
@@ -36,6 +37,9 @@ _PARAMETERS = frozenset((b"D", b"H", b"L", b"P", b"Q"))
 _TAKES_PARAMETERS = frozenset((40.0, 41.0, 41.1, 42.0, 42.1, 43.0, 64.0))
 _UNKNOWN: Place = (None, None, None)
 _INCH_MM = 25.4
+# Extruded lengths are counted in whole units of 1e-10 mm, of which 1e-9 mm and 1e-9 inches have so many.
+UNITS_PER_MM = 10**10
+_NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
 
 # G codes that say nothing about where the machine is.
 _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
@@ -44,6 +48,34 @@ _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
 # Axis words mean something else until the second code: diameters, polar, scaled, turned; offset by the cutter.
 _TRANSFORM = {7.0: 8.0, 16.0: 15.0, 51.0: 50.0, 68.0: 69.0, 41.0: 40.0, 41.1: 40.0, 42.0: 40.0, 42.1: 40.0}
 _TRANSFORM_ENDS = frozenset(_TRANSFORM.values())
+
+
+class Feed(NamedTuple):
+    """How fast a move is asked to be.
+
+    Attributes
+    ----------
+    pace
+        Whether a mill's controller chooses the speed itself (`G0`), or F is a length a minute or a turn.
+    feed_mm
+        The F that holds, 0 before any; of a rapid it is what holds for the moves behind it.
+    """
+
+    pace: Pace
+    feed_mm: float
+
+    @property
+    def speed_mm_min(self) -> float:
+        """Speed along the path; 0 where it is not told."""
+        return self.feed_mm if self.pace == "a minute" else 0.0
+
+    def change_to(self, other: Feed) -> float:
+        """Give by what share of this another feed differs; 1 where they cannot be compared, or this is none."""
+        if self == other:
+            return 0.0
+        if self.pace != other.pace or self.feed_mm == 0.0:
+            return 1.0
+        return abs(other.feed_mm / self.feed_mm - 1.0)
 
 
 class Move(NamedTuple):
@@ -56,7 +88,11 @@ class Move(NamedTuple):
     end_mm
         Where it ends.
     extrusion
-        What its E word extrudes, in units of 1e-9 mm.
+        What its E word extrudes, in units of 1e-10 mm; where no firmware is named, as Marlin reads it.
+    is_extrusion_clear
+        Whether all firmwares that may run the program read its E word alike.
+    feed
+        How fast it is asked to be.
     course
         Direction, travel and speed.
     """
@@ -64,6 +100,8 @@ class Move(NamedTuple):
     start_mm: Triple | None
     end_mm: Triple
     extrusion: int
+    is_extrusion_clear: bool
+    feed: Feed
     course: Course
 
 
@@ -77,33 +115,76 @@ class Line(NamedTuple):
 
 @dataclass
 class _Extruder:
-    """The extruder, as one firmware reads E: Marlin obeys the last of G90 G91 M82 M83."""
+    """The extruder, as each firmware that may run the program reads E; the first of them is told.
+
+    E is an increment for Marlin by the last of G90 G91 M82 M83, for Klipper while M83 or G91 holds, for
+    RepRapFirmware while M83 does.
+    """
 
     firmware: str | None
-    position: int = 0
-    total: int = 0
     axes_relative: bool = False
     own_relative: bool = False
     last_relative: bool = False
+    nano_units: int = _NANO_MM_UNITS
+    total: int = 0
+    # Where it stands for each of them, or for all while they read the next word alike.
+    positions: list[int] = field(default_factory=lambda: [0])
+    relative: list[bool] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._read()
 
     def set_axes(self, is_relative: bool) -> None:
         self.axes_relative = self.last_relative = is_relative
+        self._read()
 
     def set_own(self, is_relative: bool) -> None:
         self.own_relative = self.last_relative = is_relative
+        self._read()
 
-    def move(self, word: float | None) -> int:
+    def set_position(self, word: float) -> None:
+        self._settle([self._units(word)])
+
+    def move(self, word: float | None) -> tuple[int, bool]:
+        """Give what E extrudes, and whether all read it alike: as a position or an increment, from the same place."""
         if word is None:
-            return 0
-        is_relative = self.last_relative
-        if self.firmware == "klipper":
-            is_relative = self.axes_relative or self.own_relative
-        elif self.firmware == "reprapfirmware":
-            is_relative = self.own_relative
-        increment = _nano(word) if is_relative else _nano(word) - self.position
-        self.position += increment
-        self.total += increment
-        return increment
+            return 0, True
+        units = self._units(word)
+        if len(self.positions) == 1:
+            increment = units if self.relative[0] else units - self.positions[0]
+            self.positions[0] += increment
+            self.total += increment
+            return increment, True
+        return self._move_each(units)
+
+    def _move_each(self, units: int) -> tuple[int, bool]:
+        readings = [
+            (is_relative, units if is_relative else units - position)
+            for is_relative, position in zip(self.relative, self.positions, strict=True)
+        ]
+        self._settle([at + increment for at, (_, increment) in zip(self.positions, readings, strict=True)])
+        told = readings[0]
+        self.total += told[1]
+        return told[1], readings.count(told) == len(readings)
+
+    def _units(self, word: float) -> int:
+        """Give a length as whole units: exact for the digits that programs have."""
+        return round(word * 1e9) * self.nano_units
+
+    def _read(self) -> None:
+        readings = {
+            "marlin": self.last_relative,
+            "klipper": self.axes_relative or self.own_relative,
+            "reprapfirmware": self.own_relative,
+        }
+        self.relative = list(readings.values()) if self.firmware is None else [readings[self.firmware]]
+        self._settle(self.positions)
+
+    def _settle(self, positions: list[int]) -> None:
+        if len(positions) == 1:
+            positions = positions * len(self.relative)
+        is_alike = len(set(zip(self.relative, positions, strict=True))) == 1
+        self.positions = positions[:1] if is_alike else positions
 
 
 @dataclass
@@ -137,7 +218,7 @@ class ProgramReader:
     home_mm
         Where G28 leaves the machine; None: not known.
     firmware
-        `marlin`, `klipper` or `reprapfirmware`: how E is read; Marlin's way where it is not said.
+        `marlin`, `klipper` or `reprapfirmware`: how E is read; None: not known, and Marlin's way is told.
     """
 
     def __init__(
@@ -167,7 +248,7 @@ class ProgramReader:
 
     @property
     def extrusion(self) -> int:
-        """Net extruded length so far, in units of 1e-9 mm."""
+        """Net extruded length so far, in units of 1e-10 mm."""
         return self._extruder.total
 
     def __iter__(self) -> Iterator[Line]:
@@ -199,8 +280,7 @@ class ProgramReader:
         return self._take(read_statement(body, is_for_printer=self._firmware is not None))
 
     def _take(self, statement: Statement) -> Move | None:
-        if self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1:
-            # These run the first code alone.
+        if self._is_not_run(statement):
             self._lose()
             return None
         match statement.kind:
@@ -220,12 +300,18 @@ class ProgramReader:
                 return self._words(statement)
         return None
 
+    def _is_not_run(self, statement: Statement) -> bool:
+        """Tell whether the firmware that was named does not run a line as it stands."""
+        # Klipper and Marlin run the first code alone; Klipper stops at inches.
+        is_cut = self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1
+        return is_cut or (self._firmware == "klipper" and 20.0 in statement.codes)
+
     def _plain_move(self, plain: re.Match[bytes]) -> Move | None:
         self._modes.motion = "straight"
         digit, x, y, z, e, feed = plain.groups()
         self._modes.is_rapid = digit == b"0"
         self._take_feed(_number(feed))
-        extrusion = 0 if e is None else self._extruder.move(float(e))
+        extrusion = self._extruder.move(_number(e))
         if x is None and y is None and z is None:
             return None
         return self._arrive(self._end(_number(x), _number(y), _number(z), self._origin()), extrusion)
@@ -288,11 +374,11 @@ class ProgramReader:
         if feed is not None:
             self._modes.feed_mm_min = feed * self._modes.unit_mm
 
-    def _speed_mm_min(self) -> float:
-        """Give the speed along the path; 0 where it is not told: a mill's rapids have a speed of their own."""
+    def _feed(self) -> Feed:
         modes = self._modes
-        is_told = not modes.is_feed_a_turn and (not modes.is_rapid or self._firmware is not None)
-        return modes.feed_mm_min if is_told else 0.0
+        # The firmwares of printers take the feed for G0, too.
+        is_rapid = modes.is_rapid and self._firmware is None
+        return Feed("rapid" if is_rapid else "a turn" if modes.is_feed_a_turn else "a minute", modes.feed_mm_min)
 
     def _forget_past(self, named: list[bool]) -> None:
         for axis in range(3):
@@ -304,16 +390,17 @@ class ProgramReader:
         selected = (_system_of(code) for code in statement.codes if 54.0 <= code < 60.0)
         return all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
 
-    def _arrive(self, end: Place, extrusion: int) -> Move | None:
+    def _arrive(self, end: Place, extrusion: tuple[int, bool]) -> Move | None:
         """Move on a straight line; give the move where its end is known."""
         self.n_moves += 1
         begin, was_on_path = self._place, self._is_on_path
         self._place = end
-        course = self._past.straight(begin, end, self._speed_mm_min())
+        feed = self._feed()
+        course = self._past.straight(begin, end, feed.speed_mm_min)
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             return None
-        return Move(begin if was_on_path and _is_known(begin) else None, end, extrusion, course)
+        return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, feed, course)
 
     def _origin(self) -> Place:
         """Give the machine coordinates from which axis words count."""
@@ -345,6 +432,7 @@ class ProgramReader:
             return True
         if code in (20.0, 21.0):
             modes.unit_mm = _INCH_MM if code == 20.0 else 1.0
+            self._extruder.nano_units = _NANO_INCH_UNITS if code == 20.0 else _NANO_MM_UNITS
         elif code in (90.0, 91.0):
             modes.is_relative = code == 91.0
             self._extruder.set_axes(modes.is_relative)
@@ -432,8 +520,9 @@ class ProgramReader:
         if not words or not _has_numbers(words):
             self._lose_zero()
             return
-        if words.get(b"E") is not None:
-            self._extruder.position = _nano(words[b"E"])
+        extruder = words.get(b"E")
+        if extruder is not None:
+            self._extruder.set_position(extruder)
         system = self._systems.get(self._modes.system, _UNKNOWN)
         shift = list(self._shift)
         for axis, letter in enumerate(_LETTERS):
@@ -555,8 +644,3 @@ def _is_known(place: Place) -> TypeGuard[Triple]:
 
 def _number(digits: bytes | None) -> float | None:
     return None if digits is None else float(digits)
-
-
-def _nano(word: float | None) -> int:
-    """Give a length in units of 1e-9 mm: exact for the digits that programs have."""
-    return round((word or 0.0) * 1e9)

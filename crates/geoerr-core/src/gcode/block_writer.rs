@@ -3,7 +3,7 @@
 use super::block::{Block, Item, ItemStep, MARK, Way};
 use super::draft::Draft;
 use super::error::GcodeError;
-use super::extrusion::Share;
+use super::extrusion::{Share, in_mm};
 use super::options::{OnUnsupported, Options};
 use super::path::{Closeness, Node, SplitError};
 use super::reader::{AXIS_LETTERS, Move};
@@ -161,7 +161,7 @@ impl BlockWriter {
         let summary = &mut self.summary;
         summary.moves_out += nodes.len() as u64;
         summary.moves_corrected += 1;
-        summary.extrusion_out += written.extrusion;
+        summary.extrusion_out += in_mm(written.extrusion, a_move.is_inch);
         for ((low_mm, high_mm), end_mm) in summary.box_mm.iter_mut().zip(a_move.end_mm) {
             *low_mm = if end_mm < *low_mm { end_mm } else { *low_mm };
             *high_mm = if end_mm > *high_mm { end_mm } else { *high_mm };

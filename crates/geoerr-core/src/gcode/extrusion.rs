@@ -43,7 +43,7 @@ pub enum Share {
 /// Extruder position as one firmware reads the program.
 #[derive(Clone, Copy, Debug, Default)]
 struct Reading {
-    /// In units of `10^-18`.
+    /// In `10^-18` of the program's unit.
     position: i128,
 }
 
@@ -58,6 +58,8 @@ pub struct Extrusion {
     extruder_relative: bool,
     /// What the last of `G90 G91 M82 M83` said.
     last_relative: bool,
+    /// `E` is told in inches.
+    is_inch: bool,
     /// Another tool was chosen: what its position is called nobody has said.
     is_lost: bool,
     /// Whether `E` is an increment, where all firmwares read the next one alike.
@@ -83,6 +85,17 @@ impl Extrusion {
         self.axes_relative = is_relative;
         self.last_relative = is_relative;
         self.agree();
+    }
+
+    /// `G20` or `G21`: where the extruder stands is told in the other unit from now on.
+    pub fn set_unit(&mut self, is_inch: bool) {
+        if self.is_inch == is_inch {
+            return;
+        }
+        self.is_inch = is_inch;
+        for Reading { position } in &mut self.readings {
+            *position = if is_inch { position.saturating_mul(10) / 254 } else { in_mm(*position, true) };
+        }
     }
 
     /// `M82` or `M83`.
@@ -120,8 +133,8 @@ impl Extrusion {
         self.agree();
     }
 
-    /// A move with this `E` word: how its pieces would share it, and what it extrudes (units of `10^-18`) as the
-    /// named firmware, or else Marlin, reads it.
+    /// A move with this `E` word: how its pieces would share it, and what it extrudes (`10^-18` of the program's unit)
+    /// as the named firmware, or else Marlin, reads it.
     #[inline]
     pub fn advance(&mut self, word: Decimal) -> (Share, i128) {
         let Some(is_increment) = self.agreed.filter(|_| !word.is_cut) else {
@@ -178,6 +191,12 @@ impl Extrusion {
             Firmware::RepRapFirmware => self.extruder_relative,
         }
     }
+}
+
+/// An extruded length in millimetres, of one in the program's unit; both in `10^-18`.
+#[inline]
+pub fn in_mm(length: i128, is_inch: bool) -> i128 {
+    if is_inch { length.saturating_mul(254) / 10 } else { length }
 }
 
 #[cfg(test)]

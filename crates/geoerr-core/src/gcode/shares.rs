@@ -18,7 +18,7 @@ pub struct Shares {
     words: Vec<i64>,
     /// Whether the last piece has the word as it was written.
     last_is_kept: bool,
-    /// What the words extrude, `10^-18` mm.
+    /// What the words extrude, `10^-18` of the program's unit.
     pub extrusion: i128,
 }
 

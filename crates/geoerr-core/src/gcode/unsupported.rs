@@ -159,6 +159,9 @@ pub enum Unsupported {
     /// `G91 G1 Z5` for Klipper or Marlin.
     #[error("several codes on one line, of which the firmware that was named runs the first alone")]
     SeveralCodes,
+    /// `G20` for Klipper (`cmd_G20` of its `klippy/extras/gcode_move.py`).
+    #[error("Klipper has no inches: it stops at G20 with an error")]
+    NoInches,
     /// A G code with axis words that geoerr does not know.
     #[error("geoerr does not know {}", code(.code10))]
     UnknownCode {
@@ -218,6 +221,7 @@ impl Unsupported {
                 "take it out, or use --on-unsupported pass if it does not move the axes"
             }
             Self::NoMotionCode => "write G0 or G1 on the line",
+            Self::NoInches => "let the slicer or CAM write millimetres (G21)",
             Self::AxisWordsOfM { .. } => {
                 "write the move on a line of its own, or name the firmware of the printer: --firmware marlin, klipper or reprapfirmware"
             }
@@ -271,7 +275,9 @@ impl Unsupported {
             | Self::BareShift
             | Self::TwoOwners
             | Self::HomingAfterShift => After::ZeroLost,
-            Self::FlowControl | Self::RestoredState | Self::SeveralCodes => After::EverythingLost,
+            Self::FlowControl | Self::RestoredState | Self::SeveralCodes | Self::NoInches => {
+                After::EverythingLost
+            }
         }
     }
 }

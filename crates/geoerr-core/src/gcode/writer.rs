@@ -28,7 +28,7 @@ pub struct SourceLine<'a> {
 pub struct Written {
     /// Whether it differs from the line that came in.
     pub is_changed: bool,
-    /// What the written words extrude, `10^-18` mm.
+    /// What the written words extrude, `10^-18` of the program's unit.
     pub extrusion: i128,
 }
 

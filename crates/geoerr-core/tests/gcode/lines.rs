@@ -103,6 +103,25 @@ fn splitting_shares_the_extrusion_to_its_last_digit() {
 }
 
 #[test]
+fn where_the_extruder_stands_is_the_same_place_in_inches() {
+    // From 25.4 mm, one inch, to two.
+    let program = "M82\nG1 X0 Y0 Z0 E25.4\nG20\nG1 X15 E2\nG1 E1\nG21\n";
+    let outcome = run(super::common::bent("wbXYZt", [0.0; 3]), options(), program).unwrap();
+    let lines = outcome.lines();
+    let ends: Vec<f64> = lines[3..lines.len() - 2]
+        .iter()
+        .map(|line| line.rsplit_once(" E").unwrap().1.parse().unwrap())
+        .collect();
+    assert!(ends.len() > 2);
+    assert!(
+        ends[0] > 1.0 && ends.windows(2).all(|pair| pair[0] < pair[1]) && ends.last() == Some(&2.0),
+        "{ends:?}"
+    );
+    let in_all = 254 * 10_i128.pow(17);
+    assert_eq!((outcome.summary.extrusion_in, outcome.summary.extrusion_out), (in_all, in_all));
+}
+
+#[test]
 fn what_has_too_many_digits_to_be_shared_is_extruded_once() {
     let program = "M83\nG1 X0 Y0 Z0\nG1 E900000000000000 X400\n";
     let lines = rewritten(super::common::bent("wbXYZt", [0.0; 3]), options(), program);

@@ -121,6 +121,25 @@ fn what_belongs_to_the_end_of_a_move_is_not_said_at_the_end_of_its_first_piece()
 }
 
 #[test]
+fn klipper_has_no_inches() {
+    let klipper = Options { firmware: Some(Firmware::Klipper), ..options() };
+    let program = "G1 X0 Y0 Z0\nG20\nG1 X5\nG21\nG1 X300\n";
+    let refused = run(scaled(), klipper.clone(), program).unwrap_err();
+    assert!(
+        matches!(refused, GcodeError::Unsupported { line: 2, what: Unsupported::NoInches, .. }),
+        "{refused:?}"
+    );
+    // It stops there: nothing behind is corrected.
+    let passed = run(scaled(), Options { firmware: Some(Firmware::Klipper), ..passing() }, program).unwrap();
+    assert_eq!(passed.text(), program);
+    assert_eq!((passed.summary.untouched_unsupported, passed.summary.lines_not_followed), (1, 3));
+    for options in [options(), Options { firmware: Some(Firmware::Marlin), ..options() }] {
+        assert!(run(scaled(), options, program).is_ok());
+    }
+    assert!(run(scaled(), klipper, "G21\nG1 X0 Y0 Z0\nG1 X5\n").is_ok());
+}
+
+#[test]
 fn modes_that_are_taken_up_again_as_they_are_change_nothing() {
     let here = "G90\nG1 X0 Y0 Z0\n";
     for program in [

@@ -60,7 +60,7 @@ fn plain_lines_and_lines_that_only_the_lexer_reads_are_one_program() {
 fn what_is_before_a_refused_line_comes_out_first() {
     let program = program(5_000);
     let machine = || bent("wZbXYt", [0.0; 3]);
-    let options = || Options { firmware: Some(Firmware::Klipper), ..options() };
+    let options = || Options { firmware: Some(Firmware::RepRapFirmware), ..options() };
     let before = run(machine(), options(), &program).unwrap().bytes;
     let mut rewriter = Rewriter::new(machine(), options()).unwrap();
     rewriter.push(format!("{program}G2 X1 Y1 I1\n{program}").as_bytes(), true);

@@ -53,7 +53,7 @@ pub struct Move {
     pub is_inch: bool,
     /// Who gets the extrusion when it is split.
     pub share: Share,
-    /// What it extrudes, `10^-18` mm.
+    /// What it extrudes, `10^-18` of the program's unit.
     pub extrusion: i128,
     /// Where its words stand.
     pub text: MoveText,

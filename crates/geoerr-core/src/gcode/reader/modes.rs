@@ -40,7 +40,13 @@ impl Reader {
                     asked.refuse(what);
                 }
             }
-            Code::Unit { is_inch } => modes.is_inch = is_inch,
+            Code::Unit { is_inch } => {
+                modes.is_inch = is_inch;
+                self.extrusion.set_unit(is_inch);
+                if is_inch && self.options.firmware == Some(Firmware::Klipper) {
+                    asked.refuse(Unsupported::NoInches);
+                }
+            }
             Code::Distance { is_relative } => {
                 modes.is_relative = is_relative;
                 self.extrusion.set_axes_relative(is_relative);

@@ -3,7 +3,7 @@
 use super::{Asked, Move, Reader, Step};
 use crate::gcode::course::Course;
 use crate::gcode::decimal::Decimal;
-use crate::gcode::extrusion::Share;
+use crate::gcode::extrusion::{Share, in_mm};
 use crate::gcode::frame::{Effects, Mask, Motion, Place, either};
 use crate::gcode::known::Known;
 use crate::gcode::lexer::Line;
@@ -130,7 +130,7 @@ impl Reader {
             return Step::pass(Effects { forget, place: Place::Move(motion), ..Effects::default() });
         };
         // Counted again when the move is written.
-        self.summary.extrusion_out -= extrusion;
+        self.summary.extrusion_out -= in_mm(extrusion, self.modes.is_inch);
         if let Some(course) = course {
             self.warn_of_motion(&course, speed_mm_min, body);
             self.courses.push(course);
@@ -179,8 +179,9 @@ impl Reader {
     /// Moves the extruder by the line's `E`.
     pub(super) fn extrude(&mut self, number: Decimal) -> (Share, i128) {
         let (share, extrusion) = self.extrusion.advance(number);
-        self.summary.extrusion_in += extrusion;
-        self.summary.extrusion_out += extrusion;
+        let extrusion_mm = in_mm(extrusion, self.modes.is_inch);
+        self.summary.extrusion_in += extrusion_mm;
+        self.summary.extrusion_out += extrusion_mm;
         (share, extrusion)
     }
 
