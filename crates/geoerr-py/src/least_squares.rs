@@ -1,9 +1,7 @@
 //! Binds `geoerr_core::least_squares`: a solved system as an immutable handle.
 
-use std::ops::Range;
-
 use geoerr_core::least_squares::{
-    Blocks, Design, Fit, LeastSquaresError, Matrix, Method, Options, Restriction, Solution, StridedRows, fit,
+    Blocks, Design, Fit, Matrix, Method, Options, Restriction, RowDesign, Solution, StridedRows, fit,
     leave_blocks_out, orthonormal,
 };
 use numpy::npyffi::types::NPY_ORDER;
@@ -20,63 +18,6 @@ use crate::errors::CoreError;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
-
-/// Rows as NumPy has them, one after another.
-struct RowDesign<'a> {
-    a: &'a [f64],
-    b: &'a [f64],
-    n_rows: usize,
-    n_columns: usize,
-    n_rhs: usize,
-}
-
-/// Rows that are turned into columns together: two cache lines of each column.
-const TILE: usize = 16;
-
-/// Rows of `width` numbers as columns.
-fn turn(source: &[f64], width: usize, target: &mut [f64]) {
-    let Some(height) = source.len().checked_div(width) else { return };
-    for first in (0..height).step_by(TILE) {
-        let rows = &source[first * width..];
-        if height - first >= TILE {
-            let rows: [&[f64]; TILE] = std::array::from_fn(|i| &rows[i * width..][..width]);
-            for column in 0..width {
-                let values: [f64; TILE] = rows.map(|row| row[column]);
-                target[column * height + first..][..TILE].copy_from_slice(&values);
-            }
-        } else {
-            for (i, row) in rows.chunks_exact(width).enumerate() {
-                for (column, value) in row.iter().enumerate() {
-                    target[column * height + first + i] = *value;
-                }
-            }
-        }
-    }
-}
-
-impl Design for RowDesign<'_> {
-    type Error = LeastSquaresError;
-
-    fn n_rows(&self) -> usize {
-        self.n_rows
-    }
-
-    fn n_columns(&self) -> usize {
-        self.n_columns
-    }
-
-    fn n_rhs(&self) -> usize {
-        self.n_rhs
-    }
-
-    fn fill(&self, rows: Range<usize>, block: &mut Matrix) -> Result<(), LeastSquaresError> {
-        let height = rows.len();
-        let (a, b) = block.as_mut_slice().split_at_mut(height * self.n_columns);
-        turn(&self.a[rows.start * self.n_columns..rows.end * self.n_columns], self.n_columns, a);
-        turn(&self.b[rows.start * self.n_rhs..rows.end * self.n_rhs], self.n_rhs, b);
-        Ok(())
-    }
-}
 
 /// A NumPy matrix and its shape.
 fn rows_of<'a>(
@@ -95,11 +36,8 @@ fn design_of<'a>(
     a: &'a PyReadonlyArray2<'_, f64>,
     b: &'a PyReadonlyArray2<'_, f64>,
 ) -> Result<RowDesign<'a>, CoreError> {
-    let ((a, n_rows, n_columns), (b, found, n_rhs)) = (rows_of(a, "a")?, rows_of(b, "b")?);
-    if found != n_rows {
-        return Err(CoreError::from(LeastSquaresError::RowsDiffer { expected: n_rows, found }));
-    }
-    Ok(RowDesign { a, b, n_rows, n_columns, n_rhs })
+    let ((a, n_rows, n_columns), (b, _, n_rhs)) = (rows_of(a, "a")?, rows_of(b, "b")?);
+    Ok(RowDesign::new((a, n_columns), (b, n_rhs), n_rows)?)
 }
 
 fn matrix_of(array: &PyReadonlyArray2<'_, f64>, name: &str) -> Result<Matrix, CoreError> {
@@ -220,7 +158,7 @@ impl PyLeastSquares {
         threads: usize,
     ) -> PyResult<(Array1<'py>, Array1<'py>, Bound<'py, PyArray1<bool>>)> {
         let design = design_of(&a, &b)?;
-        let blocks = Blocks::starting_at(&starts, design.n_rows).map_err(CoreError::from)?;
+        let blocks = Blocks::starting_at(&starts, design.n_rows()).map_err(CoreError::from)?;
         let solution = &self.solution;
         let left = enter_core(py, threads, || leave_blocks_out(&design, solution, &blocks, rhs))?;
         Ok((

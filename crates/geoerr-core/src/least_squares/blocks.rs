@@ -47,6 +47,18 @@ pub trait Design: Sync {
         None
     }
 
+    /// The lower triangle of `[A | b]ᵀ [A | b]` of some rows, where the design knows a shorter way to it than by columns; not
+    /// finite where an entry is not.
+    fn lower_gram_of(&self, _rows: Range<usize>) -> Option<Matrix> {
+        None
+    }
+
+    /// `[Aᵀr, rᵀr]` (n + 1, k) of some rows, with `r = b − A x`, where the design knows such a way to it; not finite where an
+    /// entry is not.
+    fn residual_products_of(&self, _rows: Range<usize>, _x: &Matrix) -> Option<Matrix> {
+        None
+    }
+
     /// `AᵀA x` (n, d) and `xᵀAᵀA x` (d, d) for directions x (n, d), where the design knows such a way to them too.
     fn along(&self, _directions: &Matrix) -> Option<(Matrix, Matrix)> {
         None

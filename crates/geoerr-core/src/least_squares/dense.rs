@@ -106,25 +106,43 @@ pub fn lower_gram(matrix: &Matrix) -> Matrix {
     result
 }
 
-/// `sum += AᵀA`, the lower triangle, for `n_rows` rows of A that begin `stride` numbers apart.
-pub fn add_lower_gram_of_rows(sum: &mut Matrix, rows: &[f64], stride: usize, n_rows: usize) {
-    let _wide = WideRegisters;
-    // Rows as NumPy has them are columns of the transpose.
-    let turned = MatRef::from_column_major_slice_with_stride(rows, sum.n_columns(), n_rows, stride);
-    add_lower(view_mut(sum), 1.0, turned, turned);
+/// Rows as NumPy has them, given with the distance at which they begin: columns of the transpose.
+fn turned((rows, stride): (&[f64], usize), n_columns: usize, n_rows: usize) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice_with_stride(rows, n_columns, n_rows, stride)
 }
 
-/// `sum += AᵀB` for `n_rows` rows of A and of B, given with the distance at which they begin.
+/// `sum += AᵀA`, the lower triangle, for `n_rows` rows of A with `n` columns; `sum` may be larger.
+pub fn add_lower_gram_of_rows(sum: &mut Matrix, n: usize, rows: (&[f64], usize), n_rows: usize) {
+    let _wide = WideRegisters;
+    let turned = turned(rows, n, n_rows);
+    add_lower(view_mut(sum).submatrix_mut(0, 0, n, n), 1.0, turned, turned);
+}
+
+/// `sum += AᵀB` for `n_rows` rows of A and of B.
 pub fn add_product_of_strided_rows(
     sum: &mut Matrix,
-    (left, left_stride): (&[f64], usize),
-    (right, right_stride): (&[f64], usize),
+    left: (&[f64], usize),
+    right: (&[f64], usize),
     n_rows: usize,
 ) {
     let _wide = WideRegisters;
-    let left = MatRef::from_column_major_slice_with_stride(left, sum.n_rows(), n_rows, left_stride);
-    let right = MatRef::from_column_major_slice_with_stride(right, sum.n_columns(), n_rows, right_stride);
+    let (left, right) = (turned(left, sum.n_rows(), n_rows), turned(right, sum.n_columns(), n_rows));
     matmul::matmul(view_mut(sum), Accum::Add, left, right.transpose(), 1.0, Par::Seq);
+}
+
+/// `difference -= A x`, for as many rows of A as `difference` has.
+pub fn subtract_product_of_strided_rows(difference: &mut Matrix, rows: (&[f64], usize), x: &Matrix) {
+    let _wide = WideRegisters;
+    let a = turned(rows, x.n_rows(), difference.n_rows()).transpose();
+    matmul::matmul(view_mut(difference), Accum::Add, a, view(x), -1.0, Par::Seq);
+}
+
+/// `sum += Aᵀ · right`, for as many rows of A as `right` has, into all rows of `sum` but its last.
+pub fn add_transposed_product_of_strided_rows(sum: &mut Matrix, rows: (&[f64], usize), right: &Matrix) {
+    let _wide = WideRegisters;
+    let n = sum.n_rows() - 1;
+    let turned = turned(rows, n, right.n_rows());
+    matmul::matmul(view_mut(sum).subrows_mut(0, n), Accum::Add, turned, view(right), 1.0, Par::Seq);
 }
 
 /// `sum += factor · matrix · matrixᵀ`, the lower triangle.

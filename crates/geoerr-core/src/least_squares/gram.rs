@@ -89,6 +89,9 @@ pub(super) fn gram_of<D: Design + ?Sized>(design: &D) -> Result<Matrix, D::Error
     let blocks = design.blocks();
     let spares = Spares::default();
     let make = |block: usize| {
+        if let Some(gram) = design.lower_gram_of(blocks.rows(block)) {
+            return Ok(gram);
+        }
         spares.with_block(design, blocks.rows(block), |block| {
             let in_use = columns_in_use(block);
             Ok(if in_use.len() == n {
@@ -207,6 +210,11 @@ pub fn residual_products<D: Design + ?Sized>(design: &D, x: &Matrix) -> Result<M
     let spares = Spares::default();
     let make = |block: usize| {
         let rows = blocks.rows(block);
+        // What is not finite is looked for by columns.
+        let known = design.residual_products_of(rows.clone(), x);
+        if let Some(sums) = known.filter(|sums| sums.first_non_finite().is_none()) {
+            return Ok(sums);
+        }
         spares.with_block(design, rows.clone(), |block| {
             let residual = dense::residuals(block, x);
             let gradient = dense::leading_transposed_product(block, n, &residual);

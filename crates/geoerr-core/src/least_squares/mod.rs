@@ -19,6 +19,7 @@ mod quick_triangle;
 mod rank;
 mod registers;
 mod restriction;
+mod row_design;
 mod solution;
 mod strided;
 mod triangle;
@@ -38,6 +39,7 @@ pub use products::{
 pub use rank::RankDecision;
 pub use registers::clear_wide_registers;
 pub use restriction::Restriction;
+pub use row_design::RowDesign;
 pub use solution::{Functional, Options, Solution, solve};
 pub use strided::StridedRows;
 pub use triangle::Triangle;

@@ -7,5 +7,6 @@ mod nist;
 mod normal_equations;
 mod orthonormal;
 mod quick_triangle;
+mod row_design;
 mod solution;
 mod triangle;
