@@ -38,8 +38,8 @@ PATCH_SUBPIX = "cv2 ArUco, CORNER_REFINE_SUBPIX, given a patch of 400 px"
 PATCH_PX = 400
 IN_THE_WAY = (
     "Nothing is searched: what remains, beside reading the id, is the fit of some 6,000 pixels near edges and 20,000 "
-    "between them; the limit is their products in three steps alone, as fast as NumPy multiplies. A third evaluates "
-    "the model and its 23 derivatives, a quarter multiplies them with each other, a fifth chooses pixels."
+    "between them; the limit is their products in three steps alone, as fast as NumPy multiplies. A quarter "
+    "evaluates the model and its 23 derivatives, a sixth multiplies them with each other, a quarter chooses pixels."
 )
 # What is multiplied at least: at pixels near edges 23 derivatives and what is left, with each other, in each of three
 # steps, for no fewer lead from a pixel off to a ten-thousandth; between edges the light's six and the grey, once.

@@ -125,7 +125,7 @@ def processor_and_registers() -> tuple[str, str]:
         registers = "vector registers not known"
     else:
         registers = "kernels in AVX2 + FMA" if flags.issuperset(WIDE) else "kernels in SSE2"
-        registers += ", of triangulation in AVX-512" if flags.issuperset(WIDEST) else ""
+        registers += ", of triangulation and markers in AVX-512" if flags.issuperset(WIDEST) else ""
     return (f"{name} ({kind})" if name not in ("", kind) else kind), registers
 
 
@@ -212,7 +212,8 @@ def rows_of_least_squares(printed: str) -> list[Reached]:
             share_of_limit=product_s / cpu_s[fastest],
             in_the_way=(
                 f"The symmetric product alone, at NumPy's dgemm's speed, is {cpu_s[nonlinear] / product_s:.0f} × as "
-                "fast as `least_squares` here; what is left beside it is the reading of the rows and the triangle."
+                "fast as `least_squares` here. It takes three quarters of the time, at two thirds of that speed, as "
+                "NumPy's own `a.T @ a` does; a tenth is the pass over the rows that proves the solution."
             ),
         ),
     ]

@@ -158,4 +158,13 @@ mod tests {
             assert!((f64::from(density.0[0]) - exact).abs() < 1e-7 * exact.max(1e-3), "{z}");
         }
     }
+
+    #[test]
+    fn products_of_densities_are_never_subnormal() {
+        for step in 0..4_000 {
+            let (_, density) = Lanes::splat(0.01 * step as f32).normal_distribution();
+            let own = density.0[0];
+            assert!(own == 0.0 || own * own * own > f32::MIN_POSITIVE, "{step}: {own}");
+        }
+    }
 }

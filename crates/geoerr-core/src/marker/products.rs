@@ -118,3 +118,40 @@ fn add_products<A: Arithmetic>(tile: &mut Tile, down: &Columns, across: &Columns
     }
     *tile = sums;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn sums_are_those_of_single_products(n_blocks in 0_usize..150, seed in 0_u32..1000) {
+            // More blocks than are summed in single precision, and a last tile that is not whole.
+            const N: usize = 7;
+            let value = |block: usize, column: usize, lane: usize| {
+                let place = (block * N + column) * WIDTH + lane;
+                ((place as u32).wrapping_mul(2_654_435_761).wrapping_add(seed) >> 8) as f32 / 16_777_216.0 - 0.3
+            };
+            let mut products = Products::<N>::new();
+            let mut expected = [[0.0; N]; N];
+            for block in 0..n_blocks {
+                let all: [Lanes; N] =
+                    std::array::from_fn(|column| Lanes::from_fn(|lane| value(block, column, lane)));
+                products.add(&all);
+                for lane in 0..WIDTH {
+                    for (i, row) in expected.iter_mut().enumerate() {
+                        for (j, sum) in row.iter_mut().enumerate() {
+                            *sum += f64::from(all[i].0[lane]) * f64::from(all[j].0[lane]);
+                        }
+                    }
+                }
+            }
+            let found = products.finished();
+            let size = expected.iter().flatten().fold(1.0_f64, |most, value| most.max(value.abs()));
+            for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+                prop_assert!((found - expected).abs() < 2e-6 * size, "{found}, {expected}");
+            }
+        }
+    }
+}
