@@ -34,6 +34,9 @@ EXPECTED: dict[str, tuple[str | None, str, str]] = {
     "lost-steps": ("x", "A", "t0"),
     "step": (None, "A_x A_y A_z c_x c_y c_z", "t0"),
     "homing-offset": ("x", "c_1", ""),
+    "scale-change": ("x", "k_1", ""),
+    "squareness-change": ("yz", "S_1", ""),
+    "rig-scale-change": (None, "k_1", ""),
     "thermal-expansion": ("x", "alpha", "q_fixed"),
     "thermal-drift": ("work-z", "k", ""),
     "warm-up": ("z", "A", "tau"),
@@ -217,6 +220,9 @@ def test_every_candidate_becomes_a_term(effect: Effect) -> None:
         ("reversal-spike", ("feed",), "times"),
         ("screw-heating", ("feed", "moving"), "times"),
         ("homing-offset", COLUMNS, "second session"),
+        ("squareness-change", COLUMNS, "second session"),
+        ("scale-change", COLUMNS, "second session"),
+        ("rig-scale-change", COLUMNS, "second session"),
         ("vibration", COLUMNS, "circular"),
     ],
 )
@@ -314,7 +320,7 @@ def test_every_letter_is_told_in_words_with_its_direction_or_session() -> None:
     assert labels["lateral-play"] == ["play along y l_y", "play along z l_z"]
     assert labels["angular-thermal"][0] == "tilt per kelvin about x k_x"
     assert labels["angular-thermal"][-1] == "lag behind the temperature tau"
-    assert labels["homing-offset"] == ["offset in session 2 c_1", "offset in session 3 c_2"]
+    assert labels["homing-offset"] == ["offset in session 1 c_1", "offset in session 2 c_2"]
 
 
 def test_an_id_that_nothing_is_like_is_told_where_effects_of_ones_own_belong() -> None:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from geoerr.diagnose.answer import Answer, held_out_um
 from geoerr.diagnose.between_passes import BetweenPasses
-from geoerr.diagnose.between_sessions import SquarenessChange
 from geoerr.diagnose.comparison import Comparison
 from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.diagnose.notes import is_without_errors, notes_of
@@ -57,8 +56,6 @@ class Diagnosis(Answer):
     has_unread
         Whether nothing is missing where every temperature is known, and this is of all rows, without what follows a
         temperature that is unknown in some.
-    changed
-        Squareness that differs between sessions beside what was found; None where it does not.
     """
 
     found: tuple[Finding, ...]
@@ -71,7 +68,6 @@ class Diagnosis(Answer):
     later_tied: tuple[tuple[Finding, ...], ...] = ()
     other_way: Diagnosis | None = None
     has_unread: bool = False
-    changed: SquarenessChange | None = None
 
     @property
     def searched(self) -> Searched:
@@ -107,7 +103,6 @@ class Diagnosis(Answer):
             blames_cameras=any(one.is_rig for one in (*self.found, *self.tied)),
             other_way=self.other_way,
             has_unread=self.has_unread,
-            changed=self.changed,
         )
 
     @property

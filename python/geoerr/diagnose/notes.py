@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoerr.diagnose.answer import held_out_um
-from geoerr.diagnose.between_sessions import SquarenessChange
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.gaps import gaps_of, unread_rows, unread_temperatures
@@ -45,7 +44,6 @@ def notes_of(
     blames_cameras: bool = False,
     other_way: Diagnosis | None = None,
     has_unread: bool = False,
-    changed: SquarenessChange | None = None,
 ) -> tuple[str, ...]:
     """Give them, a sentence each; none where nothing stands in the way.
 
@@ -64,10 +62,8 @@ def notes_of(
         were tried.
     has_unread
         Whether rows took part in which a temperature is unknown, and nothing that follows it.
-    changed
-        Squareness that differs between sessions.
     """
-    said = [] if changed is None else [changed.sentence]
+    said = []
     is_held = comparison is not None and comparison.is_held
     if is_without_errors(fitted, comparison):
         said.append(

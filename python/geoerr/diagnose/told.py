@@ -9,7 +9,6 @@ from dataclasses import replace
 from geoerr.diagnose.advice import advise
 from geoerr.diagnose.answer import Verdict, held_out_um, with_terms
 from geoerr.diagnose.between_passes import between_passes
-from geoerr.diagnose.between_sessions import SquarenessChange, squareness_change
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
@@ -115,16 +114,11 @@ class _Summary:
             searched,
             later_tied,
             has_unread=searched.has_unread,
-            changed=self._changed() if found or unknown is not None else None,
         )
         if verdict == "ambiguous":
             diagnosis = self._with_advice(diagnosis)
         searched.let_go()
         return diagnosis
-
-    def _changed(self) -> SquarenessChange | None:
-        self.steps.next("whether the machine is another one from session to session")
-        return squareness_change(self.fitted, [one.at_last.term for one in self.searched.found])
 
     def _with_advice(self, diagnosis: Diagnosis) -> Diagnosis:
         """Say with everything tied which one measurement tells all of it apart, for this machine and these data."""

@@ -67,7 +67,7 @@ class Effect(Description):
         if self.only_circular and not is_circular:
             return "belongs to circular tests: measure a circle"
         if self.each_session and n_sessions < 2:
-            return "needs a second session: home the machine again and repeat"
+            return "needs a second session: repeat what was measured once the machine was homed, moved or set up again"
         wanting = [columns_wanting(form, self.parameter_names, columns) for form in self.forms]
         return None if None in wanting else wanting[0]
 
@@ -324,9 +324,8 @@ class Effect(Description):
         which = place.suffix and f" {'about' if channel == 'angular' else 'along'} {place.suffix}"
         if not self.each_session:
             return {place.suffix: which}
-        # People count sessions from one.
         return {
-            f"{place.suffix}_{number}".removeprefix("_"): f"{which} in session {number + 1}"
+            f"{place.suffix}_{number}".removeprefix("_"): f"{which} in session {number}"
             for number in range(1, max(n_sessions, 2))
         }
 

@@ -12,7 +12,7 @@ from geoerr.errors import GeoerrError, ShapeError
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, as_numbers
 from geoerr.tables import is_temperature
-from geoerr.terms import CLOCK_NAME, PLACE_NAMES
+from geoerr.terms import CLOCK_NAME, PLACE_NAMES, SESSION_NAME
 
 REFERENCE: Literal["reference"] = "reference"
 
@@ -143,6 +143,11 @@ def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -
             f"the condition {name} is {float(numbers.flat[0]):g}, a direction is −1 or 1\n"
             f"hint: leave it out where a path tells it, or state {name}=1 for a place that is reached from below"
         )
+    if name == SESSION_NAME and not (np.isfinite(numbers) & (numbers >= 0.0) & (numbers == np.round(numbers))).all():
+        raise GeoerrError(
+            f"the condition session is {float(numbers.flat[0]):g}, which is no number of a session\n"
+            "hint: they are counted from 0 in the order of the data; of a machine that changed state the last"
+        )
     return np.broadcast_to(numbers, (n_rows,))
 
 
@@ -161,8 +166,8 @@ def _meaning(name: str, machine: Machine) -> str:
     head, _, axis = name.rpartition("_")
     if axis in AXES and head in _MEANING:
         return f"{_MEANING[head]}, of {axis}"
-    if name == "session":
-        return "the number of the session, from 0"
+    if name == SESSION_NAME:
+        return "which of the measured sessions it is as in, counted from 0: as it is now, the last"
     if name == CLOCK_NAME:
         return "the time, s, from session to session"
     return "the time, s" if name == "t" else "in the unit of the measured column"

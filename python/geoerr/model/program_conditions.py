@@ -12,6 +12,7 @@ from geoerr.model.conditions import OF_MOTION, Conditions, constants_of, refusal
 from geoerr.model.finite import refuse_not_finite
 from geoerr.model.model import Model
 from geoerr.tables import is_temperature
+from geoerr.terms import SESSION_NAME
 
 # A model that was tested over a span of a condition is trusted half of that span's width beyond it, with a note.
 MOST_SPANS_BEYOND = 0.5
@@ -73,6 +74,9 @@ class Extrapolated:
     @property
     def spans(self) -> float:
         """How far outside, in widths of the span; infinite beside a span of one value."""
+        if self.name == SESSION_NAME:
+            # Nothing is known of how the machine was, however near the number.
+            return math.inf
         width = max(self.high - self.low, _LEAST_WIDTH_DEGC if is_temperature(self.name) else 0.0)
         return self.beyond / width if width > 0.0 else math.inf
 

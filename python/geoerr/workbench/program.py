@@ -16,6 +16,7 @@ from geoerr.errors import GeoerrError, InputFileError
 from geoerr.model import Model
 from geoerr.model.program_conditions import needed_conditions, without_waves_in_time
 from geoerr.model.worth import well_known
+from geoerr.terms import SESSION_NAME
 from geoerr.verify.path_trace import PathTrace, trace_paths
 from geoerr.workbench.typed import typed_number
 
@@ -147,9 +148,14 @@ def conditions_of(model: Model, typed: Mapping[str, str]) -> dict[str, float]:
 
 
 def default_condition(model: Model, name: str) -> float | None:
-    """Give the middle of what a condition was while the data were measured; None where that is not known."""
+    """Give the middle of what a condition was while the data were measured; None where that is not known.
+
+    Of sessions it is the last: the machine is as it was then.
+    """
     spans = {} if model.record is None else model.record.covariate_spans
-    return None if name not in spans else float(f"{0.5 * sum(spans[name]):.4g}")
+    if name not in spans:
+        return None
+    return spans[name][1] if name == SESSION_NAME else float(f"{0.5 * sum(spans[name]):.4g}")
 
 
 def work_offset_mm(text: str) -> tuple[float, float, float]:

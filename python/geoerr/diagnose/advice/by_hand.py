@@ -48,7 +48,7 @@ def by_hand(situation: Situation, terms: Sequence[Term]) -> ByHand | None:
     if situation.is_circular:
         return None
     lost = [term for term in terms if _is_lost_count(term)]
-    homed = [term for term in terms if SESSION_NAME in term.variables]
+    homed = [term for term in terms if SESSION_NAME in term.variables and set(term.channels) <= _ALONG]
     if not lost and not homed:
         return None
     times = _HOMINGS if homed else 1

@@ -15,7 +15,7 @@ from geoerr.fit.start import KINDS
 from geoerr.fit.variables import times_s
 from geoerr.machine import Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
-from geoerr.terms import CLOCK_NAME, Term
+from geoerr.terms import CLOCK_NAME, SESSION_NAME, Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,7 @@ class Terms:
         scale: Numbers | None = None,
         shared: Numbers | None = None,
         clock_from_s: float = 0.0,
+        as_in_session: int | None = None,
         threads: int = 1,
     ) -> Numbers:
         """Give the whitened columns (n, 3, n_columns + frames + shared).
@@ -80,10 +81,14 @@ class Terms:
         ----------
         clock_from_s
             When these rows begin on the clock of all sessions.
+        as_in_session
+            What changes from session to session is in all of these rows as in that one; None where they are their own.
         """
         variables = read_columns(sightings, self.compiled.variables)
         if CLOCK_NAME in self.compiled.variables:
             variables[self.compiled.variables.index(CLOCK_NAME)] += clock_from_s
+        if as_in_session is not None and SESSION_NAME in self.compiled.variables:
+            variables[self.compiled.variables.index(SESSION_NAME)] = as_in_session
         known = np.isfinite(variables)
         n = len(sightings)
         problem = _core.FitProblem(

@@ -125,11 +125,17 @@ def measured(
     return Measured(_split(reduced[:-1, :-1], size[:m], space.n_numbers), left[:-1, -1])
 
 
+def _columns_of(terms: Terms, rows: Planned) -> Numbers:
+    return terms.columns(
+        rows.sightings, rows.poses, clock_from_s=rows.clock_from_s, as_in_session=rows.as_in_session
+    )
+
+
 def expected(model: Terms, candidates: Terms, rows: Planned, noise: PlannedNoise) -> Information:
     """Sum over the rows of a plan; its frames and its targets' places eliminated."""
     m = model.n_columns
-    z = model.columns(rows.sightings, rows.poses, clock_from_s=rows.clock_from_s)
-    w = candidates.columns(rows.sightings, rows.poses, clock_from_s=rows.clock_from_s)[:, :, : candidates.n_columns]
+    z = _columns_of(model, rows)
+    w = _columns_of(candidates, rows)[:, :, : candidates.n_columns]
     own = rows.sightings.whitening @ rows.own
     joined = np.concatenate([z[:, :, :m], w, z[:, :, m:], own], axis=2)
     products = noise.product(joined, joined)

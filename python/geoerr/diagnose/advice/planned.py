@@ -40,6 +40,8 @@ class Planned:
         Which of the plan's targets each row shows.
     clock_from_s
         When they begin on the clock of all sessions.
+    as_in_session
+        The last that was measured: nothing is done to the machine before.
     """
 
     sightings: Sightings
@@ -47,6 +49,7 @@ class Planned:
     own: Numbers
     target: np.ndarray
     clock_from_s: float
+    as_in_session: int
 
 
 def planned(situation: Situation, plan: Measurement) -> Planned:
@@ -93,7 +96,8 @@ def planned(situation: Situation, plan: Measurement) -> Planned:
     )
     if situation.pixels:
         sightings = _with_pixels(situation, sightings, poses)
-    return Planned(sightings, poses, _own_unknowns(plan, sightings, poses, target), target, situation.clock_s)
+    own = _own_unknowns(plan, sightings, poses, target)
+    return Planned(sightings, poses, own, target, situation.clock_s, situation.last_session)
 
 
 def _poses(situation: Situation, plan: Measurement, n_sessions: int) -> Poses:

@@ -90,8 +90,8 @@ class Situation:
         Noise in units of the stated uncertainties: row to row; of a pass and drift in units of `sigma`.
     memory_s : (3,)
         Of the drift.
-    clock_s
-        When the data end on the clock of all sessions.
+    clock_s, last_session
+        When the data end on the clock of all sessions, and the number of the session in which they do.
     """
 
     machine: Machine
@@ -118,6 +118,7 @@ class Situation:
     drift: Numbers
     memory_s: Numbers
     clock_s: float
+    last_session: int
 
     @property
     def middle_mm(self) -> Numbers:
@@ -184,6 +185,7 @@ def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float
         drift=noise.drift,
         memory_s=np.maximum(noise.memory * max(span_s, 1.0), 1.0),
         clock_s=float(clock_s(sightings).max()),
+        last_session=len(sightings.sessions) - 1,
     )
 
 
