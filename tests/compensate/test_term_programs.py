@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from geoerr.cli.main import app
 from geoerr.cli.program_options import conditions
 from geoerr.compensate.program import CompensationOptions, compensate_bytes, compensate_program
-from geoerr.effects import load_effects
+from geoerr.effects import catalogue, load_effects
 from geoerr.error_functions import ErrorFunction, ErrorFunctions, NotDetermined, Squareness
 from geoerr.errors import GeoerrError
 from geoerr.model import FitRecord, Model, write_model
@@ -389,6 +389,23 @@ def test_what_is_hardly_known_is_left_as_it_is():
     same, nothing = compensate_bytes(with_record(model, 2e-3), program, at=at)
     assert same == program
     assert len(nothing.uncertain_left_out) == 2
+
+
+def test_a_machine_that_changed_is_corrected_as_it_was_in_a_session_that_was_measured():
+    of = machine("wbXYZt")
+    change = catalogue()["scale-change"].term("x", None, of, n_sessions=3).with_values([0.0, 1e-3])
+    record = FitRecord(1e-12 * np.eye(2), np.zeros((2, 0)), covariate_spans={"session": (0.0, 2.0)})
+    model = Model(of, None, (change,), record)
+    program = b"G1 X10 Y10 Z5\nG1 X20\n"
+    assert b"X19.98" in compensate_bytes(model, program, at={"session": 2})[0]
+    assert compensate_bytes(model, program, at={"session": 1})[0] == program
+    with pytest.raises(GeoerrError, match=r"session \(which of the measured sessions .* the data had session 0 to 2"):
+        compensate_bytes(model, program)
+    with pytest.raises(GeoerrError, match="session = 3 is extrapolated"):
+        compensate_bytes(model, program, at={"session": 3})
+    for number in (1.5, -1.0, np.nan):
+        with pytest.raises(GeoerrError, match="no number of a session"):
+            compensate_bytes(model, program, at={"session": number})
 
 
 def test_conditions_far_from_the_data_are_refused_unless_asked_for():

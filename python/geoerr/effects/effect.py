@@ -67,7 +67,7 @@ class Effect(Description):
         if self.only_circular and not is_circular:
             return "belongs to circular tests: measure a circle"
         if self.each_session and n_sessions < 2:
-            return "needs a second session: repeat what was measured once the machine was homed, moved or set up again"
+            return "needs a second session: repeat what was measured after homing, moving or setting up the machine"
         wanting = [columns_wanting(form, self.parameter_names, columns) for form in self.forms]
         return None if None in wanting else wanting[0]
 

@@ -126,9 +126,7 @@ def measured(
 
 
 def _columns_of(terms: Terms, rows: Planned) -> Numbers:
-    return terms.columns(
-        rows.sightings, rows.poses, clock_from_s=rows.clock_from_s, as_in_session=rows.as_in_session
-    )
+    return terms.columns(rows.sightings, rows.poses, clock_from_s=rows.clock_from_s, as_in_session=rows.as_in_session)
 
 
 def expected(model: Terms, candidates: Terms, rows: Planned, noise: PlannedNoise) -> Information:

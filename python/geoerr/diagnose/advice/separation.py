@@ -21,7 +21,7 @@ from geoerr.diagnose.findings import Separation
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
 from geoerr.summaries import listed
-from geoerr.terms import Term
+from geoerr.terms import SESSION_NAME, Term
 
 # The search takes a difference of χ² of 20 as decided. It scatters by 2√λ about its expectation λ: with λ = 41 it
 # exceeds 20 in 19 of 20.
@@ -349,7 +349,23 @@ class Adviser:
         return tuple(found)
 
     def _sentences(self, option: _Option) -> str:
-        return ". Then: ".join(self.plans[place].text(times) for place, times in option.plans)
+        sentences = [self.plans[place].text(times) for place, times in option.plans]
+        taken = {name for place, _ in option.plans for name in self.plans[place].conditions}
+        held = self._held_cold() - taken
+        if held:
+            cold = [f"{name} at {self.situation.temperatures[name][0]:.3g} °C" for name in sorted(held)]
+            sentences[0] = f"With {listed(cold)}: {sentences[0][0].lower()}{sentences[0][1:]}"
+        return ". Then: ".join(sentences)
+
+    def _held_cold(self) -> set[str]:
+        """Name temperatures that have to be as they are computed to be: beside a change from session to session.
+
+        What changed stays changed, and what follows a temperature is gone with it.
+        """
+        followed = [set(term.variables) for term in self.firsts]
+        if not any(SESSION_NAME in names for names in followed):
+            return set()
+        return {name for names in followed for name in names if name in self.situation.temperatures}
 
     def _others(self, best: _Option, found: Sequence[_Option], reachable: np.ndarray) -> tuple[Alternative, ...]:
         taken = {place for place, _ in best.plans}

@@ -229,9 +229,10 @@ def search(
         steps.next(f"what looks like {reference_of(best)}")
         found.append(_found(bench, looked, best, settled, added, None if ends_early else offers.known))
         bench, found, finer, aside = _where_it_is_known(bench, found, finer, aside)
-        # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
-        before, found = found, _without_superfluous(bench, found, [*finer, *aside[1:]])
-        dropped |= _gone(before, found, "what was found later does it, too")
+        found, gone = _needed(
+            bench, found, finer, aside, candidates, probes, None if ends_early else offers.known, steps
+        )
+        dropped |= gone
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
     assert first is not None
@@ -285,6 +286,38 @@ def _found(
     settled = at_likeliest_period(looked.space, looked.scanner, settled)
     rivals = () if known is None else tuple(rivals_of(looked, known, best, settled, BesideEach(bench, added)))
     return Found(best, in_own_noise(bench, best, settled, added), rivals, looked)
+
+
+def _needed(
+    bench: Bench,
+    found: list[Found],
+    finer: Sequence[Numbers],
+    aside: Sequence[Numbers],
+    candidates: Sequence[Candidate],
+    probes: Sequence[Probe],
+    known: Catalogue | None,
+    steps: RoundSteps,
+) -> tuple[list[Found], dict[EffectReference, str]]:
+    """Leave out an earlier find that the last makes superfluous, and judge the last anew without it.
+
+    Beside the earlier one only a part of the last was to be seen, and what does as much of that part may do little of
+    the whole. Where the search ends with it, which has no catalogue then, the next one judges it.
+    """
+    # A probe's columns may hold those of a name: it is a later name that makes an earlier one superfluous.
+    needed = _without_superfluous(bench, found, [*finer, *aside[1:]])
+    gone = _gone(found, needed, "what was found later does it, too")
+    if not gone or known is None:
+        return needed, gone
+    last = found[-1]
+    steps.next(f"{reference_of(last.judged)} without what it makes superfluous")
+    added = [*finer, *aside, *(one.settled.raw for one in needed[:-1])]
+    left = [what for one in found if isinstance(what := one.judged.what, Candidate) and one not in needed]
+    looked = beside_drift(bench, look(bench, bench.space(added), [*candidates, *left], probes), added)
+    best = next((one for one in looked.candidates if one.what is last.judged.what), None)
+    formed = None if best is None else in_best_form(bench, looked, best, added)
+    if formed is not None:
+        needed[-1] = _found(bench, looked, *formed, added, known)
+    return needed, gone
 
 
 def _is_large_and_new(bench: Bench, settled: Settled, added: Sequence[Numbers], known: Sequence[str] | None) -> bool:
