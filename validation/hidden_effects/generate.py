@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from validation.hidden_effects.chain import BASE, CARRIERS, RELATIVE, Array, Displacements, nothing, places_mm
+from validation.hidden_effects.changed import CHANGED
 from validation.hidden_effects.kinds import Acting, Kind
 from validation.hidden_effects.limited import Limits, limited_plan
 from validation.hidden_effects.listed import LISTED
@@ -20,7 +21,7 @@ from validation.hidden_effects.visible import Projection, base_columns, rms_um
 from geoerr.machine import Machine
 from geoerr.observations import Observations, observations_from_columns
 
-KINDS: dict[str, Kind] = {**LISTED.kinds, **UNLISTED.kinds}
+KINDS: dict[str, Kind] = {**LISTED.kinds, **UNLISTED.kinds, **CHANGED.kinds}
 # Where less of an effect than this can be seen, the plan cannot carry it: it would have to be millimetres.
 LEAST_VISIBLE_SHARE = 0.01
 _STRENGTH_TOLERANCE = 0.002

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from validation.hidden_effects.cases import development_seed, study_seed
+from validation.hidden_effects.changed import CHANGED
 from validation.hidden_effects.generate import KINDS, CannotCarryError, Case, Hidden, generate
 from validation.hidden_effects.listed import LISTED
 from validation.hidden_effects.unlisted import UNLISTED
@@ -29,9 +30,17 @@ PAIR_STRENGTH_UM = 4.0
 OFF_FORMULA, OFF_STRENGTH_UM = 0.3, 8.0
 # The volume is seen from the floor and from the work by turns.
 PLAN_ORDER = ("nine-lines", "volume-relative", "mixed", "nine-lines", "volume-floor", "mixed")
-PARTS = ("nulls", "single", "pairs", "off-formula", "unlisted", "large")
+PARTS = ("nulls", "single", "pairs", "off-formula", "unlisted", "large", "changed")
 # How many sets each cell has by default.
-USUAL_NUMBER = {"nulls": 200, "single": 20, "pairs": 200, "off-formula": 20, "unlisted": 20, "large": 20}
+USUAL_NUMBER = {
+    "nulls": 200,
+    "single": 20,
+    "pairs": 200,
+    "off-formula": 20,
+    "unlisted": 20,
+    "large": 20,
+    "changed": 20,
+}
 _SEEDS_OF_A_PART, _SEEDS_OF_A_SET = 100_000, 10
 
 
@@ -124,6 +133,8 @@ def _cells(part: str, number: int) -> Iterator[tuple[str, tuple[Hidden, ...], fl
     elif part == "off-formula":
         even = [kind for kind in LISTED.kinds if KINDS[kind].off_axis]
         yield from ((kind, (Hidden(kind, off_formula=OFF_FORMULA),), OFF_STRENGTH_UM) for kind in even)
+    elif part == "changed":
+        yield from ((kind, (Hidden(kind),), size) for kind in CHANGED.kinds for size in STRENGTHS_UM)
     else:
         yield from ((kind, (Hidden(kind),), size) for kind in UNLISTED.kinds for size in UNLISTED_STRENGTHS_UM)
 

@@ -337,6 +337,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Sequence[Line]], str]]] = {
     "off-formula": ("30 % off the formula", off_formula),
     "unlisted": ("Not in the catalogue", unlisted),
     "large": ("One effect of three and ten times the noise", single),
+    "changed": ("What changed between two sessions", single),
 }
 
 
