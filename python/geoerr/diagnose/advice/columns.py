@@ -82,7 +82,7 @@ class Terms:
         clock_from_s
             When these rows begin on the clock of all sessions.
         as_in_session
-            What changes from session to session is as in that one in all of these rows; None where they are their own.
+            What changes from session to session is as in that one in all rows; None where each has its own.
         """
         variables = read_columns(sightings, self.compiled.variables)
         if CLOCK_NAME in self.compiled.variables:
