@@ -1,6 +1,7 @@
 """What chance finds in one search and in the best of several."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,3 +46,13 @@ def test_a_search_of_nothing_takes_no_part() -> None:
     nothing = Null(np.full(N_DRAWS, -math.inf))
     assert p_value_of_all([(few, 30.0), (nothing, -math.inf)]) == pytest.approx(few.p_value(30.0), rel=1e-9)
     assert p_value_of_all([(nothing, -math.inf)]) == 1.0
+
+
+def test_what_chance_has_two_searches_for_is_twice_as_likely() -> None:
+    rng = np.random.default_rng(8)
+    one = Null(_largest(rng, SIZES[0], N_DRAWS))
+    two = replace(one, n_searches=2)
+    found = float(np.quantile(one.largest, 0.99))
+    assert two.p_value(found) == 2.0 * one.p_value(found)
+    assert two.p_value(float(one.largest.min())) == 1.0
+    assert p_value_of_all([(two, found)]) == 2.0 * p_value_of_all([(one, found)])

@@ -66,9 +66,16 @@ def largest_surprise(groups: Iterable[tuple[Numbers, int]], n_draws: int) -> Num
 
 @dataclass(frozen=True, eq=False)
 class Null:
-    """The largest surprise of every draw, (n_draws,)."""
+    """The largest surprise of every draw, (n_draws,).
+
+    Attributes
+    ----------
+    n_searches
+        How many such searches chance may be seen in, where any one of them decides (Bonferroni).
+    """
 
     largest: Numbers
+    n_searches: int = 1
 
     @cached_property
     def _tail(self) -> tuple[float, float]:
@@ -89,7 +96,10 @@ class Null:
         return np.asarray((found - where) / scale)
 
     def p_value(self, found: float) -> float:
-        """Give the probability that chance finds as much anywhere in the search."""
+        """Give the probability that chance finds as much anywhere in the search, or in one of as many searches."""
+        return min(self.n_searches * self._p_value_of_one(found), 1.0)
+
+    def _p_value_of_one(self, found: float) -> float:
         above = int((self.largest >= found).sum())
         share = (1 + above) / (len(self.largest) + 1)
         if above >= _FEW or not math.isfinite(found):
@@ -106,5 +116,8 @@ def p_value_of_all(searches: Sequence[tuple[Null, float]]) -> float:
     known = [(null, found) for null, found in searches if not null.is_empty]
     if not known:
         return 1.0
-    drawn = Null(np.max([null.standardized(null.largest) for null, _ in known], axis=0))
+    drawn = Null(
+        np.max([null.standardized(null.largest) for null, _ in known], axis=0),
+        max(null.n_searches for null, _ in known),
+    )
     return drawn.p_value(max(float(null.standardized(found)) for null, found in known))

@@ -85,7 +85,16 @@ def _searched(
     """Search, and search again beside what was large; give the last search and the fit that it was of."""
     again, explained, beside_large = fitted, None, list[str]()
     rounds = RoundSteps(steps)
-    looked_for = partial(search, offers=offers, doubt=doubt, with_unread=with_unread, steps=rounds, threads=threads)
+    looked_for = partial(
+        search,
+        offers=offers,
+        doubt=doubt,
+        with_unread=with_unread,
+        # What nothing is found in without some rows is searched again with them.
+        n_searches=2 if unread_rows(fitted.sightings).any() else 1,
+        steps=rounds,
+        threads=threads,
+    )
     searched: Searched | None = None
     for _ in range(_MOST_TIMES):
         # What the one before was judged in is gigabytes of many rows.

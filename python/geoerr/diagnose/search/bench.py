@@ -35,7 +35,7 @@ class Bench:
 
     `explained` (n, 3) is what an earlier search explained of the fit's residual, as `whitened_space` takes it;
     `left_out` (n,) tells rows that do not count, besides those that the fit does not use; `doubt` (n, 3, k) how far a
-    model that is given may be off (`own_doubt`).
+    model that is given may be off (`own_doubt`); `n_searches` in how many searches chance may be seen (`Null`).
     """
 
     def __init__(
@@ -47,10 +47,11 @@ class Bench:
         explained: Numbers | None = None,
         left_out: np.ndarray | None = None,
         doubt: Numbers | None = None,
+        n_searches: int = 1,
         threads: int = 0,
     ) -> None:
         self.fitted, self.functions, self.names, self.threads = fitted, functions, tuple(names), threads
-        self.explained, self.doubt = explained, doubt
+        self.explained, self.doubt, self.n_searches = explained, doubt, n_searches
         solved = fitted.solved
         used = solved.used if left_out is None else solved.used & ~left_out
         self.rows = (fitted.sightings.is_measured & used[:, None]).astype(np.float64)
@@ -71,6 +72,7 @@ class Bench:
             explained=self.explained,
             left_out=left_out | ~self.rows.any(axis=1),
             doubt=self.doubt,
+            n_searches=self.n_searches,
             threads=self.threads,
         )
         bench.noise, bench.held_out = self.noise, self.held_out

@@ -106,7 +106,7 @@ def look(bench: Bench, space: Space, candidates: Sequence[Candidate], probes: Se
             waves, drawn = hums(bench, space, scanner)
             own = [*(wave for wave in waves if not _is_of_a_variable(wave, own)), *own]
             largest = np.maximum(largest, drawn)
-        null = Null(largest)
+        null = Null(largest, bench.n_searches)
         nulls.append(null)
         own = [
             replace(one, p_value=null.p_value(one.surprise))

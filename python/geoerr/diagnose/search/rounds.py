@@ -133,6 +133,7 @@ def search(
     ends_beside_large: Sequence[str] | None = None,
     doubt: Numbers | None = None,
     with_unread: bool = False,
+    n_searches: int = 1,
     steps: RoundSteps | None = None,
     threads: int = 0,
 ) -> Searched:
@@ -152,6 +153,8 @@ def search(
         How far a given model may be off (`geoerr.diagnose.own_uncertainty.own_doubt`).
     with_unread
         Let rows take part in which a temperature is unknown, and look for nothing that follows it.
+    n_searches
+        How many searches there may be, of which this is one: p-values are as many times larger.
     steps
         Told what is looked at next.
     """
@@ -163,7 +166,16 @@ def search(
     unread, candidates, smooth = _taking_part(fitted, candidates, smooth, with_unread=with_unread)
     everything: list[Candidate | Probe] = [*candidates, *smooth]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
-    bench = Bench(fitted, functions, names=names, explained=explained, left_out=unread, doubt=doubt, threads=threads)
+    bench = Bench(
+        fitted,
+        functions,
+        names=names,
+        explained=explained,
+        left_out=unread,
+        doubt=doubt,
+        n_searches=n_searches,
+        threads=threads,
+    )
     found: list[Found] = []
     unknown: Found | None = None
     # Columns of what has no name: of its probe, and where it is left of a name what is uneven or bent in that.
