@@ -4,7 +4,7 @@ Strengths here are those of a unit effect of some micrometres; `generate` scales
 the session, lengths and periods in the ranges that machines have. Not made, because nothing in these plans can show
 them: `homing-offset` and `tool-offset` (poses and constants absorb them), `rig-scale` (the axes' scales and the
 targets' places do), the classic errors (they are the base), `outlier-pass` and `heat-haze` (noise, not displacement),
-and what belongs to circular tests.
+and what belongs to circular tests. What changes between sessions is in `changed`.
 """
 
 from __future__ import annotations
