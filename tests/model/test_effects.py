@@ -37,7 +37,7 @@ def test_as_a_term_of_a_model(effect_id: str) -> None:
     q = np.random.default_rng(0).uniform(1.0, 399.0, (5, 3))
     for term in candidates(effect_id):
         model = Model(machine()) + term
-        at = {name: -1.0 if name.startswith("d_") else 1.5 for name in model.conditions}
+        at = {name: {"d": -1.0, "session": 1.0}.get(name.partition("_")[0], 1.5) for name in model.conditions}
         error = model.error_mm(q, OFFSET, at=at)
         assert np.isfinite(error).all()
         if term.is_rig:
