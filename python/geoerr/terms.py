@@ -599,6 +599,18 @@ class Term:
         """Whether it hums or breathes without a cause: nobody knows how it will stand when a program runs."""
         return self.kind == EMPIRICAL and bool(self.inner)
 
+    def in_session(self, number: int) -> Term:
+        """Give what it is in one of the sessions that it was fitted to, whatever session rows are of.
+
+        A wave in time stays as it is: of another time it says nothing.
+        """
+        if SESSION_NAME not in self.variables or self.is_wave_in_time:
+            return self
+        session = (SESSION_NAME, str(number))
+        return replace(
+            self, parts=tuple(replace(part, definitions=(*part.definitions, session)) for part in self.parts)
+        )
+
     @property
     def channels(self) -> tuple[str, ...]:
         """Channels of the parts, each once, in order."""

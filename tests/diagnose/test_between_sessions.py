@@ -140,3 +140,16 @@ def test_beside_a_held_model_the_difference_is_told_and_no_effect_to_add() -> No
     # Its worth is what no frame takes over, however unsure the model is of it.
     assert first.worth_um == pytest.approx(seen_um(later), rel=0.1)
     assert not any("geoerr add" in line for line in diagnosis_lines(found, "geoerr diagnose", ""))
+
+
+def test_a_model_with_a_change_holds_later_measurements_as_its_last_session_was() -> None:
+    fitted = fit_model(machine(), observed(knocked(moved()), moved()), effects=["squareness-change:yz"]).model
+    later = motion(np.random.default_rng(8), replace(PLAN, n_sessions=1))
+    # On the whole new file the column leans as since the knock, whatever its session is called.
+    leaning = np.outer(1e3 * CHANGE_RAD * later.q[:, 2], [0.0, 1.0, 0.0])
+    found = diagnose(fitted, observed(leaning, later), threads=1)
+    assert found.verdict == "nothing-missing"
+    back = diagnose(fitted, observed(0.0, later), threads=1)
+    assert str(back.found[0].reference) == "squareness:yz"
+    (angle,) = back.found[0].term.coefficients
+    assert abs(abs(angle.value) - CHANGE_RAD) < 5.0 * angle.std

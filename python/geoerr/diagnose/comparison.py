@@ -38,6 +38,7 @@ from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import with_rows
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
+from geoerr.model.sessions import terms_since_last_session
 from geoerr.model.tables import terms_of_errors
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.terms import Term
@@ -300,7 +301,8 @@ def compare(
             threads=threads,
         )
     else:
-        fitted = frames_only(_refusing_unknown(model).machine, sightings, terms, threads=threads)
+        now = (*terms_of_errors(model.errors), *terms_since_last_session(_refusing_unknown(model)))
+        fitted = frames_only(model.machine, sightings, now, threads=threads)
     return Comparison(model, "own" if is_own else "refit" if refit else "held", fitted, compared)
 
 
