@@ -401,7 +401,7 @@ def test_a_machine_that_changed_is_corrected_as_it_was_in_a_session_that_was_mea
     assert compensate_bytes(model, program, at={"session": 1})[0] == program
     with pytest.raises(GeoerrError, match=r"session \(which of the measured sessions .* the data had session 0 to 2"):
         compensate_bytes(model, program)
-    with pytest.raises(GeoerrError, match="session = 3 is extrapolated"):
+    with pytest.raises(GeoerrError, match="session 3 is none that was measured: the model's are 0 to 2"):
         compensate_bytes(model, program, at={"session": 3})
     for number in (1.5, -1.0, np.nan):
         with pytest.raises(GeoerrError, match="no number of a session"):

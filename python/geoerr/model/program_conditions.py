@@ -87,6 +87,8 @@ class Extrapolated:
 
     def __str__(self) -> str:
         """Say it in one sentence."""
+        if self.name == SESSION_NAME:
+            return f"session {self.value:g} is none that was measured: the model's are {self.low:g} to {self.high:g}"
         unit = " °C" if is_temperature(self.name) else ""
         side = "above" if self.value > self.high else "below"
         span = f"{self.low:g} to {self.high:g}{unit}" if self.high > self.low else f"nothing but {self.low:g}{unit}"
