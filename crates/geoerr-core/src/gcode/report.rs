@@ -23,6 +23,8 @@ pub enum WarningKind {
     OutsideMeasured,
     /// A move that had to stay whole because of its `E`.
     NotSplit,
+    /// Firmwares read an `E` differently.
+    ExtrusionUnclear,
     /// Another tool.
     OtherTool,
     /// An axis of which it is not known from where it came.
@@ -48,6 +50,7 @@ impl WarningKind {
             Self::PositionUnknown => "position-unknown",
             Self::OutsideMeasured => "outside-measured",
             Self::NotSplit => "not-split",
+            Self::ExtrusionUnclear => "extrusion-unclear",
             Self::OtherTool => "other-tool",
             Self::DirectionUnknown => "direction-unknown",
             Self::SpeedFromFeed => "speed-from-feed",
@@ -74,6 +77,7 @@ impl WarningKind {
             Self::PositionUnknown => "the position is not known yet (start, homing, or an untouched line before): moves pass through untouched until X, Y and Z have all been given; --home tells where homing leaves the machine".to_owned(),
             Self::OutsideMeasured => "outside the measured range: the last measured errors are held".to_owned(),
             Self::NotSplit => "corrected at its end but not split, because firmwares read its E differently (--firmware)".to_owned(),
+            Self::ExtrusionUnclear => "firmwares read its E differently, as a position or as an increment: the extruded lengths are those of Marlin's reading; --firmware says whose they are to be".to_owned(),
             Self::DirectionUnknown => "an axis has not moved yet since its place became known: what depends on its direction of approach is left out until it has".to_owned(),
             Self::SpeedFromFeed => "errors that depend on speed are corrected for the feed as programmed: near corners, where the machine brakes, they are smaller (v_x=0, v_y=0, v_z=0 as conditions leave out what follows a speed)".to_owned(),
             Self::SpeedUnknown => "the speed of this move is not known (no feed yet, a feed per turn, or a rapid whose speed only the controller knows; --firmware says that G0 takes the feed): what depends on it is taken as at rest, a curve at the lowest speed that it was made of".to_owned(),

@@ -144,7 +144,21 @@ fn a_split_move_with_unclear_extrusion_needs_the_firmware() {
     }
     let whole = run(machine(), passing(), program).unwrap();
     assert_eq!(whole.summary.moves_out, 2);
-    assert_eq!(whole.warning_names(), ["not-split"]);
+    assert_eq!(whole.warning_names(), ["extrusion-unclear", "not-split"]);
+}
+
+#[test]
+fn whose_reading_of_an_unclear_extrusion_is_told_is_said() {
+    // Marlin extrudes to 10 and to 12, others 10 and 12 more.
+    let program = "M83\nG90\nG1 X0 Y0 Z0 E10\nG1 E12\n";
+    let told = run(scaled(), options(), program).unwrap();
+    assert_eq!(told.warning_names(), ["extrusion-unclear"]);
+    assert_eq!(told.warnings[0].count, 2);
+    assert_eq!(told.summary.extrusion_in, 12 * 10_i128.pow(18));
+    let named = Options { firmware: Some(Firmware::Klipper), ..options() };
+    let known = run(scaled(), named, program).unwrap();
+    assert!(known.warning_names().is_empty());
+    assert_eq!(known.summary.extrusion_in, 22 * 10_i128.pow(18));
 }
 
 #[test]

@@ -468,7 +468,7 @@ impl Reader {
             After::AtItsEnd => {
                 let words_mm = words.axes_mm(unit_mm(self.modes.is_inch));
                 if let (Ok(_), Some(number)) = (words_mm, words.extruder.and_then(|word| word.number())) {
-                    self.extrude(number);
+                    self.extrude(number, body);
                 }
                 match words_mm {
                     Ok(words_mm) if words.has_axes() => {

@@ -106,7 +106,7 @@ impl Reader {
         forget: Mask,
         body: &[u8],
     ) -> Step {
-        let (share, extrusion) = extruder.map_or((Share::None, 0), |number| self.extrude(number));
+        let (share, extrusion) = extruder.map_or((Share::None, 0), |number| self.extrude(number, body));
         if words_mm.is_none() {
             return Step::pass(Effects { forget, ..Effects::default() });
         }
@@ -177,8 +177,11 @@ impl Reader {
     }
 
     /// Moves the extruder by the line's `E`.
-    pub(super) fn extrude(&mut self, number: Decimal) -> (Share, i128) {
+    pub(super) fn extrude(&mut self, number: Decimal, body: &[u8]) -> (Share, i128) {
         let (share, extrusion) = self.extrusion.advance(number);
+        if share == Share::Unclear && !number.is_cut {
+            self.warn(WarningKind::ExtrusionUnclear, body);
+        }
         let extrusion_mm = in_mm(extrusion, self.modes.is_inch);
         self.summary.extrusion_in += extrusion_mm;
         self.summary.extrusion_out += extrusion_mm;
