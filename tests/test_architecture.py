@@ -17,11 +17,12 @@ PACKAGE = Path(geoerr.__file__).parent
 BASE = {"drawing", "errors", "files", "quoted_cells", "summaries", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
-MODEL = TABLES | CORE | {"distributions", "terms", "bases", "effects", "model"}
+MODEL = TABLES | CORE | {"commanded_circle", "distributions", "terms", "bases", "effects", "model"}
 WORK = {"vision", "fit", "diagnose", "identify", "states", "budget", "compensate", "verify", "simulate"}
 ALLOWED: dict[str, set[str]] = {
     "drawing": set(),
     "errors": set(),
+    "commanded_circle": set(),
     "distributions": set(),
     "installation": set(),
     "summaries": set(),

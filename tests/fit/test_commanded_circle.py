@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from geoerr.fit.commanded_circle import circle_through, on_their_circle, plane_of
+from geoerr.commanded_circle import circle_through, on_their_circle, plane_of
 
 CENTRE_MM, RADIUS_MM = np.array([210.1234567, 50.0, 260.7654321]), 99.87654
 ANGLE_RAD = np.linspace(0.1, 5.9, 181)

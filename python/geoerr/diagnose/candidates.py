@@ -54,6 +54,8 @@ _DEEPEST = 14
 # Times that the span is halved in which an effect fades from sight.
 _HALVINGS = 12
 _MOST_TRIALS = 4000
+# A machine that changed between sessions is measured in a few; where each line is a session of its own nothing tells.
+_MOST_SESSIONS = 24
 _ROWS_TO_COMPARE = 300
 # A formula is affine in a parameter where the middle is the mean of the ends to this share.
 _AFFINE = 1e-9
@@ -253,7 +255,12 @@ def _why_not(effect: Effect, fitted: Fitted, columns: Sequence[str], is_circular
         return "is found by a check of its own, not by a formula"
     if effect.offered_as is not None:
         return f"is offered as {effect.offered_as}"
-    return effect.wanting(columns, n_sessions=len(fitted.sightings.sessions), is_circular=is_circular)
+    n_sessions = len(fitted.sightings.sessions)
+    if effect.each_session and is_circular:
+        return "wanting: points alone (each circular run is a session of its own, and would have its own)"
+    if effect.each_session and n_sessions > _MOST_SESSIONS:
+        return f"wanting: {_MOST_SESSIONS} sessions or fewer (of more, it would be a number for nearly every line)"
+    return effect.wanting(columns, n_sessions=n_sessions, is_circular=is_circular)
 
 
 def _still_axes(fitted: Fitted) -> set[str]:

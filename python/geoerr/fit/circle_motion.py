@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoerr.fit.commanded_circle import circle_through, plane_of
+from geoerr.commanded_circle import circle_through, plane_of
 from geoerr.fit.sightings import Numbers, Sightings
 
 # Commanded points farther from their circle than this share of its radius lie on none: told by the order of rows.

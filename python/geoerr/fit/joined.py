@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr.commanded_circle import on_their_circle
 from geoerr.errors import GeometryError
 from geoerr.fit.arguments import check_tables
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
-from geoerr.fit.commanded_circle import on_their_circle
 from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.noise import in_the_way_of_repeats
 from geoerr.fit.passes import passes_of

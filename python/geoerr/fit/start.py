@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr import _core
+from geoerr.commanded_circle import circle_through
 from geoerr.errors import GeometryError
-from geoerr.fit.commanded_circle import circle_through
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import Machine
 from geoerr.observations import CARRIERS

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr.commanded_circle import far_from_radius, no_radius, on_their_circle
 from geoerr.drawing import drawn
 from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
@@ -553,16 +554,20 @@ def _compare_run(
     conditions = conditions_on_circle(model, circle, commanded, _direction(frame, angle) or 1, at)
     actual = commanded + model.error_mm(commanded, at=conditions)
     predicted = _trace(circle, commanded, actual)
-    points = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    measured = Trace(circle, angle, points, fit_circle(points))
     third = circle.axes[2]
+    set_up = fit_set_up(predicted.points_mm, actual[:, third], radius)
+    # A bar measures from where it stands, which is not the commanded centre: laid at the commanded angle a radius
+    # from elsewhere would make two lobes of e²/R out of a circle.
+    arm = predicted.points_mm - set_up.center_mm
+    points = set_up.center_mm + arm * (radius / np.hypot(*arm.T))[:, None]
+    measured = Trace(circle, angle, points, fit_circle(points))
     return (
         MeasuredRun(
             name=name,
             direction=_direction(frame, angle),
             measured=measured,
             predicted=predicted,
-            set_up=fit_set_up(predicted.points_mm, actual[:, third], radius),
+            set_up=set_up,
         ),
         problems,
     )
@@ -582,17 +587,23 @@ def _checked_run(
     for index in np.flatnonzero(off):
         problem = f"the commanded position is not on the run's circle of radius {circle.radius_mm:.6g} mm"
         problems.append(RowProblem(path, rows[index], "x y z", problem))
-    if float(np.median(radius)) < circle.radius_mm / 2.0:
+    remedy = no_radius(radius, circle.radius_mm)
+    if remedy is not None:
         raise InputFileError(
             path,
             f"the median is {np.median(radius):g} mm on a circle of radius {circle.radius_mm:.6g} mm",
             row=rows[0],
             column="r",
-            remedy="r is the measured radius in mm, not its deviation",
+            remedy=remedy,
         )
-    keep = ~off
+    mistaken = far_from_radius(radius, circle.radius_mm)
+    problems += [
+        RowProblem(path, rows[index], "r", f"{radius[index]:g} mm on a circle of radius {circle.radius_mm:.6g} mm")
+        for index in np.flatnonzero(mistaken & ~off)
+    ]
+    keep = ~off & ~mistaken
     kept_rows = [row for row, good in zip(rows, keep, strict=True) if good]
-    return circle, commanded[keep], radius[keep], kept_rows, problems
+    return circle, on_their_circle(commanded[keep]), radius[keep], kept_rows, problems
 
 
 def _commanded_circle(frame: pl.DataFrame, path: str) -> tuple[CircleOfCommands, npt.NDArray[np.bool_]]:

@@ -562,6 +562,9 @@ def _run_figures(searched: Searched) -> tuple[RunFigures, ...]:
         def deviation(values: np.ndarray, circle: np.ndarray = circle) -> float:
             return float(np.ptp(values - circle @ (circle.T @ values)))
 
+        radius_um = runs.measured_um[own]
+        # Seen from beside the centre the square of a circle's radius is a wave exactly, the radius itself is not.
+        from_elsewhere = radius_um**2 / (2.0 * float(radius_um.mean()))
         feed = float(runs.feed_mm_min[number])
         figures.append(
             RunFigures(
@@ -570,7 +573,7 @@ def _run_figures(searched: Searched) -> tuple[RunFigures, ...]:
                 int(runs.sense[number]),
                 feed if math.isfinite(feed) else None,
                 own.stop - own.start,
-                deviation(runs.measured_um[own]),
+                deviation(from_elsewhere),
                 deviation(explained[own]),
                 deviation(signal[own] - explained[own]),
             )

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
+from geoerr.commanded_circle import circle_through, far_from_radius, no_radius, plane_of
 from geoerr.errors import GeometryError
 from geoerr.fit import Fitted
-from geoerr.fit.commanded_circle import circle_through, plane_of
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s
 from geoerr.observations import CircularTest
@@ -318,8 +318,11 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
     off |= np.abs(q[:, third] - np.median(q[:, third])) > _OFF_CIRCLE * radius
     if off.sum() * 2 >= part.height:
         return none("most commanded positions lie on no common circle in a plane of the machine")
-    if float(np.median(part["r"].to_numpy())) < radius / 2.0:
-        return none(f"r is no radius: its median is {np.median(part['r'].to_numpy()):g} mm", "r")
+    measured = part["r"].to_numpy().astype(np.float64)
+    remedy = no_radius(measured, radius)
+    if remedy is not None:
+        return none(f"r is no radius: its median is {np.median(measured):g} mm of {radius:.6g}: {remedy}", "r")
+    mistaken = far_from_radius(measured, radius) & ~off
     arm = q[~off][:, [first, second]] - centre
     covered = np.sort(np.mod(np.arctan2(arm[:, 1], arm[:, 0]), 2.0 * np.pi))
     gaps = np.diff(np.append(covered, covered[0] + 2.0 * np.pi))
@@ -341,7 +344,13 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
         RowProblem(path, int(part["file_row"][int(index)]), "x y z", "the commanded position is not on the circle")
         for index in np.flatnonzero(off)
     ]
-    return part.filter(pl.Series(~off)), strays
+    strays += [
+        RowProblem(
+            path, int(part["file_row"][int(index)]), "r", f"{measured[index]:g} mm of a radius of {radius:.6g}"
+        )
+        for index in np.flatnonzero(mistaken)
+    ]
+    return part.filter(pl.Series(~off & ~mistaken)), strays
 
 
 def _arms(part: pl.DataFrame) -> tuple[Numbers, float]:

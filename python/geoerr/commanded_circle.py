@@ -13,6 +13,8 @@ _STEPS_MM = tuple(10.0**-digits for digits in range(2, 7))
 _MULTIPLE = 1e-6
 # A rounded point is off by half the diagonal of a step's square at most; centre and radius are off by a little more.
 _ROUNDED_OFF = 0.75
+# Of the radius: what is off by more than half of it is another quantity or a mistake, not an error of a machine.
+_OTHER_QUANTITY = 0.5
 
 
 def plane_of(points_mm: Numbers) -> tuple[int, int, int]:
@@ -28,6 +30,21 @@ def circle_through(points_mm: Numbers) -> tuple[Numbers, float]:
     found = np.linalg.lstsq(design, ((points_mm - origin) ** 2).sum(axis=1), rcond=None)[0]
     centre = origin + found[:2]
     return centre, float(np.hypot(*(points_mm - centre).T).mean())
+
+
+def no_radius(measured_mm: Numbers, radius_mm: float) -> str | None:
+    """Say what to do where measured numbers (n,) are no radii of a commanded circle; None where they are."""
+    middle = float(np.median(measured_mm))
+    if middle < (1.0 - _OTHER_QUANTITY) * radius_mm:
+        return "r is the measured radius in mm, not its deviation"
+    if middle > (1.0 + _OTHER_QUANTITY) * radius_mm:
+        return "r is the measured radius in mm, not the diameter"
+    return None
+
+
+def far_from_radius(measured_mm: Numbers, radius_mm: float) -> npt.NDArray[np.bool_]:
+    """Tell which measured radii (n,) no machine can have made."""
+    return np.asarray(np.abs(measured_mm - radius_mm) > _OTHER_QUANTITY * radius_mm)
 
 
 def on_their_circle(points_mm: Numbers) -> Numbers:
