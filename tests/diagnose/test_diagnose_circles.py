@@ -294,8 +294,24 @@ def test_refusals() -> None:
     with pytest.raises(GeometryError, match="covers 118°"):
         diagnose_circles(MODEL, quarter)
     deviations = CircularTest(short.frame.with_columns(pl.col("r") - R_MM), ("memory",))
-    with pytest.raises(GeometryError, match="no radius"):
+    with pytest.raises(GeometryError, match=r"no radius.*not its deviation"):
         diagnose_circles(MODEL, deviations)
+    diameters = CircularTest(short.frame.with_columns(pl.col("r") * 2.0), ("memory",))
+    with pytest.raises(GeometryError, match=r"no radius.*not the diameter"):
+        diagnose_circles(MODEL, diameters)
+
+
+def test_a_base_beside_the_centre_is_no_deviation() -> None:
+    """A perfect circle of 100 mm seen from 1 mm beside its centre: its radii are no sine, by 5 µm."""
+    theta = np.tile(np.arange(360) * 2.0 * np.pi / 360.0, 2)
+    x, y = 100.0 * np.cos(theta), 100.0 * np.sin(theta)
+    radius = np.hypot(x - 0.8, y + 0.6) + 1e-4 * np.random.default_rng(2).standard_normal(720)
+    columns = {"line": ["XY"] * 720, "dir": [1] * 720, "feed": [1000.0] * 720, "repeat": [0] * 360 + [1] * 360}
+    frame = pl.DataFrame(columns | {"x": x + 200.0, "y": y + 200.0, "z": np.zeros(720), "r": radius})
+    diagnosis = diagnose_circles(MODEL, CircularTest(frame, ("memory",)))
+    for one in diagnosis.runs:
+        assert one.circular_deviation_um < 1.0
+        assert one.circular_deviation_um == pytest.approx(one.rest_um, rel=0.05)
 
 
 def test_a_sense_against_the_times_is_refused_and_rows_by_angle_are_turned() -> None:
@@ -313,10 +329,12 @@ def test_a_sense_against_the_times_is_refused_and_rows_by_angle_are_turned() -> 
     kept, problems, _ = checked((CircularTest(half, ("memory",)),))
     assert kept[0].frame.height == 180
     assert [(one.row, one.column) for one in problems] == [(182, "dir")]
-    # Without times the order of rows need not be that of time.
+    # Without times the order of rows need not be that of time; but if it is, dir is wrong, which is said.
     by_angle = pl.concat([runs[0], runs[1].reverse()])
-    turned, problems, _ = checked((CircularTest(by_angle, ("memory",)),))
+    turned, problems, notes = checked((CircularTest(by_angle, ("memory",)),))
     assert not problems
+    assert any("in 1 of 2 runs the rows go round the other way than dir says" in note for note in notes)
+    assert not any("other way" in note for note in checked((CircularTest(pl.concat(runs), ("memory",)),))[2])
     back = turned[0].frame.filter(pl.col("dir") == -1)
     assert back["x"].to_list() == runs[1]["x"].to_list()
     assert (np.diff(back["t"].to_numpy()) > 0.0).all()

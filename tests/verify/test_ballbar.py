@@ -150,6 +150,38 @@ def test_a_measured_trace_of_the_same_machine_leaves_only_its_noise(tmp_path, pl
         )
 
 
+def test_a_base_beside_the_centre_makes_no_lobes(tmp_path):
+    """Laid at the commanded angle a perfect circle of 100 mm seen from 1 mm beside it is out of round by 10 µm."""
+    machine = Model(wavy().machine)
+    path = measured_file(tmp_path / "trace.csv", machine, circle_to_test(machine), centre=(0.8, -0.6))
+    ((run,), _) = compare_with_measured(machine, read_circular_test(path))
+    # The bar is 0.05 mm longer than it says, which points a little elsewhere from elsewhere.
+    assert run.measured.circular_deviation_mm < 1e-5
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_positions_that_were_rounded_are_no_error_of_the_machine(tmp_path, digits):
+    machine = Model(wavy().machine)
+    path = measured_file(tmp_path / "trace.csv", machine, circle_to_test(machine), noise_mm=1e-4)
+    pl.read_csv(path).with_columns(pl.col("x", "y").round(digits)).write_csv(path)
+    ((run,), _) = compare_with_measured(machine, read_circular_test(path))
+    assert run.predicted.circular_deviation_mm < 1e-9
+    # The angle of a point is rounded, too: a hundredth of a millimetre along a circle that is 0.36 mm off centre.
+    assert run.set_up.rms_mm < 1.3e-4
+
+
+def test_one_mistaken_radius_is_set_aside(tmp_path):
+    machine = wavy()
+    path = measured_file(tmp_path / "trace.csv", machine, circle_to_test(machine))
+    lines = path.read_text().splitlines()
+    words = lines[12].split(",")
+    lines[12] = ",".join([words[0], "1e9", *words[2:]])
+    path.write_text("\n".join(lines) + "\n")
+    ((run,), (problem,)) = compare_with_measured(machine, read_circular_test(path))
+    assert (problem.row, problem.column) == (13, "r")
+    assert run.set_up.rms_mm < 1e-6
+
+
 @pytest.mark.parametrize("runs", [("ccw", "cw"), ("cw", "ccw"), ("cw", "ccw", "cw")])
 @pytest.mark.parametrize("plane", ["XY", "YZ", "ZX"])
 def test_a_run_that_turns_round_is_two(tmp_path, plane, runs):
@@ -217,7 +249,8 @@ def test_bad_rows_are_named_and_the_rest_goes_on(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda frame: frame.with_columns(r=pl.col("r") - 100.0), "r is the measured radius"),
+        (lambda frame: frame.with_columns(r=pl.col("r") - 100.0), "not its deviation"),
+        (lambda frame: frame.with_columns(r=pl.col("r") * 2.0), "not the diameter"),
         (lambda frame: frame.with_columns(z=pl.col("x")), "all three axes move"),
         (
             lambda frame: frame.with_columns(x=pl.col("x") + 150.0),

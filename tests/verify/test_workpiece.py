@@ -231,3 +231,35 @@ def test_the_command_prints_table_4(tmp_path):
         assert f"{group['before']['rmse_um']:.1f} µm" in text.stdout
         assert group["before"]["rmse_um"] == pytest.approx(group["before"]["rmse_mm"] * 1e3)
     assert document["all"]["before"]["n"] == 80
+
+
+def two_components(turn_rad: float, **scaled: float):
+    """Give a part of a machine with a scale of X of 1e-4, measured in X and Y, as it lay on the table."""
+    x, y = (one.ravel() for one in np.meshgrid(np.linspace(0.0, 200.0, 6), np.linspace(0.0, 150.0, 6)))
+    seen_x, seen_y = x * (1.0 + 1e-4), y
+    turned = (
+        seen_x * np.cos(turn_rad) - seen_y * np.sin(turn_rad),
+        seen_x * np.sin(turn_rad) + seen_y * np.cos(turn_rad),
+    )
+    text = {"line": [f"h{number // 6}" for number in range(36)], "carrier": ["relative"] * 36}
+    factor = scaled.get("factor", 1.0)
+    return observations_from_columns(
+        {**text, "x": x, "y": y, "z": np.zeros(36), "mx": factor * turned[0], "my": factor * turned[1]}
+    )
+
+
+def test_a_part_that_lay_turned_is_told_as_that():
+    straight, turned = errors_of_points(two_components(0.0)), errors_of_points(two_components(1e-3))
+    assert not straight.notes
+    assert np.abs(straight.error_mm[:, 1]).max() < 1e-12
+    (note,) = turned.notes
+    assert "turned by +1 mrad" in note
+
+
+def test_what_is_in_another_unit_or_of_other_axes_is_refused():
+    with pytest.raises(InputFileError, match=r"do not follow the nominal ones.*\n?.*in mm"):
+        errors_of_points(two_components(0.0, factor=1.0 / 25.4))
+    good = two_components(0.0)
+    swapped = good.frame.rename({"mx": "my", "my": "mx"})
+    with pytest.raises(InputFileError, match="do not follow the nominal ones"):
+        errors_of_points(dataclasses.replace(good, frame=swapped))

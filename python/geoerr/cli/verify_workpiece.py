@@ -65,7 +65,7 @@ def _counts(group: GroupComparison) -> str:
 def _rmse(figures: GroupFigures | None) -> str:
     if figures is None:
         return f"{'–':>20}"
-    return f"{figures.rmse_mm:>7.4f} mm {figures.rmse_mm * 1e3:>6.1f} µm"
+    return f" {figures.rmse_mm:>6.4f} mm {figures.rmse_mm * 1e3:>6.1f} µm"
 
 
 def _ratio(group: GroupComparison) -> str:

@@ -6,7 +6,7 @@ saying which is which; here every group has its own before, after and ratio.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,11 @@ _UM_PER_MM = 1e3
 _NO_GROUP = "all points"
 # Nominal positions of two files are the same to their digits.
 _SAME_MM = 1e-3
+# Of what the nominal points span, or of a nominal length: what is off by more in the middle is in another unit, of
+# other axes or of another part. Inches are off by half of it.
+_STRANGE = 0.3
+# A turn that takes away this share of what is off is how the part lay, not what the machine did.
+_MOSTLY_TURNED = 0.5
 
 
 @dataclass(frozen=True)
@@ -225,6 +230,14 @@ def errors_of_lengths(lengths: Lengths) -> RelativeErrors:
     ends = frame.select("x1", "y1", "z1", "x2", "y2", "z2").to_numpy().astype(np.float64)
     nominal = np.linalg.norm(ends[:, 3:] - ends[:, :3], axis=1)
     error = frame["measured"].to_numpy().astype(np.float64) - nominal
+    _refuse_strangers(
+        lengths.sources,
+        "measured",
+        np.abs(error),
+        float(np.median(nominal)),
+        "the measured lengths",
+        "the nominal ones",
+    )
     return RelativeErrors(
         kind="lengths",
         group=_groups(frame),
@@ -278,7 +291,16 @@ def errors_of_points(observations: Observations) -> RelativeErrors:
     kept = observations.select(usable)
     if not len(kept):
         raise InputFileError(path, "no row has all components measured", row=rows[0], column=" ".join(names))
-    errors, first_points, is_first = _relative_to_first(kept)
+    errors, off_mm, first_points, is_first = _relative_to_first(kept)
+    nominal = kept.commanded_mm + kept.target_offset_mm
+    _refuse_strangers(
+        observations.sources,
+        " ".join(names),
+        np.linalg.norm(off_mm[:, components], axis=1),
+        float(np.ptp(nominal, axis=0).max()),
+        "the measured points",
+        "the nominal ones",
+    )
     if is_first.all():
         raise InputFileError(
             path,
@@ -293,6 +315,8 @@ def errors_of_points(observations: Observations) -> RelativeErrors:
             f"{path}: the first point of {len(started_late)} line(s) cannot be used; "
             "the errors of these lines refer to the next point"
         )
+    if len(components) == 2:
+        notes += _lay_turned(path, kept, nominal[:, components], kept.measured_mm[:, components])
     group = _groups(kept.frame)
     return RelativeErrors(
         kind="points",
@@ -304,6 +328,38 @@ def errors_of_points(observations: Observations) -> RelativeErrors:
         set_aside=tuple(sorted(problems, key=lambda problem: problem.row)),
         notes=tuple(notes),
     )
+
+
+def _refuse_strangers(
+    sources: Sequence[str], column: str, off_mm: Numbers, span_mm: float, what: str, others: str
+) -> None:
+    """Refuse numbers in another unit, of other axes, or of another part: half of them are off by too much."""
+    middle = float(np.median(off_mm)) if len(off_mm) else 0.0
+    if middle > _STRANGE * span_mm > 0.0:
+        raise InputFileError(
+            sources[0] if sources else "-",
+            f"{what} do not follow {others}: half of them are off by more than {middle:.4g} mm over {span_mm:.4g} mm",
+            column=column,
+            remedy="check that they are in mm, along the axes that their columns name, and of this program",
+        )
+
+
+def _lay_turned(path: str, kept: Observations, nominal: Numbers, measured: Numbers) -> Iterable[str]:
+    """Say of each session with two components how far the part lay turned, where that is most of what is off."""
+    sessions = np.asarray(kept.texts("session"))
+    for session in dict.fromkeys(sessions.tolist()):
+        rows = sessions == session
+        ideal, seen = (one[rows] - one[rows].mean(axis=0) for one in (nominal, measured))
+        turn = np.arctan2((ideal[:, 0] * seen[:, 1] - ideal[:, 1] * seen[:, 0]).sum(), (ideal * seen).sum())
+        back = seen @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        before, after = (float(np.sqrt(((one - ideal) ** 2).sum(axis=1).mean())) for one in (seen, back))
+        if after < _MOSTLY_TURNED * before:
+            which = "" if len(set(sessions.tolist())) == 1 else f" of session {session!r}"
+            yield (
+                f"{path}: two components are taken to be along the machine's axes; points{which} turned by "
+                f"{1e3 * turn:+.3g} mrad would be off by {_UM_PER_MM * after:.3g} µm and not by "
+                f"{_UM_PER_MM * before:.3g}: align the part where it is measured, or measure all three"
+            )
 
 
 @dataclass(frozen=True)
@@ -383,10 +439,11 @@ def predict_workpiece(
 
 def _relative_to_first(
     observations: Observations,
-) -> tuple[Numbers, dict[str, tuple[float, float, float]], npt.NDArray[np.bool_]]:
+) -> tuple[Numbers, Numbers, dict[str, tuple[float, float, float]], npt.NDArray[np.bool_]]:
+    """Give errors against the first point of each line, and against the middle of the session, (n, 3) each."""
     nominal = observations.commanded_mm + observations.target_offset_mm
     measured = observations.measured_mm
-    errors = np.full(nominal.shape, np.nan)
+    errors, off_mm = np.full(nominal.shape, np.nan), np.full(nominal.shape, np.nan)
     is_first = np.zeros(len(observations), dtype=bool)
     first_points: dict[str, tuple[float, float, float]] = {}
     sessions = np.asarray(observations.texts("session"))
@@ -394,12 +451,13 @@ def _relative_to_first(
         of_session = np.flatnonzero(sessions == session)
         in_base = _in_base_axes(nominal[of_session], measured[of_session])
         error = in_base - nominal[of_session]
+        off_mm[of_session] = error - error.mean(axis=0)
         for line, of_line in _lines(observations.frame[of_session]):
             errors[of_session[of_line]] = error[of_line] - error[of_line[0]]
             is_first[of_session[of_line[0]]] = True
             first = nominal[of_session[of_line[0]]]
             first_points[line] = (float(first[0]), float(first[1]), float(first[2]))
-    return errors, first_points, is_first
+    return errors, off_mm, first_points, is_first
 
 
 def _lines(frame: pl.DataFrame) -> Iterable[tuple[str, npt.NDArray[np.intp]]]:

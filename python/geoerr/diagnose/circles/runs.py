@@ -193,6 +193,13 @@ def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], 
             problems += found
             if kept is not None:
                 parts.append(kept)
+        turned = sum(_goes_against_dir(part) for part in parts)
+        if turned:
+            notes[
+                f"{path}: in {turned} of {len(parts)} runs the rows go round the other way than dir says, which is "
+                "right where they are in the order of their angles; in the order of measurement dir is wrong, and "
+                "what differs between the senses (backlash, servo) comes out with the opposite sign"
+            ] = None
         if parts:
             timed, told = _with_times(parts)
             notes |= dict.fromkeys(told)
@@ -372,6 +379,12 @@ def _sense(arm: Numbers) -> int:
     return int(np.sign(turned)) if abs(turned) > _LEAST_ARC_RAD / 2.0 else 0
 
 
+def _goes_against_dir(part: pl.DataFrame) -> bool:
+    """Tell whether rows without times run in the other sense than is stated."""
+    has_times = "t" in part.columns and not part["t"].null_count()
+    return not has_times and _sense(_arms(part)[0]) == -int(np.sign(part["dir"][0]))
+
+
 def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
     """Give the runs one after the other, with times that rise within each set-up."""
     notes = []
@@ -389,10 +402,10 @@ def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
             part = part.sort("t", maintain_order=True)
             t = part["t"].to_numpy().astype(np.float64)
         else:
-            arm, radius = _arms(part)
-            if _sense(arm) == -int(np.sign(part["dir"][0])):
+            if _goes_against_dir(part):
                 # Without times rows may be in the order of their angles.
-                part, arm = part.reverse(), arm[::-1]
+                part = part.reverse()
+            arm, radius = _arms(part)
             turned = np.abs(np.diff(np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))))
             speed = part["feed"].to_numpy().astype(np.float64) / 60.0
             t = np.concatenate([[0.0], np.cumsum(turned * radius / speed[1:])])
