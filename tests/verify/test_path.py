@@ -126,6 +126,23 @@ def test_another_extrusion_is_found_out(tmp_path):
     assert result.extrusion_out_mm == pytest.approx(23.50001, abs=1e-9)
 
 
+def test_filament_that_comes_in_one_heap_is_found_out(tmp_path):
+    """The whole move extrudes what it did: a piece too much of it, and the next so much less."""
+    machine = wavy()
+    program, output = written(tmp_path, "M82\nG1 X10 Y10 Z10 F1200\nG1 X300 Y40 E20\n"), tmp_path / "out.gcode"
+    compensate_program(machine, program, output, CompensationOptions(firmware="marlin"))
+    assert compare_paths(machine, program, output, firmware="marlin").moves_with_other_extrusion == 0
+    lines = output.read_text().splitlines()
+    places = [number for number, line in enumerate(lines) if " E" in line]
+    assert len(places) > 2
+    head, _, words = lines[places[0]].partition(" E")
+    lines[places[0]] = f"{head} E{float(words.split()[0]) + 2.0:.5f}"
+    heaped = written(tmp_path, "\n".join(lines) + "\n", "heaped.gcode")
+    result = compare_paths(machine, program, heaped, firmware="marlin")
+    assert result.moves_with_other_extrusion == 1
+    assert result.extrusion_out_mm == result.extrusion_in_mm
+
+
 @pytest.mark.parametrize(
     ("change", "problem"),
     [

@@ -125,7 +125,8 @@ def _report(result: PathResult) -> str:
 
 def _other_extrusion(result: PathResult) -> str:
     count = result.moves_with_other_extrusion
-    return f"{'1 move extrudes' if count == 1 else f'{count} moves extrude'} another length than before"
+    what = "1 move extrudes" if count == 1 else f"{count} moves extrude"
+    return f"{what} another length than before, or {'its' if count == 1 else 'their'} pieces not in proportion"
 
 
 def _other_feed(result: PathResult) -> str:

@@ -28,6 +28,8 @@ _BATCH_SAMPLES = 500_000
 _FEED_CHANGE = 0.01
 # Each leaves as much of the last change as errors change by a millimetre of travel: under a hundredth.
 _PLACE_STEPS = 4
+# What a piece extrudes may differ from its share of its move's by this part of the whole, and by its digits.
+_EXTRUSION_SHARE, _EXTRUSION_DIGITS_MM = 0.01, 1e-3
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class PathResult:
     extrusion_in_mm, extrusion_out_mm
         Net extruded length of both.
     moves_with_other_extrusion
-        Moves whose pieces together do not extrude what the move did.
+        Moves whose pieces together do not extrude what the move did, or share it otherwise than by their lengths.
     max_feed_change_percent, max_feed_change_line
         Largest difference of a piece's feed from that of its move, and the line of the corrected program where it is;
         100 % where a rapid move is none any more, or there was no feed. `compensate` keeps the feed.
@@ -147,13 +149,26 @@ class _Tally:
     feed_change: float = 0.0
     feed_change_line: int = 0
 
-    def add(self, move: Move, pieces: Sequence[Move], lines: Sequence[int]) -> None:
-        self.n_other_extrusion += sum(piece.extrusion for piece in pieces) != move.extrusion
+    def add(self, move: Move, pieces: Sequence[Move], ends: Sequence[float], lines: Sequence[int]) -> None:
+        """Count a move; `ends` are the shares of it at which its pieces are meant to end."""
+        is_other = sum(piece.extrusion for piece in pieces) != move.extrusion
+        self.n_other_extrusion += is_other or not _is_shared_by_length(move, pieces, ends)
         changes = [move.feed.change_to(piece.feed) for piece in pieces]
         largest = max(changes)
         self.n_other_feed += largest > _FEED_CHANGE
         if largest > self.feed_change:
             self.feed_change, self.feed_change_line = largest, lines[changes.index(largest)]
+
+
+def _is_shared_by_length(move: Move, pieces: Sequence[Move], ends: Sequence[float]) -> bool:
+    """Tell whether what a move extrudes is spread along its path, but for digits of words and what places are off."""
+    if move.start_mm is None:
+        return True
+    margin = _EXTRUSION_SHARE * abs(move.extrusion) + _EXTRUSION_DIGITS_MM * UNITS_PER_MM
+    shares = np.diff([0.0, *ends[:-1], 1.0]).tolist()
+    return all(
+        abs(piece.extrusion - share * move.extrusion) <= margin for piece, share in zip(pieces, shares, strict=True)
+    )
 
 
 class _Machine:
@@ -290,7 +305,7 @@ def _pieces(machine: _Machine, program: Path, batch: list[tuple[Run, Run]], tall
         first = 0
         for move, count in zip(run_in.moves, counts, strict=True):
             own = run_out.moves[first : first + count]
-            tally.add(move, own, run_out.numbers[first : first + count])
+            tally.add(move, own, shares[first : first + count], run_out.numbers[first : first + count])
             if move.start_mm is not None and own[0].start_mm is not None:
                 tally.n_compared += 1
                 ideal, before = move.start_mm, 0.0
