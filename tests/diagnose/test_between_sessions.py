@@ -9,9 +9,11 @@ import pytest
 from hidden_machine import Motion, Noise, Numbers, Plan, machine, measure, motion
 
 from geoerr.cli.diagnose_text import diagnosis_lines
-from geoerr.diagnose import Diagnosis, diagnose
+from geoerr.diagnose import Diagnosis, compare, diagnose
+from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_model, fit_terms
-from geoerr.observations import Observations
+from geoerr.model import FitRecord, Model
+from geoerr.observations import Lengths, Observations
 
 WHITE = Noise(white=(2.0, 2.0, 2.0))
 PLAN = Plan(n_lines=30)
@@ -153,3 +155,12 @@ def test_a_model_with_a_change_holds_later_measurements_as_its_last_session_was(
     assert str(back.found[0].reference) == "squareness:yz"
     (angle,) = back.found[0].term.coefficients
     assert abs(abs(angle.value) - CHANGE_RAD) < 5.0 * angle.std
+
+
+def test_lengths_are_compared_with_the_machine_as_its_last_session_was() -> None:
+    change = catalogue()["scale-change"].term("x", None, machine(), n_sessions=3).with_values([0.0, 1e-3])
+    record = FitRecord(1e-12 * np.eye(2), np.zeros((2, 0)), covariate_spans={"session": (0.0, 2.0)})
+    ends = {"x1": [0.0], "y1": [10.0], "z1": [10.0], "x2": [100.0], "y2": [10.0], "z2": [10.0], "measured": [100.1]}
+    compared = compare(Model(machine(), None, (change,), record), Lengths(pl.DataFrame({"feature": ["a"]} | ends)))
+    assert compared.lengths is not None
+    assert compared.lengths.rms_um < 1e-6

@@ -38,7 +38,7 @@ from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import with_rows
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
-from geoerr.model.sessions import terms_since_last_session
+from geoerr.model.sessions import since_last_session
 from geoerr.model.tables import terms_of_errors
 from geoerr.observations import CircularTest, Lengths, Observations
 from geoerr.terms import Term
@@ -283,7 +283,11 @@ def compare(
             "no model is fitted to measured lengths\nhint: leave the refit out, or give measured points"
         )
     terms = all_terms(model)
-    compared = None if not lengths else compare_lengths(_refusing_unknown(model), lengths, threads=threads)
+    compared = (
+        None
+        if not lengths
+        else compare_lengths(since_last_session(_refusing_unknown(model)), lengths, threads=threads)
+    )
     if not others:
         return Comparison(model, "held", None, compared)
     sightings = within_the_machine(sightings_of(*others), model.machine)
@@ -301,8 +305,8 @@ def compare(
             threads=threads,
         )
     else:
-        now = (*terms_of_errors(model.errors), *terms_since_last_session(_refusing_unknown(model)))
-        fitted = frames_only(model.machine, sightings, now, threads=threads)
+        now = since_last_session(_refusing_unknown(model))
+        fitted = frames_only(now.machine, sightings, all_terms(now), threads=threads)
     return Comparison(model, "own" if is_own else "refit" if refit else "held", fitted, compared)
 
 

@@ -20,7 +20,7 @@ from geoerr.fit import Fitted
 from geoerr.fit.given import with_terms
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
-from geoerr.model.sessions import terms_since_last_session
+from geoerr.model.sessions import since_last_session
 
 _BLOCK_ROWS = 2048
 _UM_PER_MM = 1e3
@@ -57,7 +57,7 @@ def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
     root = _covariance_root(model)
     if root is None:
         return None
-    problem = with_terms(model.machine, fitted, terms_since_last_session(model))
+    problem = with_terms(model.machine, fitted, since_last_session(model).terms)
     state = problem.start
     row_scale = fitted.solved.used.astype(np.float64)
     whitened = fitted.solved.whitened * row_scale[:, None]
@@ -99,7 +99,7 @@ def own_doubt(model: Model, fitted: Fitted, *, counts_choice: bool) -> Numbers |
         return None
     if counts_choice:
         root = math.sqrt(_hidden_by_choice(model.record.n_rows)) * root
-    problem = with_terms(model.machine, fitted, terms_since_last_session(model))
+    problem = with_terms(model.machine, fitted, since_last_session(model).terms)
     row_scale = np.ones(len(fitted.sightings))
     blocks = [
         problem.design(problem.start, row_scale, block.start, block.stop, fitted.threads)[:, : len(root)] @ root
