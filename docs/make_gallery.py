@@ -175,7 +175,9 @@ def _curves(effect: Effect, model: geoerr.Model) -> Iterator[Curve]:
     elif "force" in needs:
         yield from (_stroke("unloaded", 1.0, _SLOW), _stroke("loaded", 1.0, _SLOW, force=50.0))
     elif "session" in needs:
-        yield from (_stroke("first session", 1.0, _SLOW), _stroke("homed again", 1.0, _SLOW, session=1.0))
+        second = any(len(axis) == 2 for axis in effect.axes)
+        for number, label in enumerate(("first session", "later session")):
+            yield _stroke(label, 1.0, _SLOW, session=float(number), is_second=second)
     elif any(name.startswith(("d_", "s_", "t_rev")) for name in needs):
         yield from (_stroke("there", 1.0, _SLOW), _stroke("back", -1.0, _SLOW))
     elif any("*" in axis for axis in effect.axes):
