@@ -179,7 +179,7 @@ impl Reader {
     /// Moves the extruder by the line's `E`.
     pub(super) fn extrude(&mut self, number: Decimal, body: &[u8]) -> (Share, i128) {
         let (share, extrusion) = self.extrusion.advance(number);
-        if share == Share::Unclear && !number.is_cut {
+        if matches!(share, Share::Unclear) && !number.is_cut {
             self.warn(WarningKind::ExtrusionUnclear, body);
         }
         let extrusion_mm = in_mm(extrusion, self.modes.is_inch);
