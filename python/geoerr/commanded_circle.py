@@ -9,10 +9,13 @@ Numbers = npt.NDArray[np.float64]
 
 # Digits that files have: from a hundredth of a millimetre to a nanometre. Points on a coarser grid were meant so.
 _STEPS_MM = tuple(10.0**-digits for digits in range(2, 7))
+_COARSE_MM = (1.0, 0.1)
 # A number is a multiple of a step where it is this near to one, in steps.
 _MULTIPLE = 1e-6
 # A rounded point is off by half the diagonal of a step's square at most; centre and radius are off by a little more.
 _ROUNDED_OFF = 0.75
+# Points that are off by less of a step lie on their circle: the ends of its diameters, say.
+_LITTLE_OFF = 0.01
 # Of the radius: what is off by more than half of it is another quantity or a mistake, not an error of a machine.
 _OTHER_QUANTITY = 0.5
 
@@ -56,15 +59,33 @@ def on_their_circle(points_mm: Numbers) -> Numbers:
     first, second, _ = plane_of(points_mm)
     plane = points_mm[:, [first, second]]
     step_mm = next((step for step in _STEPS_MM if _are_multiples(plane, step)), None)
-    if step_mm is None or len(plane) < 3:
+    if step_mm is None or len(plane) < 3 or not _off_circle_mm(plane) <= _ROUNDED_OFF * step_mm:
         return points_mm
     centre, radius_mm = circle_through(plane)
-    distance_mm = np.hypot(*(plane - centre).T)
-    if not np.abs(distance_mm - radius_mm).max() <= _ROUNDED_OFF * step_mm:
-        return points_mm
     placed = points_mm.copy()
+    distance_mm = np.hypot(*(plane - centre).T)
     placed[:, [first, second]] = centre + (plane - centre) * (radius_mm / distance_mm)[:, None]
     return placed
+
+
+def coarse_step_mm(points_mm: Numbers) -> float | None:
+    """Give the step, a tenth of a millimetre or a whole one, to which points (n, 3) of a circle were perhaps rounded.
+
+    They stay where they are: a program may have been written so, and a machine goes where it is told. None where
+    they are finer, or on their circle, or on none.
+    """
+    first, second, _ = plane_of(points_mm)
+    plane = points_mm[:, [first, second]]
+    step_mm = next((step for step in _COARSE_MM if _are_multiples(plane, step)), None)
+    if step_mm is None or len(plane) < 3:
+        return None
+    return step_mm if _LITTLE_OFF * step_mm < _off_circle_mm(plane) <= _ROUNDED_OFF * step_mm else None
+
+
+def _off_circle_mm(plane: Numbers) -> float:
+    """Give how far points (n, 2) are off their circle at most."""
+    centre, radius_mm = circle_through(plane)
+    return float(np.abs(np.hypot(*(plane - centre).T) - radius_mm).max())
 
 
 def _are_multiples(values: Numbers, step: float) -> bool:

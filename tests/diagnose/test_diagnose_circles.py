@@ -301,6 +301,13 @@ def test_refusals() -> None:
         diagnose_circles(MODEL, diameters)
 
 
+def test_positions_to_a_tenth_of_a_millimetre_are_pointed_out() -> None:
+    test = circular(squareness, feeds=(1000.0,))
+    told = checked((CircularTest(test.frame.with_columns(pl.col("x", "y").round(1)), ("memory",)),))[2]
+    assert any("whole multiples of 0.1 mm" in note for note in told)
+    assert not any("whole multiples" in note for note in checked((test,))[2])
+
+
 def test_a_base_beside_the_centre_is_no_deviation() -> None:
     """A perfect circle of 100 mm seen from 1 mm beside its centre: its radii are no sine, by 5 µm."""
     theta = np.tile(np.arange(360) * 2.0 * np.pi / 360.0, 2)

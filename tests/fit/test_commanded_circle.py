@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from geoerr.commanded_circle import circle_through, on_their_circle, plane_of
+from geoerr.commanded_circle import circle_through, coarse_step_mm, on_their_circle, plane_of
 
 CENTRE_MM, RADIUS_MM = np.array([210.1234567, 50.0, 260.7654321]), 99.87654
 ANGLE_RAD = np.linspace(0.1, 5.9, 181)
@@ -47,3 +47,16 @@ def test_centre_and_radius_are_those_of_the_points() -> None:
     centre_mm, radius_mm = circle_through(circle_in_zx()[:, [2, 0]])
     assert centre_mm == pytest.approx(CENTRE_MM[[2, 0]], abs=1e-9)
     assert radius_mm == pytest.approx(RADIUS_MM, abs=1e-9)
+
+
+def test_a_coarse_grid_is_told_and_left_as_it_is() -> None:
+    exact = circle_in_zx()
+    for digits, step_mm in ((0, 1.0), (1, 0.1), (2, None), (6, None)):
+        points = np.round(exact, digits)
+        assert coarse_step_mm(points) == step_mm
+        if step_mm is not None:
+            assert np.array_equal(on_their_circle(points), points)
+    assert coarse_step_mm(exact) is None
+    # The ends of two diameters are whole numbers, and on the circle.
+    ends = np.array([[300.0, 200.0, 0.0], [200.0, 300.0, 0.0], [100.0, 200.0, 0.0], [200.0, 100.0, 0.0]])
+    assert coarse_step_mm(ends) is None

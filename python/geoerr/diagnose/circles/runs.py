@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
-from geoerr.commanded_circle import circle_through, far_from_radius, no_radius, plane_of
+from geoerr.commanded_circle import circle_through, coarse_step_mm, far_from_radius, no_radius, plane_of
 from geoerr.errors import GeometryError
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Numbers
@@ -193,6 +193,12 @@ def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], 
             problems += found
             if kept is not None:
                 parts.append(kept)
+        steps_mm = {coarse_step_mm(part.select("x", "y", "z").to_numpy().astype(np.float64)) for part in parts}
+        for step in sorted(one for one in steps_mm if one is not None):
+            notes[
+                f"{path}: commanded positions are whole multiples of {step:g} mm: where the file rounds them and the "
+                "program does not, what that leaves at each angle looks like waves of both axes; write them finer"
+            ] = None
         turned = sum(_goes_against_dir(part) for part in parts)
         if turned:
             notes[
