@@ -233,7 +233,7 @@ def test_the_command_prints_table_4(tmp_path):
     assert document["all"]["before"]["n"] == 80
 
 
-def two_components(turn_rad: float, **scaled: float):
+def two_components(turn_rad: float, factor: float = 1.0):
     """Give a part of a machine with a scale of X of 1e-4, measured in X and Y, as it lay on the table."""
     x, y = (one.ravel() for one in np.meshgrid(np.linspace(0.0, 200.0, 6), np.linspace(0.0, 150.0, 6)))
     seen_x, seen_y = x * (1.0 + 1e-4), y
@@ -242,7 +242,6 @@ def two_components(turn_rad: float, **scaled: float):
         seen_x * np.sin(turn_rad) + seen_y * np.cos(turn_rad),
     )
     text = {"line": [f"h{number // 6}" for number in range(36)], "carrier": ["relative"] * 36}
-    factor = scaled.get("factor", 1.0)
     return observations_from_columns(
         {**text, "x": x, "y": y, "z": np.zeros(36), "mx": factor * turned[0], "my": factor * turned[1]}
     )

@@ -239,11 +239,10 @@ def search(
             aside = [unknown.settled.raw, bent[1]]
             continue
         steps.next(f"what looks like {reference_of(best)}")
-        found.append(_found(bench, looked, best, settled, added, None if ends_early else offers.known))
+        known = None if ends_early else offers.known
+        found.append(_found(bench, looked, best, settled, added, known))
         bench, found, finer, aside = _where_it_is_known(bench, found, finer, aside)
-        found, gone = _needed(
-            bench, found, finer, aside, candidates, probes, None if ends_early else offers.known, steps
-        )
+        found, gone = _needed(bench, found, finer, aside, candidates, known, steps)
         dropped |= gone
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
@@ -306,7 +305,6 @@ def _needed(
     finer: Sequence[Numbers],
     aside: Sequence[Numbers],
     candidates: Sequence[Candidate],
-    probes: Sequence[Probe],
     known: Catalogue | None,
     steps: RoundSteps,
 ) -> tuple[list[Found], dict[EffectReference, str]]:
@@ -324,7 +322,7 @@ def _needed(
     steps.next(f"{reference_of(last.judged)} without what it makes superfluous")
     added = [*finer, *aside, *(one.settled.raw for one in needed[:-1])]
     left = [what for one in found if isinstance(what := one.judged.what, Candidate) and one not in needed]
-    looked = beside_drift(bench, look(bench, bench.space(added), [*candidates, *left], probes), added)
+    looked = beside_drift(bench, look(bench, bench.space(added), [*candidates, *left], []), added)
     best = next((one for one in looked.candidates if one.what is last.judged.what), None)
     formed = None if best is None else in_best_form(bench, looked, best, added)
     if formed is not None:
