@@ -37,6 +37,7 @@ from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
 from geoerr.fit.rich import determined_bases
+from geoerr.fit.rolls import SETTLED, held_rolls, levers, turned
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
@@ -53,6 +54,8 @@ from geoerr.terms import BasisSpec, Term
 
 Freedom = Literal["knots", "smooth", "elements"]
 
+# Rolls of a radian settle in five rounds or so.
+_MOST_ROLLS = 25
 # A formula's values below this, in mm and rad, are what is left of sums that cancel.
 _ROUND_OFF = 1e-9
 # A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
@@ -148,8 +151,13 @@ def fit_terms(
     def classic_on(bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
         return classic_terms(machine, options.components, {**rich, **bases}, follows_tangent=options.follows_tangent)
 
+    def fit_on(bases: Mapping[str, BasisSpec]) -> Fitted:
+        nonlocal posed
+        posed, fitted = posed.rolled_fit((*classic_on(bases), *known))
+        return fitted
+
     found, fitted = determined_bases(
-        lambda bases: posed.fit((*classic_on(bases), *known)),
+        fit_on,
         {name: basis for name, basis in rich.items() if name not in given},
         sightings,
         positions,
@@ -296,6 +304,8 @@ class Posed:
         self.shared = None if whole is None else np.ascontiguousarray(whole)
         self.n_held = 0 if shared is None else shared.n_held
         self.given: Given | None = None
+        # Sessions whose rolls about their one line are the last of the shared unknowns; None before these are known.
+        self.rolls: np.ndarray | None = None
 
     def fit(
         self,
@@ -321,6 +331,72 @@ class Posed:
         known_fit
             Another fit to the same data: what its triangle has of this one's is not made again.
         """
+        if not one_step and around is None:
+            return self.rolled_fit(terms, smoothness, used=used, known_fit=known_fit)[1]
+        return self._fit(terms, smoothness, one_step=one_step, used=used, around=around, known_fit=known_fit)[1]
+
+    def rolled_fit(
+        self,
+        terms: tuple[Term, ...],
+        smoothness: Sequence[Smoothness] = (),
+        *,
+        used: np.ndarray | None = None,
+        known_fit: Fitted | None = None,
+    ) -> tuple[Posed, Fitted]:
+        """Fit, and give the data that took part, too, with devices that saw one line turned about it as was found."""
+        posed, fitted = self._fit(terms, smoothness, used=used, known_fit=known_fit)
+        for _ in range(_MOST_ROLLS):
+            angles = posed._rolls_rad(fitted)
+            if angles is None:
+                break
+            posed, fitted = posed._rolled(fitted, angles)._fit(fitted.terms, smoothness, used=used)
+        return posed, fitted
+
+    def _rolls_rad(self, fitted: Fitted) -> Numbers | None:
+        """Give by how much each session's device is found to roll about its one line (s,); None where all are settled."""
+        if not self.frames.along.any():
+            return None
+        angles = np.zeros(len(self.frames.along))
+        if self.rolls is None:
+            return angles
+        places = slice(self._n_other_shared, self._n_other_shared + len(self.rolls))
+        rolls = np.asarray(fitted.solved.state.shared)[places]
+        root = fitted.solved.solution.covariance_root[fitted.problem.first_shared_column :][places]
+        spread = np.sqrt((root**2).sum(axis=1)) * fitted.unit
+        angles[self.rolls] = np.arctan(rolls)
+        return None if (np.abs(rolls) <= SETTLED * spread).all() else angles
+
+    def _rolled(self, fitted: Fitted, angles_rad: Numbers) -> Posed:
+        """Turn devices about their one line, and have what is left of each roll for an unknown."""
+        shared = fitted.shared
+        beside_mm = np.zeros((len(self.sightings), 3)) if shared is None else shared @ fitted.solved.state.shared
+        if self.given is not None:
+            beside_mm = beside_mm + self.given.falsified_mm
+        derivative, sessions = levers(self.frames, self.sightings, fitted.solved, beside_mm, angles_rad)
+        other = copy.copy(self)
+        other.frames = turned(self.frames, angles_rad)
+        own = None if self.shared is None or not self._n_other_shared else self.shared[:, :, : self._n_other_shared]
+        other.shared = beside(own, derivative)
+        other.rolls = sessions
+        return other
+
+    @property
+    def _n_other_shared(self) -> int:
+        """Number of shared unknowns of the data before those of rolls."""
+        n_rolls = 0 if self.rolls is None else len(self.rolls)
+        return (0 if self.shared is None else self.shared.shape[2]) - n_rolls
+
+    def _fit(
+        self,
+        terms: tuple[Term, ...],
+        smoothness: Sequence[Smoothness],
+        *,
+        one_step: bool = False,
+        used: np.ndarray | None = None,
+        around: _core.FitState | None = None,
+        known_fit: Fitted | None = None,
+    ) -> tuple[Posed, Fitted]:
+        """Fit with the devices' rolls to first order; and give the data that took part."""
         sightings, options = self.sightings, self.options
         compiled = compile_terms(self.machine, terms)
         shown = variable_columns(sightings, compiled.variables)
@@ -351,7 +427,8 @@ class Posed:
         mm_per_unit = self._mm_per_unit(terms, compiled, problem, sightings)
         nothing = np.flatnonzero((mm_per_unit > 0.0) & (mm_per_unit < _ROUND_OFF)).tolist()
         limits = limits_of(terms, mm_per_unit, problem.n_columns)
-        gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing]])
+        held = held_rolls(self.frames, sightings, problem)
+        gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing], held])
         start, known_triangle = problem.start, None
         if known_fit is not None and around is None:
             known_triangle = known_columns(known_fit, terms, compiled, problem, sightings, shared)
@@ -377,8 +454,8 @@ class Posed:
         begun_sums = None
         if known_fit is not None and known_triangle is not None:
             begun_sums = known_sums(known_fit, known_triangle, solved)
-        fit_of_terms = self._on(sightings, own_shared, given).fit
-        return self._summary(
+        on_these = self._on(sightings, own_shared, given)
+        return on_these, self._summary(
             terms,
             compiled,
             problem,
@@ -388,7 +465,7 @@ class Posed:
             n_model,
             shared,
             prior,
-            fit_of_terms,
+            on_these.fit,
             nothing,
             limits,
             begun_sums,

@@ -14,14 +14,12 @@ import numpy as np
 from geoerr import _core
 from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
-from geoerr.fit.start import N_UNKNOWNS
+from geoerr.fit.start import N_UNKNOWNS, ON_A_LINE
 from geoerr.fit.variables import times_s
 
 MOST_FOLDS = 20
 BLOCKS_OF_ONE_PASS = 10
 LEAST_FOLDS = 3
-# Points nearer to a line than this share of its length see no turn about it: errors are a thousandth at most.
-_ON_A_LINE = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,5 +173,5 @@ def _frame_unknowns(sightings: Sightings, rows: np.ndarray) -> int:
         return int(sightings.is_measured[rows].any(axis=0).sum())
     complete = sightings.measured_mm[rows[sightings.is_measured[rows].all(axis=1)]]
     size = np.linalg.svd(complete - complete.mean(axis=0), compute_uv=False)
-    n_dimensions = int((size > _ON_A_LINE * max(float(size[0]), SAME_POSITION_MM)).sum())
+    n_dimensions = int((size > ON_A_LINE * max(float(size[0]), SAME_POSITION_MM)).sum())
     return N_UNKNOWNS[kind] - {0: 3, 1: 1}.get(n_dimensions, 0)

@@ -1,7 +1,8 @@
 """Where each session's device stands, as a start: the rigid motion from nominal to measured positions.
 
 Sums of squares are smallest for the rotation that the singular value decomposition of the cross-covariance gives
-(Kabsch). Points on one line leave a turn about it open: the smallest turn is taken, and the fit says what it means.
+(Kabsch). Points on one line leave a turn about it open: the smallest turn is taken, and `rolls` finds it by what the
+machine's errors do across that line.
 
 Where a target sits is known well enough for a lever arm (a millimetre of 200 changes it by a two-hundredth), but not
 to the micrometre to which it is seen: its place is an unknown of its session. So a plate that was glued on a tenth of
@@ -25,8 +26,8 @@ from geoerr.observations import CARRIERS
 _STRANGE = 0.05
 # Fewer rows than this say nothing about the motion.
 _FEWEST_STRANGERS = 6
-# Second singular value below this share of the first: points on a line.
-_LINE = 1e-9
+# Points nearer to a line than this share of its length see no turn about it: errors are a thousandth at most.
+ON_A_LINE = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,8 @@ class Frames:
         What a circular device adds to every radius.
     pivots_mm : (s, 3)
         Middle of each session's points.
+    along : (s, 3)
+        Direction of the one line that a free session's points lie on, in base axes; 0 where they do not.
     """
 
     kinds: np.ndarray
@@ -52,6 +55,7 @@ class Frames:
     translations_mm: Numbers
     excess_mm: Numbers
     pivots_mm: Numbers
+    along: Numbers
 
 
 KINDS = {"free": 0, "parallel": 1, "circle": 2}
@@ -80,7 +84,7 @@ def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> 
     rotations = np.tile(np.eye(3), (n_sessions, 1, 1))
     translations = np.zeros((n_sessions, 3))
     excess = np.zeros(n_sessions)
-    pivots = np.zeros((n_sessions, 3))
+    pivots, along = np.zeros((n_sessions, 3)), np.zeros((n_sessions, 3))
     for number, kind in enumerate(sightings.frames):
         rows = (sightings.session == number) & ~static
         if not rows.any():
@@ -96,8 +100,11 @@ def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> 
             translations[number] = np.where(seen, measured - points, 0.0).sum(axis=0) / count
         else:
             complete = seen.all(axis=1)
-            rotations[number], translations[number] = _rigid_motion(points[complete], measured[complete])
-    return Frames(kinds, rotations, translations, excess, pivots)
+            along[number] = _one_line(points[complete])
+            rotations[number], translations[number] = _rigid_motion(
+                points[complete], measured[complete], along[number]
+            )
+    return Frames(kinds, rotations, translations, excess, pivots, along)
 
 
 def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> tuple[Numbers | None, Numbers]:
@@ -180,14 +187,21 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
             )
 
 
-def _rigid_motion(points: Numbers, seen: Numbers) -> tuple[Numbers, Numbers]:
-    """Give R, t of the least-squares motion `seen = R points + t`."""
+def _one_line(points: Numbers) -> Numbers:
+    """Give the direction (3,) of the line that points (n, 3) lie on, 0 where they lie on none."""
+    _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    is_line = len(points) > 1 and spread[0] > 0.0 and spread[1] <= ON_A_LINE * spread[0]
+    return np.asarray(axes[0] if is_line else np.zeros(3))
+
+
+def _rigid_motion(points: Numbers, seen: Numbers, along: Numbers) -> tuple[Numbers, Numbers]:
+    """Give R, t of the least-squares motion `seen = R points + t`; of points along a line that with the smallest turn."""
     from_centre, seen_from_centre = points - points.mean(axis=0), seen - seen.mean(axis=0)
-    cross = seen_from_centre.T @ from_centre
-    left, singular, right = np.linalg.svd(cross)
-    if singular[1] <= _LINE * singular[0]:
-        rotation = _smallest_turn(right[0], left[:, 0])
+    if along.any():
+        seen_along = seen_from_centre.T @ (from_centre @ along)
+        rotation = _smallest_turn(along, seen_along / max(float(np.linalg.norm(seen_along)), 1e-300))
     else:
+        left, _, right = np.linalg.svd(seen_from_centre.T @ from_centre)
         rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     return rotation, seen.mean(axis=0) - rotation @ points.mean(axis=0)
 

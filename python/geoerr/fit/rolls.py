@@ -1,0 +1,97 @@
+"""The roll of a device about the one line on which its session's points lie.
+
+Commanded points on a line say nothing about a turn about it: to first order, at a machine without errors, none of them
+moves. What tells it is what the machine is off across the line, which other sessions see too: turned by 0.3 rad, a
+straightness of 30 µm is off by 9. So each such roll is an unknown whose lever is what the machine was found to be off
+across the line; frames are turned by what is found, and the lever is taken anew, until nothing turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.solve import Solved
+from geoerr.fit.start import N_UNKNOWNS, Frames
+
+# A machine that is off across a line by less than a tenth of a nanometre says nothing about a roll.
+_LEAST_LEVER_MM = 1e-7
+# A turn by less than this share of its standard error changes nothing that anybody reads.
+SETTLED = 0.1
+
+
+def held_rolls(frames: Frames, sightings: Sightings, problem: _core.FitProblem) -> Numbers:
+    """Give rows C (k, n_columns), C x = 0: the poses of devices that saw one line do not roll about it.
+
+    To first order nothing notices it, or the rounding of commands only.
+    """
+    rows = []
+    first = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
+    for kind, along in zip(sightings.frames, frames.along, strict=True):
+        if along.any():
+            row = np.zeros(problem.n_columns)
+            row[first + 3 : first + 6] = along
+            rows.append(row)
+        first += N_UNKNOWNS[kind]
+    return np.array(rows).reshape(len(rows), problem.n_columns)
+
+
+def turned(frames: Frames, angles_rad: Numbers) -> Frames:
+    """Turn every frame about its session's line, at the middle of its points, by an angle (s,)."""
+    rotations, translations = frames.rotations.copy(), frames.translations_mm.copy()
+    for number in np.flatnonzero(angles_rad):
+        before, pivot = frames.rotations[number], frames.pivots_mm[number]
+        rotations[number] = before @ _about(frames.along[number], float(angles_rad[number]))
+        translations[number] += (before - rotations[number]) @ pivot
+    return replace(frames, rotations=rotations, translations_mm=translations)
+
+
+def levers(
+    frames: Frames, sightings: Sightings, solved: Solved, beside_mm: Numbers, angles_rad: Numbers
+) -> tuple[Numbers, np.ndarray]:
+    """Give what a roll moves, with the machine as it was found.
+
+    Parameters
+    ----------
+    frames
+        Those that the fit started from.
+    beside_mm : (n, 3)
+        What the fit adds to the model's points in the measuring frames: targets, calibration, rolls so far.
+    angles_rad : (s,)
+        By how much the frames are to be turned.
+
+    Returns
+    -------
+    derivative : (n, 3, k)
+        Of the measured points by the rolls of k sessions, mm/rad, in the turned frames.
+    sessions : (k,)
+        Their numbers.
+    """
+    found, numbers = [], []
+    for number in np.flatnonzero(frames.along.any(axis=1)):
+        rows = np.flatnonzero((sightings.session == number) & sightings.is_measured.all(axis=1))
+        line = frames.rotations[number] @ frames.along[number]
+        seen = sightings.measured_mm[rows] - solved.residual_mm[rows] - beside_mm[rows]
+        lever = np.cross(line, _off_their_line(seen, seen @ line))
+        if np.abs(lever).max(initial=0.0) < _LEAST_LEVER_MM:
+            continue
+        moved = np.zeros((len(sightings), 3))
+        moved[rows] = lever @ _about(line, float(angles_rad[number])).T
+        found.append(moved)
+        numbers.append(number)
+    return np.array(found).reshape(-1, len(sightings), 3).transpose(1, 2, 0), np.array(numbers, dtype=np.int64)
+
+
+def _off_their_line(points: Numbers, along_mm: Numbers) -> Numbers:
+    """Give how far points (n, 3) are off the straight line that follows their positions along it."""
+    design = np.column_stack([np.ones(len(points)), along_mm - along_mm.mean()])
+    return np.asarray(points - design @ np.linalg.lstsq(design, points, rcond=None)[0])
+
+
+def _about(axis: Numbers, angle_rad: float) -> Numbers:
+    """Give the rotation about a unit vector (Rodrigues)."""
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * cross @ cross)

@@ -1,0 +1,56 @@
+"""A device that is set up anew for every line may roll about it: the machine's errors tell how far, and no jump does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from hidden_machine import Motion, Noise, Plan, machine, measure, motion
+
+from geoerr.diagnose import compare, diagnose
+from geoerr.fit import FitOptions, fit_model, fit_terms
+from geoerr.fit.fitted import Fitted
+from geoerr.observations import Observations
+
+WHITE = Noise(white=(2.0, 2.0, 2.0))
+PERIOD_MM = 7.3
+
+
+@cache
+def moved() -> Motion:
+    return motion(np.random.default_rng(3), Plan(n_sessions=2, n_lines=15, n_points=12))
+
+
+def observed(moved: Motion, wave_um: float = 0.0) -> Observations:
+    """Frames are turned by up to 0.6 rad about any axis; the machine is the same for every seed of a motion."""
+    wave = np.outer(np.sin(2.0 * np.pi * moved.q[:, 0] / PERIOD_MM), [1.0, 0.0, 0.0])
+    return measure(np.random.default_rng(103), moved, WHITE, wave_um * wave)
+
+
+def fitted_by_line(wave_um: float = 0.0) -> Fitted:
+    """Commands are rounded to micrometres: diagonals lie beside their line by what no roll is to be read from."""
+    one = moved()
+    one = replace(one, session=one.line, q=np.round(one.q, 3))
+    return fit_terms(machine(), [observed(one, wave_um)], options=FitOptions(threads=1))
+
+
+def test_only_noise_is_left_and_nothing_is_missing() -> None:
+    fitted = fitted_by_line()
+    assert abs(fitted.solved.chi_squared / fitted.dof - 1.0) < 4.0 * np.sqrt(2.0 / fitted.dof)
+    assert diagnose(fitted, threads=1).verdict == "nothing-missing"
+
+
+def test_a_wave_keeps_its_name() -> None:
+    found = diagnose(fitted_by_line(wave_um=6.0), threads=1).found
+    assert [str(one.reference) for one in found] == ["periodic:x"]
+
+
+def test_a_held_model_is_off_by_noise_only() -> None:
+    """Both sets come from one machine; the second has a session for every line."""
+    one = motion(np.random.default_rng(3), Plan(n_sessions=2, n_lines=30, n_points=24))
+    model = fit_model(machine(), observed(one), options=FitOptions(threads=1)).model
+    lines = observed(replace(moved(), session=moved().line))
+    comparison = compare(model, lines, threads=1)
+    assert comparison.figures.rmse_um < 2.0 * np.sqrt(3.0) * 1.1
+    assert diagnose(model, lines, threads=1).verdict == "nothing-missing"
