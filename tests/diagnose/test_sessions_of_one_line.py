@@ -1,4 +1,4 @@
-"""A device that is set up anew for every line may roll about it: the machine's errors tell how far, and no jump does."""
+"""A device that is set up anew for every line may roll about it: the machine's errors tell how far, no jump does."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import polars as pl
 from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 
 from geoerr.diagnose import compare, diagnose
@@ -28,15 +29,25 @@ def observed(moved: Motion, wave_um: float = 0.0) -> Observations:
     return measure(np.random.default_rng(103), moved, WHITE, wave_um * wave)
 
 
-def fitted_by_line(wave_um: float = 0.0) -> Fitted:
+def with_markers(observations: Observations) -> Observations:
+    """A marker that stands still is seen at the end of every line."""
+    frame = observations.frame
+    last = frame.group_by("session", maintain_order=True).last()
+    place = {f"m{name}": pl.col(f"m{name}") + 150.0 for name in "xyz"}
+    still = last.with_columns(carrier=pl.lit("base", frame.schema["carrier"]), **place)
+    return Observations(pl.concat([frame, still.select(frame.columns)]))
+
+
+def fitted_by_line(wave_um: float = 0.0, *, has_markers: bool = False) -> Fitted:
     """Commands are rounded to micrometres: diagonals lie beside their line by what no roll is to be read from."""
     one = moved()
     one = replace(one, session=one.line, q=np.round(one.q, 3))
-    return fit_terms(machine(), [observed(one, wave_um)], options=FitOptions(threads=1))
+    table = observed(one, wave_um)
+    return fit_terms(machine(), [with_markers(table) if has_markers else table], options=FitOptions(threads=1))
 
 
 def test_only_noise_is_left_and_nothing_is_missing() -> None:
-    fitted = fitted_by_line()
+    fitted = fitted_by_line(has_markers=True)
     assert abs(fitted.solved.chi_squared / fitted.dof - 1.0) < 4.0 * np.sqrt(2.0 / fitted.dof)
     assert diagnose(fitted, threads=1).verdict == "nothing-missing"
 

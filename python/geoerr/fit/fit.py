@@ -37,7 +37,7 @@ from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.noise import is_static
 from geoerr.fit.rich import determined_bases
-from geoerr.fit.rolls import SETTLED, held_rolls, levers, turned
+from geoerr.fit.rolls import Rolls, held_rolls, levers, turned
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
@@ -54,8 +54,8 @@ from geoerr.terms import BasisSpec, Term
 
 Freedom = Literal["knots", "smooth", "elements"]
 
-# Rolls of a radian settle in five rounds or so.
-_MOST_ROLLS = 25
+# Rolls of half a radian settle in ten rounds or so.
+_MOST_ROLLS = 30
 # A formula's values below this, in mm and rad, are what is left of sums that cancel.
 _ROUND_OFF = 1e-9
 # A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
@@ -304,8 +304,8 @@ class Posed:
         self.shared = None if whole is None else np.ascontiguousarray(whole)
         self.n_held = 0 if shared is None else shared.n_held
         self.given: Given | None = None
-        # Sessions whose rolls about their one line are the last of the shared unknowns; None before these are known.
-        self.rolls: np.ndarray | None = None
+        # Sessions whose rolls about their one line are the last of the shared unknowns.
+        self.rolls = np.zeros(0, dtype=np.int64)
 
     def fit(
         self,
@@ -344,47 +344,42 @@ class Posed:
         known_fit: Fitted | None = None,
     ) -> tuple[Posed, Fitted]:
         """Fit, and give the data that took part, too, with devices that saw one line turned about it as was found."""
-        posed, fitted = self._fit(terms, smoothness, used=used, known_fit=known_fit)
+        first = posed, fitted = self._fit(terms, smoothness, used=used, known_fit=known_fit)
+        rolls = Rolls(posed.frames.along if self.given is None else np.zeros((0, 3)), posed.rolls)
         for _ in range(_MOST_ROLLS):
-            angles = posed._rolls_rad(fitted)
+            angles = rolls.angles_rad(posed.rolls, *posed._found_rolls(fitted))
             if angles is None:
                 break
-            posed, fitted = posed._rolled(fitted, angles)._fit(fitted.terms, smoothness, used=used)
+            if not len(rolls.sessions) and not len(self.rolls):
+                # These terms tell none: what was found without them stands.
+                return first
+            posed, fitted = posed._rolled(fitted, angles, rolls.sessions)._fit(fitted.terms, smoothness, used=used)
         return posed, fitted
 
-    def _rolls_rad(self, fitted: Fitted) -> Numbers | None:
-        """Give by how much each session's device is found to roll about its one line (s,); None where all are settled."""
-        if not self.frames.along.any():
-            return None
-        angles = np.zeros(len(self.frames.along))
-        if self.rolls is None:
-            return angles
+    def _found_rolls(self, fitted: Fitted) -> tuple[Numbers, Numbers]:
+        """Give the rolls of the sessions that have one for an unknown (k,), rad, and their standard errors."""
         places = slice(self._n_other_shared, self._n_other_shared + len(self.rolls))
-        rolls = np.asarray(fitted.solved.state.shared)[places]
-        root = fitted.solved.solution.covariance_root[fitted.problem.first_shared_column :][places]
-        spread = np.sqrt((root**2).sum(axis=1)) * fitted.unit
-        angles[self.rolls] = np.arctan(rolls)
-        return None if (np.abs(rolls) <= SETTLED * spread).all() else angles
+        solution, first = fitted.solved.solution, fitted.problem.first_shared_column
+        spread = np.sqrt((solution.covariance_root[first:][places] ** 2).sum(axis=1)) * fitted.unit
+        is_determined = np.asarray(solution.is_determined)[first:][places]
+        return np.asarray(fitted.solved.state.shared)[places], np.where(is_determined, spread, np.inf)
 
-    def _rolled(self, fitted: Fitted, angles_rad: Numbers) -> Posed:
-        """Turn devices about their one line, and have what is left of each roll for an unknown."""
+    def _rolled(self, fitted: Fitted, angles_rad: Numbers, sessions: np.ndarray) -> Posed:
+        """Turn devices about their one line, and have what is left of the rolls of some sessions for unknowns."""
         shared = fitted.shared
         beside_mm = np.zeros((len(self.sightings), 3)) if shared is None else shared @ fitted.solved.state.shared
-        if self.given is not None:
-            beside_mm = beside_mm + self.given.falsified_mm
-        derivative, sessions = levers(self.frames, self.sightings, fitted.solved, beside_mm, angles_rad)
+        derivative, seen = levers(self.frames, self.sightings, fitted.solved, beside_mm, angles_rad, sessions)
         other = copy.copy(self)
         other.frames = turned(self.frames, angles_rad)
         own = None if self.shared is None or not self._n_other_shared else self.shared[:, :, : self._n_other_shared]
         other.shared = beside(own, derivative)
-        other.rolls = sessions
+        other.rolls = seen
         return other
 
     @property
     def _n_other_shared(self) -> int:
         """Number of shared unknowns of the data before those of rolls."""
-        n_rolls = 0 if self.rolls is None else len(self.rolls)
-        return (0 if self.shared is None else self.shared.shape[2]) - n_rolls
+        return (0 if self.shared is None else self.shared.shape[2]) - len(self.rolls)
 
     def _fit(
         self,
@@ -427,7 +422,8 @@ class Posed:
         mm_per_unit = self._mm_per_unit(terms, compiled, problem, sightings)
         nothing = np.flatnonzero((mm_per_unit > 0.0) & (mm_per_unit < _ROUND_OFF)).tolist()
         limits = limits_of(terms, mm_per_unit, problem.n_columns)
-        held = held_rolls(self.frames, sightings, problem)
+        # A machine that is known moves points off their lines, and frames roll by that.
+        held = held_rolls(self.frames, sightings, problem) if self.given is None else np.zeros((0, problem.n_columns))
         gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing], held])
         start, known_triangle = problem.start, None
         if known_fit is not None and around is None:

@@ -48,6 +48,8 @@ class Frames:
         Middle of each session's points.
     along : (s, 3)
         Direction of the one line that a free session's points lie on, in base axes; 0 where they do not.
+    is_rounded : (s,)
+        Whether points beside that line, as rounded commands are, would tell a turn about it.
     """
 
     kinds: np.ndarray
@@ -56,6 +58,7 @@ class Frames:
     excess_mm: Numbers
     pivots_mm: Numbers
     along: Numbers
+    is_rounded: np.ndarray
 
 
 KINDS = {"free": 0, "parallel": 1, "circle": 2}
@@ -85,6 +88,7 @@ def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> 
     translations = np.zeros((n_sessions, 3))
     excess = np.zeros(n_sessions)
     pivots, along = np.zeros((n_sessions, 3)), np.zeros((n_sessions, 3))
+    is_rounded = np.zeros(n_sessions, dtype=bool)
     for number, kind in enumerate(sightings.frames):
         rows = (sightings.session == number) & ~static
         if not rows.any():
@@ -100,11 +104,11 @@ def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> 
             translations[number] = np.where(seen, measured - points, 0.0).sum(axis=0) / count
         else:
             complete = seen.all(axis=1)
-            along[number] = _one_line(points[complete])
+            along[number], is_rounded[number] = _one_line(points[complete])
             rotations[number], translations[number] = _rigid_motion(
                 points[complete], measured[complete], along[number]
             )
-    return Frames(kinds, rotations, translations, excess, pivots, along)
+    return Frames(kinds, rotations, translations, excess, pivots, along, is_rounded)
 
 
 def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> tuple[Numbers | None, Numbers]:
@@ -187,15 +191,18 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
             )
 
 
-def _one_line(points: Numbers) -> Numbers:
-    """Give the direction (3,) of the line that points (n, 3) lie on, 0 where they lie on none."""
-    _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    is_line = len(points) > 1 and spread[0] > 0.0 and spread[1] <= ON_A_LINE * spread[0]
-    return np.asarray(axes[0] if is_line else np.zeros(3))
+def _one_line(points: Numbers) -> tuple[Numbers, bool]:
+    """Give the direction (3,) of the line that points lie on, 0 where on none; and whether some lie beside it."""
+    centred = points - points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(centred, full_matrices=False)
+    if len(points) < 2 or spread[0] == 0.0 or spread[1] > ON_A_LINE * spread[0]:
+        return np.zeros(3), False
+    # Even round-off does: a column of 1e-14 mm is as good as another when it is scaled, and a step along it a radian.
+    return axes[0], bool(np.cross(centred, axes[0]).any())
 
 
 def _rigid_motion(points: Numbers, seen: Numbers, along: Numbers) -> tuple[Numbers, Numbers]:
-    """Give R, t of the least-squares motion `seen = R points + t`; of points along a line that with the smallest turn."""
+    """Give R, t of the least-squares motion `seen = R points + t`, with the smallest turn of points along a line."""
     from_centre, seen_from_centre = points - points.mean(axis=0), seen - seen.mean(axis=0)
     if along.any():
         seen_along = seen_from_centre.T @ (from_centre @ along)
