@@ -14,12 +14,13 @@ from geoerr.report import figures
 PACKAGE = Path(geoerr.__file__).parent
 
 # Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
-BASE = {"drawing", "errors", "files", "quoted_cells", "summaries", "tables"}
+BASE = {"column_names", "drawing", "errors", "files", "quoted_cells", "summaries", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"commanded_circle", "distributions", "terms", "bases", "effects", "model"}
 WORK = {"vision", "fit", "diagnose", "identify", "states", "budget", "compensate", "verify", "simulate"}
 ALLOWED: dict[str, set[str]] = {
+    "column_names": set(),
     "drawing": set(),
     "errors": set(),
     "commanded_circle": set(),

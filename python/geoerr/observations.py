@@ -18,11 +18,12 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr.column_names import is_temperature
 from geoerr.drawing import drawn
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.files import check_written
 from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
-from geoerr.tables import RowProblem, Schema, check, is_temperature, read_raw, write_table
+from geoerr.tables import RowProblem, Schema, check, read_raw, write_table
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

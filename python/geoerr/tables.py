@@ -16,6 +16,7 @@ from pathlib import Path
 
 import polars as pl
 
+from geoerr.column_names import is_temperature
 from geoerr.errors import InputFileError
 from geoerr.files import refusing_unreadable, whole_or_absent
 from geoerr.quoted_cells import is_well_quoted, names_of_header, read_quoted
@@ -26,11 +27,6 @@ FIRST_DATA_ROW = 2
 _NO_TABLES = (".json", ".toml")
 _MOST_OF_A_MESSAGE = 200
 _COMMENT = "#"
-
-
-def is_temperature(column: str) -> bool:
-    """Tell whether a column is a temperature by its name: `temp` or `temp_...`."""
-    return column == "temp" or column.startswith("temp_")
 
 
 @dataclass(frozen=True)

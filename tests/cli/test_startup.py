@@ -73,3 +73,9 @@ def test_the_list_of_verbs_loads_none_of_them() -> None:
     for verb, words in VERBS.items():
         assert f"  {verb:<10}  {words}\n" in text
     assert not {name for name in loaded if name.startswith("geoerr.cli.")} - {"geoerr.cli.main"}
+
+
+def test_who_reads_no_table_loads_no_library_for_tables() -> None:
+    """It takes a third of the start of a verb that rewrites a program."""
+    code = "import sys, geoerr.compensate.program, geoerr.verify.path; sys.exit('polars' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,5 +1,6 @@
 """A machine that came out of square between sessions is named as such, and nothing else is."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -27,16 +28,6 @@ def knocked(moved: Motion) -> Numbers:
     return np.outer(1e3 * CHANGE_RAD * moved.q[:, 2] * (moved.session >= AFTER), [0.0, 1.0, 0.0])
 
 
-def tensioned(moved: Motion) -> Numbers:
-    """The belt of X is tighter from some session on."""
-    return np.outer(1e3 * CHANGE_RAD * moved.q[:, 0] * (moved.session >= AFTER), [1.0, 0.0, 0.0])
-
-
-def nearer_cameras(moved: Motion) -> Numbers:
-    """The cameras are closer to each other from some session on, and all lengths are too long."""
-    return 1e3 * CHANGE_RAD * moved.q * (moved.session >= AFTER)[:, None]
-
-
 def play(moved: Motion) -> Numbers:
     return np.outer(-0.5 * 10.0 * moved.d[:, 0], [1.0, 0.0, 0.0])
 
@@ -59,16 +50,7 @@ def moved() -> Motion:
     return motion(np.random.default_rng(4), PLAN)
 
 
-@pytest.mark.parametrize(
-    ("hidden", "name", "sign"),
-    [
-        # Seen from the work Z leans the other way.
-        (knocked, "squareness-change:yz", -1.0),
-        (tensioned, "scale-change:x", 1.0),
-        (nearer_cameras, "rig-scale-change", 1.0),
-    ],
-)
-def test_what_changed_between_sessions_is_named_with_its_size(hidden, name: str, sign: float) -> None:
+def assert_named_with_its_size(hidden: Callable[[Motion], Numbers], name: str, sign: float) -> None:
     found = diagnosed(observed(hidden(moved()), moved()))
     assert found.verdict == "missing"
     assert [str(one.reference) for one in found.found] == [name]
@@ -79,6 +61,11 @@ def test_what_changed_between_sessions_is_named_with_its_size(hidden, name: str,
         assert change.name.endswith(f"_{number}")
         assert abs(change.value - sign * CHANGE_RAD * (number >= AFTER)) < 4.0 * change.std
         assert change.std < 0.1 * CHANGE_RAD
+
+
+def test_a_column_that_was_knocked_is_named_with_its_angle() -> None:
+    """Seen from the work Z leans the other way. `tests/hard_cases` has a belt and cameras."""
+    assert_named_with_its_size(knocked, "squareness-change:yz", -1.0)
 
 
 @pytest.mark.parametrize(
@@ -100,23 +87,6 @@ def test_what_a_session_without_a_sensor_shows_is_seen() -> None:
     assert [str(one.reference) for one in found.found] == ["squareness-change:yz"]
     n_unread = int(frame["temp_frame"].is_null().sum())
     assert any(f"without {n_unread} rows of unknown temperature nothing is missing" in note for note in found.notes)
-
-
-def test_two_sessions_at_two_temperatures_are_told_apart_by_a_third() -> None:
-    """What changed with the machine stays; what followed the bed is gone when the bed is cold."""
-    three = motion(np.random.default_rng(11), replace(PLAN, n_sessions=3))
-    cold = np.where(three.session == AFTER, 25.0, three.bed)
-    three = replace(three, bed=cold)
-    table = observed(np.outer(1e3 * CHANGE_RAD * three.q[:, 2] * (three.session >= 1), [0.0, 1.0, 0.0]), three)
-    two = diagnosed(replace(table, frame=table.frame.filter(pl.col("session") != str(AFTER))))
-    assert two.verdict == "ambiguous"
-    assert {"squareness-change:yz", "frame-tilt-thermal:yz@temp_bed"} <= {str(one.reference) for one in two.tied}
-    separation = two.found[0].separate_by
-    assert separation is not None
-    assert "temp_bed at 25 °C" in str(separation.plan)
-    whole = diagnosed(table)
-    assert whole.verdict == "missing"
-    assert [str(one.reference) for one in whole.found] == ["squareness-change:yz"]
 
 
 def seen_um(moved: Motion) -> float:

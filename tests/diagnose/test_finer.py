@@ -45,25 +45,6 @@ def test_a_wave_that_no_spline_follows_is_named() -> None:
     assert period.value == pytest.approx(20.0, abs=4.0 * period.std)
 
 
-# Two knots a wave of 36 mm do not follow it; eight, which are tried, follow its second harmonic, too.
-MANY = BasisSpec("bspline", "x", knots_mm=tuple(np.linspace(0.0, LENGTH_MM, 22).tolist()), degree=3)
-
-
-def test_knots_that_follow_two_harmonics_are_held_against_both() -> None:
-    """Against one of them they would win, and the wave would be taken for a smooth error."""
-    rng = np.random.default_rng(5)
-    moved = motion(rng, Plan())
-    turns = 2.0 * np.pi * moved.q[:, 0] / 36.0
-    hidden = np.outer(16.0 * np.sin(turns) + 8.0 * np.cos(2.0 * turns), [1.0, 0.0, 0.0])
-    observations = measure(rng, moved, Noise(white=(3.0, 3.0, 4.0)), hidden)
-    options = FitOptions(bases={"EXX": MANY}, threads=1)
-    diagnosis = diagnose(fit_terms(machine(), [observations], options=options), threads=1)
-    assert diagnosis.unknown is None
-    assert [str(one.reference) for one in diagnosis.found] == ["periodic:x"]
-    period = next(one for one in diagnosis.found[0].parameters if one.name == "P")
-    assert period.value == pytest.approx(36.0, abs=4.0 * period.std)
-
-
 def test_a_yaw_that_the_model_lacked_has_more_than_its_beginning() -> None:
     """A cubic is the beginning of an error of an axis: what it leaves is the rest of it, and takes no name away."""
     rng = np.random.default_rng(3)

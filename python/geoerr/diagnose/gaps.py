@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.column_names import is_temperature
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import times_s, variable_columns
-from geoerr.tables import is_temperature
 
 # Of a session's time: a longer gap may hide a rise and fall; beyond first and last reading there is one side only.
 _LONGEST_GAP, _LONGEST_HOLD = 0.1, 0.02

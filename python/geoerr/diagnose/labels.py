@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from geoerr.column_names import is_temperature
 from geoerr.machine import AXES
 from geoerr.observations import PIXELS
-from geoerr.tables import is_temperature
 
 _UNITS = {
     **dict.fromkeys(("x", "y", "z", "tx", "ty", "tz"), "mm"),

@@ -6,9 +6,9 @@ import re
 from collections.abc import Collection, Sequence
 from itertools import combinations, permutations
 
+from geoerr.column_names import is_temperature
 from geoerr.effects.definitions import RESERVED_NAMES
 from geoerr.effects.description import FormSpec
-from geoerr.tables import is_temperature
 from geoerr.terms import names_in
 
 _LAG_END = re.compile(r"(?<![A-Za-z0-9_])lag\s*\Z")

@@ -13,13 +13,13 @@ from itertools import combinations
 
 import numpy as np
 
+from geoerr.column_names import is_temperature
 from geoerr.fit.alike import numbers_of_alike
 from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import times_s
 from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import listed
-from geoerr.tables import is_temperature
 
 # Covariates are alike where they differ by less than this share of their spread: a twentieth of the spread changes a
 # linear effect by a twentieth, well below the noise wherever the effect itself is not far above it.

@@ -8,10 +8,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.column_names import is_temperature
 from geoerr.errors import GeoerrError, ShapeError
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, as_numbers
-from geoerr.tables import is_temperature
 from geoerr.terms import CLOCK_NAME, PLACE_NAMES, SESSION_NAME
 
 REFERENCE: Literal["reference"] = "reference"

@@ -6,12 +6,12 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from geoerr.column_names import is_temperature
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.model.conditions import OF_MOTION, Conditions, constants_of, refusal
 from geoerr.model.finite import refuse_not_finite
 from geoerr.model.model import Model
-from geoerr.tables import is_temperature
 from geoerr.terms import SESSION_NAME
 
 # A model that was tested over a span of a condition is trusted half of that span's width beyond it, with a note.

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.budget import Budget, UncertaintyMap, uncertainty_budget, uncertainty_map
+from geoerr.column_names import is_temperature
 from geoerr.diagnose import Comparison, Diagnosis, compare, diagnose
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
 from geoerr.diagnose.steps import OnStep
@@ -37,7 +38,6 @@ from geoerr.observations import CircularTest, Lengths, Observations, place_numbe
 from geoerr.report.figures import Stage, stages_of
 from geoerr.report.page import Progress
 from geoerr.summaries import by_reason
-from geoerr.tables import is_temperature
 from geoerr.verify.ballbar import (
     CircularTestResult,
     circle_of_first_run,

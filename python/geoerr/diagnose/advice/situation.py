@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoerr.column_names import is_temperature
 from geoerr.diagnose.noise import NoiseModel
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.noise import NOT_CONDITIONS
@@ -15,7 +16,6 @@ from geoerr.fit.start import KINDS
 from geoerr.fit.variables import clock_s, times_s
 from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS, PIXELS
-from geoerr.tables import is_temperature
 
 # Where the data do not say: a usual feed of printers and small mills, settling and exposure of a picture at rest,
 # and pictures in motion.
