@@ -20,11 +20,20 @@ providers._get_local_constants = lambda: providers._local_constants
 # However wide the window is in which they run, lines are not folded.
 os.environ.pop("COLUMNS", None)
 
+TESTS = Path(__file__).parent
+# Pages, examples, farms and the whole job: they start programs.
+LONG = {"docs", "examples", "farm", "test_public_names.py", "test_whole_job.py"}
+
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Processes run beside each other, one for each core: threads of each would only wait for those of the others. Set
     # before NumPy is loaded and before the core makes its threads, here and in what a test starts.
     for library in ("OPENBLAS", "RAYON"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes long: short tests are left at the end, and no process waits for another's long one."""
+    items.sort(key=lambda item: LONG.isdisjoint(item.path.relative_to(TESTS).parts))
 
 
 def pytest_collection_finish() -> None:
