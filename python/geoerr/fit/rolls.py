@@ -20,6 +20,8 @@ from geoerr.fit.start import N_UNKNOWNS, Frames
 
 # A machine that is off across a line by less than a tenth of a nanometre says nothing about a roll.
 _LEAST_LEVER_MM = 1e-7
+# Two points are a straight line, whatever the machine is off.
+_FEWEST_ROWS = 3
 # A turn by less than this share of its standard error changes nothing that anybody reads.
 _SETTLED = 0.03
 # A roll that is known no better than this changes nothing that shows beside the noise.
@@ -119,6 +121,8 @@ def levers(
     is_told = sightings.is_measured.all(axis=1) & ~is_static(sightings)
     for number in sessions:
         rows = np.flatnonzero((sightings.session == number) & is_told)
+        if len(rows) < _FEWEST_ROWS:
+            continue
         line = frames.rotations[number] @ frames.along[number]
         seen = sightings.measured_mm[rows] - solved.residual_mm[rows] - beside_mm[rows]
         lever = np.cross(line, _off_their_line(seen, seen @ line))
