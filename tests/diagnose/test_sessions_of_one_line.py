@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import polars as pl
+import pytest
 from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 
 from geoerr.diagnose import compare, diagnose
@@ -48,8 +49,14 @@ def fitted_by_line(wave_um: float = 0.0, *, has_markers: bool = False) -> Fitted
 
 def test_only_noise_is_left_and_nothing_is_missing() -> None:
     fitted = fitted_by_line(has_markers=True)
+    assert fitted.solved.converged
     assert abs(fitted.solved.chi_squared / fitted.dof - 1.0) < 4.0 * np.sqrt(2.0 / fitted.dof)
     assert diagnose(fitted, threads=1).verdict == "nothing-missing"
+
+
+def test_rolls_that_have_not_settled_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("geoerr.fit.fit._MOST_ROLLS", 1)
+    assert not fitted_by_line().solved.converged
 
 
 def test_a_wave_keeps_its_name() -> None:

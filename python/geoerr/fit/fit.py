@@ -354,6 +354,8 @@ class Posed:
                 # These terms tell none: what was found without them stands.
                 return first
             posed, fitted = posed._rolled(fitted, angles, rolls.sessions)._fit(fitted.terms, smoothness, used=used)
+        else:
+            fitted = replace(fitted, solved=replace(fitted.solved, converged=False))
         return posed, fitted
 
     def _found_rolls(self, fitted: Fitted) -> tuple[Numbers, Numbers]:
