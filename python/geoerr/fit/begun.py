@@ -14,7 +14,7 @@ from geoerr import _core
 from geoerr.fit.fitted import BegunSums, Fitted
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
-from geoerr.fit.start import N_UNKNOWNS
+from geoerr.fit.start import first_frame_column
 from geoerr.fit.triangles import Known
 from geoerr.model.compile import Compiled
 from geoerr.terms import HISTORY_NAMES, Term, is_motion
@@ -51,7 +51,7 @@ def known_columns(
         same, there = before.get(term.id, (None, own))
         if same is not None and _have_one_form(same, term):
             places[own] = np.arange(there.start, there.stop)
-    first_frame = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
+    first_frame = first_frame_column(problem, sightings)
     places[first_frame:] = np.arange(first_frame, problem.n_columns) - problem.n_columns + fitted.problem.n_columns
     known = Known(fitted.solved.triangle, fitted.solved.row_scale, places)
     return known if known.is_most else None

@@ -345,7 +345,9 @@ class Posed:
     ) -> tuple[Posed, Fitted]:
         """Fit, and give the data that took part, too, with devices that saw one line turned about it as was found."""
         first = posed, fitted = self._fit(terms, smoothness, used=used, known_fit=known_fit)
-        rolls = Rolls(posed.frames.along if self.given is None else np.zeros((0, 3)), posed.rolls)
+        if self.given is not None or not self.frames.along.any():
+            return first
+        rolls = Rolls(posed.frames.along, posed.rolls)
         for _ in range(_MOST_ROLLS):
             angles = rolls.angles_rad(posed.rolls, *posed._found_rolls(fitted))
             if angles is None:

@@ -16,7 +16,7 @@ from geoerr import _core
 from geoerr.fit.noise import is_static
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
-from geoerr.fit.start import N_UNKNOWNS, Frames
+from geoerr.fit.start import N_UNKNOWNS, Frames, first_frame_column, turn_about
 
 # A machine that is off across a line by less than a tenth of a nanometre says nothing about a roll.
 _LEAST_LEVER_MM = 1e-7
@@ -56,7 +56,7 @@ class Rolls:
         if self._is_first:
             # Of those that have no lever yet, or were not told by other terms, nothing is known.
             self._is_first = False
-            return angles if len(self.sessions) else None
+            return angles
         self.sessions = sessions[is_told]
         is_settled = is_told.all() and (np.abs(rolls_rad) <= _SETTLED * spread_rad).all()
         return None if is_settled else angles
@@ -68,7 +68,7 @@ def held_rolls(frames: Frames, sightings: Sightings, problem: _core.FitProblem) 
     Where commands lie exactly on a line nothing notices to first order; where they are rounded, that does.
     """
     rows = []
-    first = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
+    first = first_frame_column(problem, sightings)
     for kind, along, is_rounded in zip(sightings.frames, frames.along, frames.is_rounded, strict=True):
         if is_rounded:
             row = np.zeros(problem.n_columns)
@@ -83,7 +83,7 @@ def turned(frames: Frames, angles_rad: Numbers) -> Frames:
     rotations, translations = frames.rotations.copy(), frames.translations_mm.copy()
     for number in np.flatnonzero(angles_rad):
         before, pivot = frames.rotations[number], frames.pivots_mm[number]
-        rotations[number] = before @ _about(frames.along[number], float(angles_rad[number]))
+        rotations[number] = before @ turn_about(angles_rad[number] * frames.along[number])
         translations[number] += (before - rotations[number]) @ pivot
     return replace(frames, rotations=rotations, translations_mm=translations)
 
@@ -129,7 +129,7 @@ def levers(
         if np.abs(lever).max(initial=0.0) < _LEAST_LEVER_MM:
             continue
         moved = np.zeros((len(sightings), 3))
-        moved[rows] = lever @ _about(line, float(angles_rad[number])).T
+        moved[rows] = lever @ turn_about(angles_rad[number] * line).T
         found.append(moved)
         numbers.append(number)
     return np.array(found).reshape(-1, len(sightings), 3).transpose(1, 2, 0), np.array(numbers, dtype=np.int64)
@@ -139,9 +139,3 @@ def _off_their_line(points: Numbers, along_mm: Numbers) -> Numbers:
     """Give how far points (n, 3) are off the straight line that follows their positions along it."""
     design = np.column_stack([np.ones(len(points)), along_mm - along_mm.mean()])
     return np.asarray(points - design @ np.linalg.lstsq(design, points, rcond=None)[0])
-
-
-def _about(axis: Numbers, angle_rad: float) -> Numbers:
-    """Give the rotation about a unit vector (Rodrigues)."""
-    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * cross @ cross)

@@ -17,7 +17,7 @@ from geoerr import _core
 from geoerr.fit.free_directions import held_smallest
 from geoerr.fit.gross_rows import Neighbours, gross_limit, robust_scale
 from geoerr.fit.sightings import Numbers, Sightings
-from geoerr.fit.start import N_UNKNOWNS, planes_of_circles
+from geoerr.fit.start import first_frame_column, planes_of_circles
 from geoerr.fit.triangles import Known, Triangles
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
@@ -196,8 +196,8 @@ def solve(
     """
     limits = np.full(problem.n_columns, np.inf) if limits is None else limits
     n_numbers = sightings.is_measured.sum(axis=1)
-    first_frame_column = problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
-    gauge = np.vstack([gauge, planes_of_circles(sightings, first_frame_column, problem.n_columns)])
+    first_frame = first_frame_column(problem, sightings)
+    gauge = np.vstack([gauge, planes_of_circles(sightings, first_frame, problem.n_columns)])
     robust = robust and used is None
     used = np.ones(len(sightings), dtype=bool) if used is None else used
     scale_of_rows = used.astype(np.float64)

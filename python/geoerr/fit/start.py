@@ -225,6 +225,21 @@ def _smallest_turn(start: Numbers, end: Numbers) -> Numbers:
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
 
 
+def turn_about(vector_rad: Numbers) -> Numbers:
+    """Give the rotation by a vector, (3, 3)."""
+    angle = float(np.linalg.norm(vector_rad))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector_rad / angle
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew)
+
+
+def first_frame_column(problem: _core.FitProblem, sightings: Sightings) -> int:
+    """Give the first column of the frames' unknowns: they end where those that rows share begin."""
+    return problem.first_shared_column - sum(N_UNKNOWNS[kind] for kind in sightings.frames)
+
+
 def planes_of_circles(sightings: Sightings, first_frame_column: int, n_columns: int) -> Numbers:
     """Give rows C (k, n_columns), C x = 0: the centre of a circle stays in the plane of its commanded points.
 

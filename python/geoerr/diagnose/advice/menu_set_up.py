@@ -10,7 +10,6 @@ from geoerr.diagnose.advice.course import Course, along
 from geoerr.diagnose.advice.measurement import Measurement, uneven
 from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation, Target
-from geoerr.fit.sightings import Numbers
 from geoerr.observations import CARRIERS
 from geoerr.summaries import listed
 
@@ -135,13 +134,3 @@ def with_bar(situation: Situation, axes: Sequence[str]) -> Measurement:
         n_on_bar=2,
         handling_minutes=BAR_MINUTES,
     )
-
-
-def turn_about(vector_rad: Numbers) -> Numbers:
-    """Give the rotation by a vector, (3, 3)."""
-    angle = float(np.linalg.norm(vector_rad))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = vector_rad / angle
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew)

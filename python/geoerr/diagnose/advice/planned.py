@@ -10,10 +10,9 @@ from scipy import linalg
 
 from geoerr.diagnose.advice.columns import Poses
 from geoerr.diagnose.advice.measurement import Measurement
-from geoerr.diagnose.advice.menu_set_up import turn_about
 from geoerr.diagnose.advice.situation import Situation, pinhole
 from geoerr.fit.sightings import Numbers, Sightings
-from geoerr.fit.start import KINDS, nominal_mm
+from geoerr.fit.start import KINDS, nominal_mm, turn_about
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
 
