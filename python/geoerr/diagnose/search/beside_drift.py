@@ -141,7 +141,8 @@ def _offset_to_scatter(space: Space) -> float:
 
 
 def _is_slow(what: Candidate | Probe) -> bool:
-    return isinstance(what, Candidate) and what.reference.covariate is not None
+    """Tell of what follows a temperature, or is another in each session: temperatures differ from one to the next."""
+    return isinstance(what, Candidate) and (what.reference.covariate is not None or what.effect.each_session)
 
 
 def _is_of_motion(what: Candidate | Probe) -> bool:
