@@ -340,6 +340,7 @@ def fit_lines(
     points_mm: npt.NDArray[np.float64],
     starts: npt.NDArray[np.int64],
     covariance_mm2: npt.NDArray[np.float64] | None,
+    along: bool,
     threads: int,
 ) -> tuple[
     npt.NDArray[np.float64],

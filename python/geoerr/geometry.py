@@ -111,7 +111,8 @@ class FittedLines:
     direction_covariance : (m, 3, 3)
         Covariance of the unit vector (rank 2, across the line; rad²). NaN for two points without given covariances.
     along_mm : (n,)
-        For every point of every line, the distance along its line from the line's first point.
+        For every point of every line, the distance along its line from the line's first point; (0,) where it was not
+        wanted.
     status : (m,) uint8
         `LineStatus`.
     """
@@ -258,6 +259,7 @@ def fit_lines(
     starts: npt.ArrayLike,
     *,
     covariance_mm2: npt.ArrayLike | None = None,
+    along: bool = True,
     threads: int = 0,
 ) -> FittedLines:
     """Fit a line to each run of points by total least squares.
@@ -271,6 +273,8 @@ def fit_lines(
     covariance_mm2 : (n, 3, 3), optional
         Covariance of each point, for the direction's covariance (the fit itself is unweighted). Without, the
         residuals of each line tell the noise: equal in all directions, variance `Σ d² / (2 n - 4)`.
+    along
+        Whether the distances of the points along their lines are wanted: they are a fifth of the time.
     threads
         Number of threads, 0 for all cores.
 
@@ -295,7 +299,7 @@ def fit_lines(
     if given.ndim != 1 or (given.size > 0 and not np.issubdtype(given.dtype, np.integer)):
         raise ShapeError(f"starts must be whole numbers of shape (m,), got {given.dtype} of {given.shape}")
     covariance = None if covariance_mm2 is None else _array(covariance_mm2, "covariance_mm2", (None, 3, 3))
-    return FittedLines(*_core.fit_lines(points, np.ascontiguousarray(given, np.int64), covariance, threads))
+    return FittedLines(*_core.fit_lines(points, np.ascontiguousarray(given, np.int64), covariance, along, threads))
 
 
 def fit_line(points_mm: npt.ArrayLike, *, covariance_mm2: npt.ArrayLike | None = None) -> FittedLine:

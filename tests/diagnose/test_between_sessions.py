@@ -69,7 +69,7 @@ def assert_named_with_its_size(hidden: Callable[[Motion], Numbers], name: str, s
 
 
 def test_a_column_that_was_knocked_is_named_with_its_angle() -> None:
-    """Seen from the work Z leans the other way. `tests/hard_cases` has a belt and cameras."""
+    """Seen from the work Z leans the other way. `tests/hard_cases` has a belt."""
     assert_named_with_its_size(knocked, "squareness-change:yz", -1.0)
 
 

@@ -45,6 +45,16 @@ def test_agrees_with_svd() -> None:
         assert np.abs(found.along_mm[start : start + len(cloud)] - along).max() < condition * rounding * sizes[0]
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_lines_without_distances_are_the_same_lines(threads: int) -> None:
+    points, starts = reference_points()
+    whole, alone = (fit_lines(points, starts, along=along, threads=threads) for along in (True, False))
+    assert whole.along_mm.shape == (len(points),)
+    assert alone.along_mm.shape == (0,)
+    for name in ("centroid_mm", "direction", "rms_mm", "direction_covariance", "status"):
+        assert getattr(alone, name).tobytes() == getattr(whole, name).tobytes()
+
+
 @pytest.mark.parametrize("known", [False, True])
 def test_direction_covariance_matches_monte_carlo(known: bool) -> None:
     n_trials, n_points, sigma_mm = 20_000, 21, 0.02

@@ -388,6 +388,41 @@ def test_another_feed_is_no_proof(tmp_path):
     assert "feed" not in run("verify", "path", errors, program, program).stdout
 
 
+LASER = "G90\nG0 X20 Y20 Z5\nM4 S0\nG1 X300.5 F1200 S300\nG1 Y280.25 S600 M8\nX20 T3 S.5\nX18\nM5\n"
+
+
+def test_what_a_move_says_besides_goes_with_its_first_piece(tmp_path):
+    program, output = written(tmp_path, LASER), tmp_path / "out.gcode"
+    compensate_program(wavy(), program, output, CompensationOptions())
+    result = compare_paths(wavy(), program, output)
+    assert result.moves_out > 3 * result.moves_in
+    assert result.moves_compared == 4
+    said = output.read_text()
+    assert all(said.count(word) == 1 for word in (" S300", " S600", " M8", " T3", " S.5"))
+    # It holds until another: to say it once more is the same.
+    once_more = written(tmp_path, said.replace("S300", "S300\nG1 X30 S300", 1), "again.gcode")
+    assert compare_paths(wavy(), program, once_more).moves_compared == 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("S600", "S60", "says M8 S60 besides where to go, and its move says M8 S600"),
+        (" S300", "", "says nothing besides where to go, and its move says S300"),
+        (" M8", "", "says S600 besides where to go, and its move says M8 S600"),
+        ("T3", "T4", "says S0.5 T4 besides where to go, and its move says S0.5 T3"),
+        ("X18", "X18 S900", "says S900 besides where to go, and its move says nothing"),
+    ],
+)
+def test_a_move_that_says_something_else_besides_is_refused(tmp_path, old, new, problem):
+    """The power of a laser, coolant, a tool: it passed without a word."""
+    program, other = written(tmp_path, LASER), written(tmp_path, LASER.replace(old, new), "other.gcode")
+    with pytest.raises(GcodeError) as refused:
+        compare_paths(model({}), program, other)
+    assert problem in str(refused.value)
+    assert f"other.gcode:{1 + LASER[: LASER.index(old)].count(chr(10))}:" in str(refused.value)
+
+
 UNCLEAR = "G1 X20 Y20 Z5 F3000\nM83\nG90\nG1 X300.5 E10\n"
 
 

@@ -1,6 +1,6 @@
 //! Total-least-squares lines against 50-digit references, against SVD, and by their invariances.
 
-use geoerr_core::line::{FittedLines, LineError, PointNoise, Status, fit_lines};
+use geoerr_core::line::{FittedLines, LineError, PointNoise, Status, fit_lines, fit_lines_alone};
 use nalgebra::{Matrix3, MatrixXx3, Rotation3, Vector3};
 use proptest::prelude::*;
 
@@ -225,6 +225,13 @@ fn a_line_of_any_kind() -> impl Strategy<Value = Vec<[f64; 3]>> {
         })
 }
 
+/// All numbers of lines but the distances along, NaN for NaN.
+fn bits(fitted: &FittedLines) -> Vec<u64> {
+    let rows = fitted.centroid_mm.iter().chain(&fitted.direction).flatten();
+    let all = rows.chain(&fitted.rms_mm).chain(fitted.direction_covariance.iter().flatten().flatten());
+    all.map(|value| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() }).collect()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -238,6 +245,13 @@ proptest! {
         let many = fit_lines(&points, &starts, PointNoise::FromResiduals).unwrap();
         let each = fit_lines(&points, &starts, PointNoise::Covariances(&unit)).unwrap();
         prop_assert_eq!(&many.status, &each.status);
+        prop_assert_eq!(many.along_mm.len(), points.len());
+        for (noise, whole) in [(PointNoise::FromResiduals, &many), (PointNoise::Covariances(&unit), &each)] {
+            let without = fit_lines_alone(&points, &starts, noise).unwrap();
+            prop_assert!(without.along_mm.is_empty());
+            prop_assert_eq!(&without.status, &whole.status);
+            prop_assert_eq!(bits(&without), bits(whole));
+        }
         for (i, line) in lines.iter().enumerate().filter(|(i, _)| many.status[*i] == Status::Ok) {
             let alone = fit_one(line);
             prop_assert_eq!(alone.direction[0], many.direction[i]);

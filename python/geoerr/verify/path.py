@@ -16,7 +16,7 @@ from geoerr.errors import GcodeError
 from geoerr.model import Model
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time
-from geoerr.verify.path_matching import END_MM, Run, further_pieces, paired_runs, piece_counts
+from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces, paired_runs, piece_counts
 from geoerr.verify.program_reader import UNITS_PER_MM, Move, ProgramReader, Triple
 
 Numbers = npt.NDArray[np.float64]
@@ -231,7 +231,8 @@ def compare_paths(
     Raises
     ------
     GcodeError
-        naming the line of `after` that does not belong to `before`: it is no move and differs, or moves are missing;
+        naming the line of `after` that does not belong to `before`: it is no move and differs, moves are missing, or
+        a move says something else besides where to go (`S600`, `M8`);
         or that of a split move in `before` of which firmwares differ on what it extrudes, where none is named.
     InputFileError
         where a file cannot be read.
@@ -242,7 +243,7 @@ def compare_paths(
     in_figures, out_figures = _Figures(), _Figures()
     tally = _Tally()
     for batch in _batches(paired_runs(reader_in, reader_out)):
-        pieces = _pieces(machine, reader_in.path, batch, tally)
+        pieces = _pieces(machine, reader_in.path, reader_out.path, batch, tally)
         for part in _parts(pieces, sample_step_mm):
             samples = _sample(machine, part, sample_step_mm, in_figures, out_figures)
             if on_samples is not None:
@@ -284,7 +285,7 @@ def _batches(runs: Iterator[tuple[Run, Run]]) -> Iterator[list[tuple[Run, Run]]]
         yield batch
 
 
-def _pieces(machine: _Machine, program: Path, batch: list[tuple[Run, Run]], tally: _Tally) -> _Pieces:
+def _pieces(machine: _Machine, before: Path, after: Path, batch: list[tuple[Run, Run]], tally: _Tally) -> _Pieces:
     """Match the moves of a batch; give the pieces of those that can be compared."""
     commands = _rows([move.end_mm for _, run_out in batch for move in run_out.moves])
     actual_mm = commands
@@ -301,22 +302,23 @@ def _pieces(machine: _Machine, program: Path, batch: list[tuple[Run, Run]], tall
         else:
             counts = piece_counts(run_in, run_out, own_mm)
             shares = _shares(run_in, counts, own_mm)
-        _refuse_unclear_extrusion(program, run_in, counts)
+        _refuse_unclear_extrusion(before, run_in, counts)
         first = 0
         for move, count in zip(run_in.moves, counts, strict=True):
-            own = run_out.moves[first : first + count]
-            tally.add(move, own, shares[first : first + count], run_out.numbers[first : first + count])
+            own, numbers = run_out.moves[first : first + count], run_out.numbers[first : first + count]
+            _refuse_other_words(after, move, own, numbers)
+            tally.add(move, own, shares[first : first + count], numbers)
             if move.start_mm is not None and own[0].start_mm is not None:
                 tally.n_compared += 1
-                ideal, before = move.start_mm, 0.0
+                ideal, begun = move.start_mm, 0.0
                 for number, piece in enumerate(own):
                     share = shares[first + number]
                     is_last = number + 1 == count
                     end = move.end_mm if is_last else _between(move.start_mm, move.end_mm, share)
                     begin = piece.start_mm or move.start_mm
                     rows.append((begin, piece.end_mm, ideal, end, run_out.numbers[first + number]))
-                    motions.append(move.course.motion_at([before, share]))
-                    ideal, before = end, share
+                    motions.append(move.course.motion_at([begun, share]))
+                    ideal, begun = end, share
             first += count
         at += n_out
     begins, ends, ideal_begins, ideal_ends, lines = ([row[column] for row in rows] for column in range(5))
@@ -330,6 +332,17 @@ def _pieces(machine: _Machine, program: Path, batch: list[tuple[Run, Run]], tall
         motion[:, 1],
         np.array(lines, dtype=np.int64),
     )
+
+
+def _refuse_other_words(program: Path, move: Move, pieces: Sequence[Move], numbers: Sequence[int]) -> None:
+    """Refuse a piece that says something else than its move, of a laser's power say: the first says it for all."""
+    for piece, number in zip(pieces, numbers, strict=True):
+        wanted = move.others if number == numbers[0] else ()
+        if piece.others not in (move.others, wanted):
+            said, meant = (" ".join(one) or "nothing" for one in (piece.others, wanted))
+            raise GcodeError(
+                program, number, f"says {said} besides where to go, and its move says {meant}", remedy=REMEDY
+            )
 
 
 def _refuse_unclear_extrusion(program: Path, run_in: Run, counts: list[int]) -> None:

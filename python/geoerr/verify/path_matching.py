@@ -15,6 +15,8 @@ from geoerr.verify.program_reader import Line, Move, ProgramReader, Triple
 
 Numbers = npt.NDArray[np.float64]
 
+REMEDY = "give the program as it was written, then the one that `geoerr compensate` made of it"
+
 # The comment that marks a corrected program.
 MARK = b"corrected by geoerr: model "
 
@@ -62,7 +64,7 @@ def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator
         if run_in is None or run_out is None:
             longer = run_in or run_out
             number = 1 if longer is None or longer.next_line is None else longer.next_line.number
-            raise GcodeError(reader_out.path, number, f"has not as many lines as {reader_in.path}", remedy=_REMEDY)
+            raise GcodeError(reader_out.path, number, f"has not as many lines as {reader_in.path}", remedy=REMEDY)
         line_in, line_out = run_in.next_line, run_out.next_line
         bodies = [None if line is None else line.body for line in (line_in, line_out)]
         if bodies[0] != bodies[1]:
@@ -70,12 +72,12 @@ def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator
                 reader_out.path,
                 1 if line_out is None else line_out.number,
                 f"{_shown(line_out)} stands where {reader_in.path} has {_shown(line_in)}",
-                remedy=_REMEDY,
+                remedy=REMEDY,
             )
         if len(run_out.moves) < len(run_in.moves):
             number = 1 if line_out is None else line_out.number
             missing = len(run_in.moves) - len(run_out.moves)
-            raise GcodeError(reader_out.path, number, f"{missing} moves are missing before this line", remedy=_REMEDY)
+            raise GcodeError(reader_out.path, number, f"{missing} moves are missing before this line", remedy=REMEDY)
         yield run_in, run_out
 
 
@@ -114,9 +116,6 @@ def further_pieces(actual_mm: Numbers, end_mm: Triple) -> int:
             nearest, nearest_mm = number, off_mm
     # A path that is corrected for another machine never comes close: its nearest piece stands for the end.
     return nearest
-
-
-_REMEDY = "give the program as it was written, then the one that `geoerr compensate` made of it"
 
 
 def _shown(line: Line | None) -> str:

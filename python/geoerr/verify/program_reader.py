@@ -35,6 +35,7 @@ _OTHER_AXES = frozenset((b"A", b"B", b"C", b"U", b"V", b"W"))
 _MOVE_LETTERS = frozenset((*_LETTERS, b"E", b"F", b"S", b"T")) | _OTHER_AXES
 _PARAMETERS = frozenset((b"D", b"H", b"L", b"P", b"Q"))
 _TAKES_PARAMETERS = frozenset((40.0, 41.0, 41.1, 42.0, 42.1, 43.0, 64.0))
+_PATH_LETTERS = frozenset((*_LETTERS, b"E", b"F"))
 _UNKNOWN: Place = (None, None, None)
 _INCH_MM = 25.4
 # Extruded lengths are counted in whole units of 1e-10 mm, of which 1e-9 mm and 1e-9 inches have so many.
@@ -95,6 +96,8 @@ class Move(NamedTuple):
         How fast it is asked to be.
     course
         Direction, travel and speed.
+    others
+        What else its line says: `S600`, `T3`, `M8`, sorted.
     """
 
     start_mm: Triple | None
@@ -103,6 +106,7 @@ class Move(NamedTuple):
     is_extrusion_clear: bool
     feed: Feed
     course: Course
+    others: tuple[str, ...] = ()
 
 
 class Line(NamedTuple):
@@ -364,7 +368,8 @@ class ProgramReader:
         end = self._end(x, y, z, (0.0, 0.0, 0.0) if in_machine else self._origin())
         is_correctable = not _OTHER_AXES & words.keys() and not statement.has_checksum
         if modes.motion == "straight" and is_correctable and self._is_placed(statement) and not modes.is_inverse_time:
-            return self._arrive(end, extrusion)
+            move = self._arrive(end, extrusion)
+            return move if move is None else move._replace(others=_others(statement, words))
         self.n_moves += 1
         self._place, self._is_on_path = end, False
         self._forget_past([True, True, True])
@@ -623,6 +628,15 @@ def _motion_of(code: float) -> Motion | None:
 def _system_of(code: float) -> int:
     """Give the number of a coordinate system: 1 is G54; 7 stands for G59.1 to G59.3, which are not followed."""
     return int(code) - 53 if code == int(code) else 7
+
+
+def _others(statement: Statement, words: dict[bytes, float | None]) -> tuple[str, ...]:
+    """Give what a move's line says besides where, how fast, and with how much filament."""
+    letters = words.keys() - _PATH_LETTERS
+    if not letters and not statement.m_codes:
+        return ()
+    said = (f"{letter.decode()}{words[letter]:g}" for letter in letters if words[letter] is not None)
+    return tuple(sorted((*said, *(f"M{code:g}" for code in statement.m_codes))))
 
 
 def _motions_disagree(codes: tuple[float, ...]) -> bool:

@@ -85,7 +85,7 @@ impl Clouds {
     }
 }
 
-/// Fits up to [`GROUP`] lines; their distances along go into `along_mm`, one line after another.
+/// Fits up to [`GROUP`] lines; their distances along go into `along_mm`, one line after another, if there is room for any.
 ///
 /// None where the careful path has to answer.
 pub(super) fn fit_group(
@@ -122,16 +122,19 @@ impl Group<'_> {
             }
         }
         let solved = solve::<A>(&moments);
+        let has_room = !self.along_mm.is_empty();
         let mut rest = self.along_mm;
         let mut found = [None; GROUP];
         for (k, (line, cloud)) in self.lines.iter().zip(&self.clouds.0).enumerate() {
-            let (along_mm, after) = rest.split_at_mut(line.len());
+            let (along_mm, after) = rest.split_at_mut(if has_room { line.len() } else { 0 });
             rest = after;
             if let [first, ..] = line
                 && solved.is_good[k]
             {
                 let found_line = solved.line(k, first, &chords[k]);
-                measure_along::<A>(line, &found_line.direction, cloud, along_mm);
+                if has_room {
+                    measure_along::<A>(line, &found_line.direction, cloud, along_mm);
+                }
                 found[k] = Some(found_line);
             }
         }
