@@ -104,6 +104,15 @@ def is_motion(name: str, *kinds: str) -> bool:
     return kind in kinds and axis in AXES
 
 
+def is_lasting_state(name: str) -> bool:
+    """Tell whether a variable that rows have by themselves is a state that lasts: how long it runs, how hard it works.
+
+    A program does not tell it, and a number for it is as far from what was measured as a temperature may be. A clock
+    always is, and so is a time since a reversal that stands for a long one.
+    """
+    return name == "t" or is_motion(name, "mean_v")
+
+
 def is_rig_channel(channel: str) -> bool:
     """Tell whether a channel belongs to the measuring rig: explained, never compensated."""
     return channel in RIG_CHANNELS

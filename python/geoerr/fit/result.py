@@ -15,11 +15,12 @@ import polars as pl
 from geoerr.fit.fit import refit
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
 from geoerr.model.fit_words import FAR_BELOW_STATED, OF_STATED
 from geoerr.model.summary import model_html
-from geoerr.terms import RAW_VARIABLES, SESSION_NAME
+from geoerr.terms import RAW_VARIABLES, SESSION_NAME, is_lasting_state
 
 # Directions of parameters whose part in the model is below this are those of the measuring frames alone.
 _NOTHING = 1e-9
@@ -110,10 +111,12 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         if np.ptp(values) <= SAME_POSITION_MM
     }
     needed = {name for term in fitted.terms for name in term.variables if name not in RAW_VARIABLES}
+    lasting = {name for term in fitted.terms if not term.is_rig for name in term.variables if is_lasting_state(name)}
+    names = sorted(needed | lasting)
     spans = {
         name: (float(np.nanmin(values)), float(np.nanmax(values)))
-        for name in sorted(needed)
-        for values in [sightings.numbers(name)]
+        for name, values in zip(names, variable_columns(sightings, names), strict=True)
+        if np.isfinite(values).any()
     }
     if any(SESSION_NAME in term.variables for term in fitted.terms):
         spans[SESSION_NAME] = (0.0, len(sightings.sessions) - 1.0)
