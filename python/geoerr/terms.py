@@ -105,7 +105,7 @@ def is_motion(name: str, *kinds: str) -> bool:
 
 
 def is_lasting_state(name: str) -> bool:
-    """Tell whether a variable that rows have by themselves is a state that lasts: how long it runs, how hard it works.
+    """Tell whether a variable that rows have by themselves is a state that lasts: running for long, working hard.
 
     A program does not tell it, and a number for it is as far from what was measured as a temperature may be. A clock
     always is, and so is a time since a reversal that stands for a long one.

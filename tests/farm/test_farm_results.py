@@ -12,7 +12,7 @@ import pytest
 from small_farm import RECIPE, contents
 
 import geoerr
-from geoerr.compensate.program import name_of_model
+from geoerr.compensate.program import CompensationOptions, name_of_model
 from geoerr.farm import Recipe, Step
 from geoerr.files import read_json
 
@@ -181,6 +181,29 @@ def test_what_is_meant_wrongly_is_refused_before_anything_is_done(farm: Path) ->
     with pytest.raises(geoerr.GeoerrError, match="no such folder"):
         geoerr.run_farm(farm / "nowhere", farm.parent / "out")
     assert not (farm.parent / "out").exists()
+
+
+def test_results_that_stand_among_the_machines_are_no_machine(farm: Path) -> None:
+    recipe = replace(RECIPE, steps=("fit",))
+    with ThreadPoolExecutor(1) as one:
+        first, again = (geoerr.run_farm(farm, farm / "results", recipe, executor=one) for _ in range(2))
+    assert list(again.by_machine) == list(first.by_machine) == [f"mill-{number}" for number in range(4)]
+    assert not again.failures
+
+
+def test_what_is_to_be_known_of_a_program_is_handed_on(farm: Path) -> None:
+    """As `geoerr compensate` says it: of a program that was corrected in part a number of warnings was told."""
+    (farm / "mill-1/programs/corner.gcode").write_text("G21\nG90\nG0 X10 Y10 Z20\nG2 X20 Y20 I10 J0\nG1 X150\n")
+    options = CompensationOptions(on_unsupported="pass")
+    recipe = replace(RECIPE, steps=("fit", "compensate"), options=options)
+    with ThreadPoolExecutor(1) as one:
+        done = geoerr.run_farm(farm, farm.parent / "out", recipe, executor=one)
+    noted = {one.machine: one.notes for one in done.outcomes if one.step == "compensate"}
+    (warning,) = (said for said in noted["mill-1"] if said.startswith("warning: "))
+    assert "line 4" in warning
+    assert not any(said.startswith("warning: ") for said in noted["mill-0"])
+    told = {one["machine"]: one["notes"] for one in done.to_document()["outcomes"] if one["program"]}
+    assert told["mill-1"] == list(noted["mill-1"])
 
 
 def test_a_link_is_a_machine_of_its_own_name(farm: Path, right_bytes: dict[str, bytes]) -> None:

@@ -35,6 +35,15 @@ def test_every_machine_has_a_line_and_every_failure_a_reason(farm: Path, right_b
     assert contents(farm.parent / "out") == {k: v for k, v in right_bytes.items() if k not in missing}
 
 
+def test_warnings_are_told_once_for_all_programs(farm: Path) -> None:
+    for number in (0, 2):
+        (farm / f"mill-{number}/programs/corner.gcode").write_text("G21\nG90\nG0 X10 Y10 Z20\nG2 X20 Y20 I10 J0\n")
+    lines = geoerr_farm(farm, "--threads", "1", "--on-unsupported", "pass").splitlines()
+    assert lines[5] == "warnings:"
+    assert lines[6].startswith("  mill-0/programs/corner.gcode, mill-2/programs/corner.gcode: line 4: `G2 X20")
+    assert lines[7:] == ["", "4 machines, 0 of them with a failure"]
+
+
 def test_a_cluster_is_given_by_its_address(farm: Path, right_bytes: dict[str, bytes]) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
@@ -49,5 +58,6 @@ def test_a_cluster_is_given_by_its_address(farm: Path, right_bytes: dict[str, by
         "program": None,
         "files": ["mill-0/model.json"],
         "error": None,
+        "notes": [],
     }
     assert contents(farm.parent / "out") == right_bytes

@@ -37,6 +37,15 @@ def test_a_shape_as_a_formula_is_the_shape_as_parameters(states: States) -> None
         assert by_formula == pytest.approx(by_basis, rel=1e-9, abs=1e-12), shape.key
 
 
+def test_a_turn_of_a_squareness_has_the_sense_of_its_name(states: States) -> None:
+    """`EB0Z` is −S_xz, whose channel has the other sense: its change with warmth was told with that one's sign."""
+    functions = states.functions
+    turns = {one.name: one.parameters for one in shapes_of(functions, with_squares=False) if one.order == 0}
+    assert set(turns) == {"EC0Y", "EB0Z", "EA0Z"}
+    for name, parameters in turns.items():
+        assert functions.rows[name] @ parameters == pytest.approx(1.0)
+
+
 def test_shapes_are_in_the_gauge(states: States) -> None:
     """0 at the first point; from order 2 on without a line; so order 1 is the mean slope."""
     functions = states.functions
@@ -178,6 +187,8 @@ def test_a_column_of_the_tables_is_the_temperature(hot: Hot) -> None:
     assert states.model.model.conditions == ("temp_bed",)
     assert states.left_out == ()
     assert "three temperatures" in states.report()
+    mean = tables[20.0].numbers("temp_bed").mean()
+    assert f"the state called 20 °C had temp_bed = {mean:.1f} °C on average" in " ".join(states.report().split())
 
 
 def test_the_uncertainty_of_an_expansion_counts_the_choice_of_terms(states: States) -> None:

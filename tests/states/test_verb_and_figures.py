@@ -116,6 +116,18 @@ def test_a_temperature_below_zero_is_typed_as_it_is(
     assert sorted(given) == [-20.0, -0.5, 20.0]
 
 
+def test_two_results_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page was written over the model."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("machine.toml", "cold.csv", "hot.csv"):
+        Path(name).touch()
+    arguments = ["states", "20=cold.csv", "60=hot.csv", "--machine", "machine.toml"]
+    run = CliRunner().invoke(app, [*arguments, "-o", "out", "--report", str(tmp_path / "out")])
+    assert run.exit_code == 1
+    assert "is named for two results" in str(run.exception)
+    assert not Path("out").exists()
+
+
 def test_an_option_that_there_is_not_is_named() -> None:
     run = CliRunner().invoke(
         app, ["states", "-20=cold.csv", "20=lab.csv", "--machine", "machine.toml", "--treads", "1"]

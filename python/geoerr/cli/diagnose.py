@@ -85,7 +85,7 @@ def diagnose_verb(
 
     inputs = files_given(model, observations, effects, rig)
     check_output(report, inputs)
-    check_output(plan, inputs)
+    check_output(plan, inputs, report)
     known = load_model(model)
     own = effects_of(effects)
     measured = read_measurements(observations, ranges_mm=known.machine.ranges_mm)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -152,21 +152,34 @@ def _some_of(names: list[str]) -> str:
 
 
 def _lines(done: Farm) -> list[str]:
-    """Say of each machine what it lacks and how many programs were corrected; then what failed, and why."""
+    """Say of each machine what it lacks and how many programs were corrected; then warnings; what failed, and why."""
+    from geoerr.farm.outcome import WARNING
+
     by_machine = done.by_machine
     width = max(map(len, by_machine), default=0)
     lines = [f"{name:<{width}}  {_machine_words(outcomes)}" for name, outcomes in by_machine.items()]
-    if done.failures:
-        lines += ["", "failed:"]
-        # A table that cannot be read is what two steps say.
-        whose: dict[str, dict[str, None]] = {}
-        for one in done.failures:
-            whose.setdefault(str(one.error), {})[one.machine] = None
-        for reason, names in whose.items():
-            first, *more = reason.splitlines()
-            lines += [f"  {_some_of(list(names))}: {first}", *(f"  {line}" for line in more)]
+    warned = _told(
+        (said.removeprefix(WARNING), f"{one.machine}/{one.program}")
+        for one in done.outcomes
+        for said in one.notes
+        if said.startswith(WARNING)
+    )
+    failed = _told((str(one.error), one.machine) for one in done.failures)
+    lines += [*(["", "warnings:", *warned] if warned else []), *(["", "failed:", *failed] if failed else [])]
     n_failed = len({one.machine for one in done.failures})
     return [*lines, "", f"{len(by_machine)} machines, {n_failed} of them with a failure"]
+
+
+def _told(said: Iterable[tuple[str, str]]) -> list[str]:
+    """Give what is said of machines, once for all of which it is: of one bad table two steps say the same."""
+    whose: dict[str, dict[str, None]] = {}
+    for text, machine in said:
+        whose.setdefault(text, {})[machine] = None
+    lines = []
+    for text, names in whose.items():
+        first, *more = text.splitlines()
+        lines += [f"  {_some_of(list(names))}: {first}", *(f"  {line}" for line in more)]
+    return lines
 
 
 def _machine_words(outcomes: tuple[Outcome, ...]) -> str:

@@ -119,8 +119,8 @@ def effects_of(files: Sequence[Path] | None) -> list[Effect]:
     return [effect for path in files or [] for effect in load_effects(path)]
 
 
-def check_output(output: Path | None, inputs: Sequence[Path]) -> None:
-    """Refuse an output that would replace an input, under whatever name, or that cannot be a file."""
+def check_output(output: Path | None, inputs: Sequence[Path], *others: Path | None) -> None:
+    """Refuse an output that would replace an input or another output, under whatever name, or that can be no file."""
     if output is None:
         return
     from geoerr.files import refuse_no_file
@@ -130,6 +130,8 @@ def check_output(output: Path | None, inputs: Sequence[Path]) -> None:
     refuse_no_file(output)
     if any(_is_same(output, path) for path in inputs):
         raise InputFileError(output, "is an input of this command", remedy="name another output")
+    if any(_is_same(output, path) for path in others if path is not None):
+        raise InputFileError(output, "is named for two results", remedy="name another file for one of them")
 
 
 def _is_same(one: Path, other: Path) -> bool:

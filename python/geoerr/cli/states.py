@@ -81,7 +81,7 @@ def states_verb(
     paths = [(_temperature(state), Path(state.partition("=")[2])) for state in states]
     inputs = [machine, *(path for _, path in paths)]
     check_output(output, inputs)
-    check_output(report, inputs)
+    check_output(report, inputs, output)
     tables: dict[float, list[Observations]] = {}
     for temperature, path in paths:
         tables.setdefault(temperature, []).append(read_observations(path))

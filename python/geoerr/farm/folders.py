@@ -121,8 +121,10 @@ def programs_in(path: Path) -> tuple[str, ...]:
     )
 
 
-def machine_paths(farm: Path) -> list[Path]:
+def machine_paths(farm: Path, results: Path) -> list[Path]:
     """Give the machines' folders: those in `farm`, by name; or `farm`, where it is the folder of one machine.
+
+    Results of an earlier run that stand there are no machine: a folder of folders.
 
     Raises
     ------
@@ -133,6 +135,7 @@ def machine_paths(farm: Path) -> list[Path]:
     if files & {"machine.toml", "session.toml", *MODELS}:
         return [farm]
     found = sorted(one for one in _listed(farm) if one.is_dir() and not one.name.startswith("."))
+    found = [one for one in found if one.resolve() != results.resolve() or any(own.is_file() for own in _listed(one))]
     if not found:
         raise InputFileError(farm, "holds no folders of machines", remedy="make one for each machine")
     return found

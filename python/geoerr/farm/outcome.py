@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+# What a note begins with that is more than a note.
+WARNING = "warning: "
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -25,6 +28,8 @@ class Outcome:
         The result in a sentence; empty where it failed.
     error
         Why it failed: file, place and remedy; None where it did not.
+    notes
+        What to know of a corrected program, as `geoerr compensate` tells it: warnings first.
     """
 
     machine: str
@@ -33,10 +38,11 @@ class Outcome:
     files: tuple[str, ...] = ()
     says: str = ""
     error: str | None = None
+    notes: tuple[str, ...] = ()
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""
-        return {**vars(self), "files": list(self.files)}
+        return {**vars(self), "files": list(self.files), "notes": list(self.notes)}
 
 
 @dataclass(frozen=True)
@@ -80,3 +86,4 @@ class StepResult:
     files: Mapping[str, bytes] = field(default_factory=dict)
     says: str = ""
     error: str | None = None
+    notes: tuple[str, ...] = ()

@@ -61,12 +61,12 @@ def run_farm(
         where there is no farm, two machines have the same name, or a result would replace an input.
     """
     run = _Run(Path(output), recipe or Recipe(), executor, workers, on_progress)
-    return run.farm(_paths(machines))
+    return run.farm(_paths(machines, Path(output)))
 
 
-def _paths(machines: str | Path | Sequence[str | Path]) -> list[Path]:
+def _paths(machines: str | Path | Sequence[str | Path], results: Path) -> list[Path]:
     if isinstance(machines, str | Path):
-        return machine_paths(Path(machines))
+        return machine_paths(Path(machines), results)
     return [Path(one) for one in machines]
 
 
@@ -204,7 +204,7 @@ class _Run:
             except (GeoerrError, OSError) as refused:
                 files, error = (), str(refused)
             says = "" if error else result.says
-            outcomes.append(Outcome(job.machine, result.step, result.program, files, says, error))
+            outcomes.append(Outcome(job.machine, result.step, result.program, files, says, error, result.notes))
         made = {name for one in outcomes for name in one.files}
         if not any(one.error for one in outcomes if one.step in ("measure", "fit")):
             model = next((name for name in MODELS if f"{job.machine}/{name}" in made), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from geoerr.diagnose import Verdict
 from geoerr.effects import load_catalogue, load_effects
 from geoerr.errors import InputFileError
 from geoerr.farm.folders import MODELS, TABLES, bytes_of
-from geoerr.farm.outcome import StepResult
+from geoerr.farm.outcome import WARNING, StepResult
 from geoerr.farm.recipe import Recipe, Step
 from geoerr.files import null_for_nan, write_json
 from geoerr.machine import Machine, read_machine
@@ -190,9 +191,13 @@ def _compensate(bench: Bench) -> list[StepResult]:
         threads=_THREADS,
     )
     corrected.replace(source)
-    warned = f", {len(done.warnings)} warnings" if done.warnings else ""
-    says = f"{done.moves_in} moves, largest correction {done.largest_correction_um:.1f} µm{warned}"
-    return bench.result("compensate", says, bench.program)
+    says = f"{done.moves_in} moves, largest correction {done.largest_correction_um:.1f} µm"
+    extrapolated = [str(one) for one in done.extrapolated]
+    notes = (
+        *(f"{WARNING}{said}" for said in (*done.warnings, *extrapolated)),
+        *(said for said in done.notes if said not in extrapolated),
+    )
+    return [replace(result, notes=notes) for result in bench.result("compensate", says, bench.program)]
 
 
 DONE_BY: dict[Step, Callable[[Bench], list[StepResult]]] = {

@@ -79,11 +79,17 @@ def shapes_of(functions: Functions, *, with_squares: bool) -> tuple[Shape, ...]:
         for name in functions.names:
             own = functions.own[term_id_of(name)]
             spec = specs[term_id_of(name)]
-            for order, text, coefficients in [(0, "1", np.ones(1))] if spec is None else _along(name, spec):
+            for order, text, coefficients in _turn(name) if spec is None else _along(name, spec):
                 parameters = np.zeros(n_parameters)
                 parameters[own] = coefficients
                 found.append(Shape(name, order, power, text, parameters))
     return tuple(found)
+
+
+def _turn(name: str) -> list[tuple[int, str, Numbers]]:
+    """Give the one shape of a squareness: in the sense of its ISO name, where its channel may have the other one."""
+    sense = LI_SQUARENESS[name][1]
+    return [(0, "1" if sense > 0.0 else "(-1)", np.full(1, sense))]
 
 
 def _along(name: str, spec: BasisSpec) -> list[tuple[int, str, Numbers]]:

@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
+# A state is named by a round number.
+_ROUNDED_DEGC = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """The machine at one temperature.
@@ -61,6 +65,11 @@ class State:
     errors: ErrorFunctions
     estimate: Estimate
     sensitivity: Numbers
+
+    @property
+    def is_named_otherwise(self) -> bool:
+        """Whether its name is another temperature than it had, by more than what a name rounds off."""
+        return abs(self.mean_degc - self.temperature_degc) > _ROUNDED_DEGC
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +262,15 @@ def identify_states(
         table = tables[temperature]
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
         states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
+    notes += tuple(_other_mean(state, covariate) for state in states if state.is_named_otherwise)
     return States(machine, covariate, functions, tuple(states), notes, threads)
+
+
+def _other_mean(state: State, covariate: str) -> str:
+    return (
+        f"the state called {state.temperature_degc:g} °C had {covariate} = {state.mean_degc:.1f} °C on average: that "
+        "is what the model and its predictions reckon with"
+    )
 
 
 def _refuse_one_temperature(observations: Mapping[float, Observations | Sequence[Observations]]) -> None:

@@ -97,7 +97,7 @@ def _left_out_lines(states: States) -> Iterator[str]:
     if not states.left_out:
         yield "  needs three temperatures: one that is left out leaves a line through two"
         return
-    yield "                   over the volume,  measured points,"
+    yield "                   over the volume,  measured points,  errors"
     yield "                        µm rms            µm rms       inside"
     yield "      °C             off  by chance    off   own fit     95 %           p"
     for one in states.left_out:
