@@ -104,13 +104,13 @@ def is_motion(name: str, *kinds: str) -> bool:
     return kind in kinds and axis in AXES
 
 
-def is_lasting_state(name: str) -> bool:
-    """Tell whether a variable that rows have by themselves is a state that lasts: running for long, working hard.
+def has_span(name: str) -> bool:
+    """Tell whether a variable that rows have by themselves was measured over a span that says how far it is known.
 
-    A program does not tell it, and a number for it is as far from what was measured as a temperature may be. A clock
-    always is, and so is a time since a reversal that stands for a long one.
+    How long the machine has run, how hard it works, how fast it goes: a number for it may be as far from what was
+    measured as a temperature. A clock always is, and so is a time since a reversal that stands for a long one.
     """
-    return name == "t" or is_motion(name, "mean_v")
+    return name == "t" or is_motion(name, "v", "mean_v")
 
 
 def is_rig_channel(channel: str) -> bool:

@@ -24,7 +24,7 @@ def model() -> Model:
 def test_how_long_it_ran_and_how_hard_it_worked_have_spans(model: Model) -> None:
     assert model.record is not None
     spans = model.record.covariate_spans
-    assert set(spans) == {"t", "mean_v_x"}
+    assert set(spans) == {"t", "mean_v_x", "v_x"}
     assert spans["t"][0] >= 0.0
     assert spans["mean_v_x"][0] < 0.0 < spans["mean_v_x"][1]
 

@@ -187,6 +187,12 @@ impl PyGcodeRewriter {
         Ok(dict)
     }
 
+    /// Least travel of each axis between two reversals, mm, infinite where there are none; and largest speed, mm/s.
+    fn extremes(&self) -> PyResult<([f64; 3], [f64; 3])> {
+        let extremes = self.lock()?.extremes();
+        Ok((extremes.shortest_stroke_mm, extremes.fastest_mm_s))
+    }
+
     /// Warnings so far, in the order of their first lines.
     fn warnings(&self) -> PyResult<Vec<WarningRow>> {
         let warnings = self.lock()?.warnings();

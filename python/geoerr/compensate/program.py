@@ -16,6 +16,7 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.compensate.benefit import Benefit, benefit_of, uncertain_tables
+from geoerr.compensate.motion_notes import motion_notes
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
 from geoerr.files import digest, refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
@@ -456,4 +457,5 @@ def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tup
         )
     notes.extend(not_finite_notes(job.corrected, job.at))
     lacking = (f"{not_in_model_words(job.not_in_model)}: nothing of them is corrected",) if job.not_in_model else ()
-    return (*notes, *map(str, job.extrapolated), *(() if benefit is None else benefit.notes), *lacking)
+    moved = motion_notes(job.corrected, job.at, *job.rewriter.extremes())
+    return (*notes, *map(str, job.extrapolated), *moved, *(() if benefit is None else benefit.notes), *lacking)

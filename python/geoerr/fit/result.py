@@ -20,7 +20,7 @@ from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
 from geoerr.model.fit_words import FAR_BELOW_STATED, OF_STATED
 from geoerr.model.summary import model_html
-from geoerr.terms import RAW_VARIABLES, SESSION_NAME, is_lasting_state
+from geoerr.terms import RAW_VARIABLES, SESSION_NAME, has_span
 
 # Directions of parameters whose part in the model is below this are those of the measuring frames alone.
 _NOTHING = 1e-9
@@ -111,8 +111,8 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         if np.ptp(values) <= SAME_POSITION_MM
     }
     needed = {name for term in fitted.terms for name in term.variables if name not in RAW_VARIABLES}
-    lasting = {name for term in fitted.terms if not term.is_rig for name in term.variables if is_lasting_state(name)}
-    names = sorted(needed | lasting)
+    own = {name for term in fitted.terms if not term.is_rig for name in term.variables if has_span(name)}
+    names = sorted(needed | own)
     spans = {
         name: (float(np.nanmin(values)), float(np.nanmax(values)))
         for name, values in zip(names, variable_columns(sightings, names), strict=True)

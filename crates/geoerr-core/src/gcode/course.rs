@@ -36,6 +36,22 @@ impl Course {
 pub struct Past {
     direction: [f64; 3],
     travel_mm: [f64; 3],
+    extremes: Extremes,
+}
+
+/// What the motion of a program comes to, by axis: what a model was fitted to may be far from it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extremes {
+    /// Least travel between two reversals; infinite where there are none.
+    pub shortest_stroke_mm: [f64; 3],
+    /// Largest speed.
+    pub fastest_mm_s: [f64; 3],
+}
+
+impl Default for Extremes {
+    fn default() -> Self {
+        Self { shortest_stroke_mm: [f64::INFINITY; 3], fastest_mm_s: [0.0; 3] }
+    }
 }
 
 impl Past {
@@ -51,10 +67,17 @@ impl Past {
         for (axis, step) in step_mm.into_iter().enumerate() {
             if step.abs() > STILL_MM {
                 if self.direction[axis] != step.signum() {
+                    if self.direction[axis] != 0.0 {
+                        let shortest = &mut self.extremes.shortest_stroke_mm[axis];
+                        *shortest = shortest.min(self.travel_mm[axis]);
+                    }
                     (self.direction[axis], self.travel_mm[axis]) = (step.signum(), 0.0);
                 }
                 course.travel_mm[axis] = step.abs();
-                course.begin.velocity_mm_s[axis] = speed_mm_min / SECONDS_A_MINUTE * step / length_mm;
+                let speed = speed_mm_min / SECONDS_A_MINUTE * step / length_mm;
+                course.begin.velocity_mm_s[axis] = speed;
+                let fastest = &mut self.extremes.fastest_mm_s[axis];
+                *fastest = fastest.max(speed.abs());
             }
             course.begin.direction[axis] = self.direction[axis];
             course.begin.travel_mm[axis] = self.travel_mm[axis];
@@ -62,6 +85,11 @@ impl Past {
         }
         course.begin.feed_mm_min = speed_mm_min;
         course
+    }
+
+    /// What the moves so far came to.
+    pub fn extremes(&self) -> Extremes {
+        self.extremes
     }
 
     /// These axes have moved in a way that is not known.
@@ -89,10 +117,15 @@ mod tests {
         assert_eq!(second.begin.direction, [-1.0, 1.0, 0.0], "y rests and keeps its direction");
         assert_eq!(second.begin.travel_mm, [0.0, 4.0, 0.0]);
         assert_eq!(second.at(1.0).travel_mm, [2.0, 4.0, 0.0]);
+        assert_eq!(past.extremes().shortest_stroke_mm, [3.0, f64::INFINITY, f64::INFINITY]);
+        assert_eq!(past.extremes().fastest_mm_s, [6.0, 8.0, 0.0]);
         past.forget([true, false, false]);
         let third = past.straight(&[None, Some(4.0), None].into(), &at(9.0, 5.0), 0.0);
         assert_eq!(third.begin.direction, [0.0, 1.0, 0.0]);
         assert_eq!(third.begin.velocity_mm_s, [0.0; 3]);
         assert_eq!(third.at(1.0).travel_mm, [0.0, 5.0, 0.0]);
+        // It moved in a way that is not known: how far before this reversal nobody knows.
+        past.straight(&at(9.0, 5.0), &at(8.0, 5.0), 0.0);
+        assert_eq!(past.extremes().shortest_stroke_mm, [3.0, f64::INFINITY, f64::INFINITY]);
     }
 }

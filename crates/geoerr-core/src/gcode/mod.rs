@@ -49,7 +49,7 @@ mod wording;
 mod words;
 mod writer;
 
-pub use course::Course;
+pub use course::{Course, Extremes};
 pub use error::GcodeError;
 pub use extrusion::Firmware;
 pub use options::{OnUnsupported, Options};

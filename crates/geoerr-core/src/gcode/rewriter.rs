@@ -5,6 +5,7 @@
 
 use super::block::{Block, BlockReader};
 use super::block_writer::BlockWriter;
+use super::course::Extremes;
 use super::error::GcodeError;
 use super::lines::Lines;
 use super::options::Options;
@@ -130,6 +131,11 @@ impl<M: PathMap + Send> Rewriter<M> {
     /// Counts so far; while the program is under way those of reading are ahead of those of writing.
     pub fn summary(&self) -> Summary {
         self.reader.reader.summary.plus(&self.writer.summary)
+    }
+
+    /// What the motion of the axes came to so far, where the model follows any; as of a program of no moves else.
+    pub fn extremes(&self) -> Extremes {
+        self.reader.reader.extremes()
     }
 
     /// Warnings so far, in the order of their first lines.

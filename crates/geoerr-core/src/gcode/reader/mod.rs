@@ -6,7 +6,7 @@ mod owned;
 mod saved;
 
 use super::codes::{Code, Macro};
-use super::course::{Course, Past};
+use super::course::{Course, Extremes, Past};
 use super::error::GcodeError;
 use super::extrusion::{Extrusion, Firmware, Share};
 use super::frame::{ALL, Effects, Frame, Mask, Motion, Place, Shift, either};
@@ -315,6 +315,11 @@ impl Reader {
             }
         }
         None
+    }
+
+    /// What the motion of the axes came to.
+    pub fn extremes(&self) -> Extremes {
+        self.past.extremes()
     }
 
     fn warn(&mut self, kind: WarningKind, body: &[u8]) {
