@@ -122,19 +122,17 @@ impl Group<'_> {
             }
         }
         let solved = solve::<A>(&moments);
-        let has_room = !self.along_mm.is_empty();
+        // Without room for distances there are none to measure.
         let mut rest = self.along_mm;
         let mut found = [None; GROUP];
         for (k, (line, cloud)) in self.lines.iter().zip(&self.clouds.0).enumerate() {
-            let (along_mm, after) = rest.split_at_mut(if has_room { line.len() } else { 0 });
+            let (along_mm, after) = rest.split_at_mut(line.len().min(rest.len()));
             rest = after;
             if let [first, ..] = line
                 && solved.is_good[k]
             {
                 let found_line = solved.line(k, first, &chords[k]);
-                if has_room {
-                    measure_along::<A>(line, &found_line.direction, cloud, along_mm);
-                }
+                measure_along::<A>(line, &found_line.direction, cloud, along_mm);
                 found[k] = Some(found_line);
             }
         }
