@@ -113,7 +113,10 @@ impl Columns {
     }
 
     /// Writes the first rows into the result.
-    #[inline(always)]
+    ///
+    /// Not in registers of 512 bits: there nine numbers a row would be scattered, which takes some processors as long as
+    /// all that was worked out.
+    #[inline(never)]
     fn store(&self, rows: &mut Rows<'_>) {
         let [x, y, z] = &self.point_mm;
         for (((p, x), y), z) in rows.points_mm.iter_mut().zip(x).zip(y).zip(z) {
@@ -163,21 +166,21 @@ impl Workspace {
         rows: &mut Rows<'_>,
     ) -> &[u64] {
         let n_rows = rows.points_mm.len();
-        run_in_512_bits(Everything { workspace: self, pair, left, right, reweightings, rows });
+        run_in_512_bits(Everything { workspace: self, pair, left, right, reweightings });
+        self.columns.store(rows);
         &self.columns.is_good[..n_rows]
     }
 }
 
-struct Everything<'a, 'rows> {
+struct Everything<'a> {
     workspace: &'a mut Workspace,
     pair: &'a Pair,
     left: &'a Pixels<'a>,
     right: &'a Pixels<'a>,
     reweightings: u32,
-    rows: &'a mut Rows<'rows>,
 }
 
-impl Kernel for Everything<'_, '_> {
+impl Kernel for Everything<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -211,7 +214,6 @@ impl Kernel for Everything<'_, '_> {
                 );
             }
         }
-        columns.store(self.rows);
     }
 }
 
