@@ -159,24 +159,23 @@ def _lines(done: Farm) -> list[str]:
     width = max(map(len, by_machine), default=0)
     lines = [f"{name:<{width}}  {_machine_words(outcomes)}" for name, outcomes in by_machine.items()]
     warned = _told(
-        (said.removeprefix(WARNING), f"{one.machine}/{one.program}")
+        (f"{one.machine}/{one.program}", said.removeprefix(WARNING))
         for one in done.outcomes
         for said in one.notes
         if said.startswith(WARNING)
     )
-    failed = _told((str(one.error), one.machine) for one in done.failures)
+    failed = _told((one.machine, str(one.error)) for one in done.failures)
     lines += [*(["", "warnings:", *warned] if warned else []), *(["", "failed:", *failed] if failed else [])]
     n_failed = len({one.machine for one in done.failures})
     return [*lines, "", f"{len(by_machine)} machines, {n_failed} of them with a failure"]
 
 
 def _told(said: Iterable[tuple[str, str]]) -> list[str]:
-    """Give what is said of machines, once for all of which it is: of one bad table two steps say the same."""
-    whose: dict[str, dict[str, None]] = {}
-    for text, machine in said:
-        whose.setdefault(text, {})[machine] = None
+    """Give what is said of names, once for all of which it is: of one bad table two steps say the same."""
+    from geoerr.summaries import by_reason
+
     lines = []
-    for text, names in whose.items():
+    for text, names in by_reason(dict.fromkeys(said)).items():
         first, *more = text.splitlines()
         lines += [f"  {_some_of(list(names))}: {first}", *(f"  {line}" for line in more)]
     return lines

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -93,9 +92,10 @@ class Bench:
             return {}
         return {"rig_sensitivity": rig_sensitivity(described, points), "rig_covariance": described.covariance}
 
-    def result(self, step: Step, says: str, *names: str) -> list[StepResult]:
+    def result(self, step: Step, says: str, *names: str, notes: tuple[str, ...] = ()) -> list[StepResult]:
         """Give a step's files and what is to be said of it."""
-        return [StepResult(step, self.program, bytes_of({name: self.folder / name for name in names}), says)]
+        files = bytes_of({name: self.folder / name for name in names})
+        return [StepResult(step, self.program, files, says, notes=notes)]
 
 
 def _measure(bench: Bench) -> list[StepResult]:
@@ -197,7 +197,7 @@ def _compensate(bench: Bench) -> list[StepResult]:
         *(f"{WARNING}{said}" for said in (*done.warnings, *extrapolated)),
         *(said for said in done.notes if said not in extrapolated),
     )
-    return [replace(result, notes=notes) for result in bench.result("compensate", says, bench.program)]
+    return bench.result("compensate", says, bench.program, notes=notes)
 
 
 DONE_BY: dict[Step, Callable[[Bench], list[StepResult]]] = {

@@ -316,7 +316,7 @@ def _pieces(machine: _Machine, before: Path, after: Path, batch: list[tuple[Run,
                     is_last = number + 1 == count
                     end = move.end_mm if is_last else _between(move.start_mm, move.end_mm, share)
                     begin = piece.start_mm or move.start_mm
-                    rows.append((begin, piece.end_mm, ideal, end, run_out.numbers[first + number]))
+                    rows.append((begin, piece.end_mm, ideal, end, numbers[number]))
                     motions.append(move.course.motion_at([begun, share]))
                     ideal, begun = end, share
             first += count

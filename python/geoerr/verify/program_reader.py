@@ -368,8 +368,7 @@ class ProgramReader:
         end = self._end(x, y, z, (0.0, 0.0, 0.0) if in_machine else self._origin())
         is_correctable = not _OTHER_AXES & words.keys() and not statement.has_checksum
         if modes.motion == "straight" and is_correctable and self._is_placed(statement) and not modes.is_inverse_time:
-            move = self._arrive(end, extrusion)
-            return move if move is None else move._replace(others=_others(statement, words))
+            return self._arrive(end, extrusion, _others(statement, words))
         self.n_moves += 1
         self._place, self._is_on_path = end, False
         self._forget_past([True, True, True])
@@ -395,7 +394,7 @@ class ProgramReader:
         selected = (_system_of(code) for code in statement.codes if 54.0 <= code < 60.0)
         return all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
 
-    def _arrive(self, end: Place, extrusion: tuple[int, bool]) -> Move | None:
+    def _arrive(self, end: Place, extrusion: tuple[int, bool], others: tuple[str, ...] = ()) -> Move | None:
         """Move on a straight line; give the move where its end is known."""
         self.n_moves += 1
         begin, was_on_path = self._place, self._is_on_path
@@ -405,7 +404,7 @@ class ProgramReader:
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             return None
-        return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, feed, course)
+        return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, feed, course, others)
 
     def _origin(self) -> Place:
         """Give the machine coordinates from which axis words count."""
@@ -635,7 +634,7 @@ def _others(statement: Statement, words: dict[bytes, float | None]) -> tuple[str
     letters = words.keys() - _PATH_LETTERS
     if not letters and not statement.m_codes:
         return ()
-    said = (f"{letter.decode()}{words[letter]:g}" for letter in letters if words[letter] is not None)
+    said = (f"{letter.decode()}{words[letter]:.12g}" for letter in letters if words[letter] is not None)
     return tuple(sorted((*said, *(f"M{code:g}" for code in statement.m_codes))))
 
 

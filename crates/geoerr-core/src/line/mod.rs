@@ -268,7 +268,7 @@ impl Group<'_> {
         };
         let offset = self.starts[0];
         let place = range.start - offset..range.end - offset;
-        let along_mm = if self.along_mm.is_empty() { &mut [] } else { &mut self.along_mm[place] };
+        let along_mm = self.along_mm.get_mut(place).unwrap_or_default();
         let fitted = fit_line(&points_mm[range], covariances, along_mm);
         if fitted.is_err() {
             along_mm.fill(f64::NAN);
@@ -306,10 +306,9 @@ fn check(n_points: usize, starts: &[usize], noise: &PointNoise<'_>) -> Result<()
 /// Cuts a row of a number for each point at the starts, or one of none; each piece comes with where it ends.
 fn cut<'a>(mut rest: &'a mut [f64], starts: &[usize], n_points: usize) -> Vec<(usize, &'a mut [f64])> {
     let mut pieces = Vec::with_capacity(starts.len());
-    let has_numbers = !rest.is_empty();
     for (index, &start) in starts.iter().enumerate() {
         let end = starts.get(index + 1).copied().unwrap_or(n_points);
-        let (piece, after) = rest.split_at_mut(if has_numbers { end - start } else { 0 });
+        let (piece, after) = rest.split_at_mut((end - start).min(rest.len()));
         pieces.push((end, piece));
         rest = after;
     }
