@@ -50,7 +50,9 @@ class TermMachine:
     """A machine of terms with parameters and conditions put in; methods as those of `MachineModel`.
 
     `motion` is (n, 10) or (1, 10): direction, travel (mm) and velocity (mm/s) of x y z, then the feed (mm/min); None
-    is at rest, with directions unknown (0).
+    is at rest, with directions unknown (0). It may go on with what the stroke before the last reversal left unwound
+    of each of `windups` (index of the axis, length in mm), as a share of the lost motion; 0 else, as behind a long
+    stroke. `long_stroke_terms` have others, which are always so.
     """
 
     def __new__(
@@ -65,6 +67,10 @@ class TermMachine:
     def is_nominal(self) -> bool: ...
     @property
     def motion_names(self) -> list[str]: ...
+    @property
+    def windups(self) -> list[tuple[int, float]]: ...
+    @property
+    def long_stroke_terms(self) -> list[int]: ...
     @property
     def rig_terms(self) -> list[int]: ...
     def knots_mm(self, axis: int) -> npt.NDArray[np.float64]: ...

@@ -4,38 +4,38 @@ from __future__ import annotations
 
 import dataclasses
 
-import pytest
 from term_models import machine, term
 from test_term_programs import with_record
 
 from geoerr.compensate.program import compensate_bytes
 from geoerr.model import Model
+from geoerr.terms import Parameter, Part, Term
 
 
 def notes_of(model: Model, program: bytes, **at: float) -> list[str]:
     told = compensate_bytes(model, program, at=at)[1].notes
-    return [note for note in told if "moves at up to" in note or "turns round" in note]
+    return [note for note in told if "moves at up to" in note or "wind-up" in note]
 
 
-@pytest.mark.parametrize(("back", "is_told"), [(b"X149", True), (b"X139", True), (b"X137", False)])
-def test_strokes_too_short_to_wind_up_are_told(back: bytes, is_told: bool) -> None:
-    """What short strokes leave was corrected as behind long ones, without a word: by up to 11 µm of 30 wrongly."""
+def wound_over(length: str) -> Model:
+    """Give a machine whose drive along X winds up over a length, which may be a formula of the place."""
     of = machine("wbXYZt")
-    model = Model(of, None, (term(of, "reversal-windup:x", b=0.06, **{"lambda": 4.0}),))
-    found = notes_of(model, b"G1 X10 Y10 Z5\nG1 X150\nG1 " + back + b"\nG1 X200 Y30\n")
-    if is_told:
-        (note,) = found
-        stroke = 150 - int(back[1:])
-        assert note.startswith(f"x turns round after {stroke} mm, where reversal-windup:x takes 12 mm to build up")
-        assert note.endswith("up to 60 µm")
-    else:
-        assert not found
+    part = Part("EXX", f"b*windup({length})", (("d", "d_x"), ("s", "s_x")))
+    play = Parameter("b", "mm", value=0.06)
+    return Model(of, None, (Term("soft", "soft drive", "effect", "soft", "x", None, (part,), (play,)),))
 
 
-def test_one_direction_turns_round_nowhere() -> None:
-    of = machine("wbXYZt")
-    model = Model(of, None, (term(of, "reversal-windup:x", b=0.06, **{"lambda": 4.0}),))
-    assert not notes_of(model, b"G1 X10 Y10 Z5\nG1 X11\nG1 X12\nG1 X20 Y30\nG1 Y29\nG1 Y30\n")
+def test_a_wind_up_that_is_not_followed_is_told() -> None:
+    """Over a length that differs from place to place no stroke says what it leaves to the next."""
+    there_and_back = b"G1 X10 Y10 Z5\nG1 X150\nG1 X149\nG1 X200 Y30\n"
+    (note,) = notes_of(wound_over("4 + x/100"), there_and_back)
+    assert note.startswith("the wind-up of soft is not followed from stroke to stroke")
+    assert "x (after 1 mm)" in note
+    assert not notes_of(wound_over("4 + 1"), there_and_back)
+    # Who turns round nowhere has no strokes.
+    assert not notes_of(wound_over("4 + x/100"), b"G1 X10 Y10 Z5\nG1 X11\nG1 X12\nG1 X20 Y30\n")
+    # Whoever states direction and travel has none either.
+    assert not notes_of(wound_over("4 + x/100"), there_and_back, d_x=1.0, s_x=100.0)
 
 
 def test_speeds_that_were_not_measured_are_told() -> None:

@@ -164,6 +164,35 @@ def test_wind_up_is_followed_along_the_move(tmp_path):
     assert path.max_error_um_after < 5.0
 
 
+@pytest.mark.parametrize("length_mm", [0.5, 4.0, 40.0])
+def test_wind_up_is_carried_from_stroke_to_stroke(length_mm, tmp_path):
+    """Strokes of any length: behind short ones the drive is wound half-way, and corrections knew long ones only."""
+    of = machine("wbXYZt")
+    play_mm = 0.06
+    model = Model(of, None, (term(of, "reversal-windup:x", b=play_mm, **{"lambda": length_mm}),))
+    strokes = np.random.default_rng(5).uniform(0.2, 12.0, 60) * np.resize([1.0, -1.0], 60)
+    places = np.round(150.0 + np.cumsum(strokes), 3)
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text("G1 X150 Y10 Z5\n" + "".join(f"G1 X{x:.3f}\nM117\n" for x in places))
+    result = compensate_program(model, source, target, options=CompensationOptions(tolerance_mm=0.002))
+    path = compare_paths(model, source, target)
+    assert path.max_error_um_after < 2.1
+    assert path.max_error_um_before > 20.0
+    assert not result.notes
+
+    # Played by hand: where each move ends; -d/2 of the play until the first reversal.
+    stretches = target.read_text().split("M117\n")[:-1]
+    ends = [float(re.findall(r"X([\d.]+)", pieces)[-1]) for pieces in stretches]
+    d, travel_mm, wound_at_reversal, wound, before = 1.0, 0.0, -0.5, -0.5, 150.0
+    for place, end in zip(places, ends, strict=True):
+        if np.sign(place - before) != d:
+            d, travel_mm, wound_at_reversal = -d, 0.0, wound
+        travel_mm += abs(place - before)
+        wound = -0.5 * d + (wound_at_reversal + 0.5 * d) * np.exp(-travel_mm / length_mm)
+        assert end + play_mm * wound == pytest.approx(place, abs=1.1e-4)
+        before = place
+
+
 def test_following_error_takes_its_speed_from_the_feed(tmp_path):
     of = machine("wbXYZt")
     model = Model(of, None, (term(of, "lag:x", tau=1e-3),))

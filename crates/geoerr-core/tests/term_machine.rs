@@ -9,7 +9,7 @@ use geoerr_core::kinematics::{
 };
 use geoerr_core::newton::command_for;
 use geoerr_core::volumetric::{
-    Approach, MachineError, Part, Rows, Shape, Term, TermMachine, VolumetricModel, displacements,
+    Approach, MAX_WINDUPS, MachineError, Part, Rows, Shape, Term, TermMachine, VolumetricModel, displacements,
 };
 
 use crate::draws::Draws;
@@ -31,7 +31,7 @@ fn names(names: &[&str]) -> Vec<String> {
 fn effect(channels: &[(&str, f64)], text: &str, coefficients: &[&str], inner: &[&str]) -> Term {
     let symbols =
         Symbols { variables: names(&VARIABLES), coefficients: names(coefficients), inner: names(inner) };
-    let definitions = Definitions::from_iter([("T", "temp_bed - 20")]);
+    let definitions = Definitions::from_iter([("T", "temp_bed - 20"), ("d", "d_x"), ("s", "s_x")]);
     let expression = Expression::parse(text, &symbols, &definitions).unwrap();
     let part = |&(channel, factor): &(&str, f64)| Part {
         channel: Channel::parse(channel).unwrap(),
@@ -116,13 +116,14 @@ fn approach(draws: &mut Draws) -> Approach {
         travel_mm: draws.three(20.0).map(f64::abs),
         velocity_mm_s: draws.three(100.0),
         feed_mm_min: 3000.0,
+        ..Approach::default()
     }
 }
 
 /// The same question as a row of the model.
 fn row(carrier: Carrier, q_mm: [f64; 3], offset_mm: [f64; 3], approach: &Approach) -> Rows {
     let place = if carrier == Carrier::Work { offset_mm[0] } else { q_mm[0] + offset_mm[0] };
-    let Approach { direction: d, travel_mm: s, velocity_mm_s: v, feed_mm_min } = approach;
+    let Approach { direction: d, travel_mm: s, velocity_mm_s: v, feed_mm_min, .. } = approach;
     let values =
         [q_mm[0], q_mm[1], q_mm[2], offset_mm[0], place, d[0], d[2], s[0], v[1], 90.0, *feed_mm_min, 0.0];
     Rows {
@@ -195,6 +196,83 @@ fn the_jacobian_is_the_derivative_with_cross_terms() {
             }
         }
     }
+}
+
+#[test]
+fn wind_up_behind_short_strokes_is_that_of_rows() {
+    // Two lengths, one of them in two terms; strokes of a fraction of a length to several.
+    let terms = vec![
+        effect(&[("EXX", 1.0)], "b*windup(l)", &["b"], &["l"]),
+        effect(&[("EYX", 1.0), ("ECX", 2e-3)], "b*windup(l)*x/100 + c*windup(2*l)", &["b", "c"], &["l"]),
+    ];
+    let model = VolumetricModel::new(Chain::parse("wbXYZt").unwrap(), [0.0; 3], terms).unwrap();
+    let (coefficients, inner) = ([0.06, 0.04, -0.03], [4.0, 4.0]);
+    let machine = machine(&model, &coefficients, &inner);
+    let lengths: Vec<f64> = machine.windups().iter().map(|windup| windup.length_mm).collect();
+    assert_eq!(lengths, [4.0, 8.0]);
+    assert!(machine.long_stroke_terms().is_empty());
+
+    let mut draws = Draws::new(11);
+    // A sequence whose first row has a travel begins behind a long stroke.
+    let (mut x, mut d, mut s) = (200.0, 0.0, f64::INFINITY);
+    let mut rows = Rows { starts: vec![0], variables: vec![Vec::new(); VARIABLES.len()], ..Rows::default() };
+    let mut expected = Vec::new();
+    let mut left_unwound = [0.0; MAX_WINDUPS];
+    for _ in 0..200 {
+        let step = 6.0 * draws.symmetric();
+        if step.signum() != d {
+            for (windup, left) in machine.windups().iter().zip(&mut left_unwound) {
+                *left = windup.left_by(s, *left);
+            }
+            (d, s) = (step.signum(), 0.0);
+        }
+        x += step;
+        s += step.abs();
+        let approach = Approach {
+            direction: [d, 0.0, 0.0],
+            travel_mm: [s, 0.0, 0.0],
+            left_unwound,
+            ..Approach::default()
+        };
+        let one = row(Carrier::Relative, [x, 20.0, 30.0], [0.0; 3], &approach);
+        rows.carriers.extend(one.carriers);
+        rows.q_mm.extend(one.q_mm);
+        rows.offset_mm.extend(one.offset_mm);
+        rows.variables.iter_mut().zip(one.variables).for_each(|(all, own)| all.extend(own));
+        expected.push(machine.error(&[x, 20.0, 30.0], &[0.0; 3], &approach));
+    }
+    let of_rows = displacements(&model, &rows, &coefficients, &inner).unwrap();
+    for (number, (found, expected)) in of_rows.iter().zip(&expected).enumerate() {
+        assert!(distance(found, expected) < 1e-14, "row {number}: {found:?}, {expected:?}");
+    }
+}
+
+#[test]
+fn wind_ups_that_cannot_be_followed_are_told() {
+    let terms_of = |texts: &[&str]| -> (VolumetricModel, Vec<f64>) {
+        let terms = texts.iter().map(|text| effect(&[("EXX", 1.0)], text, &["b"], &[])).collect();
+        (
+            VolumetricModel::new(Chain::parse("wbXYZt").unwrap(), [0.0; 3], terms).unwrap(),
+            vec![0.01; texts.len()],
+        )
+    };
+    let (model, b) = terms_of(&["b*windup(3)", "b*windup(3 + x/100)", "b*x"]);
+    let some = machine(&model, &b, &[]);
+    assert_eq!((some.windups().len(), some.long_stroke_terms()), (1, &[1][..]));
+
+    let texts: Vec<String> = (0..MAX_WINDUPS + 2).map(|k| format!("b*windup({})", k + 1)).collect();
+    let (model, b) = terms_of(&texts.iter().map(String::as_str).collect::<Vec<_>>());
+    let many = machine(&model, &b, &[]);
+    assert_eq!(
+        (many.windups().len(), many.long_stroke_terms()),
+        (MAX_WINDUPS, &[MAX_WINDUPS, MAX_WINDUPS + 1][..])
+    );
+
+    // Whoever states direction and travel has no strokes.
+    let mut stated = conditions();
+    stated.extend([("d_x".to_owned(), 1.0), ("s_x".to_owned(), 5.0)]);
+    let still = TermMachine::new(&model, &b, &[], &names(&VARIABLES), &stated).unwrap();
+    assert!(still.windups().is_empty() && still.long_stroke_terms().is_empty());
 }
 
 /// Polygons as tables and as terms.

@@ -6,7 +6,7 @@ use geoerr_core::gcode::{
     Firmware, GcodeError, OnUnsupported, Options, PathMap, Rewriter, TermPath, Unsupported,
 };
 use geoerr_core::kinematics::MachineModel;
-use geoerr_core::volumetric::{Approach, MotionNeeds};
+use geoerr_core::volumetric::{Approach, MotionNeeds, Windup};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -75,6 +75,13 @@ impl PathMap for Map {
         match self {
             Self::Tables(machine) => machine.needs(),
             Self::Terms(machine) => machine.needs(),
+        }
+    }
+
+    fn windups(&self) -> &[Windup] {
+        match self {
+            Self::Tables(machine) => machine.windups(),
+            Self::Terms(machine) => machine.windups(),
         }
     }
 }

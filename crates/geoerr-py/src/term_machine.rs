@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use geoerr_core::kinematics::{Axis, View};
 use geoerr_core::newton::Commands;
-use geoerr_core::volumetric::{Approach, TermMachine};
-use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
+use geoerr_core::volumetric::{Approach, MAX_WINDUPS, TermMachine};
+use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::arrays::{from_matrices, from_numbers, from_rows, numbers, rows};
+use crate::arrays::{contiguous, from_matrices, from_numbers, from_rows, numbers, rows};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::volumetric::PyVolumetricModel;
@@ -19,7 +19,8 @@ const MOTION_COLUMNS: usize = 10;
 
 /// A machine of terms with parameters and conditions put in; methods as those of `MachineModel`. Immutable.
 ///
-/// `motion` is (n, 10) or (1, 10): direction, travel (mm) and velocity (mm/s) of each axis, then the feed (mm/min).
+/// `motion` is (n, 10) or (1, 10): direction, travel (mm) and velocity (mm/s) of each axis, then the feed (mm/min). It may
+/// go on with what the stroke before left unwound of each of `windups`, a share of the lost motion.
 #[pyclass(frozen, name = "TermMachine", module = "geoerr._core")]
 pub struct PyTermMachine {
     machine: Arc<TermMachine>,
@@ -44,25 +45,39 @@ impl PyTermMachine {
         motion: Option<&PyReadonlyArray2<'py, f64>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (q_mm, offset_mm) = (rows(q_mm, "q_mm")?, rows(offset_mm, "offset_mm")?);
-        let approaches = approaches(motion)?;
+        let approaches = approaches(motion, self.core().windups().len())?;
         let machine = self.core();
         let seen = enter_core(py, threads, || machine.positions(view, q_mm, offset_mm, &approaches))?;
         from_rows(py, seen)
     }
 }
 
-fn approaches(motion: Option<&PyReadonlyArray2<'_, f64>>) -> Result<Vec<Approach>, CoreError> {
+fn approaches(
+    motion: Option<&PyReadonlyArray2<'_, f64>>,
+    n_windups: usize,
+) -> Result<Vec<Approach>, CoreError> {
     let Some(motion) = motion else { return Ok(vec![Approach::default()]) };
-    let rows = rows::<MOTION_COLUMNS>(motion, "motion")?;
-    Ok(rows
-        .iter()
-        .map(|&[d_x, d_y, d_z, s_x, s_y, s_z, v_x, v_y, v_z, feed_mm_min]| Approach {
-            direction: [d_x, d_y, d_z],
-            travel_mm: [s_x, s_y, s_z],
-            velocity_mm_s: [v_x, v_y, v_z],
-            feed_mm_min,
-        })
-        .collect())
+    let of_row = |row: &[f64]| {
+        let (told, left) = row.split_at(MOTION_COLUMNS);
+        let three = |first: usize| [told[first], told[first + 1], told[first + 2]];
+        let mut left_unwound = [0.0; MAX_WINDUPS];
+        left_unwound.iter_mut().zip(left).for_each(|(into, &left)| *into = left);
+        Approach {
+            direction: three(0),
+            travel_mm: three(3),
+            velocity_mm_s: three(6),
+            feed_mm_min: told[9],
+            left_unwound,
+        }
+    };
+    let n_columns = motion.shape()[1];
+    let columns = [MOTION_COLUMNS, MOTION_COLUMNS + n_windups];
+    if !columns.contains(&n_columns) {
+        let [few, all] = columns;
+        return Err(CoreError::shape(format!("motion must have {few} or {all} columns, not {n_columns}")));
+    }
+    let refused = || CoreError::shape("motion must be a C-contiguous (n, columns) array of float64");
+    Ok(contiguous(motion, refused)?.chunks_exact(n_columns).map(of_row).collect())
 }
 
 #[pymethods]
@@ -91,6 +106,18 @@ impl PyTermMachine {
     #[getter]
     fn motion_names(&self) -> Vec<String> {
         self.machine.motion_names().to_vec()
+    }
+
+    /// Wind-ups that depend on the strokes before: index of the axis, and over what length (mm) each fills.
+    #[getter]
+    fn windups(&self) -> Vec<(usize, f64)> {
+        self.machine.windups().iter().map(|windup| (windup.axis, windup.length_mm)).collect()
+    }
+
+    /// Numbers of the terms of which some wind-up is as behind a long stroke, whatever came before.
+    #[getter]
+    fn long_stroke_terms(&self) -> Vec<usize> {
+        self.machine.long_stroke_terms().to_vec()
     }
 
     /// Numbers of the terms that act on the rig: left out.
@@ -168,7 +195,7 @@ impl PyTermMachine {
         motion: Option<PyReadonlyArray2<'py, f64>>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (q_mm, offset_mm) = (rows(&q_mm, "q_mm")?, rows(&offset_mm, "offset_mm")?);
-        let approaches = approaches(motion.as_ref())?;
+        let approaches = approaches(motion.as_ref(), self.core().windups().len())?;
         let machine = self.core();
         let matrices = enter_core(py, threads, || machine.jacobians(q_mm, offset_mm, &approaches))?;
         from_matrices(py, matrices)
@@ -185,7 +212,7 @@ impl PyTermMachine {
         motion: Option<PyReadonlyArray2<'py, f64>>,
     ) -> PyResult<CommandArrays<'py>> {
         let target_mm = rows(&target_mm, "target_mm")?;
-        let approaches = approaches(motion.as_ref())?;
+        let approaches = approaches(motion.as_ref(), self.core().windups().len())?;
         let machine = self.core();
         let Commands { command_mm, remaining_mm, status } =
             enter_core(py, threads, || machine.commands_for(target_mm, &approaches, tolerance_mm))?;

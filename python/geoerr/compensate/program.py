@@ -292,6 +292,8 @@ class _Job:
     uncertain: tuple[UncertainTerm, ...]
     extrapolated: tuple[Extrapolated, ...]
     not_in_model: tuple[str, ...]
+    # Terms of which some wind-up is not followed from stroke to stroke.
+    long_stroke_terms: tuple[str, ...]
 
 
 def _job(model: Model, options: CompensationOptions, model_name: str, at: Conditions | None, threads: int) -> _Job:
@@ -313,8 +315,9 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
     if not options.keeps_uncertain:
         corrected, uncertain, rest = well_known(corrected, given, threads=threads)
         given = constants_of(corrected.machine, rest)
+    machine = corrected.compiled_at(given)
     rewriter = _core.GcodeRewriter(
-        corrected.compiled_at(given),
+        machine,
         work_offset_mm=options.work_offset_mm,
         tolerance_mm=options.tolerance_mm,
         digits=options.digits,
@@ -328,8 +331,16 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
         measured_mm=[measured[axis] or (-np.inf, np.inf) for axis in AXES],
         model_name=model_name,
     )
+    long_strokes = machine.long_stroke_terms if isinstance(machine, _core.TermMachine) else []
     return _Job(
-        rewriter, corrected, waves, given, uncertain, extrapolated, () if model.record is None else model.not_in_model
+        rewriter,
+        corrected,
+        waves,
+        given,
+        uncertain,
+        extrapolated,
+        () if model.record is None else model.not_in_model,
+        tuple(corrected.all_machine_terms[number].id for number in long_strokes),
     )
 
 
@@ -457,5 +468,5 @@ def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tup
         )
     notes.extend(not_finite_notes(job.corrected, job.at))
     lacking = (f"{not_in_model_words(job.not_in_model)}: nothing of them is corrected",) if job.not_in_model else ()
-    moved = motion_notes(job.corrected, job.at, *job.rewriter.extremes())
+    moved = motion_notes(job.corrected, job.at, job.long_stroke_terms, *job.rewriter.extremes())
     return (*notes, *map(str, job.extrapolated), *moved, *(() if benefit is None else benefit.notes), *lacking)

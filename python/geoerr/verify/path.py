@@ -178,7 +178,9 @@ class _Machine:
         model = without_waves_in_time(model)
         self._compiled = model.compiled_at(program_conditions(model, at))
         self._threads = threads
-        self.follows_motion = isinstance(self._compiled, _core.TermMachine) and bool(self._compiled.motion_names)
+        terms = self._compiled if isinstance(self._compiled, _core.TermMachine) else None
+        self.follows_motion = terms is not None and bool(terms.motion_names)
+        self.windups = [] if terms is None else terms.windups
 
     def error_mm(self, q_mm: Numbers, motion: Numbers) -> Numbers:
         """Give actual minus nominal position of the tool point, (n, 3)."""
@@ -238,7 +240,7 @@ def compare_paths(
         where a file cannot be read.
     """
     machine = _Machine(model, at, threads)
-    options = (work_offset_mm, home_mm, firmware)
+    options = (work_offset_mm, home_mm, firmware, machine.windups)
     reader_in, reader_out = ProgramReader(before, *options), ProgramReader(after, *options)
     in_figures, out_figures = _Figures(), _Figures()
     tally = _Tally()
@@ -322,7 +324,7 @@ def _pieces(machine: _Machine, before: Path, after: Path, batch: list[tuple[Run,
             first += count
         at += n_out
     begins, ends, ideal_begins, ideal_ends, lines = ([row[column] for row in rows] for column in range(5))
-    motion = np.array(motions, dtype=np.float64).reshape(-1, 2, 10)
+    motion = np.array(motions, dtype=np.float64).reshape(-1, 2, 10 + len(machine.windups))
     return _Pieces(
         _rows(begins),
         _rows(ends),

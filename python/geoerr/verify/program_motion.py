@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,31 +29,47 @@ class Course(NamedTuple):
         What each axis moves.
     feed_mm_min
         Speed along the path; 0 where the program does not tell it.
+    left_unwound
+        Of each wind-up of the machine, what the stroke before the last reversal left, as a share of the lost motion.
     """
 
     direction: tuple[float, ...]
     travel_mm: tuple[float, ...]
     step_mm: tuple[float, ...]
     feed_mm_min: float
+    left_unwound: tuple[float, ...]
 
     def motion_at(self, share: npt.ArrayLike) -> Numbers:
-        """Give direction, travel and velocity of x y z and the feed, (n, 10), at shares of the move (n,)."""
+        """Give the core's motion, (n, 10 + wind-ups), at shares of the move (n,).
+
+        Direction, travel and velocity of x y z, the feed, and what is left unwound.
+        """
         shares = np.atleast_1d(np.asarray(share, dtype=np.float64))
         step = np.array(self.step_mm)
         length_mm = math.hypot(*self.step_mm)
         velocity = step / length_mm * (self.feed_mm_min / 60.0) if length_mm > 0.0 else np.zeros(3)
-        motion = np.empty((len(shares), 10))
+        motion = np.empty((len(shares), 10 + len(self.left_unwound)))
         motion[:, :3] = self.direction
         motion[:, 3:6] = np.array(self.travel_mm) + shares[:, None] * np.abs(step)
         motion[:, 6:9] = velocity
         motion[:, 9] = self.feed_mm_min
+        motion[:, 10:] = self.left_unwound
         return motion
 
 
 class Past:
-    """Directions and travels as a program goes on."""
+    """Directions and travels as a program goes on.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    windups
+        Index of the axis and length (mm) of each wind-up of the machine. Its value, of a lost motion of 1, is
+        w = −d/2 + (w_rev + d/2)·exp(−s/length), `w_rev` the value at the reversal; −d/2 until the first one.
+    """
+
+    def __init__(self, windups: Sequence[tuple[int, float]] = ()) -> None:
+        self._windups = windups
+        self._wound_at_reversal = [0.0] * len(windups)
         self._direction = [0.0, 0.0, 0.0]
         self._travel_mm = [0.0, 0.0, 0.0]
 
@@ -65,10 +82,25 @@ class Past:
             steps[axis] = to_mm - from_mm
             direction = math.copysign(1.0, steps[axis])
             if direction != self._direction[axis]:
+                self._wind(axis, direction)
                 self._direction[axis], self._travel_mm[axis] = direction, 0.0
-        course = Course(tuple(self._direction), tuple(self._travel_mm), tuple(steps), feed_mm_min)
+        left = tuple(
+            0.5 - wound * self._direction[axis]
+            for (axis, _), wound in zip(self._windups, self._wound_at_reversal, strict=True)
+        )
+        course = Course(tuple(self._direction), tuple(self._travel_mm), tuple(steps), feed_mm_min, left)
         self._travel_mm = [gone + abs(step) for gone, step in zip(self._travel_mm, steps, strict=True)]
         return course
+
+    def _wind(self, axis: int, direction: float) -> None:
+        """Take over that an axis turns, or moves for the first time that is known."""
+        before, travel_mm = self._direction[axis], self._travel_mm[axis]
+        for number, (of, length_mm) in enumerate(self._windups):
+            if of == axis:
+                decay = math.exp(-travel_mm / length_mm) if length_mm > 0.0 else 0.0
+                wound = self._wound_at_reversal[number]
+                at_end = -0.5 * before + (wound + 0.5 * before) * decay
+                self._wound_at_reversal[number] = at_end if before else -0.5 * direction
 
     def forget(self, axis: int) -> None:
         """Take over that an axis has moved in a way that is not known."""

@@ -7,7 +7,7 @@ once X, Y and Z have been given since the start, homing, or a line after which t
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeGuard
@@ -223,6 +223,8 @@ class ProgramReader:
         Where G28 leaves the machine; None: not known.
     firmware
         `marlin`, `klipper` or `reprapfirmware`: how E is read; None: not known, and Marlin's way is told.
+    windups
+        Axis and length of each wind-up of the machine, as of `Past`.
     """
 
     def __init__(
@@ -231,6 +233,7 @@ class ProgramReader:
         work_offset_mm: Triple = (0.0, 0.0, 0.0),
         home_mm: Triple | None = None,
         firmware: str | None = None,
+        windups: Sequence[tuple[int, float]] = (),
     ) -> None:
         self.path = Path(path)
         self.n_moves = 0
@@ -240,7 +243,7 @@ class ProgramReader:
         self._modes = _Modes()
         self._place: Place = _UNKNOWN
         self._is_on_path = False
-        self._past = Past()
+        self._past = Past(windups)
         self._shift: Place = (0.0, 0.0, 0.0)
         self._systems: dict[int, Place] = {1: work_offset_mm}
         self._zero: Place = work_offset_mm

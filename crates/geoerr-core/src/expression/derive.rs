@@ -41,7 +41,7 @@ impl Chain<'_> {
         match self.graph.node(id) {
             Node::Inner(index) if self.seed == Seed::Inner(index) => Some(self.graph.constant(1.0)),
             Node::Variable(index) if self.seed == Seed::Variable(index) => Some(self.graph.constant(1.0)),
-            Node::Constant(_) | Node::Variable(_) | Node::Inner(_) => None,
+            Node::Constant(_) | Node::Variable(_) | Node::Inner(_) | Node::Unwound(_) => None,
             Node::Unary(operation, a) => {
                 let da = d(a)?;
                 let slope = self.slope(operation, a, id)?;
@@ -225,19 +225,32 @@ impl Chain<'_> {
     }
 }
 
-/// The formula for one position on its own: lags have settled, wind-up follows a long stroke.
-pub(super) fn settled(graph: &Graph, roots: &[NodeId]) -> (Graph, Vec<NodeId>) {
+/// A formula for one position on its own.
+pub(super) struct Settled {
+    pub(super) graph: Graph,
+    pub(super) roots: Vec<NodeId>,
+    /// Its wind-ups, in the order of their numbers.
+    pub(super) windups: Vec<Windup>,
+}
+
+/// The formula for one position on its own: lags have settled, wind-up knows what the stroke before left.
+pub(super) fn settled(graph: &Graph, roots: &[NodeId]) -> Settled {
+    let mut windups = Vec::new();
     let (new, new_id) = graph.rebuilt(roots.iter().copied(), |new, node| match node {
         Node::Lag(Lag { u, .. }) => u,
-        Node::Windup(Windup { d, s, lambda }) => {
-            // −(d/2)(1 − 2e^(−s/λ))
-            let (left, half) = (new.binary(Binary::Decay, s, lambda), new.constant(0.5));
-            let rest = new.subtract(left, half);
+        Node::Windup(windup @ Windup { d, s, lambda }) => {
+            // −(d/2)(1 − 2(1 − g)e^(−s/λ)), g what the stroke before left unwound.
+            let (one, half) = (new.constant(1.0), new.constant(0.5));
+            let unwound = new.unwound(windups.len() as u32);
+            let (wound, left) = (new.subtract(one, unwound), new.binary(Binary::Decay, s, lambda));
+            let ahead = new.multiply(left, wound);
+            let rest = new.subtract(ahead, half);
+            windups.push(windup);
             new.multiply(d, rest)
         }
         other => construct(new, other),
     });
-    (new, roots.iter().map(|root| new_id[root.index()]).collect())
+    Settled { graph: new, roots: roots.iter().map(|root| new_id[root.index()]).collect(), windups }
 }
 
 /// A node of another graph in this one, folded.
@@ -251,6 +264,8 @@ pub(super) fn construct(graph: &mut Graph, node: Node) -> NodeId {
         Node::Select([condition, a, b]) => graph.select(condition, a, b),
         Node::Lag(lag) => graph.lag(lag),
         Node::Windup(windup) => graph.windup(windup),
-        tangent @ (Node::LagTangent(_) | Node::WindupTangent(_)) => graph.along_sequence(tangent),
+        other @ (Node::LagTangent(_) | Node::WindupTangent(_) | Node::Unwound(_)) => {
+            graph.along_sequence(other)
+        }
     }
 }

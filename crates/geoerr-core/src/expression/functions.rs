@@ -143,7 +143,7 @@ pub(super) fn select(condition: f64, a: f64, b: f64) -> f64 {
 
 /// e^(−travel/length): 1 without travel, 0 for length 0, NaN for a negative length.
 #[inline(always)]
-pub(super) fn decay(travel: f64, length: f64) -> f64 {
+pub(crate) fn decay(travel: f64, length: f64) -> f64 {
     if length.is_nan() || length < 0.0 {
         f64::NAN
     } else if travel == 0.0 {

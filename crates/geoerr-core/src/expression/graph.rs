@@ -29,6 +29,8 @@ pub(super) enum Node {
     LagTangent(LagTangent),
     Windup(Windup),
     WindupTangent(WindupTangent),
+    /// Of a formula for one position: what the stroke before left unwound, by the number of the wind-up.
+    Unwound(u32),
 }
 
 /// First-order lag of `u` with the time constant `tau`, along a sequence.
@@ -72,7 +74,7 @@ impl Node {
     /// Calls `visit` for every operand.
     pub(super) fn operands(&self, mut visit: impl FnMut(NodeId)) {
         match *self {
-            Self::Constant(_) | Self::Variable(_) | Self::Inner(_) => {}
+            Self::Constant(_) | Self::Variable(_) | Self::Inner(_) | Self::Unwound(_) => {}
             Self::Unary(_, a) => visit(a),
             Self::Binary(_, a, b) => [a, b].into_iter().for_each(visit),
             Self::Select(operands) => operands.into_iter().for_each(visit),
@@ -295,6 +297,10 @@ impl Graph {
         self.along_sequence(Node::Windup(windup))
     }
 
+    pub(super) fn unwound(&mut self, number: u32) -> NodeId {
+        self.along_sequence(Node::Unwound(number))
+    }
+
     /// What has a memory varies from row to row even where its operands do not.
     pub(super) fn along_sequence(&mut self, node: Node) -> NodeId {
         self.push_with(node, Traits { varies: true, has_mean_speed: false })
@@ -327,7 +333,8 @@ impl Graph {
                     | Node::Variable(_)
                     | Node::Inner(_)
                     | Node::LagTangent(_)
-                    | Node::WindupTangent(_)) => leaf,
+                    | Node::WindupTangent(_)
+                    | Node::Unwound(_)) => leaf,
                 };
                 new_id[index] = replace(&mut new, moved);
             }

@@ -76,10 +76,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 pub use error::{ExpressionError, Problem, RowsError};
+pub(crate) use functions::decay;
 pub use rows::Rows;
 
-use derive::{Seed, settled, tangents};
-use graph::{Graph, Node, NodeId};
+use derive::{Seed, Settled, settled, tangents};
+use graph::{Graph, Node, NodeId, Windup};
 use lower::{Form, lower};
 use point::{PointTape, PointTerm};
 use tape::{Tape, Term};
@@ -164,6 +165,27 @@ struct Compiled {
     by_inner: Tape,
     by_position: Tape,
     point: PointTape,
+    windups: Vec<CompiledWindup>,
+}
+
+/// A wind-up of a formula.
+#[derive(Debug)]
+struct CompiledWindup {
+    direction: Option<usize>,
+    travel: Option<usize>,
+    /// None where it differs from row to row.
+    length: Option<PointTape>,
+}
+
+/// What a wind-up of a formula follows, for whoever knows the strokes before a position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FollowedWindup {
+    /// Index of the variable that is its direction; none where that is a formula.
+    pub direction: Option<usize>,
+    /// Index of the variable that is its travel since the reversal, likewise.
+    pub travel: Option<usize>,
+    /// Its length; none where that differs from position to position.
+    pub length_mm: Option<f64>,
 }
 
 impl Expression {
@@ -200,7 +222,7 @@ impl Expression {
         let position = ["x", "y", "z"]
             .map(|name| symbols.variables.iter().position(|variable| variable == name).map(|at| at as u32));
 
-        let (mut single, single_roots) = settled(&graph, &roots);
+        let Settled { graph: mut single, roots: single_roots, windups } = settled(&graph, &roots);
         let by_inner =
             derived(&mut graph, &parts, (0..symbols.inner.len()).map(|m| Seed::Inner(m as u32)).map(Some));
         let by_position = derived(&mut graph, &parts, position.map(|at| at.map(Seed::Variable)));
@@ -236,6 +258,7 @@ impl Expression {
             by_inner: Tape::compile(&graph, symbols.inner.len(), &by_inner),
             by_position: Tape::compile(&graph, 3, &by_position),
             point: PointTape::compile(&single, &single_parts, &gradient),
+            windups: windups.iter().map(|windup| CompiledWindup::new(&single, windup)).collect(),
         };
         Ok(Self { shared: Arc::new(compiled) })
     }
@@ -346,6 +369,20 @@ impl Expression {
         self.run(&self.shared.by_position, rows, range, Some(coefficients), inner, out)
     }
 
+    /// The formula's wind-ups, in the order of their numbers.
+    ///
+    /// # Errors
+    /// [`RowsError`] for inner parameters that do not fit.
+    pub fn windups(&self, inner: &[f64]) -> Result<Vec<FollowedWindup>, RowsError> {
+        self.check_parameters(None, inner)?;
+        let of = |windup: &CompiledWindup| FollowedWindup {
+            direction: windup.direction,
+            travel: windup.travel,
+            length_mm: windup.length.as_ref().map(|length| length.evaluate(&[], &[], inner, |_| 0.0).0),
+        };
+        Ok(self.shared.windups.iter().map(of).collect())
+    }
+
     /// Value and gradient by x, y, z at one point (one number for each variable of the symbols), history settled:
     /// `lag(u, tau)` is u, `windup` follows a long stroke; `bed_x` and `bed_y` move with x and y.
     ///
@@ -357,12 +394,30 @@ impl Expression {
         coefficients: &[f64],
         inner: &[f64],
     ) -> Result<(f64, [f64; 3]), RowsError> {
+        self.evaluate_behind(point, coefficients, inner, |_| 0.0)
+    }
+
+    /// The same behind strokes that need not be long: `unwound` tells, for the number of each of the
+    /// [`windups`](Self::windups), what the stroke before the last reversal left unwound, as a share of the lost motion
+    /// (0 behind a long one, 1 where there was no reversal).
+    ///
+    /// Wind-up is `−(d/2)(1 − 2(1 − g)e^(−s/λ))` with that share g: `w_rev = d/2 − g·d` in the recursion of rows.
+    ///
+    /// # Errors
+    /// [`RowsError`] for lengths that do not fit.
+    pub fn evaluate_behind(
+        &self,
+        point: &[f64],
+        coefficients: &[f64],
+        inner: &[f64],
+        unwound: impl Fn(usize) -> f64,
+    ) -> Result<(f64, [f64; 3]), RowsError> {
         let needed = self.shared.symbols.variables.len();
         if point.len() != needed {
             return Err(RowsError::VariableCount { needed, found: point.len() });
         }
         self.check_parameters(Some(coefficients), inner)?;
-        Ok(self.shared.point.evaluate(point, coefficients, inner))
+        Ok(self.shared.point.evaluate(point, coefficients, inner, unwound))
     }
 
     fn check_parameters(&self, coefficients: Option<&[f64]>, inner: &[f64]) -> Result<(), RowsError> {
@@ -396,6 +451,19 @@ impl Expression {
         }
         block::run(tape, rows, range, coefficients.unwrap_or_default(), inner, out);
         Ok(())
+    }
+}
+
+impl CompiledWindup {
+    fn new(graph: &Graph, windup: &Windup) -> Self {
+        let variable = |id: NodeId| match graph.node(id) {
+            Node::Variable(index) => Some(index as usize),
+            _ => None,
+        };
+        let nowhere = [const { Vec::new() }; 3];
+        let length = (!graph.varies(windup.lambda))
+            .then(|| PointTape::compile(graph, &[(None, windup.lambda)], &nowhere));
+        Self { direction: variable(windup.d), travel: variable(windup.s), length }
     }
 }
 

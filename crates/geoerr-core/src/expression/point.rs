@@ -12,6 +12,8 @@ enum Number {
     Unary(Unary, usize),
     Binary(Binary, usize, usize),
     Select([usize; 3]),
+    /// What the stroke before left unwound, by the number of the wind-up.
+    Unwound(usize),
 }
 
 /// A term of a result: coefficient that multiplies it, if any, and place of the number.
@@ -51,6 +53,7 @@ impl PointTape {
                 Node::Unary(operation, a) => Number::Unary(operation, at(a)),
                 Node::Binary(operation, a, b) => Number::Binary(operation, at(a), at(b)),
                 Node::Select(operands) => Number::Select(operands.map(at)),
+                Node::Unwound(number) => Number::Unwound(number as usize),
                 // A settled formula has none.
                 Node::Lag(_) | Node::LagTangent(_) | Node::Windup(_) | Node::WindupTangent(_) => {
                     Number::Constant(f64::NAN)
@@ -69,12 +72,18 @@ impl PointTape {
         Self { value: terms(value), gradient: [terms(x), terms(y), terms(z)], numbers }
     }
 
-    /// Value and gradient at one point.
-    pub(super) fn evaluate(&self, point: &[f64], coefficients: &[f64], inner: &[f64]) -> (f64, [f64; 3]) {
+    /// Value and gradient at one point; `unwound` tells what the stroke before left of each wind-up.
+    pub(super) fn evaluate(
+        &self,
+        point: &[f64],
+        coefficients: &[f64],
+        inner: &[f64],
+        unwound: impl Fn(usize) -> f64,
+    ) -> (f64, [f64; 3]) {
         if self.numbers.len() <= ON_STACK {
-            self.evaluate_in(&mut [0.0; ON_STACK], point, coefficients, inner)
+            self.evaluate_in(&mut [0.0; ON_STACK], point, coefficients, inner, unwound)
         } else {
-            self.evaluate_in(&mut vec![0.0; self.numbers.len()], point, coefficients, inner)
+            self.evaluate_in(&mut vec![0.0; self.numbers.len()], point, coefficients, inner, unwound)
         }
     }
 
@@ -84,6 +93,7 @@ impl PointTape {
         point: &[f64],
         coefficients: &[f64],
         inner: &[f64],
+        unwound: impl Fn(usize) -> f64,
     ) -> (f64, [f64; 3]) {
         for (index, number) in self.numbers.iter().enumerate() {
             values[index] = match *number {
@@ -92,6 +102,7 @@ impl PointTape {
                 Number::Inner(index) => inner[index],
                 Number::Unary(operation, a) => operation.apply(values[a]),
                 Number::Binary(operation, a, b) => operation.apply(values[a], values[b]),
+                Number::Unwound(number) => unwound(number),
                 Number::Select([condition, a, b]) => select(values[condition], values[a], values[b]),
             };
         }

@@ -219,7 +219,8 @@ impl<'a> Compiler<'a> {
             | Node::Lag(_)
             | Node::LagTangent(_)
             | Node::Windup(_)
-            | Node::WindupTangent(_) => Uniform::Constant(f64::NAN),
+            | Node::WindupTangent(_)
+            | Node::Unwound(_) => Uniform::Constant(f64::NAN),
         };
         self.uniforms.push(uniform);
         Operand::Uniform(self.uniforms.len() - 1)
@@ -280,8 +281,8 @@ impl<'a> Compiler<'a> {
                 let (d, s, lambda, ds, dlambda) = (at(d), at(s), at(lambda), at(ds), at(dlambda));
                 Action::WindupTangent { d, s, lambda, ds, dlambda, is_own_row, memory }
             }
-            // Leaves have places of their own.
-            Node::Constant(_) | Node::Variable(_) | Node::Inner(_) => {
+            // Leaves have places of their own, or are of no row.
+            Node::Constant(_) | Node::Variable(_) | Node::Inner(_) | Node::Unwound(_) => {
                 Action::Select([Operand::Uniform(0); 3])
             }
         }

@@ -12,7 +12,6 @@ use super::path::{Node, PathMap, SplitError};
 use super::plain::PlainMove;
 use super::reader::{Move, Reader, Step};
 use super::report::excerpt;
-use crate::volumetric::MotionNeeds;
 
 /// Lines of a block at most: few enough that its moves stay in the cache from reading to writing, and so many that
 /// threads seldom wait for each other.
@@ -139,13 +138,13 @@ pub struct BlockReader {
 
 impl BlockReader {
     /// At the begin of a program.
-    pub fn new(options: Options, map: &impl PathMap, needs: MotionNeeds) -> Self {
+    pub fn new(options: Options, map: &impl PathMap) -> Self {
         let gap_of = |axis: usize| {
             let gaps = map.knots(axis).windows(2).map(|pair| pair[1] - pair[0]);
             gaps.fold(f64::INFINITY, f64::min)
         };
         Self {
-            reader: Reader::new(options, map.is_nominal(), needs),
+            reader: Reader::new(options, map),
             plain: PlainMove::default(),
             mark: memmem::Finder::new(MARK),
             before_mm: None,

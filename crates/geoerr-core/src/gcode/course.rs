@@ -3,10 +3,11 @@
 //! The program's own moves count, not what a correction adds to them: an axis that rests keeps its last direction. Before
 //! an axis first moves from a known place, and after homing or a line after which it may be anywhere, its direction is
 //! not known and counts as 0, so that whatever is proportional to it is left out. Travel counts from the first known motion.
+//! With that motion wind-up begins settled, as in a sequence of measured rows: the axis comes from far in its direction.
 
 use super::frame::Mask;
 use super::known::Known;
-use crate::volumetric::Approach;
+use crate::volumetric::{Approach, MAX_WINDUPS, Windup};
 
 /// Motion that is none: rounding of sums of increments.
 const STILL_MM: f64 = 1e-9;
@@ -32,10 +33,13 @@ impl Course {
 }
 
 /// Directions and travels as a program goes on.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Past {
     direction: [f64; 3],
     travel_mm: [f64; 3],
+    windups: Vec<Windup>,
+    /// As in an [`Approach`].
+    left_unwound: [f64; MAX_WINDUPS],
     extremes: Extremes,
 }
 
@@ -55,6 +59,11 @@ impl Default for Extremes {
 }
 
 impl Past {
+    /// Before a program of a machine with these wind-ups.
+    pub fn new(windups: &[Windup]) -> Self {
+        Self { windups: windups.to_vec(), ..Self::default() }
+    }
+
     /// A straight move; `speed_mm_min` is 0 where it is not known.
     pub fn straight(&mut self, from_mm: &Known, to_mm: &Known, speed_mm_min: f64) -> Course {
         let moved = |axis: usize| {
@@ -67,10 +76,7 @@ impl Past {
         for (axis, step) in step_mm.into_iter().enumerate() {
             if step.abs() > STILL_MM {
                 if self.direction[axis] != step.signum() {
-                    if self.direction[axis] != 0.0 {
-                        let shortest = &mut self.extremes.shortest_stroke_mm[axis];
-                        *shortest = shortest.min(self.travel_mm[axis]);
-                    }
+                    self.turn_round(axis);
                     (self.direction[axis], self.travel_mm[axis]) = (step.signum(), 0.0);
                 }
                 course.travel_mm[axis] = step.abs();
@@ -84,7 +90,22 @@ impl Past {
             self.travel_mm[axis] += course.travel_mm[axis];
         }
         course.begin.feed_mm_min = speed_mm_min;
+        course.begin.left_unwound = self.left_unwound;
         course
+    }
+
+    /// Ends the stroke of an axis, or begins its first.
+    fn turn_round(&mut self, axis: usize) {
+        let (is_first, stroke_mm) = (self.direction[axis] == 0.0, self.travel_mm[axis]);
+        if !is_first {
+            let shortest = &mut self.extremes.shortest_stroke_mm[axis];
+            *shortest = shortest.min(stroke_mm);
+        }
+        for (windup, left) in self.windups.iter().zip(&mut self.left_unwound) {
+            if windup.axis == axis {
+                *left = if is_first { 1.0 } else { windup.left_by(stroke_mm, *left) };
+            }
+        }
     }
 
     /// What the moves so far came to.
@@ -103,6 +124,30 @@ impl Past {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn wind_up_is_carried_from_stroke_to_stroke() {
+        let windups = [Windup { axis: 0, length_mm: 4.0 }, Windup { axis: 1, length_mm: 1.0 }];
+        let mut past = Past::new(&windups);
+        let at = |x: f64| Known::from([Some(x), Some(0.0), Some(0.0)]);
+        // The recursion of rows: w = −d/2 + (w_rev + d/2)e^(−s/λ), from w = −d/2.
+        let (mut before, mut d, mut s, mut w_rev, mut w) = (0.0_f64, 1.0, 0.0, -0.5, -0.5);
+        for place in [3.0, 1.0, 1.5, 2.0, -9.0, -8.0, -8.5] {
+            let step: f64 = place - before;
+            if step.signum() != d {
+                (d, s, w_rev) = (step.signum(), 0.0, w);
+            }
+            s += step.abs();
+            w = -0.5 * d + (w_rev + 0.5 * d) * (-s / 4.0).exp();
+            let end = past.straight(&at(before), &at(place), 0.0).at(1.0);
+            let told = -0.5 * d + d * (1.0 - end.left_unwound[0]) * (-end.travel_mm[0] / 4.0).exp();
+            assert!((told - w).abs() < 1e-15, "{place}: {told} and {w}");
+            before = place;
+        }
+        // What has moved in a way that is not known begins settled again; y never moved.
+        past.forget([true, false, false]);
+        assert_eq!(past.straight(&at(-8.5), &at(-8.0), 0.0).begin.left_unwound[..2], [1.0, 0.0]);
+    }
 
     #[test]
     fn there_and_back_by_hand() {

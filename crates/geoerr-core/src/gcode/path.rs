@@ -3,7 +3,7 @@
 use super::course::Course;
 use crate::kinematics::{Axis, MachineModel};
 use crate::newton::{ErrorMap, NewtonError, command_for};
-use crate::volumetric::{Approach, MotionNeeds};
+use crate::volumetric::{Approach, MotionNeeds, Windup};
 
 /// What compensation needs to know of a machine. Positions are those of a machine without errors: a tool position
 /// less the tool offset.
@@ -54,6 +54,11 @@ pub trait PathMap: Sync {
     /// What of an approach the errors depend on.
     fn needs(&self) -> MotionNeeds {
         MotionNeeds::default()
+    }
+
+    /// The wind-ups that an approach tells what strokes before left of.
+    fn windups(&self) -> &[Windup] {
+        &[]
     }
 }
 

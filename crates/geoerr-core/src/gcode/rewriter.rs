@@ -58,7 +58,7 @@ impl<M: PathMap + Send> Rewriter<M> {
     pub fn new(map: M, options: Options) -> Result<Self, GcodeError> {
         options.check()?;
         Ok(Self {
-            reader: BlockReader::new(options.clone(), &map, map.needs()),
+            reader: BlockReader::new(options.clone(), &map),
             solver: Solver::new(&map, &options),
             writer: BlockWriter::new(&options),
             map,

@@ -3,7 +3,7 @@
 use super::knots::knots;
 use super::path::{PathMap, inverse_of};
 use crate::kinematics::Axis;
-use crate::volumetric::{Approach, MotionNeeds, TermMachine};
+use crate::volumetric::{Approach, MotionNeeds, TermMachine, Windup};
 
 /// A machine of terms, with the places between which its error is all but a parabola.
 #[derive(Debug, Clone)]
@@ -58,6 +58,10 @@ impl PathMap for TermPath {
     fn needs(&self) -> MotionNeeds {
         self.machine.needs()
     }
+
+    fn windups(&self) -> &[Windup] {
+        self.machine.windups()
+    }
 }
 
 fn find_knots(machine: &TermMachine, axis: Axis, range_mm: &[(f64, f64); 3]) -> Vec<f64> {
@@ -67,8 +71,13 @@ fn find_knots(machine: &TermMachine, axis: Axis, range_mm: &[(f64, f64); 3]) -> 
         return knots_mm;
     }
     // Amplitudes, not places, depend on direction and speed: any will do.
-    let approach =
-        Approach { direction: [1.0; 3], travel_mm: [50.0; 3], velocity_mm_s: [10.0; 3], feed_mm_min: 600.0 };
+    let approach = Approach {
+        direction: [1.0; 3],
+        travel_mm: [50.0; 3],
+        velocity_mm_s: [10.0; 3],
+        feed_mm_min: 600.0,
+        ..Approach::default()
+    };
     for share in ELSEWHERE {
         let others = range_mm.map(|(low, high)| low + share * (high - low));
         let error = |position: f64| {

@@ -32,7 +32,9 @@ pub use block::Block;
 pub use design::WhitenedDesign;
 pub use frame::Frame;
 pub use kept_sums::KeptSums;
-pub use machine::{Approach, Approached, MachineError, MachineInverseError, MotionNeeds, TermMachine};
+pub use machine::{
+    Approach, Approached, MAX_WINDUPS, MachineError, MachineInverseError, MotionNeeds, TermMachine, Windup,
+};
 pub use problem::{Problem, Sightings, State};
 pub use rows::Rows;
 pub use term::{Part, Shape, Term, VolumetricModel};

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use self::edges::Edges;
 use super::patch::Patch;
 use super::path::{Closeness, Node, PathMap, distance};
-use crate::volumetric::{Approach, MotionNeeds};
+use crate::volumetric::{Approach, MotionNeeds, Windup};
 pub use walk::Walk;
 
 /// More rows of boxes than this are too many to list: 12 MB.
@@ -279,6 +279,10 @@ impl<M: PathMap> PathMap for Gridded<'_, M> {
 
     fn needs(&self) -> MotionNeeds {
         self.map.needs()
+    }
+
+    fn windups(&self) -> &[Windup] {
+        self.map.windups()
     }
 }
 

@@ -13,6 +13,7 @@ use super::frame::{ALL, Effects, Frame, Mask, Motion, Place, Shift, either};
 use super::known::Known;
 use super::lexer::{Head, Line, Span, Word};
 use super::options::{OnUnsupported, Options, unit_mm};
+use super::path::PathMap;
 use super::plain::PlainMove;
 use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::unsupported::{After, Unsupported};
@@ -148,7 +149,7 @@ impl Asked {
 
 impl Reader {
     /// A reader at the begin of a program.
-    pub fn new(options: Options, model_is_nominal: bool, needs: MotionNeeds) -> Self {
+    pub fn new(options: Options, map: &impl PathMap) -> Self {
         let mut systems_mm = [Known::NONE; 7];
         systems_mm[0] = Known::all(options.work_offset_mm);
         Self {
@@ -176,13 +177,13 @@ impl Reader {
                 (low_mm.max(from_mm) - EDGE_MM, high_mm.min(to_mm) + EDGE_MM)
             }),
             options,
-            model_is_nominal,
-            needs,
+            model_is_nominal: map.is_nominal(),
+            needs: map.needs(),
             line: Line::default(),
             asked: Asked::default(),
             saved: Saved::default(),
             frame: Frame::default(),
-            past: Past::default(),
+            past: Past::new(map.windups()),
             is_corrected: false,
             n_percent: 0,
             is_numbered: false,

@@ -1,5 +1,7 @@
 //! How a machine comes to a position: what a move tells formulas beside the position itself.
 
+use crate::expression::decay;
+
 /// Direction, travel and speed with which the axes come to a position.
 ///
 /// | field | variables of formulas |
@@ -8,6 +10,7 @@
 /// | `travel_mm` | `s_x s_y s_z` |
 /// | `velocity_mm_s` | `v_x v_y v_z` |
 /// | `feed_mm_min` | `feed` |
+/// | `left_unwound` | what `windup(lambda)` begins from |
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Approach {
     /// Direction in which each axis last moved, −1 or 1; 0 where it is not known.
@@ -18,6 +21,28 @@ pub struct Approach {
     pub velocity_mm_s: [f64; 3],
     /// Feed of the move.
     pub feed_mm_min: f64,
+    /// Of each of the machine's wind-ups, what the stroke before the last reversal left unwound, as a share of the lost
+    /// motion: 0 behind a long stroke, 1 where the axis has not turned round (it comes from far in its direction).
+    pub left_unwound: [f64; MAX_WINDUPS],
+}
+
+/// Most wind-ups of one machine that are followed from stroke to stroke.
+pub const MAX_WINDUPS: usize = 6;
+
+/// A wind-up that depends on the strokes before: its axis, and over what length it fills.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Windup {
+    /// Index of the axis.
+    pub axis: usize,
+    /// e^(−s/length) of a reversal's lost motion is left after the travel s.
+    pub length_mm: f64,
+}
+
+impl Windup {
+    /// What a stroke leaves unwound, of that which the one before it left.
+    pub fn left_by(&self, stroke_mm: f64, left_before: f64) -> f64 {
+        (1.0 - left_before) * decay(stroke_mm, self.length_mm)
+    }
 }
 
 /// What of an [`Approach`] a machine's errors depend on.

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::{Approach, MachineError, MotionNeeds};
+use super::{Approach, MAX_WINDUPS, MachineError, MotionNeeds, Windup};
 use crate::bases::{Curve, CurveSet};
-use crate::expression::Expression;
+use crate::expression::{Expression, FollowedWindup};
 use crate::kinematics::{Axis, Channel, Component, Displacements};
 use crate::volumetric::values::check_parameters;
-use crate::volumetric::{Shape, VolumetricModel};
+use crate::volumetric::{Shape, VolumetricError, VolumetricModel};
 
 /// Where the value of a variable comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,6 +54,8 @@ impl Source {
 /// A function of more than its own axis's position, on a channel.
 #[derive(Debug, Clone)]
 struct Law {
+    /// Number of its term.
+    term: usize,
     channel: Channel,
     function: Function,
 }
@@ -65,23 +67,23 @@ enum Function {
         expression: Expression,
         coefficients: Vec<f64>,
         inner: Vec<f64>,
+        /// For each of its wind-ups, the place among the machine's; none where it follows long strokes.
+        windups: Vec<Option<usize>>,
     },
     /// On a channel that is no joint error of this axis.
-    Curve {
-        axis: Axis,
-        curve: Curve,
-    },
+    Curve { axis: Axis, curve: Curve },
 }
 
 impl Function {
     /// Value and gradient by x, y, z; `point` holds the variables of formulas.
     #[inline]
-    fn at(&self, q_mm: &[f64; 3], point: &[f64]) -> (f64, [f64; 3]) {
+    fn at(&self, q_mm: &[f64; 3], point: &[f64], left_unwound: &[f64; MAX_WINDUPS]) -> (f64, [f64; 3]) {
         match self {
-            Self::Formula { factor, expression, coefficients, inner } => {
+            Self::Formula { factor, expression, coefficients, inner, windups } => {
+                let unwound = |number: usize| windups[number].map_or(0.0, |place| left_unwound[place]);
                 // Lengths were checked when it was bound.
-                let (value, gradient) =
-                    expression.evaluate_at(point, coefficients, inner).unwrap_or((f64::NAN, [f64::NAN; 3]));
+                let at = expression.evaluate_behind(point, coefficients, inner, unwound);
+                let (value, gradient) = at.unwrap_or((f64::NAN, [f64::NAN; 3]));
                 (factor * value, gradient.map(|by| factor * by))
             }
             Self::Curve { axis, curve } => {
@@ -125,6 +127,10 @@ pub(super) struct Bound {
     /// Names of the variables that each move gives.
     pub(super) motion_names: Vec<String>,
     pub(super) is_nominal: bool,
+    /// Wind-ups that are followed from stroke to stroke.
+    pub(super) windups: Vec<Windup>,
+    /// Numbers of the terms with wind-ups that are not: they are as behind a long stroke.
+    pub(super) long_stroke_terms: Vec<usize>,
 }
 
 /// Variables that formulas take from a heap-free copy of the conditions.
@@ -146,7 +152,7 @@ impl Bound {
                 Shape::Basis { axis, basis } => {
                     let scaled: Vec<f64> = own[..basis.len()].iter().map(|c| part.factor * c).collect();
                     if scaled.iter().any(|&c| c != 0.0) {
-                        parts.curve(part.channel, *axis, basis.curve(&scaled)?);
+                        parts.curve(term, part.channel, *axis, basis.curve(&scaled)?);
                     }
                 }
                 Shape::Expression { expression, coefficients: places, inner: inner_places } => {
@@ -163,8 +169,9 @@ impl Bound {
                             expression: expression.clone(),
                             coefficients: theta,
                             inner: phi,
+                            windups: Vec::new(),
                         };
-                        parts.laws.push(Law { channel: part.channel, function });
+                        parts.laws.push(Law { term, channel: part.channel, function });
                     }
                 }
             }
@@ -219,8 +226,8 @@ impl Bound {
             };
         }
         let mut numbers = Numbers { values: self.constants, ..Numbers::default() };
-        for Law { channel, function } in &self.laws {
-            let (value, gradient) = function.at(question.q_mm, point);
+        for Law { channel, function, .. } in &self.laws {
+            let (value, gradient) = function.at(question.q_mm, point, &approach.left_unwound);
             *slot(&mut numbers.values, *channel) += value;
             for (rates, by) in numbers.rates.iter_mut().zip(gradient) {
                 *slot(rates, *channel) += by;
@@ -238,10 +245,10 @@ struct Parts {
 }
 
 impl Parts {
-    fn curve(&mut self, channel: Channel, of: Axis, curve: Curve) {
+    fn curve(&mut self, term: usize, channel: Channel, of: Axis, curve: Curve) {
         match channel {
             Channel::Joint(axis, component) if axis == of => self.add(axis, component, curve),
-            _ => self.laws.push(Law { channel, function: Function::Curve { axis: of, curve } }),
+            _ => self.laws.push(Law { term, channel, function: Function::Curve { axis: of, curve } }),
         }
     }
 
@@ -302,6 +309,7 @@ impl Parts {
             missing.dedup();
             return Err(MachineError::MissingConditions { names: missing });
         }
+        let (windups, long_stroke_terms) = self.follow_windups(&sources)?;
         let constants = self.fold(&template, &sources);
         let nothing = Curve::constant(0.0);
         let is_nominal = self.laws.is_empty()
@@ -310,7 +318,45 @@ impl Parts {
         let curves = self.joints.map(|joints| {
             CurveSet::new(std::array::from_fn(|component| joints[component].as_ref().unwrap_or(&nothing)))
         });
-        Ok(Bound { curves, constants, laws: self.laws, template, sources, needs, motion_names, is_nominal })
+        let laws = self.laws;
+        Ok(Bound {
+            curves,
+            constants,
+            laws,
+            template,
+            sources,
+            needs,
+            motion_names,
+            is_nominal,
+            windups,
+            long_stroke_terms,
+        })
+    }
+
+    /// Finds the wind-ups of formulas that moves give direction and travel to; equal ones are one. Gives them, and the
+    /// numbers of the terms with others: of a length that differs from place to place, or beyond the most.
+    fn follow_windups(
+        &mut self,
+        sources: &[(usize, Source)],
+    ) -> Result<(Vec<Windup>, Vec<usize>), MachineError> {
+        let mut windups: Vec<Windup> = Vec::new();
+        let mut long_stroke_terms: Vec<usize> = Vec::new();
+        for Law { term, function, .. } in &mut self.laws {
+            let Function::Formula { expression, inner, windups: places, .. } = function else { continue };
+            for of_formula in expression.windups(inner).map_err(VolumetricError::from)? {
+                let followed = followed(&of_formula, sources);
+                let place = match followed {
+                    Followed::Moves(windup) => place_of(windup, &mut windups),
+                    Followed::Formula | Followed::Conditions => None,
+                };
+                let is_stated = matches!(followed, Followed::Conditions);
+                if place.is_none() && !is_stated && !long_stroke_terms.contains(term) {
+                    long_stroke_terms.push(*term);
+                }
+                places.push(place);
+            }
+        }
+        Ok((windups, long_stroke_terms))
     }
 
     /// Takes out the laws that are the same everywhere, and gives their sums on the channels that are no joints.
@@ -329,7 +375,7 @@ impl Parts {
                 self.laws.push(law);
                 continue;
             }
-            let (value, _) = law.function.at(&[0.0; 3], template);
+            let (value, _) = law.function.at(&[0.0; 3], template, &[0.0; MAX_WINDUPS]);
             match law.channel {
                 Channel::Joint(axis, component) if value != 0.0 => {
                     self.add(axis, component, Curve::constant(value));
@@ -338,6 +384,39 @@ impl Parts {
             }
         }
         constants
+    }
+}
+
+/// Where direction and travel of a wind-up come from.
+enum Followed {
+    /// From the moves.
+    Moves(Windup),
+    /// From conditions: there are no strokes.
+    Conditions,
+    /// They or its length are formulas.
+    Formula,
+}
+
+/// The place of a wind-up among those of the machine, which takes it in; none where there are too many.
+fn place_of(windup: Windup, windups: &mut Vec<Windup>) -> Option<usize> {
+    let known = windups.iter().position(|&one| one == windup);
+    if known.is_none() && windups.len() < MAX_WINDUPS {
+        windups.push(windup);
+        return Some(windups.len() - 1);
+    }
+    known
+}
+
+fn followed(windup: &FollowedWindup, sources: &[(usize, Source)]) -> Followed {
+    let (Some(direction), Some(travel)) = (windup.direction, windup.travel) else { return Followed::Formula };
+    let source_of =
+        |variable: usize| sources.iter().find(|&&(place, _)| place == variable).map(|&(_, source)| source);
+    match (source_of(direction), source_of(travel), windup.length_mm) {
+        (Some(Source::Direction(axis)), Some(Source::Travel(of)), Some(length_mm)) if axis == of => {
+            Followed::Moves(Windup { axis, length_mm })
+        }
+        (Some(_), Some(_), _) => Followed::Formula,
+        _ => Followed::Conditions,
     }
 }
 

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-pub use approach::{Approach, MotionNeeds};
+pub use approach::{Approach, MAX_WINDUPS, MotionNeeds, Windup};
 
 use self::bind::{Bound, Numbers, Question};
 use super::{VolumetricError, VolumetricModel};
@@ -141,6 +141,17 @@ impl TermMachine {
     /// Names of the variables that each approach gives.
     pub fn motion_names(&self) -> &[String] {
         &self.bound.motion_names
+    }
+
+    /// Wind-ups that an approach tells what strokes before left of ([`Approach::left_unwound`]), in its order.
+    pub fn windups(&self) -> &[Windup] {
+        &self.bound.windups
+    }
+
+    /// Numbers of the terms of which some wind-up is as behind a long stroke, whatever strokes came before: its length
+    /// differs from place to place, or there are more than [`MAX_WINDUPS`].
+    pub fn long_stroke_terms(&self) -> &[usize] {
+        &self.bound.long_stroke_terms
     }
 
     /// Numbers of the terms that act on the rig: left out.
