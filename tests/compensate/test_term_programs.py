@@ -213,6 +213,24 @@ def test_following_error_takes_its_speed_from_the_feed(tmp_path):
     assert still == b"G1 X10 Y10 Z5 F6000\nG1 X110\n"
 
 
+def test_the_feed_is_what_a_printer_makes_of_it(tmp_path):
+    """`M220` multiplies all feeds, `F0` is none: both were passed over, and a lag corrected for another speed."""
+    of = machine("wbXYZt")
+    model = Model(of, None, (term(of, "lag:x", tau=1e-3),))
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(
+        "G1 X10 Y10 Z5 F6000\nG1 X110\nM220 S50\nG1 X20\nM220 B\nM220 S200\nG1 F0 X110\nM220 R\nG1 X30\n"
+        "M220 S{speed}\nG1 X120\nM220 S100\nG1 X40 F3000\n"
+    )
+    result = compensate_program(model, source, target)
+    ends = [float(re.findall(r"X([-\d.]+)", line)[-1]) for line in target.read_text().splitlines() if " X" in line]
+    # By 1 ms of 100 mm/s, of half, of twice as much, of half again, of a speed that nobody tells, and of 50 mm/s.
+    want = [10.0, 110.1, 19.95, 110.2, 29.95, 120.0, 39.95]
+    assert [end for end in ends if any(abs(end - one) < 1e-6 for one in want)] == want
+    assert "speed-unknown" in {warning.kind for warning in result.warnings}
+    assert compare_paths(model, source, target).max_error_um_after < 5.0
+
+
 @pytest.mark.parametrize("threads", [2, 5])
 def test_the_same_bytes_from_any_number_of_threads(threads):
     program = drawn_program(400).encode()

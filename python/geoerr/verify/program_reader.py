@@ -6,6 +6,7 @@ once X, Y and Z have been given since the start, homing, or a line after which t
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -201,6 +202,9 @@ class _Modes:
     is_feed_a_turn: bool = False
     is_rapid: bool = False
     feed_mm_min: float = 0.0
+    # `M220` of printers; NaN where the program does not tell it.
+    feed_override: float = 1.0
+    kept_override: float = 1.0
     tool_length: float | None = None
     has_saved_place: bool = False
     system: int = 1
@@ -303,6 +307,8 @@ class ProgramReader:
                 self._forget()
             case Kind.M_CODE:
                 self._m_code(statement.m_codes[0])
+                if statement.m_codes[0] == 220.0:
+                    self._override_feed(statement.words or {})
             case Kind.WORDS:
                 return self._words(statement)
         return None
@@ -378,8 +384,20 @@ class ProgramReader:
         return None
 
     def _take_feed(self, feed: float | None) -> None:
-        if feed is not None:
+        # Marlin passes F0 over.
+        if feed is not None and feed > 0.0:
             self._modes.feed_mm_min = feed * self._modes.unit_mm
+
+    def _override_feed(self, words: dict[bytes, float | None]) -> None:
+        modes = self._modes
+        now = modes.feed_override
+        if b"R" in words:
+            modes.feed_override = modes.kept_override
+        if b"B" in words:
+            modes.kept_override = now
+        if b"S" in words:
+            percent = words[b"S"]
+            modes.feed_override = math.nan if percent is None else percent / 100.0
 
     def _feed(self) -> Feed:
         modes = self._modes
@@ -403,7 +421,9 @@ class ProgramReader:
         begin, was_on_path = self._place, self._is_on_path
         self._place = end
         feed = self._feed()
-        course = self._past.straight(begin, end, feed.speed_mm_min)
+        override = self._modes.feed_override
+        speed_mm_min = 0.0 if math.isnan(override) else feed.speed_mm_min * override
+        course = self._past.straight(begin, end, speed_mm_min)
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             return None

@@ -74,6 +74,7 @@ struct Modes {
     is_feed_a_turn: bool,
     /// Feed, mm/min.
     feed_mm_min: Option<f64>,
+    feed_override: FeedOverride,
     /// Code of `G41` or `G42` while it holds.
     compensation: Option<u32>,
     /// Code of what changes the meaning of axis words.
@@ -87,6 +88,20 @@ struct Modes {
     /// `G54` to `G59`, and one for those that are not followed.
     systems_mm: [Known; 7],
     system: usize,
+}
+
+/// `M220` of printers: what all feeds are multiplied by; None where the program does not tell it.
+#[derive(Debug)]
+struct FeedOverride {
+    factor: Option<f64>,
+    /// Kept by `B`, for `R`.
+    kept: Option<f64>,
+}
+
+impl Default for FeedOverride {
+    fn default() -> Self {
+        Self { factor: Some(1.0), kept: Some(1.0) }
+    }
 }
 
 /// Reads a program; knows where the machine is meant to be.
@@ -162,6 +177,7 @@ impl Reader {
                 is_rapid: false,
                 is_feed_a_turn: false,
                 feed_mm_min: None,
+                feed_override: FeedOverride::default(),
                 compensation: None,
                 transformed: None,
                 tool_length: None,
@@ -396,6 +412,9 @@ impl Reader {
             return Err(Unsupported::SeveralCodes);
         }
         if first.letter == b'M' && !has_code && !first.code10().is_some_and(is_machining_code) {
+            if first.code10() == Some(2200) {
+                self.override_feed(line);
+            }
             return self.owned_by_m(first.code10(), words, body);
         }
         if line.has_parameter {
@@ -422,7 +441,7 @@ impl Reader {
         if self.asked.owner.is_none()
             && let Some(feed) = words.feed.and_then(|word| word.number())
         {
-            self.modes.feed_mm_min = Some(feed.to_f64() * unit_mm(self.modes.is_inch));
+            self.modes.take_feed(feed.to_f64());
         }
         let moves = words.has_axes() || words.extra_axis.is_some() || words.extruder.is_some();
         if let Some((code, code10)) = self.asked.owner {

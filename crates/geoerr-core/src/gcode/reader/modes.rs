@@ -1,14 +1,41 @@
 //! Codes that say how the following words and lines are to be read.
 
-use super::Reader;
+use super::{Modes, Reader};
 use crate::gcode::codes::Code;
 use crate::gcode::extrusion::Firmware;
 use crate::gcode::frame::ALL;
+use crate::gcode::lexer::Line;
+use crate::gcode::options::unit_mm;
 use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::{After, Unsupported};
 use crate::gcode::words::Words;
 
+impl Modes {
+    /// An F word. `F0` leaves a printer's feed as it was; other controllers do not run it.
+    pub(super) fn take_feed(&mut self, number: f64) {
+        if number > 0.0 {
+            self.feed_mm_min = Some(number * unit_mm(self.is_inch));
+        }
+    }
+}
+
 impl Reader {
+    /// `M220`, in the order of Marlin: `R` takes what `B` kept, `B` keeps what was, `S` sets percent.
+    pub(super) fn override_feed(&mut self, line: &Line) {
+        let word = |letter: u8| line.words.iter().find(|word| word.letter == letter);
+        let feed = &mut self.modes.feed_override;
+        let before = feed.factor;
+        if word(b'R').is_some() {
+            feed.factor = feed.kept;
+        }
+        if word(b'B').is_some() {
+            feed.kept = before;
+        }
+        if let Some(percent) = word(b'S') {
+            feed.factor = percent.number().map(|percent| 0.01 * percent.to_f64());
+        }
+    }
+
     /// Takes over what a G code says for this line and the following ones.
     pub(super) fn code(&mut self, code10: u32, words: &Words, body: &[u8]) {
         let (modes, asked) = (&mut self.modes, &mut self.asked);

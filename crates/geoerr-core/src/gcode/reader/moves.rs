@@ -90,7 +90,7 @@ impl Reader {
         }
         let unit_mm = unit_mm(modes.is_inch);
         if let Some(feed) = plain.feed {
-            modes.feed_mm_min = Some(feed * unit_mm);
+            modes.take_feed(feed);
         }
         let words_mm = Known::all(plain.axes.numbers().map(|word| word * unit_mm));
         Some(self.straight(words_mm, plain.extruder, &plain.text, [false; 3], body))
@@ -152,7 +152,11 @@ impl Reader {
         let modes = &self.modes;
         // A milling controller's G0 has a speed of its own; the firmwares of printers take the feed.
         let is_told = !modes.is_feed_a_turn && (!modes.is_rapid || self.options.firmware.is_some());
-        modes.feed_mm_min.filter(|_| is_told)
+        modes
+            .feed_mm_min
+            .filter(|_| is_told)
+            .zip(modes.feed_override.factor)
+            .map(|(feed, factor)| feed * factor)
     }
 
     /// Says what of the motion the errors depend on is not known.
