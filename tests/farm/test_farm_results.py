@@ -114,6 +114,29 @@ def test_an_old_model_in_the_results_corrects_nothing(farm: Path) -> None:
     assert [one.step for one in done.failures] == ["fit", "compensate"]
 
 
+def test_programs_in_folders_of_programs_are_corrected(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    """They were passed over without a word."""
+    program = (farm / "mill-0/programs/corner.gcode").read_bytes()
+    names = ["programs/a/b/corner.gcode", "programs/a/corner.gcode", "programs/corner.gcode"]
+    put({name: program for name in (*names, "programs/.trash/corner.gcode")}, farm / "mill-0")
+    (farm / "mill-0/programs/a/back").symlink_to(farm / "mill-0/programs", target_is_directory=True)
+    done, written = results(farm / "mill-0")
+    assert [one.program for one in done.outcomes if one.step == "compensate"] == names
+    assert {written[f"mill-0/{name}"] for name in names} == {right_bytes["mill-0/programs/corner.gcode"]}
+    assert not any(".trash" in name or "back" in name for name in written)
+
+
+def test_a_file_where_results_would_stand_is_told(farm: Path) -> None:
+    (farm.parent / "out").mkdir()
+    (farm.parent / "out/mill-1").write_text("notes")
+    done, written = results(farm)
+    assert {one.machine for one in done.failures} == {"mill-1"}
+    told = next(one.error for one in done.failures)
+    assert told.startswith(f"{farm.parent / 'out/mill-1'}: no folder for results can be made: ")
+    assert "remove the file in its place" in told
+    assert written["mill-1"] == b"notes"
+
+
 def put(files: dict[str, bytes], folder: Path) -> None:
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,7 +34,7 @@ class FarmFolder:
     tables
         Measured points and circular tests, in the order of their names.
     programs
-        In the folder by their suffix; everything in its folder `programs`.
+        In the folder by their suffix; everything below its folder `programs`.
     is_session
         Whether it has pictures to be measured: session.toml, and no measurements yet.
     """
@@ -105,7 +105,7 @@ def read_folder(path: Path) -> FarmFolder:
 
 
 def programs_in(path: Path) -> tuple[str, ...]:
-    """Give the programs of a machine's folder: those in it by their suffix, and all in its folder `programs`.
+    """Give the programs of a machine's folder: those in it by their suffix, and all below its folder `programs`.
 
     Raises
     ------
@@ -114,11 +114,21 @@ def programs_in(path: Path) -> tuple[str, ...]:
     """
     own = sorted(one.name for one in _listed(path) if one.is_file() and one.name.lower().endswith(PROGRAMS))
     beneath = path / "programs"
-    below = sorted(one.name for one in _listed(beneath) if one.is_file()) if beneath.is_dir() else []
+    below = [one.relative_to(path) for one in _files_below(beneath)] if beneath.is_dir() else []
     return (
         *(name for name in own if not name.startswith(".")),
-        *(f"programs/{name}" for name in below if not name.startswith(".")),
+        *sorted(one.as_posix() for one in below if not any(name.startswith(".") for name in one.parts)),
     )
+
+
+def _files_below(path: Path) -> Iterator[Path]:
+    """Give the files in a folder and in those in it, behind no link to a folder: it may lead back."""
+    for one in _listed(path):
+        if one.is_dir():
+            if not one.is_symlink():
+                yield from _files_below(one)
+        elif one.is_file():
+            yield one
 
 
 def machine_paths(farm: Path, results: Path) -> list[Path]:

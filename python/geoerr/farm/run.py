@@ -38,7 +38,7 @@ def run_farm(
     ----------
     machines
         A folder of machines' folders, or those folders. Each holds `machine.toml`, measurements (`.csv`, `.parquet`)
-        or a session with pictures, programs (`*.gcode`, `*.nc` ..., and all in `programs`); a `model.json` or
+        or a session with pictures, programs (`*.gcode`, `*.nc` ..., and all below `programs`); a `model.json` or
         `errors.json` in it is taken as it is, `rig.json` and `effects.toml` (the user's own effects) take part.
     output
         Folder for the results, a folder each: `observations.csv`, `rig.json`, `errors.json`, `model.json`,
@@ -247,7 +247,14 @@ class _Run:
 
     def _write(self, machine: str, name: str, content: bytes) -> str:
         path = self.output / machine / name
-        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputFileError(
+                path.parent,
+                f"no folder for results can be made: {error.strerror}",
+                remedy="name another folder for the results, or remove the file in its place",
+            ) from error
         with whole_or_absent(path) as temporary:
             temporary.write_bytes(content)
         return f"{machine}/{name}"
