@@ -47,6 +47,19 @@ def load(tmp_path: Path, text: str) -> tuple[Effect, ...]:
     return load_effects(path)
 
 
+def test_a_parameter_that_is_a_column_of_the_data_is_told(tmp_path: Path) -> None:
+    """It took the column's place without a word: `c*humidity` with a column `c` was another formula than written."""
+    (effect,) = load(tmp_path, OWN)
+    columns = ("temp", "humidity")
+    assert effect.wanting(columns) is None
+    assert effect.wanting((*columns, "c")) == (
+        "its parameter 'c' is a column of these data: give one of them another name"
+    )
+    assert effect.candidates(machine(), (*columns, "c")) == []
+    # What the catalogue calls b is told there.
+    assert catalogue()["backlash"].wanting((*columns, "b")) is None
+
+
 def test_a_span_a_value_and_a_reason_are_read(tmp_path: Path) -> None:
     both = '[{ value = 11.5e-6, what = "steel" }, { low = 1, high = 2e1, what = "a belt", source = "its maker" }]'
     text = OWN.replace('[{ value = 11.5e-6, what = "steel" }]', both)

@@ -68,6 +68,9 @@ class Effect(Description):
             return "belongs to circular tests: measure a circle"
         if self.each_session and n_sessions < 2:
             return "needs a second session: repeat what was measured after homing, moving or setting up the machine"
+        shared = sorted(set(self.parameter_names).intersection(columns))
+        if shared and self.origin == "user":
+            return f"its parameter {shared[0]!r} is a column of these data: give one of them another name"
         wanting = [columns_wanting(form, self.parameter_names, columns) for form in self.forms]
         return None if None in wanting else wanting[0]
 
