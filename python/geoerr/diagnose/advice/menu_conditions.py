@@ -23,6 +23,8 @@ _HEAT_MINUTES, _COOL_MINUTES, _REST_MINUTES = 40.0, 40.0, 40.0
 # One round of pictures in so many minutes while something changes.
 _EVERY_MINUTES = 4.0
 _N_POINTS = 4
+# Lines are run so often cold and warm: they take minutes where heating takes most of an hour.
+_RUNS = (1, 4)
 _WORK_MINUTES = 20.0
 _IDLE_DUTY, _FULL_DUTY = 0.05, 0.95
 
@@ -39,12 +41,13 @@ def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
         for axis in axes:
             yield work(situation, axis)
     for heated in [*((name,) for name in names), *([names] if len(names) > 1 else [])]:
-        warm = warming(situation, axes, heated)
-        yield warm
+        for n_runs in _RUNS:
+            warm = warming(situation, axes, heated, n_runs=n_runs)
+            yield warm
+            yield from _seen_otherwise(warm, situation, question)
+            if question.scales_view:
+                yield _with_bar(warm, situation)
         yield warming(situation, axes, heated, cools=True)
-        yield from _seen_otherwise(warm, situation, question)
-        if question.scales_view:
-            yield _with_bar(warm, situation)
     for name, (usual, high) in situation.conditions.items():
         if name in question.variables and high > usual:
             yield changed(situation, axes, name, usual, high)
@@ -99,13 +102,17 @@ def work(situation: Situation, axis: str) -> Measurement:
     return Measurement(f"work:{axis}", f"hard use of {axis} and rest", words, pictures, situation.targets, conditions)
 
 
-def warming(situation: Situation, axes: Sequence[str], heated: Sequence[str], *, cools: bool = False) -> Measurement:
+def warming(
+    situation: Situation, axes: Sequence[str], heated: Sequence[str], *, n_runs: int = 1, cools: bool = False
+) -> Measurement:
     """Heat what some sensors sit on, the others left cold; then let it cool, if asked for."""
     course = Course(situation)
-    lines(course, axes, " cold")
+    for repeat in range(n_runs):
+        lines(course, axes, " cold", repeat)
     heat_s = course.t_s
     _rounds(course, axes, _HEAT_MINUTES)
-    lines(course, axes, " warm")
+    for repeat in range(n_runs):
+        lines(course, axes, " warm", repeat)
     cool_s = course.t_s
     if cools:
         _rounds(course, axes, _COOL_MINUTES, first=100)
@@ -130,12 +137,13 @@ def warming(situation: Situation, axes: Sequence[str], heated: Sequence[str], *,
     )
     others = "" if len(heated) == len(situation.temperatures) else " (nothing else)"
     end = f", then watch it cool for {duration(_COOL_MINUTES)}" if cools else ""
+    often = "" if n_runs == 1 else f" {n_runs} times"
     words = (
-        f"In one set-up: run {listed(list(axes))} there and back cold, heat {what}{others} for "
+        f"In one set-up: run {listed(list(axes))} there and back{often} cold, heat {what}{others} for "
         f"{duration(_HEAT_MINUTES)}, watching {_places(axes)} every {_EVERY_MINUTES:.0f} min, and run the lines "
-        f"again warm{end}"
+        f"again{often} warm{end}"
     )
-    name = f"{'warm-cool' if cools else 'warm'}:{'+'.join(heated)}"
+    name = f"{'warm-cool' if cools else 'warm'}{'' if n_runs == 1 else n_runs}:{'+'.join(heated)}"
     title = f"another temperature of {listed(list(heated))}" + (", rising and falling" if cools else "")
     return Measurement(name, title, words, pictures, situation.targets, conditions)
 
