@@ -3,7 +3,8 @@
 The usual run of ISO 230-2 goes beyond its last point and comes back to it: two rows of one place, the first reached
 the one way, the second the other way. A machine that waits there, is looked at twice and then turns makes the same
 rows. So where a place is looked at again and an axis goes back from there, the direction of that look is unknown,
-unless it is stated.
+unless it is stated. Nor does the order of rows tell it where one was taken in motion and the axis goes back from
+there: it turned somewhere between the rows before and behind.
 """
 
 from __future__ import annotations
@@ -17,7 +18,20 @@ from geoerr.machine import AXES
 def unstated_turns(sightings: Sightings, times: Numbers) -> np.ndarray:
     """Tell at which rows an axis may have turned and no direction is stated, (n, 3): whoever stated one knew."""
     stated = np.column_stack([np.isfinite(sightings.numbers(f"dir_{axis}")) for axis in AXES])
-    return np.asarray(may_have_turned(sightings, times) & ~stated)
+    return np.asarray((may_have_turned(sightings, times) | _turns_on_its_way(sightings)) & ~stated)
+
+
+def _turns_on_its_way(sightings: Sightings) -> np.ndarray:
+    """Tell at which rows in motion an axis goes back from where it is, (n, 3)."""
+    is_moving = np.nan_to_num(sightings.numbers("moving")) != 0.0
+    result = np.zeros((len(sightings), 3), dtype=bool)
+    for rows, kind in zip(sightings.rows_of_sessions, sightings.frames, strict=True):
+        if kind != "circle" and is_moving[rows].any():
+            step = np.diff(sightings.commanded_mm[rows], axis=0, prepend=np.nan)
+            before = sightings.directions[rows]
+            turns = (before != 0) & (_next_directions(step, (step != 0.0).any(axis=1)) == -before)
+            result[rows] = is_moving[rows, None] & turns
+    return result
 
 
 def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:

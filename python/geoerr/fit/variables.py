@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from geoerr import _core
 from geoerr.errors import GeoerrError
+from geoerr.fit.bends import on_bends
 from geoerr.fit.circle_motion import circle_motion
 from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import Numbers, Sightings
@@ -195,18 +196,27 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
     directions = np.where(sightings.directions == 0, np.nan, sightings.directions.astype(np.float64))
     is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session]
     times = times_s(sightings)
-    derived = _core.history(
-        np.ascontiguousarray(sightings.commanded_mm),
-        times,
-        np.where(is_circle, 1.0, moving),
-        feed,
-        np.ascontiguousarray(directions),
-        sightings.sequences,
-        # Rows of a circular test are one smooth path: speed along its tangent, acceleration towards its centre.
-        is_circle.astype(np.float64),
-    )
-    history = {name: np.asarray(values) for name, values in derived.items()}
+
+    def derived(is_curve: Rows) -> dict[str, Numbers]:
+        found = _core.history(
+            np.ascontiguousarray(sightings.commanded_mm),
+            times,
+            np.where(is_circle, 1.0, moving),
+            feed,
+            np.ascontiguousarray(directions),
+            sightings.sequences,
+            # A smooth path: speed along its tangent, acceleration towards its centre.
+            is_curve.astype(np.float64),
+        )
+        return {name: np.asarray(values) for name, values in found.items()}
+
+    history = derived(is_circle)
     history |= _as_stated(sightings, history, times, is_circle)
+    is_bent = on_bends(sightings, moving != 0.0, feed)
+    if is_bent.any():
+        on_tangents = derived(is_bent)
+        names = [f"{own}_{axis}" for own in "va" for axis in AXES]
+        history |= {name: np.where(is_bent, on_tangents[name], history[name]) for name in names}
     if is_circle.any():
         # What the first rows of a run cannot show of the circle that led to them, the circle itself says.
         known = circle_motion(sightings, times, feed)

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoerr.diagnose.circles.runs import Runs
+from geoerr.diagnose.circles.fast_waves import fast_waves
+from geoerr.diagnose.circles.runs import ROWS_OF_A_WAVE, Runs
 from geoerr.effects import Effect
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
@@ -43,8 +44,6 @@ _NEED_TIMES = (
 )
 # Phases of a vibration have nothing to do with the start of a run.
 BY_RUN = ("vibration",)
-# A wave is searched down to this many rows of a run, at mean spacing.
-_ROWS_OF_A_WAVE = 2.5
 # Longer waves than this share of the radius are curves: straightness, or an uneven scale.
 _LONGEST_WAVE = 0.45
 # Vibration has so many waves a turn at least.
@@ -265,9 +264,9 @@ def _grid(runs: Runs, term: Term, parameter: Parameter) -> Sequence[float]:
     if low == high:
         return [low]
     if parameter.name == "P" and term.effect in ("periodic", "screw-wobble"):
-        return _periods_mm(runs, term.axis or "", low, high)
+        return _periods_mm(runs, term.axis or "", low, high, shakes_itself=term.effect == "periodic")
     if parameter.name == "f" and term.effect == "vibration":
-        return _frequencies_hz(runs, low, high)
+        return _frequencies_hz(runs, term.axis or "", low, high)
     if parameter.name == "t0" and term.effect == "lost-steps":
         return _jumps_s(runs)
     if term.effect == "reversal-spike" and parameter.unit == "s":
@@ -295,30 +294,39 @@ def _step_s(runs: Runs) -> float:
     return min(float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices)
 
 
-def _periods_mm(runs: Runs, axis: str, low: float, high: float) -> Sequence[float]:
+def _periods_mm(runs: Runs, axis: str, low: float, high: float, *, shakes_itself: bool) -> Sequence[float]:
+    """Give trial periods; `shakes_itself` tells whether the waves are along the axis and not across it."""
     own = [number for number, plane in enumerate(runs.plane) if axis in plane]
     radius = float(runs.radius_mm[own].max())
     spacing = max(
         float(np.median(np.diff(runs.travelled_rad[runs.slices[number]]))) * float(runs.radius_mm[number])
         for number in own
     )
-    low, high = max(low, _ROWS_OF_A_WAVE * spacing), min(high, _LONGEST_WAVE * radius)
+    shortest = low
+    low, high = max(low, ROWS_OF_A_WAVE * spacing), min(high, _LONGEST_WAVE * radius)
     if not low < high:
         return ()
-    n = min(int(np.ceil((1.0 / low - 1.0 / high) * 2.0 * radius / _PHASE_STEP)) + 2, _MOST_WAVES)
-    return [float(1.0 / value) for value in np.linspace(1.0 / high, 1.0 / low, n)]
+    step = _PHASE_STEP / (2.0 * radius)
+    n = min(int(np.ceil((1.0 / low - 1.0 / high) / step)) + 2, _MOST_WAVES)
+    waves = np.linspace(1.0 / high, 1.0 / low, n)
+    if shakes_itself:
+        fast = fast_waves(runs, axis, "place", (1.0 / low, 1.0 / shortest), step)
+        waves = np.concatenate([waves, np.sort(fast)])
+    return [float(1.0 / wave) for wave in waves]
 
 
-def _frequencies_hz(runs: Runs, low: float, high: float) -> Sequence[float]:
+def _frequencies_hz(runs: Runs, axis: str, low: float, high: float) -> Sequence[float]:
     longest = max(float(np.ptp(runs.time_s[own])) for own in runs.slices)
     # Slower it is a shape of the circle.
     low = max(low, _LEAST_WAVES / _turn_s(runs))
     slowest = max(float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices)
-    high = min(high, 1.0 / (_ROWS_OF_A_WAVE * slowest))
+    fastest, high = high, min(high, 1.0 / (ROWS_OF_A_WAVE * slowest))
     if not low < high:
         return ()
-    n = min(int(np.ceil((high - low) * longest / (2.0 * _PHASE_STEP))) + 2, _MOST_WAVES)
-    return [float(value) for value in np.linspace(low, high, n)]
+    step = 2.0 * _PHASE_STEP / longest
+    n = min(int(np.ceil((high - low) / step)) + 2, _MOST_WAVES)
+    fast = fast_waves(runs, axis, "time", (high, fastest), step)
+    return [float(value) for value in np.concatenate([np.linspace(low, high, n), np.sort(fast)])]
 
 
 def _jumps_s(runs: Runs) -> Sequence[float]:

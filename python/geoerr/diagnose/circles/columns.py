@@ -31,7 +31,7 @@ class Radii:
         formulas = self._formulas[key]
         result = np.zeros((len(self.runs), len(term.coefficients)))
         for channel, factor, places, values in formulas.at(inner):
-            result[:, places] += factor * self._channel(channel)[:, None] * values
+            result[:, places] += self.runs.averages_of(factor * self._channel(channel)[:, None] * values)
         return result
 
     def by_run(self, columns: Numbers) -> Numbers:
@@ -43,9 +43,11 @@ class Radii:
         return result
 
     def _channel(self, name: str) -> Numbers:
+        """Give µm of radius for a unit on a channel at the members of the rows, (m,)."""
         if name not in self._channels and name == "rig-scale":
             # A bar whose length changes: the radius that it shows is in proportion.
-            self._channels[name] = UM_PER_MM * self.runs.radius_mm[self.runs.run]
+            radius_mm = self.runs.radius_mm[self.runs.run]
+            self._channels[name] = UM_PER_MM * np.repeat(radius_mm, self.runs.counts)
         if name not in self._channels:
             fitted = self.runs.fitted
             n = len(fitted.sightings)
@@ -63,24 +65,24 @@ class Radii:
             problem = with_terms(fitted.machine, fitted, (unit,))
             design = problem.design(problem.start, np.ones(n), 0, n, fitted.threads)
             raw = design[:, 0].reshape(n, 3)[:, 0] / fitted.sightings.whitening[:, 0, 0]
-            self._channels[name] = UM_PER_MM * raw[self.runs.rows]
+            self._channels[name] = UM_PER_MM * raw[self.runs.members]
         return self._channels[name]
 
 
 class _Formulas:
-    """A term's formulas at the rows of the runs."""
+    """A term's formulas at the members of the runs' rows."""
 
     def __init__(self, runs: Runs, term: Term) -> None:
         fitted = runs.fitted
         compiled = compile_terms(fitted.machine, (term,))
         variables = variable_columns(fitted.sightings, compiled.variables)
-        self.rows = runs.rows
+        self.members = runs.members
         self.starts = fitted.sightings.sequences
         self.times = None
         if compiled.needs_order:
             self.variables, self.times = np.ascontiguousarray(variables), times_s(fitted.sightings)
         else:
-            self.variables = np.ascontiguousarray(variables[:, runs.rows])
+            self.variables = np.ascontiguousarray(variables[:, runs.members])
             self.starts = np.zeros(0, dtype=np.int64)
         self.parts: list[tuple[str, float, _core.Expression, list[int], list[int]]] = []
         for part in term.parts:
@@ -95,6 +97,6 @@ class _Formulas:
             own = np.array([inner[place] for place in places], dtype=np.float64)
             values = shape.coefficient_columns(self.variables, own, self.starts, self.times, 1)
             if self.times is not None:
-                values = values[self.rows]
+                values = values[self.members]
             found.append((channel, factor, coefficients, np.nan_to_num(values, posinf=0.0, neginf=0.0)))
         return found

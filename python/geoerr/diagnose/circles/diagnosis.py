@@ -313,7 +313,8 @@ def diagnose_circles(
     doubt = own_doubt(model, fitted, counts_choice=False) if comparison.is_held else None
     runs = runs_of(fitted, problems, notes, doubt)
     known = catalogue().extended(effects, "effects") if effects else catalogue()
-    suspects, not_offered = suspects_of(runs, known, effects)
+    # Waves of fewer rows than the search sees would come out as others.
+    suspects, not_offered = suspects_of(runs.averaged(), known, effects)
     in_model = frozenset(term.id for term in model.terms) if comparison.is_held else frozenset[str]()
     found = _diagnosis(search(runs, suspects, steps), known, not_offered, in_model)
     steps.end()

@@ -22,6 +22,8 @@ MOST_CAUSES = 12
 _MOST_CHANGES = 40
 # Another cause takes a cause's place only where the logarithm of the evidence grows by as much.
 _EXCHANGE = 1.0
+# Of a wave with a second harmonic, and so near to half its period that of the harmonic alone is looked for.
+_SECOND_HARMONIC, _NEAR = "A2", 1e-3
 # Of names whose evidence differs by less the more common one speaks.
 _AS_GOOD = 0.5
 
@@ -51,7 +53,7 @@ class Names:
             found.append(added)
             if added.judged.group.by_run or added.judged.group.n_trials > FEW_TRIALS:
                 self.state.weigh(found)
-            found = self._exchanged(self._needed(found))
+            found = self._exchanged(self.needed(found))
         return self._usual(found)
 
     def _usual(self, found: list[Found]) -> list[Found]:
@@ -73,7 +75,7 @@ class Names:
                 found = [*found[:place], self._settled(usual, basis, left, 0.5 * one.p_value), *found[place + 1 :]]
         return found
 
-    def _needed(self, found: list[Found]) -> list[Found]:
+    def needed(self, found: list[Found]) -> list[Found]:
         """Drop what the others make superfluous, the least needed first."""
         while len(found) > 1:
             evidence = [self.state.evidence(one, [*found[:k], *found[k + 1 :]])[0] for k, one in enumerate(found)]
@@ -104,13 +106,14 @@ class Names:
             others = [*found[:place], *found[place + 1 :]]
             basis, left = self.state.context(others)
             found = [*others, self._settled(judged, basis, left, self.chance.p_value(judged.surprise))]
-            found = self._needed(found)
+            found = self.needed(found)
         return found
 
     def _settled(self, judged: Judged, basis: Numbers, left: Numbers, p_value: float) -> Found:
         """Refine the inner parameters of each way to write a cause, and take the best way."""
         ways = self.state.bench.judge(basis, left, self.state.n, only=judged.what)
         settled = [self._settled_way(one, basis, left, p_value) for one in ways]
+        settled += [half for one in settled if (half := self._of_half_the_period(one, basis, left)) is not None]
 
         def evidence(one: Found) -> float:
             return 0.5 * self.state.gain(self.state.white(one), basis, left) - self.state.penalty(one)
@@ -138,6 +141,28 @@ class Names:
             min(2.0 * p_value, 1.0),
             self.state.n_trials[judged.what],
         )
+
+    def _of_half_the_period(self, one: Found, basis: Numbers, left: Numbers) -> Found | None:
+        """Give a wave with a second harmonic as one of half its period; None where it is none.
+
+        Waves too short to be tried are reached as the second harmonic of others, which have nothing to do with it.
+        """
+        if _SECOND_HARMONIC not in {parameter.name for parameter in one.way.term.coefficients}:
+            return None
+        for place, way in enumerate(one.suspect.ways):
+            group = next((own for own in self.state.groups if (own.what, own.way) == (one.number, place)), None)
+            names = {parameter.name for parameter in way.term.coefficients}
+            low = way.term.inner[0].low if way.term.inner else None
+            half = 0.5 * one.inner[0]
+            if group is None or _SECOND_HARMONIC in names or low is None or half < low:
+                continue
+            inner = [half, *one.inner[1:]]
+            near = (half * (1.0 - _NEAR), half * (1.0 + _NEAR))
+            inner[0] = self._best(group, way, inner, 0, near, basis, left)
+            columns = self.state.columns(group, way, inner)
+            judged = replace(one.judged, group=group, trial=_nearest(way, inner))
+            return replace(one, way=way, seen=group.seen, inner=tuple(inner), columns=columns, judged=judged)
+        return None
 
     def _best(
         self,
@@ -178,13 +203,20 @@ class Names:
                     ends = self._around(one, number)
                     inner[number] = self._best(one.judged.group, one.way, inner, number, ends, basis, left)
                 columns = self.state.columns(one.judged.group, one.way, inner)
-                found[place] = replace(one, inner=tuple(inner), columns=columns)
+                settled = replace(one, inner=tuple(inner), columns=columns)
+                half = self._of_half_the_period(settled, basis, left)
+                ways = [settled] if half is None else [settled, half]
+                found[place] = max(ways, key=lambda way: self.state.evidence(way, others)[0])
         return found
 
     def _around(self, one: Found, number: int) -> tuple[float, float]:
         tried = sorted({trial[number] for trial in one.way.trials})
         at = int(np.searchsorted(tried, one.inner[number]))
         return tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
+
+
+def _nearest(way: Way, inner: Sequence[float]) -> int:
+    return int(np.argmin([abs(trial[0] - inner[0]) for trial in way.trials]))
 
 
 def _foremost(judged: Sequence[Judged]) -> Judged:

@@ -27,10 +27,14 @@ _OFF_CIRCLE = 1e-2
 # Shorter arcs lose most of every cause to centre and radius of the set-up.
 _LEAST_ARC_RAD = np.pi
 _FEWEST_ROWS = 24
+# Copies of rows, as a share of a run.
+_MANY_REPEATS = 0.4
 # Feeds that differ by less than this share are one.
 _SAME_FEED = 0.02
 # Finer than half a degree a bar shows its own noise; and the search's memory grows with the rows of all runs.
 _MOST_ROWS, _MOST_ROWS_IN_ALL, _LEAST_ROWS = 720, 3000, 180
+# A wave is searched down to this many rows of a run, at mean spacing.
+ROWS_OF_A_WAVE = 2.5
 # Between runs of one set-up whose clocks start anew.
 _PAUSE_S = 1.0
 _KEYS = ("session", "line", "repeat", "feed", "dir")
@@ -45,7 +49,9 @@ class Runs:
     fitted
         The fit of the set-up: every line of a session has one centre and one radius.
     rows : (n,)
-        Their places in `fitted.sightings`.
+        Their places in `fitted.sightings`; of an average that of its middle row.
+    members, counts : (m,), (n,)
+        Places of all rows, and how many of them each row is the average of: one, where none is.
     measured_um : (n,)
         Radius as it was read.
     signal_um : (n,)
@@ -72,10 +78,14 @@ class Runs:
         Rows that could not be used.
     notes
         What had to be taken from elsewhere.
+    whole
+        Of averages the runs that they are of.
     """
 
     fitted: Fitted
     rows: np.ndarray
+    members: np.ndarray
+    counts: np.ndarray
     measured_um: Numbers
     signal_um: Numbers
     weight: Numbers
@@ -94,6 +104,7 @@ class Runs:
     has_times: bool
     set_aside: tuple[RowProblem, ...] = ()
     notes: tuple[str, ...] = ()
+    whole: Runs | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -126,7 +137,14 @@ class Runs:
         n = len(fitted.sightings)
         design = fitted.problem.design(fitted.solved.state, np.ones(n), 0, n, fitted.threads)
         scale = fitted.sightings.whitening[:, 0, 0]
-        return np.asarray((design.reshape(n, 3, -1)[:, 0] / scale[:, None])[self.rows])
+        return self.averages_of((design.reshape(n, 3, -1)[:, 0] / scale[:, None])[self.members])
+
+    def averages_of(self, values: Numbers) -> Numbers:
+        """Give what the rows have of numbers (m, k) of their members, (n, k)."""
+        if len(self.members) == len(self.rows):
+            return values
+        starts = np.cumsum(self.counts) - self.counts
+        return np.asarray(np.add.reduceat(values, starts) / self.counts[:, None])
 
     def has_both_senses(self, plane: str) -> bool:
         """Tell whether a plane was run in both senses."""
@@ -142,12 +160,14 @@ class Runs:
         """Give the same without some rows (n,)."""
         kept = ~rows
         names = ("rows", "measured_um", "signal_um", "weight", "run", "angle_rad", "travelled_rad", "time_s")
-        return replace(self, **{name: getattr(self, name)[kept] for name in (*names, "doubt_um")})
+        own = {name: getattr(self, name)[kept] for name in (*names, "doubt_um", "counts")}
+        return replace(self, members=self.members[np.repeat(kept, self.counts)], **own)
 
     def averaged(self) -> Runs:
         """Give the same with neighbouring rows averaged where there are more than the search needs.
 
-        An average stands where its middle row does.
+        An average stands where its middle row does; what a cause does to it is averaged likewise (`averages_of`): a
+        wave of few rows to an average is flatter there, and not another wave.
         """
         most = max(min(_MOST_ROWS, _MOST_ROWS_IN_ALL // self.n_runs), _LEAST_ROWS)
         if all(own.stop - own.start <= most for own in self.slices):
@@ -164,9 +184,20 @@ class Runs:
         middle = starts + counts // 2
         measured, signal = (np.add.reduceat(own, starts) / counts for own in (self.measured_um, self.signal_um))
         names = ("rows", "weight", "run", "angle_rad", "travelled_rad", "time_s", "doubt_um")
-        note = f"{counts.mean():.1f} neighbouring rows were averaged to one"
+        note = (
+            f"{counts.mean():.1f} neighbouring rows were averaged to one: a wave over fewer than {ROWS_OF_A_WAVE:g} "
+            "of these is looked for where the rows themselves show it clearly"
+        )
         others = {name: getattr(self, name)[middle] for name in names}
-        return replace(self, measured_um=measured, signal_um=signal, notes=(*self.notes, note), **others)
+        return replace(
+            self,
+            measured_um=measured,
+            signal_um=signal,
+            counts=counts,
+            notes=(*self.notes, note),
+            whole=self,
+            **others,
+        )
 
 
 def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], list[RowProblem], list[str]]:
@@ -266,6 +297,8 @@ def runs_of(
     return Runs(
         fitted=fitted,
         rows=rows,
+        members=rows,
+        counts=np.ones(len(rows), dtype=np.int64),
         measured_um=UM_PER_MM * sightings.measured_mm[rows, 0],
         signal_um=UM_PER_MM * fitted.solved.residual_mm[rows, 0],
         weight=std / float(std.mean()),
@@ -309,6 +342,22 @@ def _with_senses(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.with_columns(known)
 
 
+def _without_repeats(part: pl.DataFrame, path: str) -> tuple[list[RowProblem], pl.DataFrame]:
+    """Set rows aside that say the same as another of their run in every cell: a file that was appended to itself.
+
+    Without times a further turn may well read the same at some places; not at most.
+    """
+    told = [name for name in part.columns if name != "file_row"]
+    is_first = part.select(pl.struct(told).is_first_distinct()).to_series()
+    n_repeats = int((~is_first).sum())
+    has_times = "t" in part.columns and not part["t"].null_count()
+    if not n_repeats or not (has_times or n_repeats > _MANY_REPEATS * part.height):
+        return [], part
+    rows = part.filter(~is_first)["file_row"].to_list()
+    problem = "another row of the run says the same in every cell: a copy; nothing was read twice"
+    return [RowProblem(path, int(row), "r", problem) for row in rows], part.filter(is_first)
+
+
 def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[RowProblem]]:
     """Give a run's rows on its circle, and what is wrong with the others; None where the run is of no use."""
     row = int(part["file_row"][0])
@@ -318,6 +367,9 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
 
     if part.height < _FEWEST_ROWS:
         return none(f"the run has {part.height} rows, {_FEWEST_ROWS} are needed", "r")
+    repeats, part = _without_repeats(part, path)
+    if part.height < _FEWEST_ROWS:
+        return none(f"the run has {part.height} rows but for repeated ones, {_FEWEST_ROWS} are needed", "r")
     q = part.select("x", "y", "z").to_numpy().astype(np.float64)
     first, second, third = plane_of(q)
     centre, radius = circle_through(q[:, [first, second]])
@@ -353,7 +405,7 @@ def _usable(part: pl.DataFrame, path: str) -> tuple[pl.DataFrame | None, list[Ro
                 f"write dir {turned:+d}, or mend t",
                 "dir",
             )
-    strays = [
+    strays = repeats + [
         RowProblem(path, int(part["file_row"][int(index)]), "x y z", "the commanded position is not on the circle")
         for index in np.flatnonzero(off)
     ]

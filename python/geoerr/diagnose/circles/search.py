@@ -77,7 +77,8 @@ def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str
     steps.next(f"structure without a name{beside}")
     found, withdrawn, unknown = structure.probed(named)
     withdrawn = [*idle, *withdrawn]
-    found = names.refined(found)
+    found, more = without_idle(state, names.needed(names.refined(found)))
+    withdrawn += more
     steps.next(f"what else would say the same, and values{beside}")
     rivals = tuple(rivals_of(state, found, place) for place in range(len(found)))
     scatter = state.noise_beside(found, structure.columns, CAUTION_OF_VALUES)

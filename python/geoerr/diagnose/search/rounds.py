@@ -48,6 +48,7 @@ from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.steps import RoundSteps, Steps
+from geoerr.diagnose.untold import untold_rows
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.choose_again import is_worth_asking
 from geoerr.fit.fitted import Fitted
@@ -163,7 +164,7 @@ def search(
     candidates, not_offered, functions = offers.to(fitted)
     variables = variables_of(fitted)
     smooth, waves = probes_of(fitted, functions, variables), UnevenWaves(functions, variables)
-    unread, candidates, smooth = _taking_part(fitted, candidates, smooth, with_unread=with_unread)
+    aside_rows, candidates, smooth = _taking_part(fitted, candidates, smooth, with_unread=with_unread)
     everything: list[Candidate | Probe] = [*candidates, *smooth]
     names = all_channels([shapes for what in everything for shapes in what.shapes])
     bench = Bench(
@@ -171,7 +172,7 @@ def search(
         functions,
         names=names,
         explained=explained,
-        left_out=unread,
+        left_out=aside_rows,
         doubt=doubt,
         n_searches=n_searches,
         threads=threads,
@@ -263,15 +264,16 @@ def _taking_part(
 ) -> tuple[np.ndarray, list[Candidate], list[Probe]]:
     """Give the rows (n,) that take no part, with what is looked for in the others.
 
-    Rows in which a temperature is unknown take no part; or they do, and nothing that follows it.
+    Rows in which a temperature is unknown take no part; or they do, and nothing that follows it. Nor do those of
+    which nobody knows from which side their axis came.
     """
-    unread = unread_rows(fitted.sightings)
+    untold = untold_rows(fitted.sightings)
     if not with_unread:
-        return unread, candidates, probes
+        return unread_rows(fitted.sightings) | untold, candidates, probes
     unknown = set(unread_temperatures(fitted.sightings))
     followed = [unknown & set(re.findall(r"\w+", one.reference.covariate or "")) for one in candidates]
     return (
-        np.zeros_like(unread),
+        untold,
         [one for one, names in zip(candidates, followed, strict=True) if not names],
         [one for one in probes if not unknown & set(one.depends_on)],
     )

@@ -1,0 +1,35 @@
+"""Rows of which nobody knows from which side their axis came: a search goes on without them.
+
+A candidate that follows directions is 0 at such a row, and the machine is not: beside half of a play of 16 noises it
+would have to step there, within a pass, which no offset of passes or drift takes over. One such row of 160 made
+nothing of a play that every other row shows. A fit leaves them out where its model follows directions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.fit.sightings import SAME_POSITION_MM, Sightings
+from geoerr.fit.variables import variable_columns
+from geoerr.machine import AXES
+
+# Where more rows than this share of them would go, all stay.
+_MOST_UNTOLD = 0.5
+
+
+def untold_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
+    """Tell in which rows an axis came from nobody knows where that moves in the row's pass, (n,).
+
+    One that rests in a pass is what it is there: an offset, whichever side it came from.
+    """
+    if not len(sightings):
+        return np.zeros(0, dtype=bool)
+    direction = variable_columns(sightings, [f"d_{axis}" for axis in AXES]).T
+    order = np.argsort(sightings.pass_number, kind="stable")
+    starts = np.flatnonzero(np.diff(sightings.pass_number[order], prepend=-1))
+    commanded_mm = sightings.commanded_mm[order]
+    span_mm = np.maximum.reduceat(commanded_mm, starts) - np.minimum.reduceat(commanded_mm, starts)
+    moves = (span_mm > SAME_POSITION_MM)[sightings.pass_number]
+    untold = np.asarray((np.isnan(direction) & moves).any(axis=1))
+    return untold if untold.mean() <= _MOST_UNTOLD else np.zeros(len(untold), dtype=bool)
