@@ -461,6 +461,73 @@ def test_fine_runs_are_averaged_row_by_row() -> None:
     assert np.allclose(np.diff(averaged.travelled_rad), 2.0 * np.pi / 720, atol=2.0 * np.pi / 2000)
 
 
+def dense(radius: Radius, n: int = 4000, seed: int = 0) -> CircularTest:
+    """Two feeds of a bar that is read a hundred times a second and more."""
+    rng = np.random.default_rng(seed)
+    return CircularTest(pl.concat([run(radius, 1, feed, rng, n=n) for feed in (1000.0, 3000.0)]), ("memory",))
+
+
+@pytest.mark.parametrize("pitch_mm", [2.0, 1.0])
+def test_a_wave_of_few_rows_to_an_average_keeps_its_size_and_pitch(pitch_mm: float) -> None:
+    """Columns stood at the middle row of what was averaged: 2 µm were 1.8, and a pitch of 1 mm 0.9946, certainly."""
+
+    def wave(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return 2.0 * np.sin(2.0 * np.pi * R_MM * np.cos(theta) / pitch_mm) * np.cos(theta)
+
+    (found,) = diagnose_circles(MODEL, dense(wave)).found
+    assert str(found.reference) == "periodic:x"
+    pitch = next(one for one in found.parameters if one.name == "P")
+    sizes = [one for one in found.parameters if one.name in ("A", "B")]
+    assert pitch.value == pytest.approx(pitch_mm, abs=max(4.0 * pitch.std, 1e-4 * pitch_mm))
+    assert np.hypot(*[1e3 * one.value for one in sizes]) == pytest.approx(2.0, abs=0.06)
+
+
+@pytest.mark.parametrize("frequency_hz", [12.0, 33.7])
+def test_a_vibration_that_averages_hide_is_found_by_the_rows(frequency_hz: float) -> None:
+    def shaken(theta: Numbers, sense: int, feed: float) -> Numbers:
+        t_s = np.arange(len(theta)) * 2.0 * np.pi * R_MM / len(theta) / (feed / 60.0)
+        return 2.0 * np.sin(2.0 * np.pi * frequency_hz * t_s + feed) * np.cos(theta)
+
+    (found,) = diagnose_circles(MODEL, dense(shaken)).found
+    assert str(found.reference) == "vibration:x"
+    frequency = next(one for one in found.parameters if one.name == "f")
+    assert frequency.value == pytest.approx(frequency_hz, abs=max(4.0 * frequency.std, 1e-4 * frequency_hz))
+
+
+def test_dense_runs_of_nothing_have_no_fast_wave() -> None:
+    assert diagnose_circles(MODEL, dense(nothing)).verdict == "nothing-missing"
+
+
+def test_a_wave_is_told_by_its_own_pitch() -> None:
+    """Too short to be tried by itself, it was told as the second harmonic of one of twice its pitch."""
+
+    def waves(theta: Numbers, sense: int, feed: float) -> Numbers:
+        x, y = R_MM * np.cos(theta), R_MM * np.sin(theta)
+        short = 2.0 * np.sin(2.0 * np.pi * y / 4.0 + 0.2) * np.sin(theta)
+        return short + 2.0 * np.sin(2.0 * np.pi * x / 11.0) * np.cos(theta)
+
+    found = {str(one.reference): one for one in diagnose_circles(MODEL, circular(waves)).found}
+    assert set(found) == {"periodic:x", "periodic:y"}
+    names = {one.name: one.value for one in found["periodic:y"].parameters}
+    assert names["P"] == pytest.approx(4.0, abs=2e-3)
+    assert "A2" not in names
+
+
+def test_copies_of_rows_are_set_aside_and_change_nothing() -> None:
+    """A file that was appended to itself ended in a division by zero."""
+
+    def play(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return -5.0 * np.sign(-sense * np.sin(theta)) * np.cos(theta)
+
+    test = circular(play)
+    once = diagnose_circles(MODEL, test)
+    twice = diagnose_circles(MODEL, CircularTest(pl.concat([test.frame, test.frame]), test.sources))
+    assert [str(one.reference) for one in twice.found] == [str(one.reference) for one in once.found] == ["backlash:x"]
+    assert twice.found[0].parameters[0].value == once.found[0].parameters[0].value
+    copies = [one for one in twice.searched.whole.set_aside if "says the same in every cell" in one.problem]
+    assert len(copies) == test.frame.height
+
+
 def test_what_is_below_every_bar_is_rounding() -> None:
     test = circular(nothing, feeds=(1000.0,))
     still = CircularTest(test.frame.with_columns(pl.lit(R_MM).alias("r")), ("memory",))

@@ -251,7 +251,7 @@ def planes_of_circles(sightings: Sightings, first_frame_column: int, n_columns: 
     for number, kind in enumerate(sightings.frames):
         points = sightings.commanded_mm[sightings.session == number]
         if kind == "circle" and len(points):
-            _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)
+            _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=len(points) < 3)
             row = np.zeros(n_columns)
             row[first : first + 3] = axes[2]
             rows.append(row)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.circles.fast_waves import fast_waves
-from geoerr.diagnose.circles.runs import ROWS_OF_A_WAVE, Runs
+from geoerr.diagnose.circles.runs import Runs
 from geoerr.effects import Effect
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
@@ -44,13 +44,16 @@ _NEED_TIMES = (
 )
 # Phases of a vibration have nothing to do with the start of a run.
 BY_RUN = ("vibration",)
+# A vibration is searched down to this many rows of a run; a wave of an axis to fewer, at mean spacing: beside its
+# reversals they lie closer.
+_ROWS_OF_A_SHAKE, _ROWS_OF_A_WAVE = 2.5, 1.25
 # Longer waves than this share of the radius are curves: straightness, or an uneven scale.
 _LONGEST_WAVE = 0.45
 # Vibration has so many waves a turn at least.
 _LEAST_WAVES = 12.0
 # Trial values of waves lie so close that the phase at the ends of the data differs by a quarter turn at most.
 _PHASE_STEP = 0.3
-_MOST_WAVES = 500
+_MOST_WAVES = 700
 _N_DECAYS = 9
 _JUMPS_OF_A_TURN = 72
 _JUMP_FROM_END = 0.05
@@ -303,7 +306,7 @@ def _periods_mm(runs: Runs, axis: str, low: float, high: float, *, shakes_itself
         for number in own
     )
     shortest = low
-    low, high = max(low, ROWS_OF_A_WAVE * spacing), min(high, _LONGEST_WAVE * radius)
+    low, high = max(low, _ROWS_OF_A_WAVE * spacing), min(high, _LONGEST_WAVE * radius)
     if not low < high:
         return ()
     step = _PHASE_STEP / (2.0 * radius)
@@ -320,7 +323,7 @@ def _frequencies_hz(runs: Runs, axis: str, low: float, high: float) -> Sequence[
     # Slower it is a shape of the circle.
     low = max(low, _LEAST_WAVES / _turn_s(runs))
     slowest = max(float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices)
-    fastest, high = high, min(high, 1.0 / (ROWS_OF_A_WAVE * slowest))
+    fastest, high = high, min(high, 1.0 / (_ROWS_OF_A_SHAKE * slowest))
     if not low < high:
         return ()
     step = 2.0 * _PHASE_STEP / longest

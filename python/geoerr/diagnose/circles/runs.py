@@ -33,8 +33,6 @@ _MANY_REPEATS = 0.4
 _SAME_FEED = 0.02
 # Finer than half a degree a bar shows its own noise; and the search's memory grows with the rows of all runs.
 _MOST_ROWS, _MOST_ROWS_IN_ALL, _LEAST_ROWS = 720, 3000, 180
-# A wave is searched down to this many rows of a run, at mean spacing.
-ROWS_OF_A_WAVE = 2.5
 # Between runs of one set-up whose clocks start anew.
 _PAUSE_S = 1.0
 _KEYS = ("session", "line", "repeat", "feed", "dir")
@@ -185,8 +183,8 @@ class Runs:
         measured, signal = (np.add.reduceat(own, starts) / counts for own in (self.measured_um, self.signal_um))
         names = ("rows", "weight", "run", "angle_rad", "travelled_rad", "time_s", "doubt_um")
         note = (
-            f"{counts.mean():.1f} neighbouring rows were averaged to one: a wave over fewer than {ROWS_OF_A_WAVE:g} "
-            "of these is looked for where the rows themselves show it clearly"
+            f"{counts.mean():.1f} neighbouring rows were averaged to one; waves that are too fast for these are "
+            "looked for where the rows themselves show one clearly"
         )
         others = {name: getattr(self, name)[middle] for name in names}
         return replace(
