@@ -12,6 +12,7 @@ from geoerr.diagnose.shape import shape_words
 from geoerr.diagnose.where import Where
 from geoerr.diagnose.words import (
     alike_words,
+    as_good_words,
     bounded_value_words,
     is_open,
     plausibility_words,
@@ -172,6 +173,8 @@ class Finding(Named):
         Of inner parameters that are a time on the clock of all sessions: name to when that was.
     alike
         Of inner parameters whose other values are the same at the places that were measured: name to those values.
+    as_good
+        Of inner parameters whose other values explain what was measured as well: name to those values.
     together
         Axes whose effects of this kind do only together what the first does, this one among them; empty where it
         stands for itself.
@@ -184,6 +187,7 @@ class Finding(Named):
     held_out: HeldOut | None
     moments: dict[str, Moment] = field(default_factory=dict)
     alike: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    as_good: dict[str, tuple[float, ...]] = field(default_factory=dict)
     together: tuple[str, ...] = ()
     left_because: str | None = None
 
@@ -224,6 +228,8 @@ class Finding(Named):
             texts.append(text if words is None else f"{text} ({words})")
             if parameter.name in self.alike:
                 texts[-1] += f", or {alike_words(self.alike[parameter.name], parameter.unit)}"
+            if self.as_good.get(parameter.name):
+                texts[-1] += f", or {as_good_words(self.as_good[parameter.name], parameter.unit)}"
         return tuple(texts)
 
     @property
@@ -252,6 +258,8 @@ class Finding(Named):
             document["parameters"][name] |= moment.to_document()
         for name, values in self.alike.items():
             document["parameters"][name]["alike"] = list(values)
+        for name, values in self.as_good.items():
+            document["parameters"][name]["as_good"] = list(values)
         return {
             **document,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,

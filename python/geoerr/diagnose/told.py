@@ -33,6 +33,7 @@ from geoerr.errors import InputFileError
 from geoerr.fit import Fitted
 from geoerr.fit import refit as fit_again
 from geoerr.fit.empirical import curve_of, empirical_term
+from geoerr.fit.periods import place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import EffectReference, Term
 
@@ -154,7 +155,7 @@ class _Summary:
             against=against,
             held_out=held_out,
         )
-        return replace(finding, alike=self._alike(finding.term))
+        return replace(finding, alike=self._alike(finding.term), as_good=_as_good(one))
 
     def _alike(self, term: Term) -> dict[str, tuple[float, ...]]:
         """Give other values of an inner parameter that say the same at the places that were measured."""
@@ -333,3 +334,10 @@ def _invisible(searched: Searched) -> list[tuple[str, str]]:
         one.effect.id if one.effect.id not in seen else str(one.reference) for one in searched.first.invisible
     )
     return [(name, _INVISIBLE) for name in names]
+
+
+def _as_good(found: Found) -> dict[str, tuple[float, ...]]:
+    """Give other values of a wave's period that explain as much, by its name."""
+    term = found.settled.term
+    place = None if term is None or not found.as_good else place_of_period(term)
+    return {} if term is None or place is None else {term.inner[place].name: found.as_good}

@@ -175,7 +175,15 @@ def _number(value: float, std: float) -> str:
 
 def alike_words(values: Sequence[float], unit: str) -> str:
     """Say other values that are the same at places in even steps, the first few, and what would tell them apart."""
+    return f"{_first_of(values, unit)}, which are the same at these places: measure in uneven steps"
+
+
+def as_good_words(values: Sequence[float], unit: str) -> str:
+    """Say other values that explain what was measured at few places as well, and what would tell them apart."""
+    return f"{_first_of(values, unit)}, which explain so few places as well: measure at more"
+
+
+def _first_of(values: Sequence[float], unit: str) -> str:
     texts = [f"{value:.4g}" for value in values[:_FEW_ALIKE]]
     more = [f"{len(values) - _FEW_ALIKE} more"] if len(values) > _FEW_ALIKE else []
-    values_in_words = f"{listed([*texts, *more], 'or')} {unit}".rstrip()
-    return f"{values_in_words}, which are the same at these places: measure in uneven steps"
+    return f"{listed([*texts, *more], 'or')} {unit}".rstrip()

@@ -161,6 +161,8 @@ class Found:
         What came next; of what has no name there are none.
     looked
         The look that found it.
+    as_good
+        Of a wave, other periods that explain as much.
     beside_others
         The same beside all that was found, in the noise that all of it leaves; None while the search goes on.
     """
@@ -169,6 +171,7 @@ class Found:
     settled: Settled
     rivals: tuple[Rival, ...]
     looked: Round
+    as_good: tuple[float, ...] = ()
     beside_others: Settled | None = None
 
     @property

@@ -296,9 +296,9 @@ def _found(
     bench: Bench, looked: Round, best: Judged, settled: Settled, added: Sequence[Numbers], known: Catalogue | None
 ) -> Found:
     """Give what was found with its values, and its rivals from a catalogue; with none where that is None."""
-    settled = at_likeliest_period(looked.space, looked.scanner, settled)
+    settled, as_good = at_likeliest_period(looked.space, looked.scanner, settled)
     rivals = () if known is None else tuple(rivals_of(looked, known, best, settled, BesideEach(bench, added)))
-    return Found(best, in_own_noise(bench, best, settled, added), rivals, looked)
+    return Found(best, in_own_noise(bench, best, settled, added), rivals, looked, as_good=as_good)
 
 
 def _needed(
