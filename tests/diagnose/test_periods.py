@@ -106,20 +106,21 @@ def test_a_wave_that_is_added_in_uneven_steps_has_no_other_period() -> None:
 
 def test_periods_that_explain_few_places_as_well_are_told() -> None:
     """At sixteen uneven places 6 µm of 0.779 mm beside a cubic were as good as 2 µm of 10 mm, and certain."""
-    n_told = 0
-    for seed in range(4):
+    told = []
+    for seed in range(8):
         rng = np.random.default_rng(seed)
         run = laser_run(np.arange(10.0, 390.0, 25.0) + rng.uniform(-7.5, 7.5, 16), N_REPEATS)
         error_um = 2.0 * np.sin(2.0 * np.pi * run.x_mm / 5.0) + 0.5 * rng.normal(size=len(run.x_mm))
         options = FitOptions(components="12", threads=1)
         diagnosis = diagnose(fit_terms(MACHINE, [run.observed(error_um)], options=options), threads=1)
-        (found,) = diagnosis.found
-        assert str(found.reference) == "periodic:x"
-        period = next(one for one in found.parameters if one.name == "P")
-        others = found.as_good.get("P", ())
-        assert min(abs(one - 5.0) for one in (period.value, *others)) < 0.05
-        if others:
-            n_told += 1
-            assert "explain so few places as well: measure at more" in found.words()
-            assert diagnosis.to_document()["found"][0]["parameters"]["P"]["as_good"] == list(others)
-    assert n_told
+        for found in diagnosis.found:
+            assert str(found.reference) == "periodic:x"
+            period = next(one for one in found.parameters if one.name == "P")
+            others = found.as_good.get("P", ())
+            # The right one stands alone, or is one of many that these places cannot tell apart.
+            assert abs(period.value - 5.0) < 0.02 or len(others) > 10
+            told.append(abs(period.value - 5.0) < 0.02)
+            if others:
+                assert "explain so few places as well: measure at more" in found.words()
+                assert diagnosis.to_document()["found"][0]["parameters"]["P"]["as_good"] == list(others)
+    assert sum(told) > 0.7 * len(told) >= 4

@@ -103,8 +103,9 @@ def likeliest(parameter: Parameter, periods: Sequence[float]) -> float:
 
     All are as well known as the parameter's own value, in frequency.
     """
+    return max([one for one in periods if is_known(parameter, one)] or periods)
 
-    def is_known(period: float) -> bool:
-        return plausible_match(parameter, period, parameter.std * (period / parameter.value) ** 2) is not None
 
-    return max([one for one in periods if is_known(one)] or periods)
+def is_known(parameter: Parameter, period: float) -> bool:
+    """Tell whether a part of a machine is known to have a period as well known as the parameter's, in frequency."""
+    return plausible_match(parameter, period, parameter.std * (period / parameter.value) ** 2) is not None
