@@ -528,6 +528,20 @@ def test_copies_of_rows_are_set_aside_and_change_nothing() -> None:
     assert len(copies) == test.frame.height
 
 
+def test_a_feed_that_is_not_that_of_the_times_is_told() -> None:
+    """A feed in m/min made a lag of 0.4 ms one of 400, without a word."""
+    test = circular(nothing)
+    angle = pl.int_range(pl.len()).over("dir", "feed") * 2.0 * np.pi / 180
+    timed = test.frame.with_columns((angle * R_MM / (pl.col("feed") / 60.0)).alias("t"))
+    told = [diagnose_circles(MODEL, CircularTest(frame, ("memory",))).notes for frame in (timed, _in_metres(timed))]
+    assert not any("the feed is not that of the times" in note for note in told[0])
+    assert any(note.startswith("in 4 runs the feed is not that of the times (0.5 and 500 mm/min)") for note in told[1])
+
+
+def _in_metres(frame: pl.DataFrame) -> pl.DataFrame:
+    return frame.with_columns(pl.col("feed") / 1000.0)
+
+
 def test_what_is_below_every_bar_is_rounding() -> None:
     test = circular(nothing, feeds=(1000.0,))
     still = CircularTest(test.frame.with_columns(pl.lit(R_MM).alias("r")), ("memory",))

@@ -234,6 +234,8 @@ class CircleDiagnosis(Answer):
         shares = self.shares
         return {
             **super().to_document(),
+            "sentence": self.sentence,
+            "notes": list(self.notes),
             "circle": {
                 "ranked": [str(cause.reference) for cause in self.ranked],
                 "measured_rms_um": math.sqrt(shares.total),

@@ -29,6 +29,8 @@ _LEAST_ARC_RAD = np.pi
 _FEWEST_ROWS = 24
 # Copies of rows, as a share of a run.
 _MANY_REPEATS = 0.4
+# A feed and the times of its run disagree where they differ by more than this, as a logarithm: dwells take some.
+_OTHER_FEED = 0.5
 # Feeds that differ by less than this share are one.
 _SAME_FEED = 0.02
 # Finer than half a degree a bar shows its own noise; and the search's memory grows with the rows of all runs.
@@ -261,6 +263,7 @@ def runs_of(
     feed = sightings.numbers("feed")
     lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
     order, planes, senses, feeds, radii, centres, set_ups, names = [], [], [], [], [], [], [], []
+    by_feed: list[tuple[float, float]] = []
     angle, travelled = np.zeros(len(sightings)), np.zeros(len(sightings))
     for number in range(sightings.n_passes):
         rows = np.flatnonzero(sightings.pass_number == number)
@@ -275,10 +278,12 @@ def runs_of(
         unwrapped = np.unwrap(own)
         sense = float(stated[rows[0]]) or float(np.sign(unwrapped[-1] - unwrapped[0])) or 1.0
         angle[rows], travelled[rows] = own, sense * (unwrapped - unwrapped[0])
-        known = np.nanmedian(feed[rows]) if np.isfinite(feed[rows]).any() else np.nan
-        if np.isnan(known) and _has_times(fitted):
-            span = float(times[rows[-1]] - times[rows[0]])
-            known = 60.0 * radius * float(travelled[rows[-1]]) / span if span > 0.0 else np.nan
+        known = float(np.nanmedian(feed[rows])) if np.isfinite(feed[rows]).any() else np.nan
+        span = float(times[rows[-1]] - times[rows[0]]) if _has_times(fitted) else 0.0
+        by_times = 60.0 * radius * float(travelled[rows[-1]]) / span if span > 0.0 else np.nan
+        if known > 0.0 and by_times > 0.0 and abs(np.log(by_times / known)) > _OTHER_FEED:
+            by_feed.append((known, by_times))
+        known = by_times if np.isnan(known) else known
         place = np.zeros(3)
         place[[first, second]], place[third] = centre, float(np.median(q[:, third]))
         order.append(rows)
@@ -314,8 +319,19 @@ def runs_of(
         names=tuple(names),
         has_times=_has_times(fitted),
         set_aside=tuple(problems or ()),
-        notes=tuple(notes or ()),
+        notes=(*(notes or ()), *_feed_notes(by_feed)),
     )
+
+
+def _feed_notes(by_feed: list[tuple[float, float]]) -> list[str]:
+    """Say of how many runs the feed is not that of their times, with the first of them."""
+    if not by_feed:
+        return []
+    (stated, by_times), n = by_feed[0], len(by_feed)
+    return [
+        f"in {n} run{'s' * (n > 1)} the feed is not that of the times ({stated:.4g} and {by_times:.4g} mm/min): what "
+        "follows the speed is told by the feed; feed is in mm/min and t in seconds"
+    ]
 
 
 def _has_times(fitted: Fitted) -> bool:
