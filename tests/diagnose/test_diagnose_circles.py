@@ -535,7 +535,9 @@ def test_a_feed_that_is_not_that_of_the_times_is_told() -> None:
     timed = test.frame.with_columns((angle * R_MM / (pl.col("feed") / 60.0)).alias("t"))
     told = [diagnose_circles(MODEL, CircularTest(frame, ("memory",))).notes for frame in (timed, _in_metres(timed))]
     assert not any("the feed is not that of the times" in note for note in told[0])
-    assert any(note.startswith("in 4 runs the feed is not that of the times (0.5 and 500 mm/min)") for note in told[1])
+    assert any(
+        note.startswith("in 4 runs the feed is not that of the times (0.5 and 500 mm/min)") for note in told[1]
+    )
 
 
 def _in_metres(frame: pl.DataFrame) -> pl.DataFrame:

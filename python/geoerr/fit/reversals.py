@@ -22,15 +22,14 @@ def unstated_turns(sightings: Sightings, times: Numbers) -> np.ndarray:
 
 
 def _turns_on_its_way(sightings: Sightings) -> np.ndarray:
-    """Tell at which rows in motion an axis goes back from where it is, (n, 3)."""
+    """Tell at which rows in motion an axis goes back at once from where it is, (n, 3)."""
     is_moving = np.nan_to_num(sightings.numbers("moving")) != 0.0
     result = np.zeros((len(sightings), 3), dtype=bool)
     for rows, kind in zip(sightings.rows_of_sessions, sightings.frames, strict=True):
         if kind != "circle" and is_moving[rows].any():
-            step = np.diff(sightings.commanded_mm[rows], axis=0, prepend=np.nan)
+            ahead = np.sign(np.diff(sightings.commanded_mm[rows], axis=0, append=np.nan))
             before = sightings.directions[rows]
-            turns = (before != 0) & (_next_directions(step, (step != 0.0).any(axis=1)) == -before)
-            result[rows] = is_moving[rows, None] & turns
+            result[rows] = is_moving[rows, None] & (before != 0) & (ahead == -before)
     return result
 
 
