@@ -76,6 +76,14 @@ def test_play_is_named_without_a_column_of_directions(seed: int, stated: bool) -
     assert std < 0.2
 
 
+def test_rows_that_took_no_part_are_told() -> None:
+    (note,) = [one for one in diagnose(Model(MACHINE), to_and_fro(8.0, 1)).notes if "from which side" in one]
+    # The first row, and both ends of five cycles but for the last.
+    assert note.startswith("in 10 rows nobody knows from which side an axis came")
+    stated = diagnose(Model(MACHINE), to_and_fro(8.0, 1, stated=True))
+    assert not any("from which side" in one for one in stated.notes)
+
+
 def test_without_play_nothing_is_named() -> None:
     for seed in range(4):
         assert diagnose(Model(MACHINE), to_and_fro(0.0, seed)).verdict == "nothing-missing"

@@ -318,6 +318,18 @@ def corners(n_views: int = 6) -> tuple[list[np.ndarray], list[np.ndarray], list[
     )
 
 
+@pytest.mark.parametrize(("stated_mm", "is_told"), [(12.0, True), (18.0, False)])
+def test_markers_of_another_size_are_told(session: Path, stated_mm: float, is_told: bool) -> None:
+    """12 mm for 18 doubled the residuals without a word."""
+    edit(session, lambda document: document["board"].update(marker_mm=stated_mm))
+    told = [note for note in calibrate(read_session(session), threads=1).notes if "marker_mm" in note]
+    assert bool(told) == is_told
+    if told:
+        assert told[0].startswith(
+            "the board's markers are 0.72 of its squares in the pictures, and 0.48 by marker_mm"
+        )
+
+
 def test_corners_from_elsewhere() -> None:
     boards, left, right = corners()
     right[2][3:6] = np.nan

@@ -11,6 +11,7 @@ from geoerr.diagnose.answer import held_out_um
 from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.components import is_circle
 from geoerr.diagnose.gaps import gaps_of, unread_rows, unread_temperatures
+from geoerr.diagnose.untold import untold_rows
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 # A session that lasts longer, and a machine that moves faster from row to row, have times in another unit.
 _DAY_S = 86_400.0
 _LONGEST_S, _FASTEST_MM_S = 14.0 * _DAY_S, 2000.0
+# Fewer rows of unknown direction than this share are not told.
+_UNTOLD = 0.02
 # Lines that a sentence names.
 _SPOKEN = 3
 # A held-out error is far off from this many of what a right model would have: by repeats, so many standard errors of
@@ -92,6 +95,7 @@ def notes_of(
         *fitted.sightings.notes,
         *_odd_times(fitted.sightings),
         *_gaps(fitted.sightings, has_unread=has_unread),
+        *_untold(fitted.sightings),
     ]
     broken = interrupted_lines(fitted)
     if broken:
@@ -192,6 +196,17 @@ def _gaps(sightings: Sightings, *, has_unread: bool) -> list[str]:
     elif n_unread:
         said.append(f"the search goes on without {counted(n_unread, 'row')} of unknown temperature")
     return said
+
+
+def _untold(sightings: Sightings) -> list[str]:
+    """Say that rows of unknown direction took no part, where they are more than the first of a run."""
+    n_untold = int(untold_rows(sightings).sum())
+    if n_untold <= _UNTOLD * len(sightings):
+        return []
+    return [
+        f"in {counted(n_untold, 'row')} nobody knows from which side an axis came: the search goes on without them; "
+        "state dir_x, dir_y and dir_z"
+    ]
 
 
 def interrupted_lines(fitted: Fitted) -> list[str]:

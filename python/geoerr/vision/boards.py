@@ -44,11 +44,14 @@ class BoardSighting:
         (n, 2) distorted pixels.
     std_px
         (n,) standard uncertainty of one coordinate, from what the picture leaves unexplained.
+    marker_of_square
+        Side of its markers over that of its squares, as the picture shows them; None of a chessboard.
     """
 
     ids: npt.NDArray[np.int64]
     corners_px: Array
     std_px: Array
+    marker_of_square: float | None = None
 
 
 def find_board(picture: GreyImage, board: BoardSpec) -> BoardSighting:
@@ -143,7 +146,7 @@ def _turns(numbers: npt.NDArray[np.int64], board: BoardSpec) -> list[tuple[npt.N
 
 def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
     assert board.marker_mm is not None
-    corners, ids, _, marker_ids = _charuco_detector(board).detectBoard(picture)
+    corners, ids, markers, marker_ids = _charuco_detector(board).detectBoard(picture)
     if marker_ids is None or len(marker_ids) == 0:
         raise DetectionError(f"{_NOT_FOUND}: no marker of {board.dictionary} is seen")
     if ids is None or len(ids) == 0:
@@ -159,7 +162,27 @@ def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
     gap_of_side = 0.5 * (1.0 - board.marker_mm / board.square_mm)
     fits = _fit(picture, board, numbers, starts, gap_of_side)
     has_colours = fits.half_contrast_grey * _colours(board, numbers) > 0.0
-    return BoardSighting(numbers[has_colours], fits.corners_px[has_colours], fits.std_px[has_colours])
+    outlines_px = np.asarray(markers, dtype=np.float64).reshape(-1, 4, 2)
+    return BoardSighting(
+        numbers[has_colours],
+        fits.corners_px[has_colours],
+        fits.std_px[has_colours],
+        _marker_of_square(board, numbers, fits.corners_px, outlines_px),
+    )
+
+
+def _marker_of_square(
+    board: BoardSpec, numbers: npt.NDArray[np.int64], corners_px: Array, outlines_px: Array
+) -> float | None:
+    """Measure the markers' side, in squares, through the homography of the board's corners."""
+    columns = board.squares[0] - 1
+    place = np.stack([numbers % columns, numbers // columns], axis=1).astype(np.float64)
+    homography, _ = cv2.findHomography(corners_px, place)
+    if homography is None:
+        return None
+    outlines = cv2.perspectiveTransform(outlines_px.reshape(-1, 1, 2), homography).reshape(-1, 4, 2)
+    sides = np.linalg.norm(outlines - np.roll(outlines, -1, axis=1), axis=2)
+    return float(np.median(sides))
 
 
 def _charuco_detector(board: BoardSpec) -> cv2.aruco.CharucoDetector:

@@ -37,6 +37,8 @@ _NOISIER_FACTOR = 1.5
 _NOISIER_SIGMAS = 5.0
 _FOCAL_NOTED = 0.01
 _SCALE_BAR_NOTED_SIGMAS = 3.0
+# A detector's corners give a marker's side to a hundredth or two.
+_OTHER_MARKER = 0.05
 _REASONS_SHOWN = 6
 
 
@@ -178,7 +180,8 @@ def calibrate(session: Session, *, threads: int = 0, progress: Progress | None =
     bars = check_scale_bars(session.directory, session.scale_bars, solved.rig)
     unpaired = tuple(Dropped(item.name, item.why) for item in session.unpaired)
     everything = sorted((*dropped, *solved.dropped), key=lambda item: item.name)
-    return Calibration(solved.rig, solved, (*everything, *unpaired), bars, tuple(_notes(solved, bars)))
+    notes = (*_notes(solved, bars), *_notes_on_markers(board, looks))
+    return Calibration(solved.rig, solved, (*everything, *unpaired), bars, notes)
 
 
 def calibrate_from_corners(
@@ -445,6 +448,19 @@ def _notes(solved: Solved, bars: Sequence[ScaleBarResult]) -> Iterator[str]:
                 f"{name} is seen {bar.difference_um:+.1f} µm ({bar.difference_ppm:+.0f} ppm, {bar.sigmas:+.1f} "
                 "standard uncertainties) from its length: the board's square_mm or the bar's length_mm is wrong"
             )
+
+
+def _notes_on_markers(board: BoardSpec, looks: Sequence[_PairLook]) -> Iterator[str]:
+    seen = [side.sighting.marker_of_square for look in looks for side in look.sides if side.sighting is not None]
+    shares = [share for share in seen if share is not None]
+    if board.marker_mm is None or not shares:
+        return
+    stated, share = board.marker_mm / board.square_mm, float(np.median(shares))
+    if abs(share / stated - 1.0) > _OTHER_MARKER:
+        yield (
+            f"the board's markers are {share:.2f} of its squares in the pictures, and {stated:.2f} by marker_mm "
+            f"{board.marker_mm:g} and square_mm {board.square_mm:g}: measure both; square_mm gives the scale"
+        )
 
 
 def _notes_on_agreement(solved: Solved) -> Iterator[str]:
