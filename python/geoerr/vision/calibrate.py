@@ -37,8 +37,8 @@ _NOISIER_FACTOR = 1.5
 _NOISIER_SIGMAS = 5.0
 _FOCAL_NOTED = 0.01
 _SCALE_BAR_NOTED_SIGMAS = 3.0
-# A detector's corners give a marker's side to a hundredth or two.
-_OTHER_MARKER = 0.05
+# A detector's corners give a marker's side to some hundredths.
+_OTHER_MARKER = 0.1
 _REASONS_SHOWN = 6
 
 
