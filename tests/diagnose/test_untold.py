@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import polars as pl
 import pytest
 
 from geoerr.diagnose import diagnose
@@ -82,6 +83,18 @@ def test_rows_that_took_no_part_are_told() -> None:
     assert note.startswith("in 10 rows nobody knows from which side an axis came")
     stated = diagnose(Model(MACHINE), to_and_fro(8.0, 1, stated=True))
     assert not any("from which side" in one for one in stated.notes)
+
+
+def test_one_direction_unlike_its_neighbours_is_told() -> None:
+    """A slip in one row of 140 hides the play of all, as rows of no direction did."""
+    rows = to_and_fro(8.0, 1, stated=True)
+    slipped = rows.frame.with_columns(pl.when(pl.int_range(pl.len()) == 5).then(-1).otherwise("dir_x").alias("dir_x"))
+    (note,) = [one for one in sightings_of(Observations(slipped)).notes if "unlike the rows" in one]
+    assert note.startswith("dir_x of 1 row (the first: row 6 of the measurements)")
+    assert not any("unlike the rows" in one for one in sightings_of(rows).notes)
+    # Every place approached from above: no slip.
+    from_above = rows.frame.with_columns(pl.lit(-1).alias("dir_x"))
+    assert not any("unlike the rows" in one for one in sightings_of(Observations(from_above)).notes)
 
 
 def test_without_play_nothing_is_named() -> None:

@@ -18,6 +18,7 @@ from geoerr.fit.arguments import check_tables
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.noise import in_the_way_of_repeats
+from geoerr.fit.odd_directions import odd_directions
 from geoerr.fit.other_units import other_units
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
@@ -62,6 +63,7 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
         *_without_name(joined),
         *unread_columns(joined.table.columns),
         *other_units(joined),
+        *odd_directions(joined),
     )
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
 

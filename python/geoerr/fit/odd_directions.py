@@ -1,0 +1,37 @@
+"""Stated directions that are unlike those of the rows around them: one such row hides a play that all others show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from geoerr.fit.sightings import Sightings
+from geoerr.machine import AXES
+from geoerr.summaries import counted
+
+# A plan that approaches some places from beyond does so in more rows.
+_FEW = 0.02
+
+
+def odd_directions(sightings: Sightings) -> Iterator[str]:
+    """Say of each axis in how many rows the file has it come against the way there, unlike in the rows around it."""
+    goes_on = np.diff(sightings.session) == 0
+    if "line" in sightings.table.columns:
+        line = np.unique(sightings.texts("line"), return_inverse=True)[1]
+        goes_on &= np.diff(line) == 0
+    for number, axis in enumerate(AXES):
+        stated = sightings.numbers(f"dir_{axis}")
+        if not np.isfinite(stated).any() or len(sightings) < 3:
+            continue
+        way = np.sign(np.diff(sightings.commanded_mm[:, number]))
+        # Rows with one before and one behind on the way that they are on.
+        is_odd = goes_on[:-1] & goes_on[1:] & (way[:-1] != 0.0) & (way[:-1] == way[1:]) & (stated[1:-1] == -way[:-1])
+        is_odd &= (stated[:-2] == way[:-1]) & (stated[2:] == way[1:])
+        n_odd = int(is_odd.sum())
+        if 0 < n_odd <= max(_FEW * len(sightings), 1.0):
+            row = int(sightings.source_row[1 + int(np.argmax(is_odd))])
+            yield (
+                f"dir_{axis} of {counted(n_odd, 'row')} (the first: row {row + 1} of the measurements) is against "
+                "the way there and unlike the rows before and behind: if it is a slip, mend it; one hides a play"
+            )
