@@ -540,6 +540,14 @@ def test_a_feed_that_is_not_that_of_the_times_is_told() -> None:
     )
 
 
+def test_a_circle_in_metres_is_told() -> None:
+    test = circular(nothing, feeds=(1000.0,))
+    small = test.frame.with_columns(pl.col("x", "y", "z", "r") / 1000.0)
+    told = [diagnose_circles(MODEL, one).notes for one in (test, CircularTest(small, ("memory",)))]
+    assert not any("in millimetres" in note for note in told[0])
+    assert "the commanded circle has a radius of 0.1 mm: x, y, z and r are in millimetres" in told[1]
+
+
 def _in_metres(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.with_columns(pl.col("feed") / 1000.0)
 

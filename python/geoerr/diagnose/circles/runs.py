@@ -27,6 +27,8 @@ _OFF_CIRCLE = 1e-2
 # Shorter arcs lose most of every cause to centre and radius of the set-up.
 _LEAST_ARC_RAD = np.pi
 _FEWEST_ROWS = 24
+# No ball bar runs a smaller circle.
+_LEAST_RADIUS_MM = 1.0
 # Copies of rows, as a share of a run.
 _MANY_REPEATS = 0.4
 # A feed and the times of its run disagree where they differ by more than this, as a logarithm: dwells take some.
@@ -319,7 +321,7 @@ def runs_of(
         names=tuple(names),
         has_times=_has_times(fitted),
         set_aside=tuple(problems or ()),
-        notes=(*(notes or ()), *_feed_notes(by_feed)),
+        notes=(*(notes or ()), *_feed_notes(by_feed), *_size_notes(radii)),
     )
 
 
@@ -354,6 +356,14 @@ def _with_senses(frame: pl.DataFrame) -> pl.DataFrame:
         stated = frame["dir"].cast(pl.Int64)
         known = pl.select(pl.when((stated == 0) | stated.is_null()).then(known).otherwise(stated).alias("dir"))["dir"]
     return frame.with_columns(known)
+
+
+def _size_notes(radii_mm: list[float]) -> list[str]:
+    """Say that circles are too small for any machine's."""
+    least_mm = min(radii_mm)
+    if least_mm >= _LEAST_RADIUS_MM:
+        return []
+    return [f"the commanded circle has a radius of {least_mm:.3g} mm: x, y, z and r are in millimetres"]
 
 
 def _without_repeats(part: pl.DataFrame, path: str) -> tuple[list[RowProblem], pl.DataFrame]:
