@@ -17,6 +17,7 @@ from geoerr.errors import GeometryError
 from geoerr.fit.arguments import check_tables
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
+from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.noise import in_the_way_of_repeats
 from geoerr.fit.odd_directions import odd_directions
 from geoerr.fit.other_units import other_units
@@ -69,8 +70,8 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
 
 
 def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
-    """Give them with a note where places were commanded that the machine cannot reach."""
-    told = []
+    """Give them with notes of what this machine cannot have: places beyond it, targets far from their offsets."""
+    told = list(misplaced_targets(sightings, machine))
     for axis, along_mm in zip(AXES, sightings.commanded_mm.T, strict=True):
         low, high = machine.axes[axis].range_mm
         beyond_mm = np.maximum(low - along_mm, along_mm - high)
