@@ -129,7 +129,7 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     offsets[static] = 0.0
     has_first: set[int] = set()
     free = []
-    for rows in _by_target(sightings, static, offsets):
+    for rows in by_target(sightings, static, offsets):
         session, carrier = int(sightings.session[rows[0]]), CARRIERS[sightings.carrier[rows[0]]]
         if sightings.frames[session] == "circle":
             continue
@@ -148,7 +148,7 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     return derivative, offsets
 
 
-def _by_target(sightings: Sightings, static: np.ndarray, offset_mm: Numbers) -> list[np.ndarray]:
+def by_target(sightings: Sightings, static: np.ndarray, offset_mm: Numbers) -> list[np.ndarray]:
     """Give the rows of each target of each session, targets in the order of their first rows."""
     keys = [sightings.session, sightings.carrier, *np.round(offset_mm / SAME_POSITION_MM).astype(np.int64).T]
     if static.any() and "target" in sightings.table.columns:
@@ -208,9 +208,14 @@ def _rigid_motion(points: Numbers, seen: Numbers, along: Numbers) -> tuple[Numbe
         seen_along = seen_from_centre.T @ (from_centre @ along)
         rotation = _smallest_turn(along, seen_along / max(float(np.linalg.norm(seen_along)), 1e-300))
     else:
-        left, _, right = np.linalg.svd(seen_from_centre.T @ from_centre)
-        rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+        rotation, _ = turn_between(from_centre, seen_from_centre)
     return rotation, seen.mean(axis=0) - rotation @ points.mean(axis=0)
+
+
+def turn_between(from_centre: Numbers, seen_from_centre: Numbers) -> tuple[Numbers, Numbers]:
+    """Give the least-squares rotation of centred points (n, 3) to seen ones, and how they spread together, (3,)."""
+    left, spread, right = np.linalg.svd(seen_from_centre.T @ from_centre)
+    return left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right, spread
 
 
 def _smallest_turn(start: Numbers, end: Numbers) -> Numbers:

@@ -149,11 +149,11 @@ class Names:
         """
         if _SECOND_HARMONIC not in {parameter.name for parameter in one.way.term.coefficients}:
             return None
+        half = 0.5 * one.inner[0]
         for place, way in enumerate(one.suspect.ways):
             group = next((own for own in self.state.groups if (own.what, own.way) == (one.number, place)), None)
             names = {parameter.name for parameter in way.term.coefficients}
             low = way.term.inner[0].low if way.term.inner else None
-            half = 0.5 * one.inner[0]
             if group is None or _SECOND_HARMONIC in names or low is None or half < low:
                 continue
             inner = [half, *one.inner[1:]]

@@ -54,8 +54,6 @@ impl Source {
 /// A function of more than its own axis's position, on a channel.
 #[derive(Debug, Clone)]
 struct Law {
-    /// Number of its term.
-    term: usize,
     channel: Channel,
     function: Function,
 }
@@ -63,6 +61,8 @@ struct Law {
 #[derive(Debug, Clone)]
 enum Function {
     Formula {
+        /// Number of its term.
+        term: usize,
         factor: f64,
         expression: Expression,
         coefficients: Vec<f64>,
@@ -79,7 +79,7 @@ impl Function {
     #[inline]
     fn at(&self, q_mm: &[f64; 3], point: &[f64], left_unwound: &[f64; MAX_WINDUPS]) -> (f64, [f64; 3]) {
         match self {
-            Self::Formula { factor, expression, coefficients, inner, windups } => {
+            Self::Formula { factor, expression, coefficients, inner, windups, .. } => {
                 let unwound = |number: usize| windups[number].map_or(0.0, |place| left_unwound[place]);
                 // Lengths were checked when it was bound.
                 let at = expression.evaluate_behind(point, coefficients, inner, unwound);
@@ -152,7 +152,7 @@ impl Bound {
                 Shape::Basis { axis, basis } => {
                     let scaled: Vec<f64> = own[..basis.len()].iter().map(|c| part.factor * c).collect();
                     if scaled.iter().any(|&c| c != 0.0) {
-                        parts.curve(term, part.channel, *axis, basis.curve(&scaled)?);
+                        parts.curve(part.channel, *axis, basis.curve(&scaled)?);
                     }
                 }
                 Shape::Expression { expression, coefficients: places, inner: inner_places } => {
@@ -165,13 +165,14 @@ impl Bound {
                     // Linear and homogeneous: without a coefficient that is not 0 there is nothing.
                     if theta.is_empty() || theta.iter().any(|&c| c != 0.0) {
                         let function = Function::Formula {
+                            term,
                             factor: part.factor,
                             expression: expression.clone(),
                             coefficients: theta,
                             inner: phi,
                             windups: Vec::new(),
                         };
-                        parts.laws.push(Law { term, channel: part.channel, function });
+                        parts.laws.push(Law { channel: part.channel, function });
                     }
                 }
             }
@@ -226,7 +227,7 @@ impl Bound {
             };
         }
         let mut numbers = Numbers { values: self.constants, ..Numbers::default() };
-        for Law { channel, function, .. } in &self.laws {
+        for Law { channel, function } in &self.laws {
             let (value, gradient) = function.at(question.q_mm, point, &approach.left_unwound);
             *slot(&mut numbers.values, *channel) += value;
             for (rates, by) in numbers.rates.iter_mut().zip(gradient) {
@@ -245,10 +246,10 @@ struct Parts {
 }
 
 impl Parts {
-    fn curve(&mut self, term: usize, channel: Channel, of: Axis, curve: Curve) {
+    fn curve(&mut self, channel: Channel, of: Axis, curve: Curve) {
         match channel {
             Channel::Joint(axis, component) if axis == of => self.add(axis, component, curve),
-            _ => self.laws.push(Law { term, channel, function: Function::Curve { axis: of, curve } }),
+            _ => self.laws.push(Law { channel, function: Function::Curve { axis: of, curve } }),
         }
     }
 
@@ -341,8 +342,10 @@ impl Parts {
     ) -> Result<(Vec<Windup>, Vec<usize>), MachineError> {
         let mut windups: Vec<Windup> = Vec::new();
         let mut long_stroke_terms: Vec<usize> = Vec::new();
-        for Law { term, function, .. } in &mut self.laws {
-            let Function::Formula { expression, inner, windups: places, .. } = function else { continue };
+        for law in &mut self.laws {
+            let Function::Formula { term, expression, inner, windups: places, .. } = &mut law.function else {
+                continue;
+            };
             for of_formula in expression.windups(inner).map_err(VolumetricError::from)? {
                 let followed = followed(&of_formula, sources);
                 let place = match followed {
