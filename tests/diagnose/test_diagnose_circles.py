@@ -33,6 +33,7 @@ Numbers = npt.NDArray[np.float64]
 MODEL = Model(Machine.from_chain("wZbXYt", (400.0, 400.0, 300.0)))
 R_MM, CENTRE_MM = 100.0, np.array([200.0, 210.0, 0.0])
 NOISE_UM = 0.3
+FEEDS = (2000.0, 500.0)
 # Ball off the centre, in 20 µm.
 OFF = (0.7, -0.4)
 # What a run does to the radius, µm: a function of angle (rad), sense and feed (mm/min), to first order.
@@ -58,7 +59,7 @@ def run(
 
 
 def circular(
-    radius: Radius, senses: tuple[int, ...] = (1, -1), feeds: tuple[float, ...] = (2000.0, 500.0), seed: int = 0
+    radius: Radius, senses: tuple[int, ...] = (1, -1), feeds: tuple[float, ...] = FEEDS, seed: int = 0
 ) -> CircularTest:
     rng = np.random.default_rng(seed)
     return CircularTest(pl.concat([run(radius, s, f, rng) for f in feeds for s in senses]), ("memory",))
@@ -567,6 +568,23 @@ def test_a_spike_is_at_every_reversal_and_a_mistake_is_not() -> None:
     mistake = np.flatnonzero(beside)[0]
     alone = np.where(np.arange(len(runs)) == mistake, 8.0, spikes - np.where(beside, 8.0, 0.0))
     assert np.flatnonzero(stand_alone(runs, alone, np.zeros(len(runs)))).tolist() == [mistake]
+
+
+def test_noise_alone_has_hardly_ever_a_row_that_stands_alone() -> None:
+    runs = runs_from(
+        CircularTest(
+            pl.concat([run(nothing, s, f, np.random.default_rng(0), n=720) for f in FEEDS for s in (1, -1)]),
+            ("memory",),
+        )
+    )
+    rng = np.random.default_rng(12)
+    noise = 0.1 * rng.standard_normal((300, len(runs)))
+    with_one = sum(stand_alone(runs, one, np.zeros(len(runs))).any() for one in noise)
+    # One in a hundred is what the limit is for: 3, and more than 9 of 300 in one of a thousand times.
+    assert with_one <= 9
+    # A mistake of six standard deviations is found still.
+    noise[:, 1234] += 0.6
+    assert np.mean([stand_alone(runs, one, np.zeros(len(runs)))[1234] for one in noise]) > 0.7
 
 
 def test_the_search_among_points_names_the_one_among_circles() -> None:

@@ -10,11 +10,17 @@ import numpy as np
 from geoerr.diagnose.circles.found import Searched
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.structure import DECAYS
+from geoerr.distributions import chi_squared_isf
 from geoerr.fit.sightings import Numbers
 
-# Rows farther off than this many standard deviations, alone or two together, are mistakes: of noise that is known,
-# and of what the rows themselves say of it.
-_GROSS, _GROSS_BY_ROWS, _LONGEST_MISTAKE = 6.0, 4.4, 2
+# Rows farther off than this many standard deviations, alone or two together, are mistakes: of noise that is known.
+_GROSS, _LONGEST_MISTAKE = 6.0, 2
+# Of what the rows themselves say of their noise it is a limit that Gaussian noise passes in so many tests, however
+# many rows they have; in few rows, which do not know their noise well, no less than this.
+_CHANCE_OF_A_TEST, _LEAST_BY_ROWS = 0.01, 4.4
+# How far a row is off the nearest of what its neighbours expect has longer tails than the noise: so many times, where
+# one of a thousand to one of ten million rows is farther off.
+_TAIL = 1.045
 # In a longer stretch one tells a mistake by its height over the rest of it.
 _TOWERS = 4.0
 # So many rows beside a reversal may be a spike.
@@ -60,7 +66,7 @@ def stand_alone(runs: Runs, values_um: Numbers, least_um: Numbers) -> np.ndarray
         expected = np.stack([before, behind, 0.5 * (before + behind)], axis=1)
         off[own] = np.abs(values_um[own][:, None] - expected).min(axis=1)
         spread[own] = float(np.median(off[own])) / _NORMAL
-    limit = np.maximum(_GROSS_BY_ROWS * spread, _GROSS * least_um)
+    limit = np.maximum(_limit_by_rows(len(runs)) * spread, _GROSS * least_um)
     far = off > limit
     result = np.zeros(len(runs), dtype=bool)
     for own in runs.slices:
@@ -68,6 +74,11 @@ def stand_alone(runs: Runs, values_um: Numbers, least_um: Numbers) -> np.ndarray
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
             result[own.start + start : own.start + stop] = _sticks_out(off[own][start:stop])
     return np.asarray(result & ~_are_spikes(runs, off, limit, result))
+
+
+def _limit_by_rows(n_rows: int) -> float:
+    """Give how many standard deviations of its run's noise a row of a test of so many is off, if it is a mistake."""
+    return max(_LEAST_BY_ROWS, _TAIL * float(np.sqrt(chi_squared_isf(_CHANCE_OF_A_TEST / n_rows, 1))))
 
 
 def _sticks_out(off: Numbers) -> np.ndarray:
