@@ -2,7 +2,8 @@
 
 A candidate that follows directions is 0 at such a row, and the machine is not: beside half of a play of 16 noises it
 would have to step there, within a pass, which no offset of passes or drift takes over. One such row of 160 made
-nothing of a play that every other row shows. A fit leaves them out where its model follows directions.
+nothing of a play that every other row shows. A fit leaves them out where its model follows directions. A stated
+direction that is against the way there, in few rows and unlike those around, is likelier a slip, and does the same.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.fit.odd_directions import odd_rows
 from geoerr.fit.sightings import SAME_POSITION_MM, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
@@ -21,7 +23,8 @@ _MOST_UNTOLD = 0.5
 def untold_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
     """Tell in which rows an axis came from nobody knows where that moves in the row's pass, (n,).
 
-    One that rests in a pass is what it is there: an offset, whichever side it came from.
+    One that rests in a pass is what it is there: an offset, whichever side it came from. Where the file has a
+    direction that contradicts the way and the rows around, nobody knows either.
     """
     if not len(sightings):
         return np.zeros(0, dtype=bool)
@@ -32,4 +35,6 @@ def untold_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
     span_mm = np.maximum.reduceat(commanded_mm, starts) - np.minimum.reduceat(commanded_mm, starts)
     moves = (span_mm > SAME_POSITION_MM)[sightings.pass_number]
     untold = np.asarray((np.isnan(direction) & moves).any(axis=1))
+    for is_odd in odd_rows(sightings).values():
+        untold |= is_odd
     return untold if untold.mean() <= _MOST_UNTOLD else np.zeros(len(untold), dtype=bool)

@@ -1,10 +1,11 @@
-"""Stated directions that are unlike those of the rows around them: one such row hides a play that all others show."""
+"""Stated directions that are unlike those of the rows around them: one such row would hide a play that all show."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from geoerr.fit.sightings import Sightings
 from geoerr.machine import AXES
@@ -14,12 +15,13 @@ from geoerr.summaries import counted
 _FEW = 0.02
 
 
-def odd_directions(sightings: Sightings) -> Iterator[str]:
-    """Say of each axis in how many rows the file has it come against the way there, unlike in the rows around it."""
+def odd_rows(sightings: Sightings) -> dict[str, npt.NDArray[np.bool_]]:
+    """Tell of each axis, by its name, which few rows have it come against the way, unlike the rows around, (n,)."""
     goes_on = np.diff(sightings.session) == 0
     if "line" in sightings.table.columns:
         line = np.unique(sightings.texts("line"), return_inverse=True)[1]
         goes_on &= np.diff(line) == 0
+    odd = {}
     for number, axis in enumerate(AXES):
         stated = sightings.numbers(f"dir_{axis}")
         if not np.isfinite(stated).any() or len(sightings) < 3:
@@ -28,10 +30,17 @@ def odd_directions(sightings: Sightings) -> Iterator[str]:
         # Rows with one before and one behind on the way that they are on.
         is_odd = goes_on[:-1] & goes_on[1:] & (way[:-1] != 0.0) & (way[:-1] == way[1:]) & (stated[1:-1] == -way[:-1])
         is_odd &= (stated[:-2] == way[:-1]) & (stated[2:] == way[1:])
-        n_odd = int(is_odd.sum())
-        if 0 < n_odd <= max(_FEW * len(sightings), 1.0):
-            row = int(sightings.source_row[1 + int(np.argmax(is_odd))])
-            yield (
-                f"dir_{axis} of {counted(n_odd, 'row')} (the first: row {row + 1} of the measurements) is against "
-                "the way there and unlike the rows before and behind: if it is a slip, mend it; one hides a play"
-            )
+        if 0 < is_odd.sum() <= max(_FEW * len(sightings), 1.0):
+            odd[axis] = np.concatenate([[False], is_odd, [False]])
+    return odd
+
+
+def odd_directions(sightings: Sightings) -> Iterator[str]:
+    """Say of each axis in how many rows the file has it come against the way there, unlike in the rows around it."""
+    for axis, is_odd in odd_rows(sightings).items():
+        row = int(sightings.source_row[int(np.argmax(is_odd))])
+        yield (
+            f"dir_{axis} of {counted(int(is_odd.sum()), 'row')} (the first: row {row + 1} of the measurements) is "
+            "against the way there and unlike the rows before and behind: if it is a slip, mend it; a search for "
+            "what is missing goes on without such rows, of which one would hide a play"
+        )
