@@ -31,6 +31,7 @@ from geoerr.fit.jumps import Gaps, is_jump_in_time
 from geoerr.fit.periods import alike_periods, is_wave, likeliest, place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
+from geoerr.fit.ties import first_best
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
 from geoerr.model.compile import Compiled, compile_terms, core_part
 from geoerr.terms import Parameter, Part, Term
@@ -38,8 +39,6 @@ from geoerr.terms import Parameter, Part, Term
 # Trial values of each of so many inner parameters before any are put in between.
 _SEEDS = {1: 49, 2: 17, 3: 9}
 _FEWEST_SEEDS = 5
-# Gains that differ by less than this share are one: a wind-up over less than a stroke is the same for every length.
-_ROUND_OFF = 1e-9
 # Combinations of trial values: beyond them the search is coarser than it should be.
 _MOST_TRIALS = 8192
 # Neighbours whose column spaces have a smaller cosine get a trial between them. For a wave it is sin(πu)/(πu) at
@@ -85,7 +84,7 @@ def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, f
         trials = [(moment,) for moment in moments[first : first + 2 * every + 1]]
         gains = beyond.gains(trials)
     trials, gains = _closer(beyond, trials, gains)
-    best = _first_best(gains)
+    best = first_best(gains)
     gain = float(gains[best])
     inner = tuple(replace(p, value=v) for p, v in zip(term.inner, trials[best], strict=True))
     found = replace(term, inner=inner)
@@ -148,11 +147,6 @@ def _alike(period: Parameter, values: Numbers) -> list[float]:
     return alike_periods(values, period.value, period.low, period.high)
 
 
-def _first_best(gains: Numbers) -> int:
-    """Give the place of the largest gain; of those that are one but for round-off the first."""
-    return int(np.argmax(gains >= gains.max() - _ROUND_OFF * abs(gains.max())))
-
-
 def _closer(
     beyond: _Beyond, trials: list[tuple[float, ...]], gains: Numbers
 ) -> tuple[list[tuple[float, ...]], Numbers]:
@@ -161,7 +155,7 @@ def _closer(
     if len(varied) != 1:
         return trials, gains
     (place,) = varied
-    best = _first_best(gains)
+    best = first_best(gains)
     low, high = (trials[min(max(at, 0), len(trials) - 1)][place] for at in (best - 1, best + 1))
     between = [(*trials[best][:place], float(v), *trials[best][place + 1 :]) for v in np.linspace(low, high, _CLOSER)]
     return [*trials, *between], np.concatenate([gains, beyond.gains(between)])

@@ -18,6 +18,7 @@ from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, resettle, settle, settle_as
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.ties import first_best
 from geoerr.terms import Parameter, Term
 
 # What was found with one harmonic may be the first of two, or the second.
@@ -151,7 +152,7 @@ def _refined(space: Space, scanner: Scanner, judged: Judged, plain: Term, term: 
             found.append(settle_as(space, scanner, term, inner, bounds))
         return max(found, key=lambda one: one.gain), len(starts)
     shapes = shapes_of(scanner.functions, term)
-    trial = int(np.argmax(scanner.exact(shapes).gain))
+    trial = first_best(scanner.exact(shapes).gain)
     bounds = {place: neighbours(shapes, trial, place) for place in free}
     return settle_as(space, scanner, term, list(shapes.trials[trial]), bounds), len(shapes.trials)
 

@@ -20,6 +20,7 @@ from geoerr.diagnose.scan import Scanner, Seen, seen
 from geoerr.diagnose.space import Space, lengths
 from geoerr.fit.jumps import Gaps, jump_places
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.ties import first_best
 from geoerr.fit.variables import clock_s
 from geoerr.terms import Parameter, Term
 
@@ -158,7 +159,7 @@ class InnerSearch:
                     continue
                 points = self._points(place, low, high)
                 trials = [[*inner[:place], value, *inner[place + 1 :]] for value in points]
-                best = int(np.argmax(self._gains(trials)))
+                best = first_best(self._gains(trials))
                 inner[place] = points[best]
                 narrowed[place] = (points[max(best - 1, 0)], points[min(best + 1, len(points) - 1)])
         return inner
@@ -177,7 +178,7 @@ class InnerSearch:
             step = self._step(found)
             trials = [self._inside(found.inner, [share * one for one in step]) for share in _SHARES]
             gains = self._gains(trials)
-            most = int(np.argmax(gains))
+            most = first_best(gains)
             if gains[most] <= found.gain + _NO_MORE:
                 break
             found = self.derived(trials[most])

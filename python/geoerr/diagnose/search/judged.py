@@ -15,6 +15,7 @@ from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import Scanned, Scanner, seen
 from geoerr.diagnose.space import Space
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.ties import first_best
 from geoerr.terms import EffectReference, Term
 
 # Family-wise: one half for the catalogue, the other for probes.
@@ -89,7 +90,7 @@ def best_of_each(
     start = 0
     for what, found in everything:
         end = start + sum(len(one.rank) for one in found)
-        best = start + int(np.argmax(evidence[start:end]))
+        best = start + first_best(evidence[start:end])
         _, shapes, one = groups[group[best]]
         trial = best - int(first[group[best]])
         judged = Judged(
