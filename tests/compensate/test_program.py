@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,9 @@ from geoerr.compensate.program import (
     compensate_bytes,
     compensate_program,
 )
-from geoerr.error_functions import write_errors
+from geoerr.error_functions import NotDetermined, write_errors
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
+from geoerr.model import Model
 
 SQUARE = b"G28\nG1 X10 Y10 Z10 F3000\nG1 X200 E1.5\nG1 Y200 E3\nG1 X10 E4.5\nG1 Y10 E6 ; closed\nM84\n"
 
@@ -58,6 +60,18 @@ def test_without_errors_the_file_comes_back(tmp_path):
     assert target.read_bytes() == program
     assert result.largest_correction_um == 0.0
     assert result.largest_correction_line == 0
+
+
+def test_tables_say_what_they_lack():
+    model = leaning()
+    assert model.errors is not None
+    lacking = replace(
+        model.errors, not_determined=(NotDetermined("EXX", "no line"), NotDetermined("EA0Z", "no line"))
+    )
+    _, result = compensate_bytes(Model(model.machine, lacking), SQUARE)
+    (told,) = (note for note in result.notes if "not determined" in note)
+    assert "taken as 0: EXX, EA0Z" in told
+    assert not any("not determined" in note for note in compensate_bytes(model, SQUARE)[1].notes)
 
 
 def test_errors_that_the_firmware_corrects_are_left_to_it():

@@ -15,7 +15,7 @@ from geoerr.effects import catalogue
 from geoerr.errors import GeometryError
 from geoerr.fit import Fitted
 from geoerr.fit.joined import sightings_of
-from geoerr.fit.noise import groups_of
+from geoerr.fit.noise import groups_of, repeats_of
 from geoerr.observations import CircularTest, Observations, observations_from_columns
 
 MACHINE = machine_of("wZbXYt")
@@ -100,6 +100,35 @@ def test_floor_within_passes_does_not_see_a_pass_that_is_off() -> None:
     assert result.repeats.floor_um > 5.0 * expected_um
     # 136 degrees of freedom in each component: √(0.5/136) is 6 %.
     assert result.repeats.within_pass_floor_um == pytest.approx(expected_um, rel=0.2)
+
+
+def test_floor_within_short_passes_is_that_of_least_squares_in_two_ways() -> None:
+    """Passes of few places, of which some repeat others': each was counted as a mean, many of them for none."""
+    rng = np.random.default_rng(502)
+    places = [np.sort(rng.choice(12, size=3, replace=False)) for _ in range(30)]
+    at = np.concatenate(places)
+    n = len(at)
+    still = np.zeros(n)
+    table = observations_from_columns(
+        {
+            "line": np.repeat([f"pass {number}" for number in range(len(places))], 3).tolist(),
+            "carrier": ["relative"] * n,
+            **{"x": 30.0 * at, "y": still, "z": still, "mx": 30.0 * at, "my": still, "mz": still},
+            **{f"dir_{axis}": np.ones(n) for axis in "xyz"},
+        }
+    )
+    sightings = sightings_of(table)
+    residual_mm = rng.normal(size=(n, 3)) + 40.0 * rng.normal(size=(sightings.n_passes, 1))[sightings.pass_number]
+    repeats = repeats_of(sightings, residual_mm, np.ones(n, dtype=bool))
+    again = np.bincount(repeats.group)[repeats.group] > 1
+    design = np.zeros((n, repeats.group.max() + 1 + sightings.n_passes))
+    design[np.arange(n), repeats.group] = 1.0
+    design[np.arange(n), repeats.group.max() + 1 + sightings.pass_number] = 1.0
+    left = residual_mm[again] - design[again] @ np.linalg.lstsq(design[again], residual_mm[again], rcond=None)[0]
+    n_free = int(again.sum()) - int(np.linalg.matrix_rank(design[again]))
+    assert n_free > 20
+    assert repeats.within_pass_dof.tolist() == [n_free] * 3
+    np.testing.assert_allclose(repeats.within_pass_variance_mm2, (left**2).sum(axis=0) / n_free, rtol=1e-6)
 
 
 def test_other_conditions_are_no_repeats() -> None:

@@ -351,7 +351,12 @@ def test_a_standard_uncertainty_that_is_not_positive_leaves_its_row_out(value: f
     bare = Observations(first.frame.drop("cxx", "cxy", "cxz", "cyy", "cyz", "czz"))
     std = dict.fromkeys(STD, np.full(len(bare), 0.002))
     sixth = replaced(bare, **std | {"sx": np.where(np.arange(len(bare)) == 5, value, 0.002)})
-    assert sightings_of(sixth).left_out == {"its covariance is not positive": 1}
+    told = sightings_of(sixth)
+    assert told.left_out == {"its covariance is not positive": 1}
+    assert any(
+        note.startswith("1 row, the first in line 7 of its file, has no") and f"sx {value:g}" in note
+        for note in told.notes
+    )
     with pytest.raises(GeometryError, match=r"row 1 is not positive.*\nhint: .*above 0"):
         sightings_of(replaced(bare, **std | {"sx": np.full(len(bare), value)}))
 

@@ -175,6 +175,20 @@ def test_a_laser_along_one_axis_gives_positioning_and_says_what_it_cannot() -> N
     assert np.abs((function.value - error_mm)[1:] / function.std[1:]).max() < 4.0
 
 
+def test_two_positions_of_an_axis_have_a_chord_and_no_straightness() -> None:
+    """They were told as 0.0 ± 0.0 µm, determined, and squarenesses beside them that were off by 9 standard errors."""
+    _, observations = measured(41, n_points=9)
+    x_mm = observations.commanded_mm[:, 0]
+    at_ends = np.isin(x_mm, (x_mm.min(), x_mm.max()))
+    result = identify_joint(observations.select(at_ends), machine_of("wZbXYt"))
+    whys = {item.name: item.why for item in result.errors.not_determined}
+    assert whys.keys() == {"EYX", "EZX", "EC0Y", "EB0Z"}
+    assert "fewer than three positions on X" in whys["EYX"]
+    assert "chord" in whys["EC0Y"]
+    assert not {"EYX", "EZX"} & result.errors.alternatives["straightness-integrated"].keys()
+    assert {one.name for one in result.tangent} == CROSSING - {"EYX", "EZX"}
+
+
 def test_without_stated_uncertainty_the_scatter_tells_it() -> None:
     stated = identify_joint(measured(6)[1], machine_of("wZbXYt"))
     _, observations = measured(6, is_stated=False)

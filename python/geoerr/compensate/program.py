@@ -466,6 +466,12 @@ def _notes(job: _Job, benefit: Benefit | None, left_out: tuple[str, ...]) -> tup
             f"smaller than can be told from 0, and corrected all the same: {', '.join(tables)}; tables do not say "
             "what their uncertainties have in common, as a model.json does, of which such errors are left as they are"
         )
+    unknown = () if job.corrected.errors is None else job.corrected.errors.not_determined
+    if unknown:
+        notes.append(
+            f"not determined by what was measured, and taken as 0: {', '.join(item.name for item in unknown)}: "
+            "nothing of them is corrected"
+        )
     notes.extend(not_finite_notes(job.corrected, job.at))
     lacking = (f"{not_in_model_words(job.not_in_model)}: nothing of them is corrected",) if job.not_in_model else ()
     moved = motion_notes(job.corrected, job.at, job.long_stroke_terms, *job.rewriter.extremes())

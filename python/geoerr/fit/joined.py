@@ -23,13 +23,12 @@ from geoerr.fit.odd_directions import odd_directions
 from geoerr.fit.other_units import other_units
 from geoerr.fit.passes import passes_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
+from geoerr.fit.unbelievable import LEAST_STD_MM, NOT_POSITIVE, place_of_unbelievable, unbelievable_rows
 from geoerr.fit.weights import weighed
 from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import is_column
 
-# A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
-_LEAST_STD_MM = 1e-7
 # Limit switches are found again to so much.
 _AT_AN_END_MM = 1.0
 # A point that is measured so many times, and so much, farther from the others than the machine moves is a mistake.
@@ -98,10 +97,10 @@ def _of_points(observations: Observations) -> Sightings:
     is_measured = np.isfinite(observations.measured_mm)
     used = is_measured.any(axis=1)
     left_out = {"nothing measured": int((~used).sum())} if not used.all() else {}
-    believable = _has_positive_covariance(observations.covariance_mm2, is_measured)
-    if (used & believable).any() and not believable[used].all():
-        left_out["its covariance is not positive"] = int((used & ~believable).sum())
-        used &= believable
+    disbelieved = used & unbelievable_rows(observations.covariance_mm2, is_measured)
+    if disbelieved.any() and not disbelieved[used].all():
+        left_out[NOT_POSITIVE] = int(disbelieved.sum())
+        used &= ~disbelieved
     kept = observations.select(used)
     names = kept.texts("session")
     sessions = tuple(dict.fromkeys(names))
@@ -134,7 +133,7 @@ def _of_points(observations: Observations) -> Sightings:
         directions=directions,
         source_row=np.flatnonzero(used)[order].astype(np.int64),
         left_out=left_out,
-        notes=notes,
+        notes=(*notes, *place_of_unbelievable(observations, disbelieved)) if NOT_POSITIVE in left_out else notes,
     )
     is_near = _near_the_others(sightings)
     if is_near.all():
@@ -199,10 +198,10 @@ def _of_circle(test: CircularTest) -> Sightings:
         rows = pass_number.ravel() == number
         commanded[rows] = on_their_circle(commanded[rows])
     std_mm = frame["sr"].cast(pl.Float64).to_numpy() if "sr" in frame.columns else np.full(n_rows, np.nan)
-    is_stated = bool((np.isfinite(std_mm) & (std_mm >= _LEAST_STD_MM)).all())
+    is_stated = bool((np.isfinite(std_mm) & (std_mm >= LEAST_STD_MM)).all())
     notes: tuple[str, ...] = ()
     if not is_stated and np.isfinite(std_mm).any():
-        lacking = int((~(std_mm >= _LEAST_STD_MM)).sum())
+        lacking = int((~(std_mm >= LEAST_STD_MM)).sum())
         notes = (
             f"the uncertainty sr is lacking, or too small to be one, in {lacking} of {n_rows} radii: "
             "it is not used in the others either",
@@ -262,17 +261,6 @@ def _joined(parts: Sequence[Sightings]) -> Sightings:
     )
 
 
-def _has_positive_covariance(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]) -> np.ndarray:
-    """Tell which rows have a covariance that a measurement can have, (n,); one that is not stated is no obstacle."""
-    if covariance_mm2 is None:
-        return np.ones(len(is_measured), dtype=bool)
-    needed = is_measured[:, :, None] & is_measured[:, None, :]
-    stated = stated_rows(covariance_mm2, is_measured)
-    padded = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
-    padded = padded + np.eye(3) * (~is_measured)[:, None, :]
-    return np.asarray(~stated | (np.linalg.eigvalsh(padded)[:, 0] >= _LEAST_STD_MM**2))
-
-
 def _whitening(
     observations: Observations, is_measured: npt.NDArray[np.bool_]
 ) -> tuple[Numbers, bool, tuple[str, ...]]:
@@ -293,7 +281,7 @@ def _whitening(
     # A component that was not measured gets variance 1 of its own, and its row of W is then taken out.
     padded = filled + np.eye(3) * (~is_measured)[:, None, :]
     value, vector = np.linalg.eigh(padded)
-    too_small = value < _LEAST_STD_MM**2
+    too_small = value < LEAST_STD_MM**2
     if too_small.any():
         row = int(np.flatnonzero(too_small.any(axis=1))[0])
         raise GeometryError(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+import scipy
 
 from geoerr.column_names import is_temperature
 from geoerr.fit.alike import numbers_of_alike
@@ -29,6 +30,8 @@ _ALIKE = 0.05
 _ALIKE_K = 0.1
 _ALIKE_SHARE = 1e-3
 _UM_PER_MM = 1e3
+# Offsets of passes are solved for to this share.
+_SOLVED = 1e-8
 # Columns without which a smaller share of the rows would be repeats are in nobody's way.
 _REPEATED = 0.05
 # Columns that identify or order rows; they say nothing about the conditions.
@@ -193,13 +196,8 @@ def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> 
     group = sightings.once("groups", groups_of)
     is_seen = sightings.is_measured & used[:, None]
     variance, dof = _pooled(residual_mm, is_seen, group)
-    by_pass = residual_mm - _pass_means(residual_mm, is_seen, sightings.pass_number)
-    within, within_dof = _pooled(by_pass, is_seen, group)
-    n_shared = np.array([len(np.unique(sightings.pass_number[seen])) for seen in is_seen.T])
-    # Every pass's mean has taken a degree of freedom; groups within it had it before.
-    left = np.maximum(within_dof - np.maximum(n_shared - 1, 0), 0)
-    within = np.where(left > 0, within * within_dof / np.maximum(left, 1), np.nan)
-    return Repeats(group, dof, variance, within, left)
+    within, within_dof = _within_passes(residual_mm, is_seen, group, sightings.pass_number)
+    return Repeats(group, dof, variance, within, within_dof)
 
 
 def where(mask: np.ndarray) -> np.ndarray | slice:
@@ -222,15 +220,48 @@ def _pooled(values: Numbers, is_seen: np.ndarray, group: np.ndarray) -> tuple[Nu
     return variance, dof
 
 
-def _pass_means(values: Numbers, is_seen: np.ndarray, pass_number: np.ndarray) -> Numbers:
-    n_passes = int(pass_number.max()) + 1 if len(pass_number) else 0
-    means = np.zeros_like(values)
+def _within_passes(
+    values: Numbers, is_seen: np.ndarray, group: np.ndarray, pass_number: np.ndarray
+) -> tuple[Numbers, np.ndarray]:
+    """Pool what is left beside a mean of each group and an offset of each pass: least squares in two ways.
+
+    A pass takes a degree of freedom where its rows repeat others', less one for all passes that hang together.
+    """
+    variance, dof = np.full(3, np.nan), np.zeros(3, dtype=np.int64)
     for component in range(3):
-        seen = where(is_seen[:, component])
-        count = np.bincount(pass_number[seen], minlength=n_passes)
-        total = np.bincount(pass_number[seen], weights=values[seen, component], minlength=n_passes)
-        means[:, component] = (total / np.maximum(count, 1))[pass_number]
-    return means
+        rows = np.flatnonzero(is_seen[:, component])
+        rows = rows[np.bincount(group[rows], minlength=1)[group[rows]] > 1]
+        if not len(rows):
+            continue
+        left, n_free = _two_ways(values[rows, component], group[rows], pass_number[rows])
+        dof[component] = n_free
+        if n_free > 0:
+            variance[component] = float(left @ left) / n_free
+    return variance, dof
+
+
+def _two_ways(values: Numbers, group: np.ndarray, pass_number: np.ndarray) -> tuple[Numbers, int]:
+    """Give what means of groups and offsets of passes leave of values (n,), and its degrees of freedom."""
+    group, of_pass = (np.unique(number, return_inverse=True)[1] for number in (group, pass_number))
+    shared = scipy.sparse.csr_array((np.ones(len(values)), (group, of_pass)))
+    n_together = scipy.sparse.csgraph.connected_components(
+        scipy.sparse.block_array([[None, shared], [shared.T, None]])
+    )[0]
+    count = np.bincount(group)
+
+    def beside_groups(own: Numbers) -> Numbers:
+        return np.asarray(own - (np.bincount(group, weights=own) / count)[group])
+
+    def normal(offset: Numbers) -> Numbers:
+        return np.asarray(np.bincount(of_pass, weights=beside_groups(offset[of_pass])), dtype=np.float64)
+
+    n_passes = shared.shape[1]
+    beside = beside_groups(values)
+    system = scipy.sparse.linalg.LinearOperator((n_passes, n_passes), matvec=normal, dtype=np.float64)
+    # What round-off leaves of passes that share nothing is not solved for.
+    enough = _SOLVED * float(np.linalg.norm(beside))
+    offset, _ = scipy.sparse.linalg.cg(system, np.bincount(of_pass, weights=beside), rtol=_SOLVED, atol=enough)
+    return beside - beside_groups(offset[of_pass]), len(values) - len(count) - n_passes + int(n_together)
 
 
 def is_static(sightings: Sightings) -> np.ndarray:

@@ -36,6 +36,8 @@ from geoerr.identify.uncertainty import Noise
 from geoerr.machine import AXES
 
 METHOD = "nine-line"
+# What holds where its line ran and not at the carriage origin stands under this name among the alternatives.
+AT_LINE = "at-line"
 
 Curves = dict[str, Curve]
 
@@ -75,8 +77,14 @@ def assemble(
     roots = _root_rolls(findings, data, stages)
     _place_rolls(functions, alternatives, roots, roll)
     squareness = _squareness(findings, noise)
+    elsewhere = _at_lines(findings, functions, squareness)
+    if elsewhere:
+        places: dict[str, ErrorFunction | Squareness] = {**functions, **squareness}
+        alternatives[AT_LINE] = {name: places[name] for name in ALL_NAMES if name in elsewhere}
+        functions = {name: table for name, table in functions.items() if name not in elsewhere}
+        squareness = {name: value for name, value in squareness.items() if name not in elsewhere}
     not_determined = tuple(
-        NotDetermined(name, _why(findings, name, straightness, other, roots, roll))
+        NotDetermined(name, elsewhere.get(name) or _why(findings, name, straightness, other, roots, roll))
         for name in ALL_NAMES
         if name not in functions and name not in squareness
     )
@@ -87,7 +95,7 @@ def assemble(
         method=METHOD,
         not_determined=not_determined,
         alternatives=alternatives,
-        notes=(*notes, *_notes(findings, functions, squareness, roots, () if straightness == "direct" else direct)),
+        notes=(*notes, *_notes(findings, roots, () if straightness == "direct" else direct)),
     )
     return errors, tuple(verdict for verdict in verdicts if verdict is not None)
 
@@ -223,13 +231,27 @@ def _why(
     return f"{why}; integrated from the angle it stands under alternatives" if name in other else why
 
 
-def _notes(
-    findings: Findings,
-    functions: Mapping[str, ErrorFunction],
-    squareness: Mapping[str, Squareness],
-    roots: Mapping[str, RootRoll],
-    direct_alternatives: Collection[str],
-) -> list[str]:
+def _at_lines(
+    findings: Findings, functions: Mapping[str, ErrorFunction], squareness: Mapping[str, Squareness]
+) -> dict[str, str]:
+    """Say of what was found at a line and not at the carriage origin where it holds, by name."""
+    result: dict[str, str] = {}
+    for axis, axis_functions in findings.axes.items():
+        names = [name for name in axis_functions.at_line if name in functions]
+        names += [name for name, pair in PAIRS.items() if name in squareness and _is_at_line(findings, axis, pair)]
+        result |= dict.fromkeys(names, f"{_where(findings, axis)}; what it is there stands under alternatives")
+    return result
+
+
+def _where(findings: Findings, axis: str) -> str:
+    place = ", ".join(f"{value:g}" for value in findings.places.base_mm[axis])
+    return (
+        f"known at the {axis.upper()} line's own place only (lever {place} mm): the angles that would refer it to "
+        "the carriage origin are unknown"
+    )
+
+
+def _notes(findings: Findings, roots: Mapping[str, RootRoll], direct_alternatives: Collection[str]) -> list[str]:
     notes = []
     missing = sorted(number for numbers in findings.places.missing.values() for number in numbers)
     if missing:
@@ -237,18 +259,9 @@ def _notes(
         notes.append(f"of Li's nine lines the data lack {numbers}")
     for axis, axis_functions in findings.axes.items():
         # With integrated straightness the direct one, which this is about, stands under the alternatives.
-        names = [
-            f"{name} (direct)" if name in direct_alternatives else name
-            for name in axis_functions.at_line
-            if name in functions or name in direct_alternatives
-        ]
-        names += [name for name, pair in PAIRS.items() if name in squareness and _is_at_line(findings, axis, pair)]
+        names = [f"{name} (direct)" for name in axis_functions.at_line if name in direct_alternatives]
         if names:
-            where = ", ".join(f"{value:g}" for value in findings.places.base_mm[axis])
-            notes.append(
-                f"valid at the {axis.upper()} line's own place only (lever {where} mm), as the angles that would "
-                f"refer them to the carriage origin are unknown: {', '.join(names)}"
-            )
+            notes.append(f"{_where(findings, axis)}: {', '.join(names)}")
     for name, found in roots.items():
         if found.n_without_root:
             notes.append(f"{name} by Eq. 22: {found.n_without_root} of {len(found.value_rad)} points have no root")

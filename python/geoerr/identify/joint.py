@@ -19,18 +19,21 @@ import numpy as np
 from geoerr.bases import basis_of
 from geoerr.error_functions import ErrorFunctions, NotDetermined
 from geoerr.fit import FitOptions, FitResult, fit_model
-from geoerr.fit.classic import TANGENT, positions_by_axis
+from geoerr.fit.classic import TANGENT, is_straightness, positions_by_axis
 from geoerr.fit.sightings import SAME_POSITION_MM
-from geoerr.identify.axis import angle_name
+from geoerr.identify.axis import angle_name, delta_name
 from geoerr.identify.between_places import integral_covariance, without_line
 from geoerr.identify.linear import Numbers
 from geoerr.identify.nine_line import StraightnessMethod
+from geoerr.identify.squareness import PAIRS
 from geoerr.identify.straightness import TangentVerdict, judged
 from geoerr.machine import AXES, Machine
 from geoerr.observations import Observations
 
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
 _MOST_ENTRIES = 101
+# Places of an axis that tell a line from what bends about it.
+_FEWEST_OF_A_LINE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +119,12 @@ def identify_joint(
     assert record is not None
     other_name = "integrated" if straightness == "direct" else "direct"
     positions = _positions(chosen)
-    errors = chosen.model.error_functions(positions)
-    alternative = fits[other_name].model.error_functions(positions)
+    errors = _without_chords(chosen.model.error_functions(positions))
+    alternative = _without_chords(fits[other_name].model.error_functions(positions))
     crossing = {straight for straight, _ in TANGENT.values()}
-    verdicts = _verdicts(fits["direct"], machine)
+    reasons = _all_reasons(chosen, errors)
+    known = errors.functions.keys() & alternative.functions.keys()
+    verdicts = tuple(one for one in _verdicts(fits["direct"], machine) if one.name in known)
     errors = replace(
         errors,
         method="joint",
@@ -128,7 +133,7 @@ def identify_joint(
                 name: function for name, function in alternative.functions.items() if name in crossing
             }
         },
-        not_determined=_all_reasons(chosen, errors),
+        not_determined=reasons,
         notes=(*errors.notes, *_notes(chosen, verdicts, straightness)),
         data_digest=record.data_digest,
     )
@@ -146,6 +151,30 @@ def _positions(result: FitResult) -> dict[str, Numbers]:
             found = np.linspace(float(found[0]), float(found[-1]), _MOST_ENTRIES)
         chosen[axis] = np.ascontiguousarray(found)
     return chosen
+
+
+def _without_chords(errors: ErrorFunctions) -> ErrorFunctions:
+    """Take out the straightness of axes that stood at two places, and the directions that rest on it.
+
+    Through two places runs a chord: no straightness is left beside it, which is not one of 0 ± 0, and its direction
+    is not that of a line through the whole of the axis.
+    """
+    chords = {
+        name: NotDetermined(name, f"fewer than three positions on {name[2]} were measured")
+        for name, function in errors.functions.items()
+        if is_straightness(name) and len(function.position_mm) < _FEWEST_OF_A_LINE
+    }
+    for name, (first, second) in PAIRS.items():
+        lines = {delta_name(AXES.index(second), first), delta_name(AXES.index(first), second)}
+        if name in errors.squareness and lines & chords.keys():
+            axes = f"{first.upper()} and {second.upper()}"
+            chords[name] = NotDetermined(name, f"of {axes} the direction of a chord is known, not that of the axis")
+    return replace(
+        errors,
+        functions={name: table for name, table in errors.functions.items() if name not in chords},
+        squareness={name: value for name, value in errors.squareness.items() if name not in chords},
+        not_determined=(*errors.not_determined, *chords.values()),
+    )
 
 
 def _all_reasons(result: FitResult, errors: ErrorFunctions) -> tuple[NotDetermined, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.fit.columns import lacking_rows, stated_rows, unused_uncertainties
+from geoerr.fit.unbelievable import unbelievable_rows
 from geoerr.identify.linear import Numbers
 from geoerr.observations import Observations
 
@@ -57,6 +58,9 @@ def measurements_of(observations: Observations) -> Measurements:
     is_parallel = {str(name): not bool(is_complete[session == name].any()) for name in np.unique(session)}
     parallel_rows = np.array([is_parallel[str(name)] for name in session], dtype=bool)
     usable = np.asarray(np.where(parallel_rows, np.isfinite(measured).any(axis=1), is_complete))
+    disbelieved = usable & unbelievable_rows(observations.covariance_mm2, np.isfinite(measured))
+    if not disbelieved[usable].all():
+        usable &= ~disbelieved
     covariance, notes = _filled_covariance(observations, measured, usable)
     return Measurements(
         commanded_mm=observations.commanded_mm,

@@ -230,7 +230,9 @@ def analyze_nine_lines(
     places, frames, stages = _arithmetic(passes, data, machine)
     noise, scatter, noise_notes = _noise(data, passes, stages, rig)
     findings = Findings(machine, found, passes, places, frames, stages.functions)
-    notes = [*refused, *offset_doubts(passes, data, frames, machine), *stages.notes, *data.notes, *noise_notes]
+    told, digest = _told_of(observations)
+    doubts = offset_doubts(passes, data, frames, machine)
+    notes = [*refused, *doubts, *stages.notes, *dict.fromkeys((*data.notes, *told)), *noise_notes]
     if first_order:
         errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
     else:
@@ -245,7 +247,7 @@ def analyze_nine_lines(
         errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
         errors = replace(errors, squareness=corrected_squareness(first.squareness, again.squareness))
     return NineLineResult(
-        errors=replace(errors, data_digest=_digest_of(observations)),
+        errors=replace(errors, data_digest=digest),
         lines=_found_lines(places, passes, data),
         missing_lines=tuple(sorted(number for numbers in places.missing.values() for number in numbers)),
         tangent=tangent,
@@ -254,12 +256,13 @@ def analyze_nine_lines(
     )
 
 
-def _digest_of(observations: Observations) -> str:
-    """Give the digest of the data; of such as no model is fitted to none, for nothing is held against them."""
+def _told_of(observations: Observations) -> tuple[tuple[str, ...], str]:
+    """Give what a fit of these data would note of them, and their digest; nothing of such as none is fitted to."""
     try:
-        return digest_of(sightings_of(observations))
+        sightings = sightings_of(observations)
     except GeometryError:
-        return ""
+        return (), ""
+    return sightings.notes, digest_of(sightings)
 
 
 def _arithmetic(

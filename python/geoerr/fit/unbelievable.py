@@ -1,0 +1,49 @@
+"""Rows whose stated uncertainty no measurement can have: 0, below it, or a covariance that is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.fit.columns import stated_rows
+from geoerr.fit.sightings import Numbers
+from geoerr.observations import COVARIANCE, STANDARD_UNCERTAINTY, Observations
+from geoerr.summaries import counted
+
+# A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
+LEAST_STD_MM = 1e-7
+NOT_POSITIVE = "its covariance is not positive"
+# Of a covariance the elements that are variances.
+_VARIANCES = ("cxx", "cyy", "czz")
+
+
+def unbelievable_rows(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Tell which rows have a covariance that no measurement can have, (n,); one that is not stated is no obstacle."""
+    if covariance_mm2 is None:
+        return np.zeros(len(is_measured), dtype=bool)
+    needed = is_measured[:, :, None] & is_measured[:, None, :]
+    padded = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
+    padded = padded + np.eye(3) * (~is_measured)[:, None, :]
+    is_positive = np.linalg.eigvalsh(padded)[:, 0] >= LEAST_STD_MM**2
+    return np.asarray(stated_rows(covariance_mm2, is_measured) & ~is_positive)
+
+
+def place_of_unbelievable(observations: Observations, rows: npt.NDArray[np.bool_]) -> Iterator[str]:
+    """Name the first of these rows, its column and what stands there."""
+    first = int(np.argmax(rows))
+    file_row = observations.numbers("file_row")[first, 0]
+    place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {first + 1}"
+    cells = {
+        name: float(observations.numbers(name)[first, 0])
+        for name in (*STANDARD_UNCERTAINTY, *_VARIANCES)
+        if name in observations.frame.columns
+    }
+    wrong = next((f"{name} {value:g} there" for name, value in cells.items() if value <= 0.0), None)
+    has, takes = ("has", "takes") if rows.sum() == 1 else ("have", "take")
+    yield (
+        f"{counted(int(rows.sum()), 'row')}, the first in {place}, {has} no uncertainty that a measurement can have and "
+        f"{takes} no part: "
+        f"{wrong or ', '.join(COVARIANCE) + ' there are no covariance'}; a standard uncertainty is above 0 mm"
+    )
