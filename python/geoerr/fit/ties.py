@@ -13,6 +13,13 @@ from geoerr.fit.sightings import Numbers
 _ROUND_OFF = 1e-9
 
 
-def first_best(gains: Numbers) -> int:
-    """Give the place of the largest of (k,) gains; of those that are one but for round-off the first."""
-    return int(np.argmax(gains >= gains.max() - _ROUND_OFF * abs(gains.max())))
+def first_best(gains: Numbers, n_coefficients: np.ndarray | None = None) -> int:
+    """Give the place of the largest of (k,) gains; of those that are one but for round-off the simplest, or first.
+
+    Parameters
+    ----------
+    n_coefficients : (k,)
+        Coefficients of each: with as many as are needed a form says which of them acts, with more it does not.
+    """
+    alike = np.flatnonzero(gains >= gains.max() - _ROUND_OFF * abs(gains.max()))
+    return int(alike[0] if n_coefficients is None else alike[np.argmin(n_coefficients[alike])])

@@ -43,7 +43,7 @@ def place_of_unbelievable(observations: Observations, rows: npt.NDArray[np.bool_
     wrong = next((f"{name} {value:g} there" for name, value in cells.items() if value <= 0.0), None)
     has, takes = ("has", "takes") if rows.sum() == 1 else ("have", "take")
     yield (
-        f"{counted(int(rows.sum()), 'row')}, the first in {place}, {has} no uncertainty that a measurement can have and "
-        f"{takes} no part: "
+        f"{counted(int(rows.sum()), 'row')}, the first in {place}, {has} no uncertainty that a measurement can have "
+        f"and {takes} no part: "
         f"{wrong or ', '.join(COVARIANCE) + ' there are no covariance'}; a standard uncertainty is above 0 mm"
     )

@@ -84,13 +84,14 @@ def best_of_each(
         for what, shapes, _ in groups
     ]
     n_trials = np.array([what.n_trials for what, _, _ in groups])
+    n_coefficients = np.array([shapes.n_coefficients for _, shapes, _ in groups])[group]
     evidence = np.where(rank > 0, evidence_of(space, gain, rank, np.array(n_ways)[group]), -math.inf)
     surprises = np.where(rank > 0, surprise(gain, rank, n_trials[group]), -math.inf)
     result: list[tuple[Judged | None, float]] = []
     start = 0
     for what, found in everything:
         end = start + sum(len(one.rank) for one in found)
-        best = start + first_best(evidence[start:end])
+        best = start + first_best(evidence[start:end], n_coefficients[start:end])
         _, shapes, one = groups[group[best]]
         trial = best - int(first[group[best]])
         judged = Judged(
