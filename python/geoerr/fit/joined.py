@@ -15,6 +15,7 @@ import polars as pl
 from geoerr.commanded_circle import on_their_circle
 from geoerr.errors import GeometryError
 from geoerr.fit.arguments import check_tables
+from geoerr.fit.carried import refuse_other_carriers
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.misplaced import misplaced_targets
@@ -69,7 +70,14 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
 
 
 def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
-    """Give them with notes of what this machine cannot have: places beyond it, targets far from their offsets."""
+    """Give them with notes of what this machine cannot have: places beyond it, targets far from their offsets.
+
+    Raises
+    ------
+    GeometryError
+        where targets do not go with what is said to carry them.
+    """
+    refuse_other_carriers(sightings, machine)
     told = list(misplaced_targets(sightings, machine))
     for axis, along_mm in zip(AXES, sightings.commanded_mm.T, strict=True):
         low, high = machine.axes[axis].range_mm

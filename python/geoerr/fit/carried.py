@@ -1,0 +1,80 @@
+"""Targets that move where their carrier stands still, or the other way round: a carrier or a chain is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.errors import GeometryError
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.start import by_target, nominal_mm
+from geoerr.machine import AXES, Machine
+from geoerr.observations import CARRIERS
+
+# Steps of one axis alone, of a millimetre and more: no error of a machine, nor any noise, is half of that.
+_LEAST_STEP_MM = 1.0
+_FEWEST_STEPS = 3
+# Shares of a step up to which a target stands, and within which of the whole it goes along.
+_STANDS, _GOES_ALONG = 0.3, 0.3
+
+
+def refuse_other_carriers(sightings: Sightings, machine: Machine) -> None:
+    """Refuse targets that do the opposite of what their carrier does when an axis moves.
+
+    Lengths of steps do not depend on how a device stands, so that one axis of three is seen where a frame that was
+    fitted to all of them is turned by it.
+
+    Raises
+    ------
+    GeometryError
+        where most of such steps of an axis contradict the carrier.
+    """
+    steps = _steps_of_one_axis(nominal_mm(machine, sightings), sightings)
+    for axis in range(3):
+        for carrier in np.unique(steps.carrier):
+            own = (steps.axis == axis) & (steps.carrier == carrier)
+            if int(own.sum()) >= _FEWEST_STEPS and steps.contradicts[own].mean() > 0.5:
+                raise GeometryError(_words(machine, sightings, steps, own))
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Steps (k,) of one axis alone: the row that each led to, axis, carrier, what the target ought to do, and did."""
+
+    row: np.ndarray
+    axis: np.ndarray
+    carrier: np.ndarray
+    should_stand: np.ndarray
+    contradicts: np.ndarray
+
+
+def _steps_of_one_axis(points_mm: Numbers, sightings: Sightings) -> _Steps:
+    on_base = sightings.carrier == CARRIERS.index("base")
+    rows = [own[~on_base[own]] for own in by_target(sightings, on_base, sightings.offset_mm)]
+    first = np.concatenate([own[:-1] for own in rows])
+    second = np.concatenate([own[1:] for own in rows])
+    step_mm = np.abs(sightings.commanded_mm[second] - sightings.commanded_mm[first])
+    complete = np.asarray(sightings.is_measured.all(axis=1))
+    is_alone = (step_mm > SAME_POSITION_MM).sum(axis=1) == 1
+    told = complete[first] & complete[second] & is_alone & (step_mm.max(axis=1, initial=0.0) >= _LEAST_STEP_MM)
+    first, second, step_mm = first[told], second[told], step_mm[told]
+    expected, seen = (
+        np.linalg.norm(places[second] - places[first], axis=1) / step_mm.max(axis=1, initial=0.0)
+        for places in (points_mm, sightings.measured_mm)
+    )
+    should_stand = np.asarray(expected < 0.5)
+    contradicts = np.where(should_stand, np.abs(seen - 1.0) < _GOES_ALONG, seen < _STANDS)
+    return _Steps(second, step_mm.argmax(axis=1), sightings.carrier[first], should_stand, contradicts)
+
+
+def _words(machine: Machine, sightings: Sightings, steps: _Steps, own: np.ndarray) -> str:
+    wrong = np.flatnonzero(own & steps.contradicts)
+    carrier, row = CARRIERS[steps.carrier[wrong[0]]], int(sightings.source_row[steps.row[wrong[0]]])
+    did, does = ("moved with it", "stands still") if steps.should_stand[wrong[0]] else ("stood still", "goes along")
+    return (
+        f"when {AXES[steps.axis[wrong[0]]].upper()} moved, targets with carrier {carrier} {did}, where on a machine "
+        f"{machine.chain} one on the {carrier} {does}: {len(wrong)} of {int(own.sum())} steps, the first to row "
+        f"{row + 1} of the measurements\nhint: `carrier` says what a target is fixed to (tool where the column is "
+        "absent); check it, and the machine's chain"
+    )
