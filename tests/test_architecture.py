@@ -14,7 +14,7 @@ from geoerr.report import figures
 PACKAGE = Path(geoerr.__file__).parent
 
 # Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
-BASE = {"column_names", "drawing", "errors", "files", "quoted_cells", "summaries", "tables"}
+BASE = {"column_names", "drawing", "errors", "files", "quoted_cells", "spelling", "summaries", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"commanded_circle", "distributions", "terms", "bases", "effects", "model"}
@@ -26,6 +26,7 @@ ALLOWED: dict[str, set[str]] = {
     "commanded_circle": set(),
     "distributions": set(),
     "installation": set(),
+    "spelling": set(),
     "summaries": set(),
     "files": {"errors"},
     "quoted_cells": {"errors"},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import tomli_w
 from geoerr.denavit_hartenberg import DhRow, rows_from_document, structure_of
 from geoerr.errors import GeometryError, InputFileError
 from geoerr.files import check_written, read_toml, write_text
+from geoerr.spelling import meant
 
 AXES = ("x", "y", "z")
 
@@ -183,6 +184,7 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
     head = document.get("machine")
     if not isinstance(head, dict):
         raise InputFileError(path, "the table [machine] is missing", column="machine")
+    _refuse_slips(head, _KEYS, "machine", path)
     rows = rows_from_document(document["dh"], path) if "dh" in document else ()
     axes_document = document.get("axes")
     if not isinstance(axes_document, dict):
@@ -215,6 +217,8 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
     )
 
 
+_KEYS = ("name", "chain", "reference_temperature", "tool_offset")
+_AXIS_KEYS = ("range", "material")
 _RANGE_HINT = "write e.g. [axes.x] range = [0.0, 400.0], in millimetres"
 _CHAIN_HINT = "work to tool with b for the base and each of X, Y, Z once, for example wZbXYt"
 
@@ -298,6 +302,7 @@ def _checked_axis(table: Any, name: str, path: str | Path) -> Axis:
     column = f"axes.{name}.range"
     if not isinstance(table, dict) or "range" not in table:
         raise InputFileError(path, "the range is missing", column=column, remedy=_RANGE_HINT)
+    _refuse_slips(table, _AXIS_KEYS, f"axes.{name}", path)
     limits = _finite_numbers(table["range"], 2)
     if limits is None or not limits[0] < limits[1]:
         raise InputFileError(
@@ -307,6 +312,20 @@ def _checked_axis(table: Any, name: str, path: str | Path) -> Axis:
     if material is not None and not isinstance(material, str):
         raise InputFileError(path, f"{material!r} is not a text", column=f"axes.{name}.material")
     return Axis(range_mm=(limits[0], limits[1]), material=material)
+
+
+def _refuse_slips(table: dict[str, Any], known: Collection[str], place: str, path: str | Path) -> None:
+    """Refuse a key that is an absent one misspelled, which would count for nothing; others are the user's own."""
+    absent = [key for key in known if key not in table]
+    for key in table:
+        word = None if key in known else meant(key, absent)
+        if word is not None:
+            raise InputFileError(
+                path,
+                f"is no key of this table (did you mean {word}?)",
+                column=f"{place}.{key}",
+                remedy="correct the spelling",
+            )
 
 
 def _finite_numbers(value: Any, count: int) -> list[float] | None:

@@ -203,6 +203,9 @@ def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
         raise InputFileError(
             path, f"byte {error.start} is not UTF-8", row=row, remedy="save it as UTF-8 text"
         ) from error
+    if b"\n" not in content:
+        # Lines as old spreadsheets end them.
+        content = content.replace(b"\r", b"\n")
     header = content.lstrip(b"\xef\xbb\xbf").split(b"\n", 1)[0].decode("utf-8")
     names = names_of_header(header.rstrip("\r"))
     if len(names) == 1 and ";" in header:

@@ -35,7 +35,7 @@ from geoerr.model import write_model
 from geoerr.observations import Observations
 from geoerr.report import figures
 from geoerr.report.diagnosis_page import diagnosis_sections
-from geoerr.report.page import Table
+from geoerr.report.page import Figure, Table
 from geoerr.workbench.told import told_of
 
 PLAN = Plan(n_sessions=2, n_lines=20, n_points=14)
@@ -315,6 +315,28 @@ def test_bars_show_the_numbers(named: Diagnosis) -> None:
     first = named.found[0].held_out
     assert first is not None
     assert tuple(held.x) == (first.before_um, first.after_um)
+
+
+def test_what_nobody_has_held_out_takes_no_room(named: Diagnosis, clean: Diagnosis) -> None:
+    def first(diagnosis: Diagnosis) -> tuple[Figure, Table]:
+        figure, table = diagnosis_sections(diagnosis)[0].blocks
+        assert isinstance(figure, Figure)
+        assert isinstance(table, Table)
+        return figure, table
+
+    figure, table = first(clean)
+    assert clean.candidates
+    assert [text.text for text in figure.figure.layout.annotations] == ["worth, µm rms"]
+    assert figure.figure.layout.shapes == ()
+    for said in (figure.caption, figure.figure.layout.title.subtitle.text, *table.header):
+        assert "held" not in said
+        assert "ashed" not in said
+    assert {len(row) for row in table.rows} == {len(table.header)} == {4}
+    figure, table = first(named)
+    assert len(figure.figure.layout.annotations) == 2
+    assert "held-out error without it and with it" in figure.caption
+    assert "Dashed: noise" in figure.figure.layout.title.subtitle.text
+    assert len(table.header) == 6
 
 
 def test_every_number_can_be_had_again(named: Diagnosis) -> None:

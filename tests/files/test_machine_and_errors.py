@@ -69,6 +69,9 @@ def test_sides_of_the_chain_from_the_base_outwards(chain: str, work: str, tool: 
         ("[0.0, 400.0]", "[400.0, 0.0]", "axes.x.range"),
         ("[0.0, 400.0]", '["a", 1.0]', "axes.x.range"),
         ("[0.0, 400.0]", "[0.0, nan]", "axes.x.range"),
+        ('name = "m"', "tool_ofset = [0.0, 0.0, 1.0]", "machine.tool_ofset"),
+        ('name = "m"', "reference-temperature = 25.0", "machine.reference-temperature"),
+        ("[axes.x]", '[axes.x]\nmateral = "steel"', "axes.x.materal"),
     ],
 )
 def test_a_wrong_machine_is_refused_by_key(tmp_path: Path, old: str, new: str, column: str) -> None:

@@ -45,6 +45,13 @@ def test_columns_and_defaults(tmp_path: Path) -> None:
     assert observations.covariance_mm2 is None
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_end_as_they_like(tmp_path: Path, end: str) -> None:
+    path = tmp_path / "points.csv"
+    path.write_bytes(end.join(["x,y,z,mx", "1,2,3,1.001", "2,2,3,2.002", ""]).encode())
+    assert read_observations(path).numbers("x", "mx").tolist() == [[1.0, 1.001], [2.0, 2.002]]
+
+
 def test_standard_uncertainties_and_covariances(tmp_path: Path) -> None:
     observations = read_observations(write(tmp_path, GOOD))
     assert observations.covariance_mm2 is not None

@@ -160,3 +160,17 @@ def test_columns_that_have_names_of_the_formulas_own_are_said_not_to_be_read() -
         *PLACE_NAMES,
         CLOCK_NAME,
     }
+
+
+@pytest.mark.parametrize(
+    ("name", "word"), [("carier", "carrier"), ("Tx", "tx"), ("Session", "session"), ("MX ", "mx")]
+)
+def test_a_column_that_is_nearly_one_of_ours_is_told(name: str, word: str) -> None:
+    (note,) = unread_columns([name])
+    assert f"did you mean {word}?" in note
+
+
+def test_columns_of_ones_own_are_nobodys_slip() -> None:
+    assert not [
+        *unread_columns(["temp_bed", "temp", "load", "rpm", "humidity", "feed_rate", "r2", "line1", "file_row"])
+    ]

@@ -1,4 +1,4 @@
-"""The picture of the falling error: bars as the figures say, and the noise that no model gets below."""
+"""The picture of the falling error: bars as the figures say, and the noise, between those of a right model."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import pytest
 
 from geoerr.cli.change_text import fall
 from geoerr.diagnose.error_scale import LARGEST_LINEAR_RATIO, ErrorScale
+from geoerr.diagnose.stages import Stage, stages_of
 from geoerr.model import HistoryEntry
-from geoerr.report.figures import Stage, error_fall, stages_of, variable_label
+from geoerr.report.figures import error_fall, variable_label
 
 
 def figures(rmse: float, held: float, floor: float = math.nan) -> dict[str, float]:
@@ -25,7 +26,10 @@ def test_every_model_has_its_two_bars_and_the_last_ones_noise_is_drawn() -> None
     assert residual.y[1] == "2. + backlash:x"
     assert error_fall(stages, is_numbered=True).data[0].y == ("at first", "+ backlash:x")
     assert figure.layout.shapes[0].x0 == 4.0
-    assert "4.00 µm" in figure.layout.title.subtitle.text
+    # A fit follows some of the noise in the rows that it sees: a right model's residual is less.
+    assert figure.layout.title.subtitle.text == (
+        "dashed: the noise, 4.00 µm, between a right model's residual and its held-out error"
+    )
 
 
 def test_the_line_of_the_noise_crosses_no_figure() -> None:
@@ -55,7 +59,7 @@ def test_beside_a_millimetre_micrometres_are_told_apart_on_a_logarithmic_axis(no
         assert math.log10(max(values)) < axis.range[1]
     assert residual.text == ("1,043", "11.3", "0.94")
     assert "1,000" in axis.ticktext
-    # Bars begin where no model gets below; where nobody knows that, at the least.
+    # Bars begin at the noise; where nobody knows it, at the least.
     assert residual.base == (1.0 if noise_um == 1.0 else 0.94)
 
 
@@ -99,6 +103,21 @@ def test_a_models_history_is_a_story() -> None:
     assert [stage.name for stage in stages_of(history)] == ["at first", "+ backlash:x", "− scale:y"]
     assert [stage.figure("rmse_um") for stage in stages_of(history)] == [40.0, 20.0, 22.0]
     assert stages_of([]) == ()
+
+
+def test_what_an_effect_leaves_out_is_told_apart_from_what_it_does() -> None:
+    history = [
+        HistoryEntry("backlash:x", "Backlash", figures(40.0, 45.0), figures(20.0, 25.0)),
+        # A third of the rows has no temperature, and was the noisy one.
+        HistoryEntry("growth:x@temp_bed", "Growth", figures(5.9, 7.2), figures(5.8, 7.3)),
+        HistoryEntry("scale:y", "Scale", figures(5.8, math.nan), figures(5.0, 6.0)),
+    ]
+    stages = stages_of(history)
+    assert [stage.name for stage in stages] == [
+        *("at first", "+ backlash:x", "the same on other rows"),
+        *("+ growth:x@temp_bed", "+ scale:y"),
+    ]
+    assert [stage.figure("held_out_rmse_um") for stage in stages] == [45.0, 25.0, 7.2, 7.3, 6.0]
 
 
 @pytest.mark.parametrize(

@@ -111,6 +111,18 @@ def test_columns_of_numbers_are_set_flush_right(elements):
     assert cells[:4] == [None, "number", None, "number"]
 
 
+def test_names_stay_whole_and_sentences_keep_the_width_to_be_read(elements):
+    rows = (("corner −−−", "words " * 20, "between the two of them"), ("centre", "", "1"))
+    page = render_report("t", ["s"], [Section("a", (Table("b", ("place", "values", "how"), rows),))], PROVENANCE)
+    cells = re.findall(r"<td( class=.*?)?>", page)
+    assert cells[:3] == [' class="name"', ' class="sentences"', ""]
+    style = elements.text["style"][0]
+    assert "td.number, td.name { white-space: nowrap; }" in style
+    assert "td.sentences { min-width: 16em; }" in style
+    # Outside tables, which scroll alone, what has no blanks, as a digest, breaks where a line ends.
+    assert re.search(r"main { [^}]*overflow-wrap: break-word; }", style)
+
+
 def test_ids_are_in_order_and_unique(elements):
     ids = [attributes["id"] for _, attributes in elements.tags if "id" in attributes]
     assert len(set(ids)) == len(ids)

@@ -18,9 +18,9 @@ from geoerr.diagnose import compare
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.summaries import counted
 from geoerr.workbench import actions, wiring
-from geoerr.workbench.history import story
 from geoerr.workbench.job import Advance
 from geoerr.workbench.server import begin_session
+from geoerr.workbench.side_by_side import story
 
 
 def test_the_same_command_line_again_goes_on_with_the_session(tmp_path: Path) -> None:
@@ -159,9 +159,12 @@ def test_more_data_are_compared_with_every_model_that_the_page_tells_of(tmp_path
         assert figures["held_out_rmse_um"] == pytest.approx(expected.fitted.held_out.figures.headline_um)
     told = texts(wiring.panels(session)["given"])
     assert "2. 12 errors fitted –" in told
-    assert "A model with a dash was not compared with these data yet" in told
+    assert "A model with a dash has no figure on these rows" in told
     # The picture numbers the models as the list does.
-    assert [stage.name for stage in story(session.steps, 2)] == ["1. machine without errors", "3. 21 errors fitted"]
+    assert [stage.name for stage in story(session.steps, 2, session.beside)] == [
+        "1. machine without errors",
+        "3. 21 errors fitted",
+    ]
     wiring.do(session, "show", "1")
     settle(session)
     assert "with a dash" not in texts(wiring.panels(session)["given"])

@@ -27,7 +27,6 @@ from geoerr.workbench import actions, marking, wiring
 from geoerr.workbench.addition import AHEAD, Addition
 from geoerr.workbench.app import make_app
 from geoerr.workbench.explained import what_is_shown
-from geoerr.workbench.history import story
 from geoerr.workbench.layout import page, status
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.page_words import PASS, ZERO
@@ -39,6 +38,7 @@ from geoerr.workbench.program import Wish
 from geoerr.workbench.security import Guard
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
+from geoerr.workbench.side_by_side import story
 from geoerr.workbench.view import CORNER, STANDS
 
 # Diagnosing needs a few seconds: once for all that only read it.
@@ -249,7 +249,7 @@ def test_adding_makes_the_error_fall_and_undo_takes_it_back(tmp_path: Path) -> N
     session = fitted(tmp_path)
     wiring.do(session, "add", "backlash:x")
     settle(session)
-    stages = story(session.steps, session.current)
+    stages = story(session.steps, session.current, session.beside)
     inside, held = ([stage.figure(name) for stage in stages] for name in ("rmse_um", "held_out_rmse_um"))
     assert inside[2] < 0.8 * inside[1] < inside[0]
     assert held[2] < 0.8 * held[1]
@@ -295,6 +295,12 @@ def test_bars_have_the_height_that_a_window_leaves_them(learned: Session) -> Non
         parts = breakable(text)
         assert "".join(part for part in parts if isinstance(part, str)) == text
         assert len(parts) == (3 if "@" in text else 1)
+
+
+def test_the_legend_of_the_residual_takes_no_width_from_the_name_of_its_axis(learned: Session) -> None:
+    # Plotly keeps as much as a legend is wide free beside the plots, where it belongs to the panel sideways alone.
+    legend = wiring.pictures(learned, "")["residual"].layout.legend
+    assert (legend.xref, legend.yref) == ("container", "container")
 
 
 def tried(tmp_path: Path, formula: OwnFormula) -> Session:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from geoerr.cli.fit_document import fit_document
@@ -13,6 +13,7 @@ from geoerr.cli.text_tables import WIDTH, named_row, say, wrapped
 from geoerr.diagnose.change import Change
 from geoerr.diagnose.document import comparison_document
 from geoerr.diagnose.error_scale import ErrorScale
+from geoerr.diagnose.stages import Stage, stages_of
 from geoerr.files import null_for_nan
 from geoerr.fit.result import CALIBRATION_UNKNOWNS
 from geoerr.measurements import Measurements
@@ -40,32 +41,32 @@ def change_text(change: Change) -> list[str]:
 
 def fall(history: Sequence[HistoryEntry]) -> list[str]:
     """Draw the error from the first model to the last: in-sample full, held out hatched, the noise as a line."""
-    steps = [("at first", history[0].figures_before)]
-    steps += [(f"{'+' if one.action == 'added' else '−'} {one.reference}", one.figures_after) for one in history]
-    errors_um = [figures[name] for _, figures in steps for name in ("rmse_um", "held_out_rmse_um")]
-    noises_um = [noise for _, figures in steps if math.isfinite(noise := _noise_um(figures))]
+    stages = stages_of(history)
+    errors_um = [_number(stage, name) for stage in stages for name in ("rmse_um", "held_out_rmse_um")]
+    noises_um = [stage.noise_um for stage in stages if stage.noise_um is not None]
     scale = ErrorScale.of(errors_um, noises_um[-1] if noises_um else None)
-    texts = [_of_a_step(figures) for _, figures in steps]
-    names, behind = (max(map(len, column)) for column in ([name for name, _ in steps], texts))
+    texts = [_of_a_stage(stage) for stage in stages]
+    names, behind = (max(map(len, column)) for column in ([stage.name for stage in stages], texts))
     # Indent, two spaces behind a name and one before the figures; the bar's own end has a cell.
     width = min(names, WIDTH - 6 - behind - _LEAST_CELLS)
     cells = min(WIDTH - 6 - behind - width, _MOST_CELLS)
     axis = ", logarithmic from the noise" if scale.is_logarithmic else ""
     lines = wrapped(f"the error, µm{axis} ({_FULL} residual rms, {_HELD_OUT} held out, {_FLOOR} noise):")
-    for (name, figures), text in zip(steps, texts, strict=True):
-        bar = _bar(figures["rmse_um"], figures["held_out_rmse_um"], _noise_um(figures), scale, cells)
-        lines += named_row(name, width + 2, f"{bar} {text}", "  ")
+    for stage, text in zip(stages, texts, strict=True):
+        noise_um = math.nan if stage.noise_um is None else stage.noise_um
+        bar = _bar(_number(stage, "rmse_um"), _number(stage, "held_out_rmse_um"), noise_um, scale, cells)
+        lines += named_row(stage.name, width + 2, f"{bar} {text}", "  ")
     return lines
 
 
-def _of_a_step(figures: Mapping[str, float]) -> str:
-    held = figures["held_out_rmse_um"]
-    return f"{figures['rmse_um']:.2f}" + (f", held out {held:.2f}" if math.isfinite(held) else "")
+def _of_a_stage(stage: Stage) -> str:
+    held = _number(stage, "held_out_rmse_um")
+    return f"{_number(stage, 'rmse_um'):.2f}" + (f", held out {held:.2f}" if math.isfinite(held) else "")
 
 
-def _noise_um(figures: Mapping[str, float]) -> float:
-    floor_um = figures["noise_floor_um"]
-    return floor_um if math.isfinite(floor_um) else figures["noise_um"]
+def _number(stage: Stage, name: str) -> float:
+    value = stage.figure(name)
+    return math.nan if value is None else value
 
 
 def _bar(inside: float, held: float, noise: float, scale: ErrorScale, width: int) -> str:

@@ -10,9 +10,10 @@ from geoerr.effects.definitions import AXIS_NAMES, PAIR_NAMES, RESERVED_NAMES, p
 from geoerr.effects.description import PAIRS, FormSpec, PartSpec
 from geoerr.effects.effect import Effect
 from geoerr.effects.formula import check_formula, marked
-from geoerr.effects.places import line_of, meant
+from geoerr.effects.places import line_of
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.machine import AXES, Axis, Machine
+from geoerr.spelling import meant
 from geoerr.terms import EMPIRICAL, names_in
 
 # Formulas are expanded once for reading; ranges and sides do not matter for whether they can be read.

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from geoerr.effects.places import line_of, meant
+from geoerr.effects.places import line_of
 from geoerr.errors import InputFileError
+from geoerr.spelling import meant
 from geoerr.terms import MAX_TEXT
 
 

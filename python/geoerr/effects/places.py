@@ -1,26 +1,11 @@
-"""Where in a file something stands, and what a misspelled key was meant to be."""
+"""Where in a file something stands."""
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Collection
 from pathlib import Path
 
 _EFFECT = re.compile(r"\s*\[\[\s*effect\s*\]\]")
-# Spellings that agree this well are one word with a slip of the finger: `unt` and `unit`, `looks_lke` and
-# `looks_like`.
-_SLIP = 0.75
-
-
-def meant(name: str, known: Collection[str], cutoff: float = _SLIP) -> str | None:
-    """Give the known name that a misspelled one was meant to be; None where it is like none."""
-    folded = {word.lower().replace("_", ""): word for word in known}
-    same = folded.get(name.lower().replace("_", ""))
-    if same is not None:
-        return same
-    near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
-    return near[0] if near else None
 
 
 def line_of(path: str | Path, number: int, key: str) -> int | None:

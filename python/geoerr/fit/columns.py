@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from geoerr.fit.sightings import Numbers
 from geoerr.observations import CIRCLE_COLUMNS, COVARIANCE, POINT_COLUMNS, STANDARD_UNCERTAINTY, Observations
+from geoerr.spelling import meant
 from geoerr.summaries import counted, listed
 from geoerr.terms import CLOCK_NAME, PLACE_NAMES, RAW_VARIABLES
 
@@ -16,6 +17,10 @@ from geoerr.terms import CLOCK_NAME, PLACE_NAMES, RAW_VARIABLES
 _OF_COVARIANCE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 # Variables of formulas that geoerr works out itself, whatever column has their name.
 _WORKED_OUT = RAW_VARIABLES - {*POINT_COLUMNS.columns, *CIRCLE_COLUMNS.columns}
+_KNOWN = frozenset({*POINT_COLUMNS.columns, *CIRCLE_COLUMNS.columns})
+# Of names of so many letters one that agrees this well is a slip; a short one may be anybody's.
+_LONG_ENOUGH, _SLIP = 5, 0.85
+_LONG = frozenset(name for name in _KNOWN if len(name) >= _LONG_ENOUGH)
 _OF_AXES = {
     "d": "the direction of travel",
     "s": "the travel since the last reversal",
@@ -28,13 +33,21 @@ _OF_ALL = dict.fromkeys(PLACE_NAMES, "the place on the work") | {CLOCK_NAME: "th
 
 
 def unread_columns(names: Iterable[str]) -> Iterator[str]:
-    """Say of columns whose names are geoerr's own that they are not read."""
+    """Say of columns whose names are geoerr's own that they are not read, and of those that nearly are, too."""
     for name in names:
         if name in _WORKED_OUT:
             kind, _, axis = name.rpartition("_")
             meaning = _OF_ALL.get(name) or _OF_AXES[kind]
             remedy = f"did you mean dir_{axis}?" if kind == "d" else "rename it if an effect is to follow it"
             yield f"the column {name} is not read: the name is geoerr's own, for {meaning}; {remedy}"
+        elif name not in _KNOWN and (word := _nearly(name)):
+            yield f"the column {name!r} is one of your own; did you mean {word}? That is what would be read"
+
+
+def _nearly(name: str) -> str | None:
+    """Give the column of geoerr's that is a slip, or capitals, blanks and underscores, away; None where none is."""
+    twin = meant(name.replace(" ", ""), _KNOWN, cutoff=1.0)
+    return twin or (meant(name, _LONG, cutoff=_SLIP) if len(name) >= _LONG_ENOUGH else None)
 
 
 def stated_rows(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -16,6 +16,8 @@ from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sent
 from geoerr.report.provenance import Provenance
 from geoerr.summaries import by_reason, capitalised
 
+_UNKNOWN = "–"
+
 
 def write_diagnosis_page(path: str | Path, diagnosis: Diagnosis, provenance: Provenance) -> None:
     """Write the page, whole or not at all."""
@@ -93,7 +95,8 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
     """Show the ranking, each finding, its rivals, what has no name, and what was not looked for."""
     sections = []
     if diagnosis.candidates or diagnosis.unknown is not None:
-        caption = "What each candidate is worth, and the held-out error without it and with it."
+        held_out = ", and the held-out error without it and with it" if figures.has_held_out(diagnosis) else ""
+        caption = f"What each candidate is worth{held_out}."
         sections.append(
             Section(
                 "What it is worth",
@@ -141,7 +144,14 @@ def _ranking(diagnosis: Diagnosis) -> Table:
         for finding in (*diagnosis.found, *others)
     )
     header = ("effect", "worth, µm", "p", "held out without, µm", "with, µm", "values")
-    return Table("In the order of finding, then best first", header, rows)
+    return _without_empty_columns(Table("In the order of finding, then best first", header, rows))
+
+
+def _without_empty_columns(table: Table) -> Table:
+    """Leave out the columns of numbers of which none is known."""
+    known = [column for column in range(len(table.header)) if any(row[column] != _UNKNOWN for row in table.rows)]
+    rows = tuple(tuple(row[column] for column in known) for row in table.rows)
+    return Table(table.caption, tuple(table.header[column] for column in known), rows)
 
 
 def _blocks(finding: Finding) -> tuple[Block, ...]:
@@ -171,4 +181,4 @@ def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
+    return _UNKNOWN if value is None else f"{value:.2f}"

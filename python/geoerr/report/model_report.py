@@ -17,6 +17,7 @@ from geoerr.budget import Budget, UncertaintyMap, uncertainty_budget, uncertaint
 from geoerr.column_names import is_temperature
 from geoerr.diagnose import Comparison, Diagnosis, compare, diagnose
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
+from geoerr.diagnose.stages import Stage, stages_of
 from geoerr.diagnose.steps import OnStep
 from geoerr.diagnose.straight_lines import StraightLine, straight_lines
 from geoerr.effects import Effect
@@ -35,7 +36,6 @@ from geoerr.model.program_conditions import (
     without_waves_in_time,
 )
 from geoerr.observations import CircularTest, Lengths, Observations, place_numbers
-from geoerr.report.figures import Stage, stages_of
 from geoerr.report.page import Progress
 from geoerr.summaries import by_reason
 from geoerr.verify.ballbar import (

@@ -24,6 +24,9 @@ from geoerr.summaries import capitalised
 # What stands in a number's place; the column stays one of numbers.
 NOT_DETERMINED, NOT_IN_MODEL, NOT_KNOWN = "not determined", "not in the model", "not known"
 
+# Letters of the longest cell of a column: up to so many a name, which does not break; from so many on sentences.
+_NAME, _SENTENCE = 20, 60
+
 _TEMPLATE = resources.files("geoerr.report") / "page.html"
 
 
@@ -171,8 +174,8 @@ def _block(block: Block, figures: list[go.Figure]) -> str:
 
 
 def _table(table: Table) -> str:
-    numeric = [all(_looks_numeric(row[column]) for row in table.rows) for column in range(len(table.header))]
-    classes = [' class="number"' if flag else "" for flag in numeric]
+    kinds = [_kind([row[column] for row in table.rows]) for column in range(len(table.header))]
+    classes = [f' class="{kind}"' if kind else "" for kind in kinds]
     head = "".join(
         f'<th scope="col"{style}>{escape(name)}</th>' for name, style in zip(table.header, classes, strict=True)
     )
@@ -186,6 +189,14 @@ def _table(table: Table) -> str:
         f'<div class="table"><table><caption>{escape(table.caption)}</caption>\n'
         f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
     )
+
+
+def _kind(cells: Sequence[str]) -> str:
+    """Give the class of a column by its cells: how it is set, and where it may break."""
+    if all(map(_looks_numeric, cells)):
+        return "number"
+    longest = max(map(len, cells))
+    return "name" if longest <= _NAME else "sentences" if longest >= _SENTENCE else ""
 
 
 def _looks_numeric(cell: str) -> bool:

@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from geoerr.diagnose import Change, Comparison, Diagnosis, compare, diagnose
+from geoerr.diagnose import Comparison, Diagnosis, compare, diagnose
 from geoerr.diagnose.change import own_terms, remove_terms
 from geoerr.diagnose.circles import CircleDiagnosis, diagnose_circles
-from geoerr.effects import catalogue, load_effects
+from geoerr.effects import Effect, catalogue, load_effects
 from geoerr.errors import GeoerrError
 from geoerr.fit import FitOptions, fit_model
 from geoerr.measurements import Measurements, read_measurements
@@ -21,12 +21,13 @@ from geoerr.model.document import document_of
 from geoerr.workbench.addition import Addition, fittable, seen_after
 from geoerr.workbench.ahead import begin_ahead
 from geoerr.workbench.calibration import Calibration, calibration_of
-from geoerr.workbench.history import Chapter, Step, figures_of_step, lineage
+from geoerr.workbench.history import Chapter, Step, lineage
 from geoerr.workbench.inputs import ONE_OF_A_KIND, InputFile, dropped
 from geoerr.workbench.job import Advance
 from geoerr.workbench.own_effect import OwnFormula, own_effect
 from geoerr.workbench.program import Wish, correct
 from geoerr.workbench.session import Looked, Seen, Session, Trial
+from geoerr.workbench.side_by_side import SideBySide, if_alike, numbers_told, side_by_side
 from geoerr.workbench.told import told_of
 
 # Panels in which a failure is shown.
@@ -117,7 +118,7 @@ def read_again(
         models = [one for one in files if one.kind == "model"]
         if models and (is_new_model or not steps):
             model = load_model(models[-1].path)
-            steps, current, reference = [Step(_first_name(model, models[-1].name), model, None, {})], 0, 0
+            steps, current, reference = [Step(_first_name(model, models[-1].name), model, None)], 0, 0
         tables = [one.path for one in files if one.kind == "measurements"]
         ranges_mm = steps[current].model.machine.ranges_mm if steps else None
         measured = read_measurements(tables, with_lengths=True, ranges_mm=ranges_mm) if tables else None
@@ -125,15 +126,16 @@ def read_again(
         # Figures belong to the data that they were computed with; the model that is looked at is compared last.
         again = [current]
         if not keeps:
-            again = [one for one in _told_of(steps, current, reference) if one != current] + again
-            steps = [replace(step, figures={}) for step in steps]
+            again = [one for one in numbers_told(steps, current, reference) if one != current] + again
+            steps = [replace(step, figures={}, rows="") for step in steps]
         comparison = None
         if steps and measured is not None:
             for done, number in enumerate(again):
                 advance(done, len(again))
                 comparison = _compared(session, steps[number].model, measured, calibration)
-                steps[number] = replace(steps[number], figures=figures_of_step(comparison))
+                steps[number] = steps[number].compared(comparison)
         seen = None if comparison is None else Seen.of(comparison)
+        beside = side_by_side(steps, current, reference, measured, calibration, session.threads, advance)
 
         def apply() -> None:
             with session.lock:
@@ -142,6 +144,7 @@ def read_again(
                 session.tried = tuple(one for one in session.tried if one.id not in {own.id for own in effects})
                 session.calibration, session.replaced, session.given_again = calibration, replaced, given_again
                 session.steps, session.current, session.reference = steps, current, reference
+                session.beside = beside
                 session.forget_step()
                 session.told = known.told if keeps else None
                 session.program = session.before = None
@@ -168,7 +171,7 @@ def fit_classic(session: Session, components: str) -> None:
             **_calibration(session),
         )
         seen = Seen.of(Comparison(fitted.model, "own", fitted.fitted))
-        return lambda: _take_step(session, f"{components} errors fitted", seen)
+        return _step_to(session, f"{components} errors fitted", seen, advance)
 
     session.begin(f"fitting the {components} errors", DATA, work)
 
@@ -208,17 +211,16 @@ def add(session: Session, reference: str) -> None:
         prepared = session.prepared_of(reference)
         if prepared is not None:
             session.refuse_while_busy()
-            _take_step(session, f"+ {reference}", prepared.seen)
-            session.changed(is_kept=True)
+            _step_at_once(session, f"adding {reference}", f"+ {reference}", prepared.seen)
             return
     addition, diagnosis, ahead = Addition.to(session), session.diagnosis, session.ahead
 
     def work(advance: Advance) -> Callable[[], None]:
         begun = None if ahead is None else ahead(reference, advance)
         if begun is not None:
-            return lambda: _take_step(session, f"+ {reference}", begun.seen)
+            return _step_to(session, f"+ {reference}", begun.seen, advance)
         change = addition.of(reference, diagnosis, advance, advance.say)
-        return _step_of_change(session, f"+ {reference}", change)
+        return _step_to(session, f"+ {reference}", seen_after(change), advance)
 
     session.begin(f"adding {reference}", MISSING, work)
 
@@ -230,7 +232,7 @@ def remove(session: Session, reference: str) -> None:
     def work(advance: Advance) -> Callable[[], None]:
         asked: dict[str, Any] = {"progress": advance, "on_step": advance.say, "threads": session.threads}
         change = remove_terms(model, fittable(data), reference, **asked, **_calibration(session))
-        return _step_of_change(session, f"− {reference}", change)
+        return _step_to(session, f"− {reference}", seen_after(change), advance)
 
     session.begin(f"removing {reference}", DATA, work)
 
@@ -248,7 +250,14 @@ def show(session: Session, number: int) -> None:
             return
         before = session.before
         if before is not None and before.number == number != session.current and not session.is_busy:
-            _look_back(session, before)
+            _at_once(
+                session,
+                f"comparing model {number + 1}",
+                session.steps,
+                number,
+                session.reference,
+                lambda beside: _look_back(session, before, beside),
+            )
             return
     data = session.data
 
@@ -256,11 +265,13 @@ def show(session: Session, number: int) -> None:
         advance(0, 1)
         comparison = _compared(session, step.model, data, session.calibration)
         seen = Seen.of(comparison)
+        steps = [step.compared(comparison) if one is step else one for one in session.steps]
+        beside = _side_by_side(session, steps, number, session.reference, advance)
         advance(1, 1)
 
         def apply() -> None:
             with session.lock:
-                session.steps[number] = replace(step, figures=figures_of_step(comparison))
+                session.steps, session.beside = steps, beside
                 session.before = session.looked()
                 session.current = number
                 session.forget_step()
@@ -283,8 +294,11 @@ def refer_to(session: Session, number: int) -> None:
     """Compare all models with this one from now on."""
     with session.lock:
         if 0 <= number < len(session.steps):
-            session.reference = number
-            session.changed(is_kept=True)
+
+            def apply(beside: SideBySide) -> None:
+                session.reference, session.beside = number, beside
+
+            _at_once(session, f"comparing with model {number + 1}", session.steps, session.current, number, apply)
 
 
 def try_formula(session: Session, typed: OwnFormula) -> None:
@@ -318,9 +332,8 @@ def add_trial(session: Session) -> None:
         trial = session.trial
         if trial is None:
             raise GeoerrError("there is nothing to add\nhint: try the formula first")
-        session.tried = (*(one for one in session.tried if one.id != trial.effect.id), trial.effect)
-        _step_of_change(session, f"+ {trial.terms[0].id}", trial.change)()
-        session.changed(is_kept=True)
+        name = f"+ {trial.terms[0].id}"
+        _step_at_once(session, f"adding {trial.terms[0].id}", name, seen_after(trial.change), trial.effect)
 
 
 def compensate(session: Session, name: str, content: bytes, wish: Wish) -> None:
@@ -368,11 +381,6 @@ def _compared(session: Session, model: Model, data: Measurements, calibration: C
     return compare(model, *data.tables, *data.lengths, threads=session.threads, **vars(calibration))
 
 
-def _told_of(steps: list[Step], current: int, reference: int) -> set[int]:
-    """Give the numbers of the models of which the page tells how the error fell, and the reference among them."""
-    return {*lineage(steps, current), reference} if steps else set()
-
-
 def _is_of_this_work(session: Session, file: InputFile) -> bool:
     """Tell whether a file is of the very model that the session's work began with."""
     return bool(session.steps) and document_of(load_model(file.path)) == document_of(session.steps[0].model)
@@ -389,16 +397,67 @@ def _first_name(model: Model, file_name: str) -> str:
     return "machine without errors" if model.is_nominal else file_name
 
 
-def _step_of_change(session: Session, name: str, change: Change) -> Callable[[], None]:
-    seen = seen_after(change)
-    return lambda: _take_step(session, name, seen)
+def _step_to(session: Session, name: str, seen: Seen | None, advance: Advance) -> Callable[[], None]:
+    """Compare the models with the one that was made, and give what takes the step to it."""
+    steps, reference = _with_step(session, name, seen)
+    beside = _side_by_side(session, steps, len(steps) - 1, reference, advance)
+    return lambda: _take_step(session, steps, seen, beside)
 
 
-def _take_step(session: Session, name: str, seen: Seen | None) -> None:
+def _step_at_once(session: Session, title: str, name: str, seen: Seen | None, *tried: Effect) -> None:
+    """Take the step to a model that is there already, with own effects that it brings."""
+    steps, reference = _with_step(session, name, seen)
+
+    def apply(beside: SideBySide) -> None:
+        ids = {one.id for one in tried}
+        session.tried = (*(one for one in session.tried if one.id not in ids), *tried)
+        _take_step(session, steps, seen, beside)
+
+    _at_once(session, title, steps, len(steps) - 1, reference, apply)
+
+
+def _at_once(
+    session: Session,
+    title: str,
+    steps: list[Step],
+    current: int,
+    reference: int,
+    apply: Callable[[SideBySide], None],
+) -> None:
+    """Do what needs no work but that the models may have to be compared on fewer rows first, in the background."""
+    beside = if_alike(steps, current, reference)
+    if beside is not None:
+        apply(beside)
+        session.changed(is_kept=True)
+        return
+
+    def work(advance: Advance) -> Callable[[], None]:
+        found = _side_by_side(session, steps, current, reference, advance)
+
+        def applied() -> None:
+            with session.lock:
+                apply(found)
+
+        return applied
+
+    session.begin(title, DATA, work)
+
+
+def _side_by_side(session: Session, steps: list[Step], current: int, reference: int, advance: Advance) -> SideBySide:
+    return side_by_side(steps, current, reference, session.measured, session.calibration, session.threads, advance)
+
+
+def _with_step(session: Session, name: str, seen: Seen | None) -> tuple[list[Step], int]:
+    """Give the steps with one more, and the reference: the first where the other one is on no way to it."""
+    assert seen is not None
+    step = Step(name, seen.comparison.model, session.current).compared(seen.comparison)
+    steps = [*session.steps, step]
+    return steps, session.reference if session.reference in lineage(steps, len(steps) - 1) else 0
+
+
+def _take_step(session: Session, steps: list[Step], seen: Seen | None, beside: SideBySide) -> None:
     with session.lock:
-        assert seen is not None
-        step = Step(name, seen.comparison.model, session.current, figures_of_step(seen.comparison))
-        session.steps = [*session.steps, step]
+        session.steps, session.beside = steps, beside
         session.before = session.looked()
         session.current = len(session.steps) - 1
         if session.reference not in lineage(session.steps, session.current):
@@ -407,15 +466,14 @@ def _take_step(session: Session, name: str, seen: Seen | None) -> None:
         _look(session, seen)
 
 
-def _look_back(session: Session, before: Looked) -> None:
+def _look_back(session: Session, before: Looked, beside: SideBySide) -> None:
     """Look again at the model before this one, as it was, with what was found missing in it."""
     session.before = session.looked()
-    session.current = before.number
+    session.current, session.beside = before.number, beside
     session.forget_step()
     session.diagnosis, session.told, session.prepared = before.diagnosis, before.told, before.prepared
     _look(session, before.seen)
     begin_ahead(session, Addition.to(session))
-    session.changed(is_kept=True)
 
 
 def _look(session: Session, seen: Seen | None) -> None:

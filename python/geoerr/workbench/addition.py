@@ -103,8 +103,8 @@ def _said_ahead(say: Callable[[str], None], reference: str, what: str) -> None:
 
 
 def seen_after(change: Change) -> Seen | None:
-    """Look at the model that a change gives."""
-    return Seen.of(Comparison(change.result.model, "own", change.after))
+    """Look at the model that a change gives, on all rows that it can do with: without an effect these may be more."""
+    return Seen.of(Comparison(change.result.model, "own", change.result.fitted))
 
 
 def fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:

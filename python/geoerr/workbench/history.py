@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from geoerr.diagnose import Comparison
-from geoerr.fit import figures_document
+from geoerr.fit import digest_of, figures_document
 from geoerr.model import Model
-from geoerr.report.figures import Stage, stages_of
 from geoerr.workbench.inputs import InputFile
 from geoerr.workbench.told import Told
+
+# Name to value; None of what is not computable.
+Figures: TypeAlias = Mapping[str, float | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +30,19 @@ class Step:
         Number of the step that it came from; None of the first.
     figures
         As `figures_document` gives them; empty until it was compared.
+    rows
+        Digest of the rows that it was compared with: an effect may need a column that is empty in some.
     """
 
     name: str
     model: Model
     parent: int | None
-    figures: Mapping[str, float | None]
+    figures: Figures = field(default_factory=dict)
+    rows: str = ""
+
+    def compared(self, comparison: Comparison) -> Step:
+        """Give the same with its figures."""
+        return replace(self, figures=figures_of_comparison(comparison), rows=rows_of(comparison))
 
     @property
     def effects(self) -> tuple[tuple[str, str], ...]:
@@ -72,7 +82,12 @@ class Chapter:
         return f"{step.model.machine.name or 'machine'} · {self.current + 1}. {step.name}"
 
 
-def figures_of_step(comparison: Comparison) -> dict[str, float | None]:
+def rows_of(comparison: Comparison) -> str:
+    """Give the digest of the rows that take part; nothing of lengths, which all models have."""
+    return "" if comparison.fitted is None else digest_of(comparison.fitted.sightings)
+
+
+def figures_of_comparison(comparison: Comparison) -> Figures:
     """Give the figures that a step remembers."""
     if comparison.fitted is None:
         return {"rmse_um": comparison.rmse_um}
@@ -81,22 +96,9 @@ def figures_of_step(comparison: Comparison) -> dict[str, float | None]:
     return {name: figures[name] for name in kept}
 
 
-def lineage(steps: list[Step], number: int) -> tuple[int, ...]:
+def lineage(steps: Sequence[Step], number: int) -> tuple[int, ...]:
     """Give the numbers of the steps that led to one, itself last."""
     found = [number]
     while (parent := steps[found[-1]].parent) is not None:
         found.append(parent)
     return tuple(reversed(found))
-
-
-def story(steps: list[Step], number: int) -> tuple[Stage, ...]:
-    """Tell how the error fell on the way to a step: a model that came with a history begins with that.
-
-    Names begin with the numbers that the page has for the steps, whichever of them are on the way.
-    """
-    numbers = lineage(steps, number)
-    first = steps[numbers[0]].model.record
-    earlier = () if first is None else stages_of(first.history)[:-1]
-    before = (Stage(f"before {one}. {stage.name}", stage.figures) for one, stage in enumerate(earlier, start=1))
-    own = (Stage(f"{one + 1}. {steps[one].name}", steps[one].figures) for one in numbers if steps[one].figures)
-    return (*before, *own)

@@ -22,7 +22,7 @@ _FIGURES = (
         "the same on passes that the fit did not see: the better model has less",
     ),
 )
-_NOISE = "what repeats scatter, or what is stated: no model gets below it"
+_NOISE = "what repeats scatter, or what is stated: between a right model's residual and its held-out error"
 
 
 _KINDS: dict[Kind, str] = {
@@ -120,10 +120,10 @@ def _model(session: Session) -> list[Any]:
 
 def _history(session: Session) -> Any:
     told, figure = _compared_by(session)
-    known = session.steps[session.reference].figures.get(figure) if session.steps else None
+    errors = [session.beside.of(session.steps, number).get(figure) for number in range(len(session.steps))]
+    known = errors[session.reference] if errors else None
     rows = []
-    for number, step in enumerate(session.steps):
-        error = step.figures.get(figure)
+    for number, (step, error) in enumerate(zip(session.steps, errors, strict=True)):
         is_reference, is_current = number == session.reference, number == session.current
         rows.append(
             html.Tr(
@@ -138,15 +138,19 @@ def _history(session: Session) -> Any:
                 className="current" if is_current else "",
             )
         )  # fmt: skip
-    explanation = f"{told}, µm; beside it the difference to the reference ★."
-    if session.measured is not None and not all(step.figures for step in session.steps):
-        explanation += " A model with a dash was not compared with these data yet: look at it."
+    explanation = f"{told}, µm; beside it the difference to the reference ★. {session.beside.words}".rstrip()
+    if session.measured is not None and not all(_is_compared(session, number) for number in range(len(errors))):
+        explanation += " A model with a dash has no figure on these rows: look at it."
     return section(
         "Models so far",
         [html.Table(html.Tbody(rows), className="history") if rows else html.P("None yet."), *_earlier(session)],
         name="history",
         explanation=explanation,
     )
+
+
+def _is_compared(session: Session, number: int) -> bool:
+    return bool(session.beside.of(session.steps, number))
 
 
 def _earlier(session: Session) -> list[Any]:

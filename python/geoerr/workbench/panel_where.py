@@ -10,11 +10,11 @@ from dash import dcc, html
 from geoerr.diagnose.regions import Region, region_name
 from geoerr.machine import AXES
 from geoerr.report.figures import error_fall, variable_label, variable_unit
-from geoerr.summaries import counted
-from geoerr.workbench.history import story
+from geoerr.summaries import capitalised, counted
 from geoerr.workbench.parts import button, signed, um
 from geoerr.workbench.pictures import CONFIG, WITHOUT_BUTTONS, in_panel, span_of
 from geoerr.workbench.session import Rows, Seen, Session
+from geoerr.workbench.side_by_side import story
 from geoerr.workbench.view import CIRCLE, LARGEST_POWER, LEAST_POWER, LOOKS, STANDS, View
 
 # Twice the pixels each way, Plotly's usual, are four times the work where no graphics card does it.
@@ -248,11 +248,11 @@ def marked_words(session: Session) -> list[Any]:
 
 def fall_graph(session: Session) -> Any:
     """Draw the error from model to model."""
-    stages = story(session.steps, session.current) if session.steps else ()
+    stages = story(session.steps, session.current, session.beside) if session.steps else ()
     if not stages:
         return html.Div()
     figure = error_fall(stages[-_STEPS_DRAWN:], is_numbered=True)
-    noise = figure.layout.title.subtitle.text
+    noise = capitalised(figure.layout.title.subtitle.text)
     in_panel(figure, "fall", margin={"l": 10, "r": 40, "t": _ABOVE_PX, "b": _AXIS_PX})
     # In a narrow window Plotly's own legend takes a second line out of the bars.
     figure.update_layout(showlegend=False)
@@ -263,10 +263,16 @@ def fall_graph(session: Session) -> Any:
     return html.Div(
         [
             html.Div(
-                [html.H2("How the error falls"), html.Span(noise[:1].upper() + noise[1:], className="why")],
+                [html.H2("How the error falls"), html.Span(noise, className="why")],
                 className="headed",
             ),
-            html.Div([_key(trace.marker.color, trace.name) for trace in reversed(figure.data)], className="legend"),
+            html.Div(
+                [
+                    *(_key(trace.marker.color, trace.name) for trace in reversed(figure.data)),
+                    html.Span(session.beside.words),
+                ],
+                className="legend",
+            ),
             dcc.Graph(figure=figure, config=WITHOUT_BUTTONS, responsive=True, style={"height": height}),
         ]
     )

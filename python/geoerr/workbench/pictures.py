@@ -218,8 +218,9 @@ def residual_picture(session: Session, seen: Seen, explained_um: Numbers | None)
         axis.title.text = axis.title.text.removeprefix("along ")
     # The first part tells the axes apart from those of another choice: zoom is kept while they are the same.
     panel = in_panel(figure, f"residual {view.variable}", margin={"l": 62, "r": 10, "t": 26, "b": 44})
-    # From the panel's edge on: the buttons that a pointer brings up stand at the right.
-    panel.update_layout(legend={"xref": "container", "x": 0.0})
+    # From the panel's edge on: the buttons that a pointer brings up stand at the right. Of one that belongs to the
+    # panel sideways only Plotly leaves all the width to its left to it, and none to the axis's title.
+    panel.update_layout(legend={"xref": "container", "x": 0.0, "yref": "container", "y": 1.0, "yanchor": "top"})
     if CIRCLE in seen.looks and len(seen.looks) == 1:
         return Picture(
             panel, "Measured minus predicted radius. Drag a box over points to mark them in the circle too."

@@ -32,6 +32,7 @@ from geoerr.workbench.job import Advance, Job, Work
 from geoerr.workbench.own_effect import OwnFormula
 from geoerr.workbench.page_words import on_the_page
 from geoerr.workbench.program import CorrectedProgram
+from geoerr.workbench.side_by_side import SideBySide
 from geoerr.workbench.told import Told
 from geoerr.workbench.view import CIRCLE, LOOKS, View
 
@@ -158,6 +159,8 @@ class Session:
         Names of machines and models that were given again when files were last given: those that the session is of.
     steps, current, reference
         The models, which of them is looked at, and which the others are compared with.
+    beside
+        How the models compare on the rows that all have of which the page tells.
     earlier
         The work before another machine or model began anew.
     seen, diagnosis, told, prepared, trial, selected, program, dropped
@@ -194,6 +197,7 @@ class Session:
     steps: list[Step] = field(default_factory=list)
     current: int = 0
     reference: int = 0
+    beside: SideBySide = field(default_factory=SideBySide)
     earlier: tuple[Chapter, ...] = ()
     seen: Seen | None = None
     diagnosis: Diagnosis | CircleDiagnosis | None = None

@@ -73,6 +73,7 @@ def _chapter_document(chapter: Chapter) -> dict[str, Any]:
                 "name": step.name,
                 "parent": step.parent,
                 "figures": dict(step.figures),
+                "rows": step.rows,
                 "model": document_of(step.model),
             }
             for step in chapter.steps
@@ -90,6 +91,8 @@ def _chapter_from(document: Mapping[str, Any], session: Session, path: Path) -> 
             model_from_document(one["model"], path),
             one["parent"],
             {name: value for name, value in one["figures"].items()},
+            # Sessions from before it was kept have none: the models are compared again.
+            str(one.get("rows", "")),
         )
         for one in document["steps"]
     )

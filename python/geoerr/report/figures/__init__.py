@@ -6,7 +6,7 @@ from geoerr.report.figures.circle import circle, circular_test, predicted_circle
 from geoerr.report.figures.diagnosis import circle_causes, diagnosis_bars, unknown_curve
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field
-from geoerr.report.figures.fall import Stage, diagnosis_fall, error_fall, stages_of
+from geoerr.report.figures.fall import diagnosis_fall, error_fall
 from geoerr.report.figures.measurement import measurement_residuals
 from geoerr.report.figures.nine_lines import LineCurve, lines_of_errors, nine_lines
 from geoerr.report.figures.of_model import (
@@ -36,7 +36,6 @@ from geoerr.report.figures.uncertainty import budget_slices, uncertainty_slices
 __all__ = [
     "CalibrationView",
     "LineCurve",
-    "Stage",
     "budget_slices",
     "calibration_quality",
     "calibration_views",
@@ -72,7 +71,6 @@ __all__ = [
     "residual_of_regions",
     "residual_over",
     "residual_vectors",
-    "stages_of",
     "state_curves",
     "uncertainty_slices",
     "unknown_curve",

@@ -25,7 +25,7 @@ _COLORS = {_FOUND: style.BLUE, _TIED: style.ORANGE, _LEFT: "#AAAAAA", _UNKNOWN: 
 
 
 def diagnosis_bars(diagnosis: Diagnosis) -> go.Figure:
-    """Draw what each candidate is worth, and beside it the held-out error without it and with it.
+    """Draw what each candidate is worth, and beside it the held-out error without it and with it, where it is known.
 
     What was found comes first, in the order in which it was added, then the other candidates for the first. Hatched
     bars are the cameras' errors; the dashed line is the noise.
@@ -42,10 +42,10 @@ def diagnosis_bars(diagnosis: Diagnosis) -> go.Figure:
             "hint: the verdict is " + diagnosis.verdict
         )
     names = [name for name, *_ in rows]
-    figure = make_subplots(
-        rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.04, column_widths=[0.55, 0.45],
-        subplot_titles=("worth, µm rms", "held-out error, µm: without ○ and with ●"),
-    )  # fmt: skip
+    both = {"column_widths": [0.55, 0.45], "horizontal_spacing": 0.04, "shared_yaxes": True}
+    titles = ("worth, µm rms", "held-out error, µm: without ○ and with ●")
+    n_plots = 2 if has_held_out(diagnosis) else 1
+    figure = make_subplots(cols=n_plots, subplot_titles=titles[:n_plots], **(both if n_plots == 2 else {}))
     for kind, color in _COLORS.items():
         own = [(name, worth, is_rig) for name, this, worth, is_rig, *_ in rows if this == kind]
         if not own:
@@ -65,6 +65,29 @@ def diagnosis_bars(diagnosis: Diagnosis) -> go.Figure:
             row=1,
             col=1,
         )
+    noise = _add_held_out(figure, diagnosis, rows) if n_plots == 2 else ""
+    figure.update_yaxes(autorange="reversed", showgrid=False, categoryorder="array", categoryarray=names)
+    figure.update_xaxes(rangemode="tozero")
+    largest = max((worth for _, _, worth, *_ in rows), default=1.0)
+    figure.update_xaxes(range=[0.0, 1.15 * largest], row=1, col=1)
+    figure.update_layout(bargap=0.35)
+    return style.finish(
+        figure,
+        "What is missing, and what it is worth",
+        f"By the part of it that the model cannot do itself. Hatched: the cameras' own.{noise}",
+        style.HEADING_PX + style.LEGEND_PX + _OTHER_PX + 30 + _ROW_PX * max(len(rows), 3),
+        above_plots_px=30,
+        legend=True,
+    )
+
+
+def has_held_out(diagnosis: Diagnosis) -> bool:
+    """Tell whether of any candidate the held-out error without it and with it is known: what was left has none."""
+    return any(before_um is not None and after_um is not None for *_, before_um, after_um in _rows(diagnosis))
+
+
+def _add_held_out(figure: go.Figure, diagnosis: Diagnosis, rows: Sequence[_Row]) -> str:
+    """Draw the held-out errors and the noise, and say what the line of it is."""
     for name, kind, _, _, before_um, after_um in rows:
         if before_um is None or after_um is None:
             continue
@@ -83,22 +106,10 @@ def diagnosis_bars(diagnosis: Diagnosis) -> go.Figure:
             col=2,
         )
     noise_um = diagnosis.noise_floor_um if diagnosis.noise_floor_um is not None else diagnosis.fitted.split.noise_um
-    if noise_um is not None:
-        figure.add_vline(x=noise_um, line={"color": style.INK, "dash": "dash", "width": 1.4}, row=1, col=2)
-    figure.update_yaxes(autorange="reversed", showgrid=False, categoryorder="array", categoryarray=names)
-    figure.update_xaxes(rangemode="tozero")
-    largest = max((worth for _, _, worth, *_ in rows), default=1.0)
-    figure.update_xaxes(range=[0.0, 1.15 * largest], row=1, col=1)
-    figure.update_layout(bargap=0.35)
-    noise = "" if noise_um is None else f" Dashed: noise {style.text_um(noise_um)}."
-    return style.finish(
-        figure,
-        "What is missing, and what it is worth",
-        f"By the part of it that the model cannot do itself. Hatched: the cameras' own.{noise}",
-        style.HEADING_PX + style.LEGEND_PX + _OTHER_PX + 30 + _ROW_PX * max(len(rows), 3),
-        above_plots_px=30,
-        legend=True,
-    )
+    if noise_um is None:
+        return ""
+    figure.add_vline(x=noise_um, line={"color": style.INK, "dash": "dash", "width": 1.4}, row=1, col=2)
+    return f" Dashed: noise {style.text_um(noise_um)}."
 
 
 def circle_causes(diagnosis: CircleDiagnosis) -> go.Figure:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import plotly.graph_objects as go
 
 from geoerr.diagnose import Diagnosis
 from geoerr.diagnose.error_scale import ErrorScale
-from geoerr.model import HistoryEntry
+from geoerr.diagnose.stages import Stage
 from geoerr.report.figures import style
 
 _ROW_PX, _OTHER_PX = 46, 60
+# A fit follows some of the noise in the rows that it sees, and misses the others by as much again.
+_RIGHT_MODEL = "between a right model's residual and its held-out error"
 # Figure of a stage, to what its bar is called, and its colour.
 _BARS = (
     ("held_out_rmse_um", "held out: rows that the fit did not see", style.ORANGE),
@@ -25,44 +26,6 @@ _MOST_DECADES_OF_125 = 3.0
 # Of a linear axis: its length beside the longest bar; the share of it that a figure takes, and the pixels that it has
 # at most; pixels of a blank, and between the line of the noise and a figure.
 _LINEAR_ROOM, _FIGURE_SHARE, _WIDEST_PX, _BLANK_PX, _GAP_PX = 1.15, 0.08, 700.0, 3.0, 6.0
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One model of a story.
-
-    Attributes
-    ----------
-    name
-        What was done to get it.
-    figures
-        `rmse_um`, `held_out_rmse_um`, `noise_floor_um`, `noise_um`; NaN or absent where not computable.
-    """
-
-    name: str
-    figures: Mapping[str, float | None]
-
-    def figure(self, name: str) -> float | None:
-        """Give a figure; None where it is not computable."""
-        value = self.figures.get(name)
-        return value if value is not None and math.isfinite(value) else None
-
-    @property
-    def noise_um(self) -> float | None:
-        """The noise: what repeats scatter, else what is stated."""
-        floor = self.figure("noise_floor_um")
-        return floor if floor is not None else self.figure("noise_um")
-
-
-def stages_of(history: Sequence[HistoryEntry]) -> tuple[Stage, ...]:
-    """Tell the story that a model's own history holds; none where nothing was added or removed."""
-    if not history:
-        return ()
-    steps = [
-        Stage(f"{'+' if entry.action == 'added' else '−'} {entry.reference}", entry.figures_after)
-        for entry in history
-    ]
-    return (Stage("at first", history[0].figures_before), *steps)
 
 
 def diagnosis_fall(diagnosis: Diagnosis) -> go.Figure:
@@ -77,7 +40,7 @@ def diagnosis_fall(diagnosis: Diagnosis) -> go.Figure:
 
 
 def error_fall(stages: Sequence[Stage], *, is_numbered: bool = False) -> go.Figure:
-    """Draw a pair of bars for each model, residual and held out, and the noise that no model gets below.
+    """Draw a pair of bars for each model, residual and held out, and the noise, between those of a right one.
 
     Where errors differ too much for one linear axis (`ErrorScale`) it is logarithmic, and bars begin at the noise.
 
@@ -153,5 +116,7 @@ def _set_axis(figure: go.Figure, scale: ErrorScale) -> None:
 def _explained(scale: ErrorScale, noise_um: float | None) -> str:
     if noise_um is None:
         return "logarithmic axis" if scale.is_logarithmic else ""
-    told = "where bars begin on this logarithmic axis" if scale.begin_um == noise_um else "which no model gets below"
+    told = _RIGHT_MODEL
+    if scale.begin_um == noise_um:
+        told = "where bars begin on this logarithmic axis"
     return f"dashed: the noise, {style.text_um(noise_um)}, {told}"

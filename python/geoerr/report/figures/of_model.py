@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import plotly.graph_objects as go
 
+from geoerr.diagnose.stages import stages_of
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
@@ -13,7 +14,7 @@ from geoerr.model.program_conditions import approach_conditions
 from geoerr.report.figures.circle import predicted_circles
 from geoerr.report.figures.error_curves import error_curves
 from geoerr.report.figures.error_field import error_field, field_difference
-from geoerr.report.figures.fall import error_fall, stages_of
+from geoerr.report.figures.fall import error_fall
 from geoerr.report.figures.positioning import positioning_curves
 from geoerr.verify.ballbar import middle_circle, predict_trace
 from geoerr.verify.circle import PLANES
