@@ -279,6 +279,18 @@ def test_squareness_at_an_unknown_rotation_is_not_given() -> None:
     assert_recovered(truth, result.errors)
 
 
+@pytest.mark.parametrize("short", [("line 1",), ("line 1", "line 4", "line 5")])
+def test_squareness_beside_a_line_that_begins_elsewhere_is_not_given(short: tuple[str, ...]) -> None:
+    """X lines from the middle on, the Y line at x = 0: S where the table begins was told by that at the line."""
+    truth, cameras = truth_and_cameras(31)
+    observations = observe(MACHINE, truth, li_nine_lines(MACHINE), cameras)
+    middle_mm = float(np.median(observations.frame.filter(pl.col("line") == "line 1")["x"].to_numpy()))
+    is_cut = pl.col("line").is_in(list(short)) & (pl.col("x") < middle_mm)
+    cut = Observations(observations.frame.filter(~is_cut), observations.sources)
+    whys = {item.name: item.why for item in identify_nine_line(cut, MACHINE).not_determined}
+    assert "the Y line was taken at X = 0 mm, where the angle that turns it is not known" in whys["EC0Y"]
+
+
 def test_squareness_of_two_lines_turned_alike_needs_no_angle() -> None:
     """X and Y lines at the same z of an axis below both that was never measured."""
     chain = "wbZXYt"

@@ -78,3 +78,19 @@ def _is_visited(positions: Numbers, union: Numbers) -> npt.NDArray[np.intp]:
 def _largest_step(positions: Numbers, low: float, high: float) -> float:
     inside = positions[(positions >= low - SAME_POSITION_MM) & (positions <= high + SAME_POSITION_MM)]
     return float(np.max(np.diff(np.concatenate([[low], inside, [high]]))))
+
+
+def is_first(position_mm: float, nodes_mm: Numbers) -> bool:
+    """Tell whether an axis stood at its first node, or before it by no more than the nodes are apart."""
+    first = float(nodes_mm[0])
+    return first - _spacing_mm(nodes_mm) <= position_mm + SAME_POSITION_MM <= first + 2.0 * SAME_POSITION_MM
+
+
+def is_beyond(position_mm: float, nodes_mm: Numbers) -> bool:
+    """Tell whether an axis stood farther from its nodes than they are from each other."""
+    reach_mm = _spacing_mm(nodes_mm) + SAME_POSITION_MM
+    return not float(nodes_mm[0]) - reach_mm <= position_mm <= float(nodes_mm[-1]) + reach_mm
+
+
+def _spacing_mm(nodes_mm: Numbers) -> float:
+    return float(nodes_mm[-1] - nodes_mm[0]) / max(len(nodes_mm) - 1, 1)

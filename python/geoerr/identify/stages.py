@@ -11,8 +11,7 @@ from geoerr.identify.frames import SessionFrame
 from geoerr.identify.levers import axes_that_turn
 from geoerr.identify.linear import Numbers
 from geoerr.identify.measurements import Measurements
-from geoerr.identify.nodes import choose_nodes
-from geoerr.identify.passes import SAME_POSITION_MM
+from geoerr.identify.nodes import choose_nodes, is_first
 from geoerr.identify.places import Places
 from geoerr.identify.transverse import Transverse, identify_transverse
 from geoerr.machine import AXES, Machine
@@ -64,12 +63,11 @@ def run_stages(
             if along.n_outside:
                 notes.append(f"{along.n_outside} points along {axis.upper()} lie outside the lines' common range")
         stages.along[axis] = along
-    first_mm = {axis: float(nodes[0]) for axis, nodes in stages.nodes_mm.items()}
     known = {axis: angles_of(axis, along, None) for axis, along in stages.along.items()}
-    for axis in _carrying_first(by_axis, machine, first_mm):
+    for axis in _carrying_first(by_axis, machine, stages.nodes_mm):
         base_mm = places.base_mm[axis]
         transverse = identify_transverse(
-            by_axis[axis], data, frames, machine, stages.nodes_mm[axis], base_mm, known, first_mm
+            by_axis[axis], data, frames, machine, stages.nodes_mm[axis], base_mm, known, stages.nodes_mm
         )
         stages.transverse[axis] = transverse
         known[axis] = angles_of(axis, stages.along[axis], transverse)
@@ -78,10 +76,10 @@ def run_stages(
 
 
 def _carrying_first(
-    by_axis: Mapping[str, Sequence[FittedPass]], machine: Machine, first_mm: Mapping[str, float]
+    by_axis: Mapping[str, Sequence[FittedPass]], machine: Machine, nodes_mm: Mapping[str, Numbers]
 ) -> list[str]:
     """Order the axes so that each comes after those whose rotation turns its lines."""
-    needs = {axis: _turned_by(members, machine, first_mm) & set(by_axis) for axis, members in by_axis.items()}
+    needs = {axis: _turned_by(members, machine, nodes_mm) & set(by_axis) for axis, members in by_axis.items()}
     order: list[str] = []
     while len(order) < len(by_axis):
         waiting = [axis for axis in by_axis if axis not in order]
@@ -91,10 +89,10 @@ def _carrying_first(
     return order
 
 
-def _turned_by(members: Sequence[FittedPass], machine: Machine, first_mm: Mapping[str, float]) -> set[str]:
+def _turned_by(members: Sequence[FittedPass], machine: Machine, nodes_mm: Mapping[str, Numbers]) -> set[str]:
     return {
         other
         for one in members
         for other in axes_that_turn(machine, one.source.carrier, one.source.axis)
-        if one.source.parked_mm[AXES.index(other)] > first_mm.get(other, 0.0) + SAME_POSITION_MM
+        if other not in nodes_mm or not is_first(float(one.source.parked_mm[AXES.index(other)]), nodes_mm[other])
     }

@@ -41,8 +41,7 @@ from geoerr.identify.least_squares import Solution, solve
 from geoerr.identify.levers import axes_that_turn
 from geoerr.identify.linear import Curve, Indices, Linear, Numbers, from_rows, interpolation, stacked, zeros
 from geoerr.identify.measurements import Measurements
-from geoerr.identify.nodes import within
-from geoerr.identify.passes import SAME_POSITION_MM
+from geoerr.identify.nodes import is_beyond, is_first, within
 from geoerr.identify.places import SAME_PLACE_MM
 from geoerr.machine import AXES, Machine
 
@@ -121,7 +120,7 @@ def identify_transverse(
     nodes_mm: Numbers,
     base_mm: Numbers,
     known: Angles,
-    first_mm: Mapping[str, float],
+    all_nodes_mm: Mapping[str, Numbers],
 ) -> Transverse | None:
     """Find straightness and roll of one axis.
 
@@ -137,8 +136,8 @@ def identify_transverse(
         Lever of the base line.
     known
         Angles found so far: pitch and yaw of this axis, and all angles of the axes that carry it.
-    first_mm
-        First position of each measured axis, where its angles are 0 by convention.
+    all_nodes_mm
+        Positions of each measured axis: at the first its angles are 0, beyond the ends they are unknown.
 
     Returns
     -------
@@ -146,7 +145,7 @@ def identify_transverse(
         None where no session shows components across the axis.
     """
     axis = passes[0].source.axis
-    rows = _collect(passes, data, frames, machine, nodes_mm, base_mm, known, first_mm)
+    rows = _collect(passes, data, frames, machine, nodes_mm, base_mm, known, all_nodes_mm)
     if rows is None:
         return None
     open_angles = [direction for direction in rows.components if direction not in known.get(axis, {})]
@@ -177,7 +176,7 @@ def _collect(
     nodes_mm: Numbers,
     base_mm: Numbers,
     known: Angles,
-    first_mm: Mapping[str, float],
+    all_nodes_mm: Mapping[str, Numbers],
 ) -> _Rows | None:
     axis = passes[0].source.index
     components = ((axis + 1) % 3, (axis + 2) % 3)
@@ -197,7 +196,7 @@ def _collect(
         points = np.where(one.source.components, data.measured_mm[one.source.rows[inside]], 0.0)
         points = one.source.sign * (points - points.mean(axis=0))
         direction = base_rows @ frame.direction[one.source.axis]
-        turns[number], keys[number] = _turned_by_parked(one, machine, known, first_mm)
+        turns[number], keys[number] = _turned_by_parked(one, machine, known, all_nodes_mm)
         parts["number"].append(np.full(len(q), number))
         parts["row"].append(one.source.rows[inside])
         parts["q"].append(q)
@@ -227,7 +226,7 @@ def _collect(
 
 
 def _turned_by_parked(
-    one: FittedPass, machine: Machine, known: Angles, first_mm: Mapping[str, float]
+    one: FittedPass, machine: Machine, known: Angles, all_nodes_mm: Mapping[str, Numbers]
 ) -> tuple[Linear, tuple[SlopeKey, SlopeKey]]:
     """Give the slopes (2,) that parked axes give a line by their rotation, and what of them is not known.
 
@@ -240,11 +239,13 @@ def _turned_by_parked(
     unknown: tuple[list[tuple[str, float]], list[tuple[str, float]]] = ([], [])
     for other in axes_that_turn(machine, one.source.carrier, one.source.axis):
         parked = float(one.source.parked_mm[AXES.index(other)])
-        if other in first_mm and parked <= first_mm[other] + SAME_POSITION_MM:
-            continue
         for number, (direction, sign) in enumerate(((third, one.source.sign), (second, -one.source.sign))):
             curve = known.get(other, {}).get(direction)
-            if curve is None:
+            # An angle is 0 where its own curve begins, which may be behind where other lines do.
+            nodes_mm = all_nodes_mm.get(other) if curve is None else curve.position_mm
+            if nodes_mm is not None and is_first(parked, nodes_mm):
+                continue
+            if curve is None or is_beyond(parked, curve.position_mm):
                 unknown[number].append((other, round(parked, 3)))
                 continue
             place = np.zeros((2, 1))
