@@ -63,6 +63,11 @@ def listed(texts: Sequence[str], last: str = "and") -> str:
     return ", ".join(texts) if len(texts) < 2 else f"{', '.join(texts[:-1])} {last} {texts[-1]}"
 
 
+def place_of_row(file_row: float, row: int) -> str:
+    """Say where a row stands: the line of its file that an editor shows; without one its number, from 1."""
+    return f"line {file_row:.0f} of its file" if math.isfinite(file_row) else f"row {row + 1}"
+
+
 def counted(count: int, what: str, *, grouped: bool = False) -> str:
     """Write `1 pass`, `2 passes`; large numbers in groups of three digits if asked."""
     number = f"{count:,}" if grouped else f"{count}"

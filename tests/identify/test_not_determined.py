@@ -366,3 +366,16 @@ def test_direct_straightness_that_stands_aside_says_where_it_holds_too() -> None
     moves = [Move(axis, "tool", slanted, (0.0, 300.0, 0.0), line=axis) for axis in "xy"]
     errors = identify_nine_line(observe(MACHINE, truth, moves, cameras), MACHINE, straightness="integrated")
     assert any("own place only" in note and note.endswith("EZX (direct)") for note in errors.notes)
+
+
+def test_rows_far_off_their_line_are_told() -> None:
+    """Four rows 30 mm off made every uncertainty hundreds of times larger, and none was named."""
+    truth, cameras = truth_and_cameras(32)
+    observations = observe(MACHINE, truth, li_nine_lines(MACHINE), cameras)
+    assert not any("far from the others" in note for note in identify_nine_line(observations, MACHINE).notes)
+    off = pl.when(pl.int_range(pl.len()).is_in([3, 40])).then(30.0).when(pl.int_range(pl.len()) == 70).then(-45.0)
+    wrong = observations.frame.with_columns(mz=pl.col("mz") + off.otherwise(0.0))
+    (note,) = (
+        note for note in identify_nine_line(Observations(wrong), MACHINE).notes if "far from the others" in note
+    )
+    assert note.startswith("3 rows are far from the others of the line, the farthest by 45 mm (line 72 of its file)")

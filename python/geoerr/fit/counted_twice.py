@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from geoerr.fit.sightings import Integers, Sightings
-from geoerr.summaries import counted
+from geoerr.summaries import counted, place_of_row
 
 # So many rows are not the same by chance.
 _LEAST_TO_BE_THE_SAME = 6
@@ -43,8 +43,7 @@ def _rows(sightings: Sightings) -> Iterator[str]:
     if not again.any():
         return
     count, first = int(again.sum()), int(np.argmax(again))
-    file_row = sightings.numbers("file_row")[first]
-    place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {first + 1}"
+    place = place_of_row(float(sightings.numbers("file_row")[first]), first)
     yield (
         f"{counted(count, 'row')}, the first in {place}, {'is' if count == 1 else 'are'} the same as another of the "
         "session, digit for digit: one reading counts twice, and all seems surer than it is; give each file once, "

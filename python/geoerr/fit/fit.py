@@ -49,7 +49,7 @@ from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, wh
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
-from geoerr.summaries import counted
+from geoerr.summaries import counted, place_of_row
 from geoerr.terms import BasisSpec, Term
 
 Freedom = Literal["knots", "smooth", "elements"]
@@ -701,8 +701,7 @@ def _not_finite(
     terms: Sequence[Term], compiled: Compiled, sightings: Sightings, row: int, column: int
 ) -> GeometryError:
     term = next(one for one, own in zip(terms, compiled.coefficient_slices, strict=True) if column < own.stop)
-    file_row = sightings.numbers("file_row")[row]
-    place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {row + 1}"
+    place = place_of_row(float(sightings.numbers("file_row")[row]), row)
     at = ", ".join(f"{value:g}" for value in sightings.commanded_mm[row])
     formula = next((part.expression for part in term.parts if part.expression), "")
     return GeometryError(

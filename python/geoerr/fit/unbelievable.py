@@ -10,7 +10,7 @@ import numpy.typing as npt
 from geoerr.fit.columns import stated_rows
 from geoerr.fit.sightings import Numbers
 from geoerr.observations import COVARIANCE, STANDARD_UNCERTAINTY, Observations
-from geoerr.summaries import counted
+from geoerr.summaries import counted, place_of_row
 
 # A standard uncertainty below a tenth of a nanometre is a slip, not a measurement, and would outweigh all others.
 LEAST_STD_MM = 1e-7
@@ -33,8 +33,7 @@ def unbelievable_rows(covariance_mm2: Numbers | None, is_measured: npt.NDArray[n
 def place_of_unbelievable(observations: Observations, rows: npt.NDArray[np.bool_]) -> Iterator[str]:
     """Name the first of these rows, its column and what stands there."""
     first = int(np.argmax(rows))
-    file_row = observations.numbers("file_row")[first, 0]
-    place = f"line {file_row:.0f} of its file" if np.isfinite(file_row) else f"row {first + 1}"
+    place = place_of_row(float(observations.numbers("file_row")[first, 0]), first)
     cells = {
         name: float(observations.numbers(name)[first, 0])
         for name in (*STANDARD_UNCERTAINTY, *_VARIANCES)

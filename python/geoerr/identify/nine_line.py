@@ -32,6 +32,7 @@ from geoerr.identify.assemble import assemble
 from geoerr.identify.fitting import fit_passes
 from geoerr.identify.frames import SessionFrame, session_frames
 from geoerr.identify.linear import Numbers
+from geoerr.identify.lone_rows import lone_rows
 from geoerr.identify.measurements import Measurements, measurements_of
 from geoerr.identify.offsets import offset_doubts
 from geoerr.identify.passes import FoundPasses, find_passes
@@ -231,7 +232,7 @@ def analyze_nine_lines(
     noise, scatter, noise_notes = _noise(data, passes, stages, rig)
     findings = Findings(machine, found, passes, places, frames, stages.functions)
     told, digest = _told_of(observations)
-    doubts = offset_doubts(passes, data, frames, machine)
+    doubts = [*offset_doubts(passes, data, frames, machine), *lone_rows(passes, data, observations)]
     notes = [*refused, *doubts, *stages.notes, *dict.fromkeys((*data.notes, *told)), *noise_notes]
     if first_order:
         errors, tangent = assemble(findings, data, stages, noise, straightness, roll, notes)
