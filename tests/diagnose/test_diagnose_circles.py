@@ -570,6 +570,19 @@ def test_a_spike_is_at_every_reversal_and_a_mistake_is_not() -> None:
     assert np.flatnonzero(stand_alone(runs, alone, np.zeros(len(runs)))).tolist() == [mistake]
 
 
+def test_rows_in_the_order_of_their_angles_are_diagnosed() -> None:
+    """Without feeds nothing told that a clockwise run was listed backwards, and the search ended in an error."""
+    driven = circular(several, feeds=(2000.0,))
+    listed = pl.concat([driven.frame.filter(pl.col("dir") == 1), driven.frame.filter(pl.col("dir") == -1).reverse()])
+    by_angle = diagnose_circles(MODEL, CircularTest(listed.drop("feed"), ("memory",)))
+    in_order = diagnose_circles(MODEL, CircularTest(driven.frame.drop("feed"), ("memory",)))
+    names = [str(one.reference) for one in in_order.found]
+    assert "backlash:x" in names
+    assert [str(one.reference) for one in by_angle.found] == names
+    for name, parameter in (("backlash:x", "b"), ("backlash:y", "b"), ("squareness:xy", "S")):
+        assert value(by_angle, name, parameter)[0] == pytest.approx(value(in_order, name, parameter)[0], rel=0.02)
+
+
 def test_noise_alone_has_hardly_ever_a_row_that_stands_alone() -> None:
     runs = runs_from(
         CircularTest(

@@ -278,8 +278,10 @@ def runs_of(
         arm = q[:, [first, second]] - centre
         own = np.arctan2(arm[:, 1], arm[:, 0])
         unwrapped = np.unwrap(own)
-        sense = float(stated[rows[0]]) or float(np.sign(unwrapped[-1] - unwrapped[0])) or 1.0
-        angle[rows], travelled[rows] = own, sense * (unwrapped - unwrapped[0])
+        # Rows in the order of their angles may go round the other way than the machine did.
+        way = float(np.sign(unwrapped[-1] - unwrapped[0])) or 1.0
+        sense = float(stated[rows[0]]) or way
+        angle[rows], travelled[rows] = own, way * (unwrapped - unwrapped[0])
         known = float(np.nanmedian(feed[rows])) if np.isfinite(feed[rows]).any() else np.nan
         span = float(times[rows[-1]] - times[rows[0]]) if _has_times(fitted) else 0.0
         by_times = 60.0 * radius * float(travelled[rows[-1]]) / span if span > 0.0 else np.nan
@@ -472,6 +474,9 @@ def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
     notes = []
     is_timed = all("t" in part.columns and not part["t"].null_count() for part in parts)
     is_fed = all("feed" in part.columns and not part["feed"].null_count() for part in parts)
+    if not is_timed:
+        # Without times rows may be in the order of their angles.
+        parts = [part.reverse() if _goes_against_dir(part) else part for part in parts]
     if not is_timed and not is_fed:
         drop = [part.drop("t", strict=False) for part in parts]
         return pl.concat(drop, how="diagonal_relaxed"), ["neither times nor feeds are stated"]
@@ -484,9 +489,6 @@ def _with_times(parts: list[pl.DataFrame]) -> tuple[pl.DataFrame, list[str]]:
             part = part.sort("t", maintain_order=True)
             t = part["t"].to_numpy().astype(np.float64)
         else:
-            if _goes_against_dir(part):
-                # Without times rows may be in the order of their angles.
-                part = part.reverse()
             arm, radius = _arms(part)
             turned = np.abs(np.diff(np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))))
             speed = part["feed"].to_numpy().astype(np.float64) / 60.0
