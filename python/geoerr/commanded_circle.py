@@ -18,6 +18,8 @@ _ROUNDED_OFF = 0.75
 _LITTLE_OFF = 0.01
 # Of the radius: what is off by more than half of it is another quantity or a mistake, not an error of a machine.
 _OTHER_QUANTITY = 0.5
+# A machine's radius is off by a thousandth at most, what a bar of a wrong length adds by more than this share.
+_OTHER_CIRCLE = 0.01
 
 
 def plane_of(points_mm: Numbers) -> tuple[int, int, int]:
@@ -46,8 +48,19 @@ def no_radius(measured_mm: Numbers, radius_mm: float) -> str | None:
 
 
 def far_from_radius(measured_mm: Numbers, radius_mm: float) -> npt.NDArray[np.bool_]:
-    """Tell which measured radii (n,) no machine can have made."""
-    return np.asarray(np.abs(measured_mm - radius_mm) > _OTHER_QUANTITY * radius_mm)
+    """Tell which measured radii (n,) no machine can have made: far off the middle of their run."""
+    return np.asarray(np.abs(measured_mm - np.median(measured_mm)) > _OTHER_QUANTITY * radius_mm)
+
+
+def other_radius(measured_mm: Numbers, radius_mm: float) -> str | None:
+    """Say that measured radii (n,) are of another circle than was commanded; None where they are of that."""
+    middle = float(np.median(measured_mm))
+    if abs(middle - radius_mm) <= _OTHER_CIRCLE * radius_mm:
+        return None
+    return (
+        f"the measured radius is {middle:.6g} mm where the commanded circle has {radius_mm:.6g} mm: no machine is "
+        "off by so much; a bar of another length than its file says, another circle, or another unit"
+    )
 
 
 def on_their_circle(points_mm: Numbers) -> Numbers:

@@ -182,6 +182,22 @@ def test_one_mistaken_radius_is_set_aside(tmp_path):
     assert run.set_up.rms_mm < 1e-6
 
 
+@pytest.mark.parametrize("share", [0.2, 0.4998])
+def test_a_radius_of_another_circle_loses_no_row_and_is_told(tmp_path, share):
+    """Half of the rows were set aside where they happened to be above 1.5 times the radius, and G was half."""
+    machine = wavy()
+    circle = circle_to_test(machine)
+    path = measured_file(tmp_path / "trace.csv", machine, circle, constant=share * circle.radius_mm)
+    result = run_circular_test(machine, circle, measured=read_circular_test(path))
+    assert not result.set_aside
+    assert len(result.runs[0].measured.angle_rad) == 120
+    (note,) = (note for note in result.notes if "measured radius" in note)
+    assert "off by so much" in note
+    measured_file(path, machine, circle)
+    told = run_circular_test(machine, circle, measured=read_circular_test(path)).notes
+    assert not any("measured radius" in note for note in told)
+
+
 @pytest.mark.parametrize("runs", [("ccw", "cw"), ("cw", "ccw"), ("cw", "ccw", "cw")])
 @pytest.mark.parametrize("plane", ["XY", "YZ", "ZX"])
 def test_a_run_that_turns_round_is_two(tmp_path, plane, runs):

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
-from geoerr.commanded_circle import far_from_radius, no_radius, on_their_circle
+from geoerr.commanded_circle import far_from_radius, no_radius, on_their_circle, other_radius
 from geoerr.drawing import drawn
 from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
@@ -50,6 +50,8 @@ N_POINTS = 720
 _UM_PER_MM = 1e3
 # A commanded position farther from its run's circle than this share of the radius is not a point of the circle.
 _OFF_CIRCLE = 1e-2
+# Places that a circle takes.
+_LEAST_OF_A_CIRCLE = 3
 # Files have positions to a micrometre.
 _DIGITS_MM = 1e-3
 # What points five degrees apart leave of a circle at its sides, as a share of the radius.
@@ -393,6 +395,7 @@ def run_circular_test(
         runs, set_aside = compare_with_measured(model, measured, at=at)
         feed_mm_min = feed_of_first_run(model, measured, at)
         at = with_feed(at, feed_mm_min)
+        notes += [f"{run.name}: {told}" for run in runs if (told := _other_radius_of(run)) is not None]
         if feed_mm_min is not None:
             notes.append(f"before and after are at the feed of the first measured run, {feed_mm_min:g} mm/min")
     positions = circle.positions_mm(N_POINTS)
@@ -450,6 +453,12 @@ def compare_with_measured(
         last = problems[-1]
         raise InputFileError(path, f"no run can be used: {last.problem}", row=last.row, column=last.column)
     return tuple(runs), tuple(sorted(problems, key=lambda problem: problem.row))
+
+
+def _other_radius_of(run: MeasuredRun) -> str | None:
+    """Say that a run was measured on another circle than the commanded one; None where it was on that."""
+    radius_mm = run.measured.circle.radius_mm
+    return other_radius(np.array([radius_mm + run.set_up.radius_offset_mm]), radius_mm)
 
 
 def circle_of_first_run(measured: CircularTest) -> CircleOfCommands:
@@ -621,12 +630,14 @@ def _commanded_circle(frame: pl.DataFrame, path: str) -> tuple[CircleOfCommands,
             remedy="a circular test lies in the XY, YZ or ZX plane",
         )
     in_plane = commanded[:, [first, second]]
+    if len(np.unique(in_plane, axis=0)) < _LEAST_OF_A_CIRCLE:
+        raise InputFileError(path, "fewer than three places, which a circle takes", row=row, column="x y z")
     off = np.zeros(len(frame), dtype=bool)
     try:
         fitted = fit_circle(in_plane)
         # One stray row pulls the circle; a second fit without the strays judges all rows.
         stray = np.abs(fitted.deviation_mm) > 3.0 * float(np.median(np.abs(fitted.deviation_mm)))
-        if (~stray).sum() > len(frame) / 2:
+        if (~stray).sum() > max(len(frame) / 2, _LEAST_OF_A_CIRCLE - 1):
             fitted = fit_circle(in_plane[~stray])
         off = np.abs(np.hypot(*(in_plane - fitted.center_mm).T) - fitted.radius_mm) > _OFF_CIRCLE * fitted.radius_mm
         if off.sum() >= len(frame) / 2:

@@ -13,7 +13,14 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
-from geoerr.commanded_circle import circle_through, coarse_step_mm, far_from_radius, no_radius, plane_of
+from geoerr.commanded_circle import (
+    circle_through,
+    coarse_step_mm,
+    far_from_radius,
+    no_radius,
+    other_radius,
+    plane_of,
+)
 from geoerr.errors import GeometryError
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Numbers
@@ -239,6 +246,8 @@ def checked(tests: tuple[CircularTest, ...]) -> tuple[tuple[CircularTest, ...], 
                 "right where they are in the order of their angles; in the order of measurement dir is wrong, and "
                 "what differs between the senses (backlash, servo) comes out with the opposite sign"
             ] = None
+        others = filter(None, map(_other_radius_of, parts))
+        notes |= dict.fromkeys(f"{path}: {other}" for other in others)
         if parts:
             timed, told = _with_times(parts)
             notes |= dict.fromkeys(told)
@@ -358,6 +367,10 @@ def _with_senses(frame: pl.DataFrame) -> pl.DataFrame:
         stated = frame["dir"].cast(pl.Int64)
         known = pl.select(pl.when((stated == 0) | stated.is_null()).then(known).otherwise(stated).alias("dir"))["dir"]
     return frame.with_columns(known)
+
+
+def _other_radius_of(part: pl.DataFrame) -> str | None:
+    return other_radius(part["r"].to_numpy().astype(np.float64), _arms(part)[1])
 
 
 def _size_notes(radii_mm: list[float]) -> list[str]:
