@@ -252,14 +252,7 @@ def read_observations(*paths: str | Path, ranges_mm: Mapping[str, tuple[float, f
     for path in paths:
         raw = read_raw(path)
         _expect(raw, "points", path)
-        if not any(name in raw.columns for name in MEASURED):
-            raise InputFileError(
-                path,
-                f"the columns are missing; the file has {', '.join(raw.columns)}",
-                row=1,
-                column="mx my mz",
-                remedy="measured positions in mm; leave cells empty where a component was not measured",
-            )
+        _refuse_unmeasured(raw, path)
         frame, found = _of_the_machine(*check(raw, POINT_COLUMNS, path), ranges_mm, path)
         frames.append(frame)
         problems.extend(found)
@@ -267,6 +260,17 @@ def read_observations(*paths: str | Path, ranges_mm: Mapping[str, tuple[float, f
     whole = [_with_defaults(frame, session=name) for frame, name in zip(frames, names, strict=True)]
     merged = pl.concat(whole, how="diagonal_relaxed")
     return Observations(_ordered_by_time(merged), tuple(str(path) for path in paths), tuple(problems))
+
+
+def _refuse_unmeasured(raw: pl.DataFrame, path: str | Path) -> None:
+    if not any(name in raw.columns for name in MEASURED):
+        raise InputFileError(
+            path,
+            f"the columns are missing; the file has {', '.join(raw.columns)}",
+            row=1,
+            column="mx my mz",
+            remedy="measured positions in mm; leave cells empty where a component was not measured",
+        )
 
 
 def read_circular_test(path: str | Path, ranges_mm: Mapping[str, tuple[float, float]] | None = None) -> CircularTest:
@@ -347,7 +351,7 @@ def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, sour
     ----------
     columns
         Arrays, lists, or a frame of polars or pandas, by the names of docs/reference/formats/observations.md. A
-        single number or text is the same in every row.
+        single number or text is the same in every row; None and NaN are what an empty cell is in a file.
     source
         What messages call it.
 
@@ -357,6 +361,9 @@ def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, sour
         under the name `source`, as for a file.
     """
     raw = columns if isinstance(columns, pl.DataFrame) else _frame_of(columns, source)
+    # In memory not a number is what an empty cell is in a file.
+    raw = raw.fill_nan(None)
+    _refuse_unmeasured(raw, source)
     for name, kind in raw.schema.items():
         if kind.is_temporal() and (name in POINT_COLUMNS.columns or is_temperature(name)):
             raise InputFileError(

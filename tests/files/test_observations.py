@@ -301,6 +301,28 @@ def test_columns_of_different_lengths_are_refused_by_name() -> None:
 PLACES = {name: np.arange(3.0) for name in ("x", "y", "z", "mx", "my", "mz")}
 
 
+@pytest.mark.parametrize("as_frame", [False, True])
+def test_not_a_number_in_memory_is_an_empty_cell(as_frame: bool) -> None:
+    """Rows without a component were set aside, which only `set_aside` told, and a whole frame was refused."""
+    columns = {
+        **dict.fromkeys(("x", "y", "z"), np.arange(3.0)),
+        "mx": np.array([0.1, np.nan, 2.1]),
+        "my": np.full(3, np.nan),
+        "temp_bed": np.array([20.0, np.nan, 21.0]),
+    }
+    observations = observations_from_columns(pl.DataFrame(columns) if as_frame else columns)
+    assert not observations.set_aside
+    np.testing.assert_array_equal(observations.measured_mm[:, 0], [0.1, np.nan, 2.1])
+    np.testing.assert_array_equal(observations.numbers("temp_bed")[:, 0], [20.0, np.nan, 21.0])
+    with pytest.raises(InputFileError, match="the cell is empty"):
+        observations_from_columns({"x": np.full(3, np.nan), "y": 0.0, "z": 0.0, "mx": 0.0})
+
+
+def test_columns_without_a_measured_position_are_refused_as_in_a_file() -> None:
+    with pytest.raises(InputFileError, match="mx my mz"):
+        observations_from_columns({"x": np.arange(3.0), "y": np.zeros(3), "z": np.zeros(3)})
+
+
 def test_columns_in_memory_are_frames_lists_or_single_values() -> None:
     frame = observations_from_columns(pl.DataFrame(PLACES))
     assert frame.frame.equals(observations_from_columns(PLACES).frame)
