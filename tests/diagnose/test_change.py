@@ -17,7 +17,7 @@ from geoerr.diagnose import compare, diagnose
 from geoerr.diagnose.change import add_effect, add_terms, remove_terms
 from geoerr.effects import catalogue
 from geoerr.errors import GeoerrError
-from geoerr.fit import FitOptions, fit_terms, result_of
+from geoerr.fit import FitOptions, fit_model, fit_terms, result_of
 from geoerr.machine import Machine
 from geoerr.model import Model, load_model, write_model
 from geoerr.observations import Observations, observations_from_columns
@@ -142,6 +142,24 @@ def test_rows_that_lacked_what_an_effect_needed_come_back_without_it(observation
     assert n_rows[2] == n_rows[0] == len(table)
     # The figures before and after are of the same rows all the same.
     assert len(change.before.sightings) == len(change.after.sightings) == n_rows[1]
+
+
+def test_rows_that_come_back_have_a_say_in_how_free_functions_are(observations: Observations) -> None:
+    """Bases that were chosen without half of an axis stood for all of it, with standard errors of a right one."""
+    x_mm = pl.col("x")
+    bend_mm = pl.when(x_mm > 200.0).then(0.03 * ((x_mm - 200.0) * np.pi / 100.0).sin()).otherwise(0.0)
+    table = Observations(
+        observations.frame.with_columns(
+            mx=pl.col("mx") + bend_mm,
+            temp_bed=pl.when(x_mm > 200.0).then(None).otherwise(pl.col("temp_bed")),
+        ),
+        observations.sources,
+    )
+    with_it = fit_model(MACHINE, table, effects=terms_of("thermal-expansion:x@temp_bed")).model
+    left = remove_terms(with_it, [table], "thermal-expansion:x@temp_bed").result.model
+    direct = fit_model(MACHINE, table).model
+    places = np.column_stack([np.linspace(0.0, 400.0, 81), np.zeros(81), np.zeros(81)])
+    np.testing.assert_allclose(left.error_mm(places), direct.error_mm(places), atol=1e-4)
 
 
 def test_refusals(observations: Observations) -> None:

@@ -309,9 +309,20 @@ def remove_terms(
     left = [term for term in before.terms if term.id != reference]
     data.steps.next(f"the fit without {reference}")
     after = refit(before, left)
-    # Rows that lacked what the effect needed come back: the model does without it.
-    whole = data.fitted(model, left) if lacks_some(before.sightings) else after
+    whole = _with_all_rows(model, data, before, left) if lacks_some(before.sightings) else after
     return _change(model, data, before, after, "removed", reference, title, [reference], whole=whole)
+
+
+def _with_all_rows(model: Model, data: _Data, before: Fitted, left: Sequence[Term]) -> Fitted:
+    """Fit what is left to the rows that lacked what the effect needed, too: the model does without it.
+
+    Bases were chosen without them, and may be too stiff for what they show.
+    """
+    whole = data.fitted(model, left)
+    if len(whole.sightings) == len(before.sightings):
+        return whole
+    chosen = choose_again(whole, before.sightings)
+    return whole if chosen is None else refit(whole, chosen)
 
 
 def own_terms(model: Model) -> tuple[Term, ...]:

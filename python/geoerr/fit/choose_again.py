@@ -14,7 +14,7 @@ from geoerr.fit.classic import on_basis, positions_by_axis, rich_bases
 from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import Ladder, choose_bases
-from geoerr.fit.sightings import SAME_POSITION_MM
+from geoerr.fit.sightings import SAME_POSITION_MM, Sightings
 from geoerr.fit.wavy import beside_waves
 from geoerr.terms import BasisSpec, Term
 
@@ -27,17 +27,23 @@ def is_worth_asking(before: float | None, after: float | None) -> bool:
     return before is not None and after is not None and before > _FELL * after
 
 
-def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
+def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term, ...] | None:
     """Give a fit's terms on the bases that its data choose beside its effects; None where these are the same.
 
     A basis that `fit_terms` would not choose from was given, and stays.
+
+    Parameters
+    ----------
+    earlier
+        Rows that the bases may have been chosen with, where they were others.
     """
     sightings = fitted.sightings
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
     own = {term.id: basis for term in fitted.terms if (basis := _basis_of(term)) is not None}
     richest = rich_bases(sightings, list(own), positions)
     ladder = Ladder(positions)
-    rich = {name: basis for name, basis in richest.items() if own[name] in ladder.splines(name, basis)}
+    chosen_before = _chosen_from(sightings, own) | (set() if earlier is None else _chosen_from(earlier, own))
+    rich = {name: basis for name, basis in richest.items() if name in chosen_before}
     if not rich:
         return None
     effects = [term for term in fitted.terms if term.kind != "classic"]
@@ -53,6 +59,13 @@ def choose_again(fitted: Fitted) -> tuple[Term, ...] | None:
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions, ladder=ladder)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}
     return _on(fitted.terms, new) if new else None
+
+
+def _chosen_from(sightings: Sightings, own: Mapping[str, BasisSpec]) -> set[str]:
+    """Name the functions whose bases are among those that `fit_terms` chooses from for these rows."""
+    positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+    ladder, richest = Ladder(positions), rich_bases(sightings, list(own), positions)
+    return {name for name, basis in richest.items() if own[name] in ladder.splines(name, basis)}
 
 
 def _basis_of(term: Term) -> BasisSpec | None:
