@@ -80,7 +80,7 @@ class FitOptions:
         How functions whose bases are not named are held: `knots` (few splines, their number by evidence; a model
         that is to be tested must not lean on a prior), `smooth` (as many splines as positions, curvature by
         evidence: the least error, for tables) or `elements` (1-D linear or quadratic elements by evidence, Dobariya
-        §4).
+        §4; what they cannot follow is not in their standard errors).
     is_robust
         Whether gross outliers are found and left out.
     threads
