@@ -56,6 +56,7 @@ POINT_COLUMNS = Schema(
         *PIXELS,
     ),
     whole_numbers=("repeat", *DIRECTIONS, "moving"),
+    signs=DIRECTIONS,
     texts=("line", "session", "target", "group"),
     choices=(("carrier", CARRIERS),),
 )
@@ -64,6 +65,7 @@ CIRCLE_COLUMNS = Schema(
     filled=("x", "y", "z", "r"),
     numbers=("x", "y", "z", "r", "sr", "t", "feed"),
     whole_numbers=("repeat", "dir", *DIRECTIONS),
+    signs=("dir", *DIRECTIONS),
     texts=("line", "session"),
 )
 _LENGTH_ENDS = ("x1", "y1", "z1", "x2", "y2", "z2")

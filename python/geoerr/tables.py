@@ -10,7 +10,7 @@ import contextlib
 import io
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +27,7 @@ FIRST_DATA_ROW = 2
 _NO_TABLES = (".json", ".toml")
 _MOST_OF_A_MESSAGE = 200
 _COMMENT = "#"
+_OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Schema:
         Columns of finite numbers; a row whose value is not one is set aside.
     whole_numbers
         Columns of whole numbers.
+    signs
+        Those of them that say a direction: −1, 0 or 1.
     texts
         Columns of free text.
     choices
@@ -66,6 +69,7 @@ class Schema:
     required: tuple[str, ...]
     numbers: tuple[str, ...]
     whole_numbers: tuple[str, ...] = ()
+    signs: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
     choices: tuple[tuple[str, tuple[str, ...]], ...] = ()
     filled: tuple[str, ...] = ()
@@ -208,10 +212,11 @@ def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
         content = content.replace(b"\r", b"\n")
     header = content.lstrip(b"\xef\xbb\xbf").split(b"\n", 1)[0].decode("utf-8")
     names = names_of_header(header.rstrip("\r"))
-    if len(names) == 1 and ";" in header:
+    separator = next((word for mark, word in _OTHER_SEPARATORS.items() if mark in header), None)
+    if len(names) == 1 and separator is not None:
         raise InputFileError(
             path,
-            "its cells are separated by semicolons",
+            f"its cells are separated by {separator}",
             row=1,
             remedy="save it with commas between cells, and points in numbers",
         )
@@ -311,12 +316,9 @@ def _typed(
         return text, problems
     numbers = text.cast(pl.Float64, strict=False)
     if name in schema.numbers or name in schema.whole_numbers:
-        refuse(text.is_not_null() & numbers.is_null(), "{value!r} is not a number")
-        refuse(numbers.is_not_null() & ~numbers.is_finite(), "{value!r} is not a finite number")
-        if name in schema.whole_numbers:
-            refuse(numbers.is_finite() & (numbers != numbers.round()), "{value!r} is not a whole number")
-            return numbers.cast(pl.Int64, strict=False), problems
-        return numbers, problems
+        for where, problem in _wrong_numbers(name, schema, text, numbers):
+            refuse(where, problem)
+        return (numbers.cast(pl.Int64, strict=False) if name in schema.whole_numbers else numbers), problems
     # A column of the user's own: numbers where all its cells are, else text. NaN is how tools write "unknown".
     # A temperature is a number: a cell that is none is a mistake, and makes no column of texts.
     if is_temperature(name):
@@ -325,3 +327,13 @@ def _typed(
     elif (text.is_not_null() & numbers.is_null()).any():
         return text, problems
     return numbers.fill_nan(None), problems
+
+
+def _wrong_numbers(name: str, schema: Schema, text: pl.Series, numbers: pl.Series) -> Iterator[tuple[pl.Series, str]]:
+    """Give the rows whose cell is not the number that its column has, and what is wrong with it."""
+    yield text.is_not_null() & numbers.is_null(), "{value!r} is not a number"
+    yield numbers.is_not_null() & ~numbers.is_finite(), "{value!r} is not a finite number"
+    if name in schema.whole_numbers:
+        yield numbers.is_finite() & (numbers != numbers.round()), "{value!r} is not a whole number"
+    if name in schema.signs:
+        yield numbers.is_finite() & (numbers.abs() > 1.0), "{value!r} is no direction: −1, 0 or 1"

@@ -137,6 +137,7 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
         ("carrier", "spindle", "'spindle' is not one of tool, work, base, relative"),
         ("y", "", "the cell is empty"),
         ("repeat", "1.5", "'1.5' is not a whole number"),
+        ("dir_x", "2", "'2' is no direction: −1, 0 or 1"),
         ("temp_bed", "9o", "'9o' is not a number"),
         ("temp_bed", "-inf", "'-inf' is not a finite number"),
     ],
@@ -152,6 +153,7 @@ def test_a_bad_row_is_named_and_the_rest_goes_on(tmp_path: Path, cell: str, valu
         "mx": "4",
         "my": "5",
         "mz": "6",
+        "dir_x": "1",
         "temp_bed": "20",
     }
     rows = [row, {**row, cell: value}, row]
@@ -212,6 +214,8 @@ def test_a_row_that_cannot_be_of_the_machine_is_set_aside(tmp_path: Path) -> Non
         ("x,y,z,r\n1,2,3,4\n", None, None, "circular test"),
         (b"x,y,z,mx\n1,2,3,\xff\n", 2, None, "not UTF-8"),
         (b"PK\0\0", None, None, "NUL"),
+        ("x;y;z;mx\n1;2;3;4\n", 1, None, "separated by semicolons"),
+        ("x\ty\tz\tmx\n1\t2\t3\t4\n", 1, None, "separated by tabs"),
     ],
 )
 def test_a_file_without_a_usable_row_is_refused(
