@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -67,10 +68,19 @@ def dobariya_vmc(
     The paper does not say which frame stands on the base: here it is C4' (row T₈), between Y and Z. Seen from the
     work, translations act alike wherever it is.
 
+    Raises
+    ------
+    GeometryError
+        naming the argument, for dimensions that are not four finite numbers.
+
     Source: Dobariya et al., Tables 1 and 2, Eqs. 2 to 16.
     """
     numbers = {"": 0.0}
     for letter, dimensions in (("a", a_mm), ("b", b_mm), ("c", c_mm)):
+        if len(dimensions) != 4 or not all(math.isfinite(number) for number in dimensions):
+            raise GeometryError(
+                f"{letter}_mm is {tuple(dimensions)}\nhint: give four finite numbers, {letter}1 to {letter}4 in mm"
+            )
         numbers |= {f"{letter}{place}": float(number) for place, number in enumerate(dimensions, start=1)}
     rows = []
     for index, (theta, alpha, column, sign, name) in enumerate(_ROWS):

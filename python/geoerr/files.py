@@ -172,8 +172,8 @@ def refusing_unreadable(path: str | Path, kind: str = "file") -> Iterator[None]:
         raise InputFileError(
             path, f"is a folder, a {kind} is needed", remedy=_remedy_for_folder(Path(path))
         ) from error
-    except PermissionError as error:
-        raise InputFileError(path, "cannot be read: permission denied") from error
+    except OSError as error:
+        raise InputFileError(path, f"cannot be read: {(error.strerror or str(error)).lower()}") from error
 
 
 def _remedy_for_folder(folder: Path) -> str:

@@ -103,6 +103,15 @@ def test_a_file_that_cannot_be_used_is_wrong_with_its_remedy(tmp_path: Path) -> 
     assert "numpy" not in said
 
 
+def test_a_link_that_leads_round_is_wrong_and_the_rest_is_looked_at(tmp_path: Path) -> None:
+    loop, machine = tmp_path / "loop", tmp_path / "machine.toml"
+    loop.symlink_to(loop)
+    write_machine(machine, MACHINE)
+    found = document(loop, machine, status=1)["files"]
+    assert [check["state"] for check in found] == ["wrong", "ok"]
+    assert found[0]["text"].startswith("cannot be read: ")
+
+
 def test_a_library_that_is_too_old_or_absent_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     old, absent = ModuleType("plotly"), None
     monkeypatch.setitem(sys.modules, "plotly", old)

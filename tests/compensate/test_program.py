@@ -179,12 +179,31 @@ def test_the_result_as_a_document():
 
 
 def test_options_that_make_no_sense_are_refused():
-    for options in (CompensationOptions(tolerance_mm=0.0), CompensationOptions(work_offset_mm=(np.nan, 0.0, 0.0))):
-        with pytest.raises(GeoerrError, match=r"is needed|are needed"):
-            compensate_bytes(printer(), SQUARE, options)
+    with pytest.raises(GeoerrError, match=r"is needed"):
+        compensate_bytes(printer(), SQUARE, CompensationOptions(tolerance_mm=0.0))
+    with pytest.raises(GeoerrError, match=r"^threads is -1\nhint: "):
+        compensate_bytes(printer(), SQUARE, threads=-1)
     error = refused(SQUARE, CompensationOptions(digits=2))
     assert "too coarse" in error.problem
     assert "--digits" in str(error.remedy)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("work_offset_mm", (np.nan, 0.0, 0.0)),
+        ("work_offset_mm", (1.0, 2.0)),
+        ("home_mm", (0.0, np.inf, 0.0)),
+        ("firmware", "foo"),
+        ("on_unsupported", "Pass"),
+        ("outside_measured", "Hold"),
+        ("digits", 4.0),
+        ("digits", -1),
+    ],
+)
+def test_an_option_that_would_be_read_as_another_is_refused_by_name(name, value):
+    with pytest.raises(GeoerrError, match=rf"^{name} .*\nhint: "):
+        CompensationOptions(**{name: value})
 
 
 @pytest.mark.parametrize("line", ["G2 X10 Y10 I5", "G81 X1 Y1 Z-1 R1", "G1 X5 A10", "#100 = 5", "G41 D1", "G92.1"])

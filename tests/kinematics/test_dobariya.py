@@ -207,6 +207,12 @@ def test_the_solution_is_the_table() -> None:
             np.testing.assert_array_equal(row.transform(Q.get(row.joint or "", 0.0)), matrix)
 
 
+@pytest.mark.parametrize("dimensions", [(1.0, 2.0, 3.0), (1.0, 2.0, 3.0, 4.0, 5.0), (np.nan, 2.0, 3.0, 4.0)])
+def test_dimensions_are_four_numbers(dimensions: tuple[float, ...]) -> None:
+    with pytest.raises(GeometryError, match=r"^b_mm is .*\nhint: give four finite numbers, b1 to b4"):
+        dobariya_vmc(A, dimensions, C)
+
+
 def test_the_other_end_is_the_same_product() -> None:
     other = min(solutions("θdaα", "p"), key=lambda rows: rows[1]["θ"])
     assert [other[1]["θ"], other[1]["a"], other[2]["θ"]] == [-90.0, B[3], -90.0]

@@ -58,6 +58,13 @@ def test_neither(tmp_path: Path, name: str, content: str, problem: str) -> None:
         load_model(tmp_path / name)
 
 
+@pytest.mark.parametrize("name", ["obs.csv", "obs.parquet"])
+def test_measurements_are_told_from_a_model(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("x,y,z,mx,my,mz\n")
+    with pytest.raises(InputFileError, match=r"is a table of measurements, .*\nhint: a model is a model\.json"):
+        load_model(tmp_path / name)
+
+
 def test_a_rig_is_told_where_it_belongs(tmp_path: Path) -> None:
     path, matrix = tmp_path / "rig.json", np.array([[2300.0, 0.0, 1224.0], [0.0, 2300.0, 1024.0], [0.0, 0.0, 1.0]])
     pose = RightFromLeft(np.eye(3), np.array([-300.0, 0.0, 0.0]))
@@ -68,7 +75,7 @@ def test_a_rig_is_told_where_it_belongs(tmp_path: Path) -> None:
     assert f"as --rig {path}; a model is a model.json" in refused.value.remedy
 
 
-@pytest.mark.parametrize("name", ["none.json", "none.toml", "none"])
+@pytest.mark.parametrize("name", ["none.json", "none.toml", "none", "none.csv"])
 def test_missing(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputFileError, match="no such file"):
         load_model(tmp_path / name)

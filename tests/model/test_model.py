@@ -205,7 +205,7 @@ class TestRefusals:
         good = model.commands_for(wanted)
         wanted[1, 2] = np.nan
         wanted[2, 0] = np.inf
-        with pytest.raises(NotConvergedError, match=r"position 2 \(and 1 more\): not finite"):
+        with pytest.raises(NotConvergedError, match=r"position 2 \(and 1 more\): not finite\nhint: .* in p_mm"):
             model.commands_for(wanted)
         commands = model.try_commands_for(wanted)
         assert commands.status.tolist() == [0, 2, 2, 0]
@@ -263,3 +263,20 @@ class TestRefusals:
             core.jacobian(rows, np.zeros((2, 3)), 1)
         with pytest.raises(ShapeError, match="axis must be 0, 1 or 2"):
             core.knots_mm(3)
+
+
+@pytest.mark.parametrize("threads", [-1, 1.5, None])
+def test_what_is_no_number_of_threads_is_refused(threads: object) -> None:
+    model = drawn_model()
+    calls: tuple[Callable[..., object], ...] = (
+        *(model.tool_from_work, model.error_mm, model.tool_from_base, model.work_from_base, model.displacement_mm),
+        *(model.jacobian, model.commands_for, model.contributions),
+    )
+    for call in calls:
+        with pytest.raises(ShapeError, match=r"^threads is .*\nhint: write a whole number"):
+            call(points(3), threads=threads)
+
+
+def test_a_file_is_no_machine() -> None:
+    with pytest.raises(ShapeError, match=r"^machine: a value of type str .*\nhint: load_model\(path\)"):
+        Model("machine.toml")  # type: ignore[arg-type]

@@ -189,8 +189,12 @@ def test_what_cannot_be_drawn_says_so(shown: dict[str, Any]) -> None:
         shown["fit"].model.plot_fall()
     with pytest.raises(GeoerrError, match="no such variable"):
         shown["comparison"].plot_residuals("spool")
-    with pytest.raises(GeoerrError, match="no way to look"):
+    with pytest.raises(GeoerrError, match=r"no way to look.*\nhint: .*, region"):
         shown["comparison"].plot_volume("shadows")
+    for look in ("length", "region"):
+        for times in (0.0, -5.0, np.nan):
+            with pytest.raises(GeoerrError, match=r"^exaggeration is .*\nhint: give a number above 0"):
+                shown["comparison"].plot_volume(look, exaggeration=times)
     with pytest.raises(GeoerrError, match="without a name"):
         shown["diagnosis"].plot_unknown()
 

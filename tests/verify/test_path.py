@@ -12,7 +12,7 @@ from verify_machines import model, wavy
 from geoerr.cli.main import app
 from geoerr.compensate.program import CompensationOptions, compensate_program
 from geoerr.error_functions import write_errors
-from geoerr.errors import GcodeError, InputFileError
+from geoerr.errors import GcodeError, GeoerrError, InputFileError
 from geoerr.machine import write_machine
 from geoerr.verify.path import compare_paths
 from geoerr.verify.path_trace import trace_paths
@@ -147,8 +147,8 @@ def test_filament_that_comes_in_one_heap_is_found_out(tmp_path):
     ("change", "problem"),
     [
         (("M106 S128", "M106 S127"), "`M106 S127` stands where"),
-        (("M84\n", ""), "has not as many lines|stands where"),
-        ((";LAYER:1\n", ""), "stands where .* has `;LAYER:1`"),
+        (("M84\n", ""), "the end stands where .*in.gcode:13 has `M84`"),
+        ((";LAYER:1\n", ""), "stands where .*in.gcode:3 has `;LAYER:1`"),
         (("G92 E0\n", "G92 E0\nG4 P1\n"), "`G4 P1` stands where|moves are missing"),
     ],
 )
@@ -164,8 +164,14 @@ def test_a_program_that_is_not_the_other_one_is_refused(tmp_path, change, proble
 def test_missing_moves_and_files_are_refused(tmp_path):
     machine = wavy()
     program = written(tmp_path, "G1 X20 Y20 Z5\nG1 X30\nG1 X40\nM84\n")
-    with pytest.raises(GcodeError, match=r"1 moves are missing before this line"):
+    with pytest.raises(
+        GcodeError, match=r"short.gcode:3: 1 moves are missing before this line, which is .*in.gcode:4"
+    ):
         compare_paths(machine, program, written(tmp_path, "G1 X20 Y20 Z5\nG1 X40\nM84\n", "short.gcode"))
+    with pytest.raises(GcodeError, match=r"cut.gcode:2: the end stands where .*in.gcode:4 has `M84`"):
+        compare_paths(machine, program, written(tmp_path, "G1 X20 Y20 Z5\nG1 X30\n", "cut.gcode"))
+    with pytest.raises(GcodeError, match=r"long.gcode:5: `M85` stands where .*in.gcode:4 has the end"):
+        compare_paths(machine, program, written(tmp_path, program.read_text() + "M85\n", "long.gcode"))
     with pytest.raises(InputFileError, match="no such program"):
         compare_paths(machine, program, tmp_path / "nowhere.gcode")
 
@@ -183,6 +189,38 @@ def test_work_offset_home_and_inches(tmp_path):
     assert result.max_error_um_after < 5.0
     # With another offset it is another place, and the correction is wrong there.
     assert compare_paths(machine, program, output, home_mm=(0.0, 0.0, 350.0)).max_error_um_after > 20.0
+
+
+def test_a_home_that_only_the_correction_was_told_is_named(tmp_path):
+    """Without it no place behind G28 is known, and the moves of the corrected program are none of the other."""
+    machine, home = wavy(), (10.0, 10.0, 10.0)
+    program, output = written(tmp_path, "G28\nG1 X300 F1200\nG1 Y300\n"), tmp_path / "out.gcode"
+    compensate_program(machine, program, output, CompensationOptions(home_mm=home))
+    with pytest.raises(GcodeError, match=r"hint: .*, and --home where it was given one"):
+        compare_paths(machine, program, output)
+    assert compare_paths(machine, program, output, home_mm=home).moves_compared == 1
+    other = written(tmp_path, "G1 X20 Y20 Z5\nM84\n", "other.gcode")
+    with pytest.raises(GcodeError) as refused:
+        compare_paths(machine, other, output)
+    assert "--home" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("sample_step_mm", step) for step in (0.0, -1.0, np.nan, np.inf)),
+        ("home_mm", (0.0, 0.0, np.nan)),
+        ("work_offset_mm", (0.0, 0.0)),
+        ("work_offset_mm", "1,2,3"),
+        ("firmware", "Marlin"),
+        ("threads", -1),
+        ("threads", 1.5),
+    ],
+)
+def test_an_argument_that_makes_no_sense_is_refused_by_name(tmp_path, name, value):
+    program = written(tmp_path, PROGRAM)
+    with pytest.raises(GeoerrError, match=rf"^{name} .*\nhint: "):
+        compare_paths(wavy(), program, program, **{name: value})
 
 
 def run(*arguments):
@@ -281,6 +319,12 @@ def test_what_was_not_compared_is_not_proved(tmp_path):
     assert "nothing is proved" in str(failed.exception)
     one = written(tmp_path, "G91\nG1 X50 Y50 Z10\n", "one.gcode")
     assert "1 move not compared" in run("verify", "path", errors, one, one).stdout
+    # Who has said where homing leaves the machine is not asked for it again.
+    homed = written(tmp_path, "G28\nG1 X50 Y50 Z10\n", "homed.gcode")
+    failed = run("verify", "path", errors, homed, homed, "--home", "0,0,0", "--tolerance", "0.001")
+    assert "--home" not in str(failed.exception)
+    assert "of the first move behind G28 only the end is corrected" in str(failed.exception)
+    assert "of the first move behind G28 only the end is corrected" in failed.stdout
     assert run("verify", "path", errors, program, program).exit_code == 0
 
 
@@ -292,6 +336,30 @@ def test_another_extrusion_is_no_proof(tmp_path):
     failed = run("verify", "path", errors, program, other, "--tolerance", "0.001")
     assert failed.exit_code == 1
     assert "1 move extrudes another length" in str(failed.exception)
+    assert "(line 2)" in str(failed.exception)
+    assert "hint: name the firmware" in str(failed.exception)
+    named = run("verify", "path", errors, program, other, "--tolerance", "0.001", "--firmware", "marlin")
+    assert "name the firmware" not in str(named.exception)
+    assert "correct the program again, with --firmware marlin" in str(named.exception)
+
+
+def test_a_path_that_is_far_off_is_told_before_its_extrusion(files):
+    """A piece goes a millimetre astray and extrudes two too much: the place is the news."""
+    errors, program, output = files / "errors.json", files / "in.gcode", files / "out.gcode"
+    run("compensate", errors, program, "-o", output, "--firmware", "marlin")
+    lines = output.read_text().splitlines()
+    number = next(n for n, line in enumerate(lines) if line.endswith("; wall"))
+    y, extruded = (next(word for word in lines[number].split() if word[0] == letter) for letter in "YE")
+    lines[number] = lines[number].replace(y, f"Y{float(y[1:]) + 1.0:.4f}")
+    lines[number] = lines[number].replace(extruded, f"E{float(extruded[1:]) + 2.0:.5f}")
+    astray = written(files, "\n".join(lines) + "\n", "astray.gcode")
+    failed = run("verify", "path", errors, program, astray, "--firmware", "marlin", "--tolerance", "0.005")
+    problem, _, hint = str(failed.exception).partition("\nhint: ")
+    assert problem.startswith("the corrected path is up to ")
+    assert "extrude" in problem.partition("; ")[2]
+    assert f"(line {number + 1})" in problem.rpartition("; ")[2]
+    assert "--home" in hint
+    assert "name the firmware" not in hint
 
 
 @pytest.mark.parametrize(

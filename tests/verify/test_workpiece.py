@@ -182,7 +182,7 @@ def test_what_is_no_workpiece_is_refused(tmp_path, text, words):
 def test_points_and_lengths_do_not_compare(tmp_path):
     points = read_relative_errors(write(tmp_path / "points.csv", PLANAR))
     lengths = read_relative_errors(write(tmp_path / "lengths.csv", LENGTHS))
-    with pytest.raises(InputFileError, match="holds lengths, BEFORE holds points"):
+    with pytest.raises(InputFileError, match=r"lengths.csv: holds lengths, and .*points.csv holds points"):
         compare_workpieces(points, lengths)
 
 
@@ -204,6 +204,18 @@ def test_other_points_or_components_are_told_to_prove_nothing(tmp_path):
     turned = compare_workpieces(before, whole)
     assert any("mx my were measured before, mx my mz after" in note for note in turned.notes)
     assert not compare_workpieces(before, before).notes
+
+
+def test_a_length_has_no_direction(tmp_path):
+    header, *rows = (line.split(",") for line in LENGTHS.splitlines())
+    swapped = [header, *([*row[:1], *row[4:7], *row[1:4], *row[7:]] for row in rows)]
+    before = read_relative_errors(write(tmp_path / "before.csv", LENGTHS))
+    other = "\n".join(map(",".join, swapped)) + "\n"
+    assert not compare_workpieces(before, read_relative_errors(write(tmp_path / "after.csv", other))).notes
+    moved = write(tmp_path / "moved.csv", other.replace("30,40,0", "40,30,0"))
+    assert any(
+        "other nominal lengths" in one for one in compare_workpieces(before, read_relative_errors(moved)).notes
+    )
 
 
 def run_command(*arguments):

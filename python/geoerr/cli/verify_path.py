@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from geoerr.cli.program_options import (
     At,
     Firmware,
     FirmwareCorrects,
+    FirmwareName,
     Home,
     KeepUncertain,
     WorkOffset,
@@ -32,6 +34,7 @@ _EXAMPLES = (
     "geoerr verify path model.json part.gcode part-corrected.gcode --at temp_bed=90",
     "geoerr verify path errors.json part.gcode part-corrected.gcode --tolerance 0.02 --json",
 )
+_BEHIND_HOME = "of the first move behind G28 only the end is corrected"
 
 
 def register(sub: typer.Typer) -> None:
@@ -95,13 +98,13 @@ def path(
         provenance = provenance_of_command([model, before, after])
         print_json({**result.to_document(), "provenance": provenance.to_document()})
     else:
-        say(_report(result))
+        say(_report(result, is_home_known=home is not None))
     if not result.moves_compared:
         note("note: no move of the program could be compared", quiet)
-    _check(result, tolerance)
+    _check(result, tolerance, firmware, is_home_known=home is not None)
 
 
-def _report(result: PathResult) -> str:
+def _report(result: PathResult, *, is_home_known: bool) -> str:
     from geoerr.summaries import counted
 
     rows = [
@@ -115,7 +118,8 @@ def _report(result: PathResult) -> str:
     lines.append(f"{counted(result.moves_compared, 'move')} compared over {result.path_mm:.1f} mm of path")
     if result.moves_not_compared:
         not_compared = counted(result.moves_not_compared, "move")
-        lines.append(f"{not_compared} not compared (position not known, or no straight move)")
+        begins = f"{_BEHIND_HOME}; or position" if is_home_known else "position"
+        lines.append(f"{not_compared} not compared ({begins} not known, or no straight move)")
     if result.moves_with_other_extrusion:
         lines.append(_other_extrusion(result))
     if result.max_feed_change_line:
@@ -126,7 +130,10 @@ def _report(result: PathResult) -> str:
 def _other_extrusion(result: PathResult) -> str:
     count = result.moves_with_other_extrusion
     what = "1 move extrudes" if count == 1 else f"{count} moves extrude"
-    return f"{what} another length than before, or {'its' if count == 1 else 'their'} pieces not in proportion"
+    first = f"line {result.other_extrusion_line}" if count == 1 else f"the first: line {result.other_extrusion_line}"
+    return (
+        f"{what} another length than before, or {'its' if count == 1 else 'their'} pieces not in proportion ({first})"
+    )
 
 
 def _other_feed(result: PathResult) -> str:
@@ -137,26 +144,41 @@ def _other_feed(result: PathResult) -> str:
     return f"{largest}; by more than 1 % in {counted(count, 'move')}" if count else largest
 
 
-def _check(result: PathResult, tolerance_mm: float | None) -> None:
+def _check(
+    result: PathResult, tolerance_mm: float | None, firmware: FirmwareName | None, *, is_home_known: bool
+) -> None:
     if tolerance_mm is None:
         return
     if not result.moves_compared:
+        begin = f"{_BEHIND_HOME}: let others follow it" if is_home_known else "say where it begins, as with --home"
         raise GeoerrError(
             "no move of the program could be compared, so that nothing is proved\n"
-            "hint: say where it begins, as with --home, and write arcs as straight moves"
+            f"hint: {begin}, and write arcs as straight moves"
+        )
+    problems = list(_problems(result, tolerance_mm, firmware))
+    if problems:
+        # The remedy of the worst may be that of the others.
+        raise GeoerrError(f"{'; '.join(problem for problem, _ in problems)}\nhint: {problems[0][1]}")
+
+
+def _problems(result: PathResult, tolerance_mm: float, firmware: FirmwareName | None) -> Iterator[tuple[str, str]]:
+    """Give what is not as it should be with its remedy, the worst first."""
+    if not result.max_error_um_after <= tolerance_mm * 1e3:
+        yield (
+            f"the corrected path is up to {result.max_error_um_after:.3f} µm off"
+            f" (line {result.max_error_line_after}), {tolerance_mm * 1e3:g} µm were asked for",
+            "give what compensate was given: the program as it was written, the model, --at, --home, --work-offset"
+            " and the others, and no smaller tolerance",
         )
     if result.moves_with_other_extrusion:
-        raise GeoerrError(
-            f"{_other_extrusion(result)}\n"
-            "hint: name the firmware, --firmware marlin, klipper or reprapfirmware: it decides how E is read"
+        yield (
+            _other_extrusion(result),
+            "name the firmware, --firmware marlin, klipper or reprapfirmware: it decides how E is read"
+            if firmware is None
+            else f"compensate keeps what moves extrude: correct the program again, with --firmware {firmware.value}",
         )
     if result.moves_with_other_feed:
-        raise GeoerrError(
-            f"{_other_feed(result)}\n"
-            "hint: compensate keeps every F; change it in the program as it was written, and correct that again"
-        )
-    if not result.max_error_um_after <= tolerance_mm * 1e3:
-        raise GeoerrError(
-            f"the corrected path is up to {result.max_error_um_after:.3f} µm off"
-            f" (line {result.max_error_line_after}), {tolerance_mm * 1e3:g} µm were asked for"
+        yield (
+            _other_feed(result),
+            "compensate keeps every F; change it in the program as it was written, and correct that again",
         )

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, get_args
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from geoerr.errors import GcodeError, GeoerrError, InputFileError
 from geoerr.files import digest, refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
+from geoerr.model.arrays import Triple, check_choice, check_threads, triple_mm
 from geoerr.model.conditions import Conditions, constants_of
 from geoerr.model.finite import not_finite_notes
 from geoerr.model.fit_words import NOT_SETTLED, SETTLE
@@ -33,8 +34,9 @@ from geoerr.model.program_conditions import (
 )
 from geoerr.model.worth import UncertainTerm, well_known
 
-Triple = tuple[float, float, float]
 Firmware = Literal["marlin", "klipper", "reprapfirmware"]
+OnUnsupported = Literal["refuse", "pass"]
+OutsideMeasured = Literal["refuse", "hold"]
 
 # What is read at a time: with the block that is being written, a few times this is all the memory that is used.
 CHUNK_BYTES = 1 << 20
@@ -72,6 +74,11 @@ class CompensationOptions:
         Correct also what is known so poorly that correcting it adds more uncertainty than it takes error away.
     extrapolates
         Take conditions that lie far outside what the model was fitted to: by more than half of that span's width.
+
+    Raises
+    ------
+    GeoerrError
+        naming what is not as it should be.
     """
 
     work_offset_mm: Triple = (0.0, 0.0, 0.0)
@@ -80,10 +87,22 @@ class CompensationOptions:
     home_mm: Triple | None = None
     firmware: Firmware | None = None
     firmware_corrects: tuple[str, ...] = ()
-    on_unsupported: Literal["refuse", "pass"] = "refuse"
-    outside_measured: Literal["refuse", "hold"] = "refuse"
+    on_unsupported: OnUnsupported = "refuse"
+    outside_measured: OutsideMeasured = "refuse"
     keeps_uncertain: bool = False
     extrapolates: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what would be read as something else, or as nothing."""
+        triple_mm(self.work_offset_mm, "work_offset_mm")
+        if self.home_mm is not None:
+            triple_mm(self.home_mm, "home_mm")
+        if self.firmware is not None:
+            check_choice("firmware", self.firmware, get_args(Firmware))
+        check_choice("on_unsupported", self.on_unsupported, get_args(OnUnsupported))
+        check_choice("outside_measured", self.outside_measured, get_args(OutsideMeasured))
+        if not isinstance(self.digits, int) or not 1 <= self.digits <= 9:
+            raise GeoerrError(f"digits is {self.digits!r}\nhint: write a whole number from 1 to 9")
 
 
 @dataclass(frozen=True)
@@ -297,6 +316,7 @@ class _Job:
 
 
 def _job(model: Model, options: CompensationOptions, model_name: str, at: Conditions | None, threads: int) -> _Job:
+    check_threads(threads)
     corrected = model.without(options.firmware_corrects)
     if model.rig_terms and model.errors is None and not model.machine_terms:
         ids = ", ".join(term.id for term in model.rig_terms)

@@ -1,13 +1,16 @@
-"""Arrays as the core takes them."""
+"""Arrays and other arguments as the core takes them."""
 
 from __future__ import annotations
+
+from collections.abc import Collection
 
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.errors import ShapeError
+from geoerr.errors import GeoerrError, ShapeError
 
 Numbers = npt.NDArray[np.float64]
+Triple = tuple[float, float, float]
 
 
 def contiguous(values: npt.ArrayLike) -> Numbers:
@@ -45,6 +48,48 @@ def offsets(values: npt.ArrayLike | None, n_rows: int) -> Numbers:
     if array.shape != (n_rows, 3):
         raise ShapeError(f"offset_mm must be (3,) or ({n_rows}, 3), not {array.shape}")
     return array
+
+
+def triple_mm(values: npt.ArrayLike, name: str) -> Triple:
+    """Give a place or an offset.
+
+    Raises
+    ------
+    ShapeError
+        naming the argument, for what is not three finite numbers.
+    """
+    try:
+        array = as_numbers(values, name)
+    except ShapeError:
+        array = np.empty(0)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ShapeError(f"{name} is {values!r}\nhint: give three finite numbers, x, y and z in mm")
+    x, y, z = array.tolist()
+    return x, y, z
+
+
+def check_choice(name: str, value: object, known: Collection[str]) -> None:
+    """Refuse what is none of the words that an argument takes.
+
+    Raises
+    ------
+    GeoerrError
+        naming the argument, and the words.
+    """
+    if value not in known:
+        raise GeoerrError(f"{name} cannot be {value!r}\nhint: write one of {', '.join(map(repr, known))}")
+
+
+def check_threads(threads: object) -> None:
+    """Refuse what is no number of threads.
+
+    Raises
+    ------
+    ShapeError
+        naming the argument.
+    """
+    if not isinstance(threads, int | np.integer) or threads < 0:
+        raise ShapeError(f"threads is {threads!r}\nhint: write a whole number: how many cores to use, 0 for all")
 
 
 def as_numbers(values: npt.ArrayLike, name: str) -> Numbers:

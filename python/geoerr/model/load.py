@@ -14,6 +14,9 @@ from geoerr.model.model import Model
 
 # Three thousand parameters' covariance takes half of it.
 MAX_BYTES = 256 << 20
+# What measurements come in.
+_TABLES = (".csv", ".parquet")
+_WHAT_MODELS_ARE = "a model is a model.json, an errors.json or a machine.toml"
 
 
 def load_model(path: str | Path) -> Model:
@@ -26,6 +29,12 @@ def load_model(path: str | Path) -> Model:
     InputFileError
         for a file that is none of these, or not as it should be.
     """
+    if Path(path).suffix.lower() in _TABLES and Path(path).is_file():
+        raise InputFileError(
+            path,
+            "is a table of measurements, and no model of a machine",
+            remedy=f"{_WHAT_MODELS_ARE}; `geoerr fit` makes one of measurements",
+        )
     if not _is_json(Path(path)):
         return Model(read_machine(path))
     document = _read(path)
@@ -35,8 +44,7 @@ def load_model(path: str | Path) -> Model:
         raise InputFileError(
             path,
             "is a rig, two cameras, and no model of a machine",
-            remedy=f"where measurements are given it belongs to them, as --rig {path}; a model is a model.json, an "
-            "errors.json or a machine.toml",
+            remedy=f"where measurements are given it belongs to them, as --rig {path}; {_WHAT_MODELS_ARE}",
         )
     errors = errors_from_document(document, path)
     return Model(errors.machine, errors)

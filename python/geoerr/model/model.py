@@ -22,7 +22,7 @@ from geoerr.effects import Effect, PlacedEffect, catalogue
 from geoerr.error_functions import ALL_NAMES, ErrorFunctions
 from geoerr.errors import GeoerrError, NotConvergedError, NotDeterminedError, ShapeError
 from geoerr.machine import AXES, Machine
-from geoerr.model.arrays import Numbers, contiguous, offsets, points
+from geoerr.model.arrays import Numbers, check_threads, contiguous, offsets, points
 from geoerr.model.commands import STATUS, Commands
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.model.conditions import OF_POSITION, Conditions, bound_conditions, constants_of, variables_of
@@ -101,6 +101,11 @@ class Model:
 
     def __post_init__(self) -> None:
         """Compile the model, so that bad errors are refused here and not at the first question."""
+        if not isinstance(self.machine, Machine):
+            raise ShapeError(
+                f"machine: a value of type {type(self.machine).__name__} was given where a machine is needed\n"
+                "hint: load_model(path) reads a file; Model takes what read_machine or Machine.from_chain gives"
+            )
         object.__setattr__(self, "terms", tuple(self.terms))
         _ = (self._all, self._seen) if self.terms else self._core
         if self.record is not None:
@@ -260,6 +265,7 @@ class Model:
         Li et al. 2023, Eqs. 6 to 8, with full rotations. Verified for all 24 chains against their first-order sums,
         against matrix products and against a second implementation with 40 digits.
         """
+        check_threads(threads)
         rows = points(q_mm, "q_mm")
         if not self.terms:
             return self._core.tool_from_work(rows, offsets(offset_mm, len(rows)), threads)
@@ -275,6 +281,7 @@ class Model:
         threads: int = 0,
     ) -> Numbers:
         """Give actual minus nominal position of the same point, (n, 3), with all its digits."""
+        check_threads(threads)
         rows = points(q_mm, "q_mm")
         if not self.terms:
             return self._core.error_mm(rows, offsets(offset_mm, len(rows)), threads)
@@ -292,6 +299,7 @@ class Model:
 
         `offset_mm` as for `tool_from_work`. Only the axes on the tool side move the point.
         """
+        check_threads(threads)
         rows = points(q_mm, "q_mm")
         if not self.terms:
             return self._core.tool_from_base(rows, offsets(offset_mm, len(rows)), threads)
@@ -311,6 +319,7 @@ class Model:
 
         `offset_mm` counts from the base origin, at x = y = z = 0. Only the axes on the work side move the point.
         """
+        check_threads(threads)
         rows = points(q_mm, "q_mm")
         if not self.terms:
             return self._core.work_from_base(rows, offsets(offset_mm, len(rows)), threads)
@@ -337,6 +346,7 @@ class Model:
             What the target is fixed to: `tool`, `work` or `base`, seen from the floor, or `relative`, the tool seen
             from the work.
         """
+        check_threads(threads)
         values = self._values
         blocks = self._rows(q_mm, offset_mm, carrier, at, _PREDICTED_ROWS)
         return np.concatenate([self._seen.core.displacements(*rows, *values, threads) for rows in blocks])
@@ -367,6 +377,7 @@ class Model:
 
         Conditions are held; only direction, travel and speed may differ from row to row.
         """
+        check_threads(threads)
         rows = points(q_mm, "q_mm")
         offset = offsets(offset_mm, len(rows))
         if not self.terms:
@@ -420,9 +431,11 @@ class Model:
             what = STATUS[commands.status[row]]
             left = "" if what == "not finite" else f", {commands.remaining_mm[row]:.3g} mm remain"
             others = f" (and {failed.size - 1} more)" if failed.size > 1 else ""
+            hint = "check the errors for tables that change by more than a fifth of a millimetre a millimetre"
+            if not np.isfinite(points(p_mm, "p_mm")[row]).all():
+                hint = "give finite numbers in p_mm, or leave the row out"
             raise NotConvergedError(
-                f"no command puts the tool at position {row + 1}{others}: {what}{left}\n"
-                "hint: check the errors for tables that change by more than a fifth of a millimetre a millimetre"
+                f"no command puts the tool at position {row + 1}{others}: {what}{left}\nhint: {hint}"
             )
         return commands.command_mm
 
@@ -435,6 +448,7 @@ class Model:
         at: Conditions | None = None,
     ) -> Commands:
         """Do the same, row by row: a row without a command is NaN, has its status, and disturbs no other."""
+        check_threads(threads)
         targets = points(p_mm, "p_mm") - np.asarray(self.machine.tool_offset_mm)
         if not self.terms:
             return Commands(*self._core.commands_for(targets, tolerance_mm, threads))
@@ -594,6 +608,7 @@ class Model:
         `displacement_mm` has beyond it are products of errors (squareness of 5 mrad times an angle of 1 mrad over
         400 mm is 2 µm).
         """
+        check_threads(threads)
         self._refuse_unknown()
         blocks = [
             self._contributions_of(rows, threads)
@@ -870,6 +885,7 @@ class Model:
         threads: int,
     ) -> Iterator[Numbers]:
         """Give d displacement / d parameters of the machine's terms, (n, 3, m), in blocks of rows."""
+        check_threads(threads)
         values = self._values
         for rows in self._rows(q_mm, offset_mm, carrier, at, _BLOCK_ROWS):
             yield self._seen.core.columns(*rows, *values, threads)

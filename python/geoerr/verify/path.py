@@ -12,12 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
-from geoerr.errors import GcodeError
+from geoerr.errors import GcodeError, GeoerrError
 from geoerr.model import Model
+from geoerr.model.arrays import check_choice, check_threads, triple_mm
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time
 from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces, paired_runs, piece_counts
-from geoerr.verify.program_reader import UNITS_PER_MM, Move, ProgramReader, Triple
+from geoerr.verify.program_reader import FIRMWARES, UNITS_PER_MM, Move, ProgramReader, Triple
 
 Numbers = npt.NDArray[np.float64]
 
@@ -51,13 +52,16 @@ class PathResult:
         Moves (lines that give X, Y or Z to a motion code) of both.
     moves_compared, moves_not_compared
         Moves of the first program whose path was compared, and the others: they begin or end at a place that is not
-        known, or are no straight moves.
+        known, or begin where homing leaves the machine, of which `compensate` corrects the end alone, or are no
+        straight moves.
     path_mm
         Length of the path that was compared.
     extrusion_in_mm, extrusion_out_mm
         Net extruded length of both.
     moves_with_other_extrusion
         Moves whose pieces together do not extrude what the move did, or share it otherwise than by their lengths.
+    other_extrusion_line
+        Line of the corrected program where the first of them does; 0 where none does.
     max_feed_change_percent, max_feed_change_line
         Largest difference of a piece's feed from that of its move, and the line of the corrected program where it is;
         100 % where a rapid move is none any more, or there was no feed. `compensate` keeps the feed.
@@ -78,6 +82,7 @@ class PathResult:
     extrusion_in_mm: float
     extrusion_out_mm: float
     moves_with_other_extrusion: int
+    other_extrusion_line: int
     max_feed_change_percent: float
     max_feed_change_line: int
     moves_with_other_feed: int
@@ -145,14 +150,17 @@ class _Tally:
 
     n_compared: int = 0
     n_other_extrusion: int = 0
+    other_extrusion_line: int = 0
     n_other_feed: int = 0
     feed_change: float = 0.0
     feed_change_line: int = 0
 
     def add(self, move: Move, pieces: Sequence[Move], ends: Sequence[float], lines: Sequence[int]) -> None:
         """Count a move; `ends` are the shares of it at which its pieces are meant to end."""
-        is_other = sum(piece.extrusion for piece in pieces) != move.extrusion
-        self.n_other_extrusion += is_other or not _is_shared_by_length(move, pieces, ends)
+        other = _other_extrusion(move, pieces, ends)
+        if other is not None:
+            self.n_other_extrusion += 1
+            self.other_extrusion_line = self.other_extrusion_line or lines[other]
         changes = [move.feed.change_to(piece.feed) for piece in pieces]
         largest = max(changes)
         self.n_other_feed += largest > _FEED_CHANGE
@@ -160,15 +168,18 @@ class _Tally:
             self.feed_change, self.feed_change_line = largest, lines[changes.index(largest)]
 
 
-def _is_shared_by_length(move: Move, pieces: Sequence[Move], ends: Sequence[float]) -> bool:
-    """Tell whether what a move extrudes is spread along its path, but for digits of words and what places are off."""
+def _other_extrusion(move: Move, pieces: Sequence[Move], ends: Sequence[float]) -> int | None:
+    """Give the first piece that does not extrude its share of the path, the very first where only the sum is another.
+
+    Digits of words and what places are off are left to it; None where all is as the move has it.
+    """
+    other = None if sum(piece.extrusion for piece in pieces) == move.extrusion else 0
     if move.start_mm is None:
-        return True
+        return other
     margin = _EXTRUSION_SHARE * abs(move.extrusion) + _EXTRUSION_DIGITS_MM * UNITS_PER_MM
     shares = np.diff([0.0, *ends[:-1], 1.0]).tolist()
-    return all(
-        abs(piece.extrusion - share * move.extrusion) <= margin for piece, share in zip(pieces, shares, strict=True)
-    )
+    off = (abs(piece.extrusion - share * move.extrusion) for piece, share in zip(pieces, shares, strict=True))
+    return next((number for number, one in enumerate(off) if one > margin), other)
 
 
 class _Machine:
@@ -238,7 +249,10 @@ def compare_paths(
         or that of a split move in `before` of which firmwares differ on what it extrudes, where none is named.
     InputFileError
         where a file cannot be read.
+    GeoerrError
+        for another argument that is not as it should be, by name.
     """
+    _check_arguments(work_offset_mm, home_mm, firmware, sample_step_mm, threads)
     machine = _Machine(model, at, threads)
     options = (work_offset_mm, home_mm, firmware, machine.windups)
     reader_in, reader_out = ProgramReader(before, *options), ProgramReader(after, *options)
@@ -267,10 +281,24 @@ def compare_paths(
         extrusion_in_mm=reader_in.extrusion / UNITS_PER_MM,
         extrusion_out_mm=reader_out.extrusion / UNITS_PER_MM,
         moves_with_other_extrusion=tally.n_other_extrusion,
+        other_extrusion_line=tally.other_extrusion_line,
         max_feed_change_percent=100.0 * tally.feed_change,
         max_feed_change_line=tally.feed_change_line,
         moves_with_other_feed=tally.n_other_feed,
     )
+
+
+def _check_arguments(
+    work_offset_mm: Triple, home_mm: Triple | None, firmware: str | None, sample_step_mm: float, threads: int
+) -> None:
+    triple_mm(work_offset_mm, "work_offset_mm")
+    if home_mm is not None:
+        triple_mm(home_mm, "home_mm")
+    if firmware is not None:
+        check_choice("firmware", firmware, FIRMWARES)
+    if not 0.0 < sample_step_mm < math.inf:
+        raise GeoerrError(f"sample_step_mm is {sample_step_mm!r}\nhint: give a length above 0, in mm")
+    check_threads(threads)
 
 
 def _batches(runs: Iterator[tuple[Run, Run]]) -> Iterator[list[tuple[Run, Run]]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -60,25 +59,29 @@ def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator
     GcodeError
         where a line that is no move differs, or the corrected program has fewer moves or lines.
     """
-    for run_in, run_out in itertools.zip_longest(runs_of(reader_in), runs_of(reader_out)):
-        if run_in is None or run_out is None:
-            longer = run_in or run_out
-            number = 1 if longer is None or longer.next_line is None else longer.next_line.number
-            raise GcodeError(reader_out.path, number, f"has not as many lines as {reader_in.path}", remedy=REMEDY)
+    # Where one program ends the other has a line: that is refused before either has no more runs.
+    for run_in, run_out in zip(runs_of(reader_in), runs_of(reader_out), strict=True):
         line_in, line_out = run_in.next_line, run_out.next_line
-        bodies = [None if line is None else line.body for line in (line_in, line_out)]
-        if bodies[0] != bodies[1]:
-            raise GcodeError(
-                reader_out.path,
-                1 if line_out is None else line_out.number,
-                f"{_shown(line_out)} stands where {reader_in.path} has {_shown(line_in)}",
-                remedy=REMEDY,
-            )
-        if len(run_out.moves) < len(run_in.moves):
-            number = 1 if line_out is None else line_out.number
+        place_in = f"{reader_in.path}:{_number(reader_in, line_in)}"
+        problem = None
+        if (None if line_in is None else line_in.body) != (None if line_out is None else line_out.body):
+            problem = f"{_shown(line_out)} stands where {place_in} has {_shown(line_in)}"
+        elif len(run_out.moves) < len(run_in.moves):
             missing = len(run_in.moves) - len(run_out.moves)
-            raise GcodeError(reader_out.path, number, f"{missing} moves are missing before this line", remedy=REMEDY)
+            problem = f"{missing} moves are missing before this line, which is {place_in}"
+        if problem is not None:
+            raise GcodeError(reader_out.path, _number(reader_out, line_out), problem, remedy=_remedy(reader_in))
         yield run_in, run_out
+
+
+def _number(reader: ProgramReader, line: Line | None) -> int:
+    """Give the number of a line; of the end, that of the last one."""
+    return max(reader.n_lines, 1) if line is None else line.number
+
+
+def _remedy(reader_in: ProgramReader) -> str:
+    """Say what to give; behind homing nothing is known of the moves of a program that `--home` was corrected with."""
+    return f"{REMEDY}, and --home where it was given one" if reader_in.lacks_home else REMEDY
 
 
 def piece_counts(run_in: Run, run_out: Run, actual_mm: Numbers) -> list[int]:

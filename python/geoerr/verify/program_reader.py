@@ -39,6 +39,8 @@ _TAKES_PARAMETERS = frozenset((40.0, 41.0, 41.1, 42.0, 42.1, 43.0, 64.0))
 _PATH_LETTERS = frozenset((*_LETTERS, b"E", b"F"))
 _UNKNOWN: Place = (None, None, None)
 _INCH_MM = 25.4
+# Those that read programs differently.
+FIRMWARES = ("marlin", "klipper", "reprapfirmware")
 # Extruded lengths are counted in whole units of 1e-10 mm, of which 1e-9 mm and 1e-9 inches have so many.
 UNITS_PER_MM = 10**10
 _NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
@@ -229,6 +231,13 @@ class ProgramReader:
         `marlin`, `klipper` or `reprapfirmware`: how E is read; None: not known, and Marlin's way is told.
     windups
         Axis and length of each wind-up of the machine, as of `Past`.
+
+    Attributes
+    ----------
+    n_lines, n_moves
+        What was read so far.
+    lacks_home
+        Whether the program homed, and where that leaves the machine was not told.
     """
 
     def __init__(
@@ -240,7 +249,9 @@ class ProgramReader:
         windups: Sequence[tuple[int, float]] = (),
     ) -> None:
         self.path = Path(path)
+        self.n_lines = 0
         self.n_moves = 0
+        self.lacks_home = False
         self._home_mm = home_mm
         self._firmware = firmware
         self._extruder = _Extruder(firmware)
@@ -270,15 +281,14 @@ class ProgramReader:
         InputFileError
             where the file cannot be read.
         """
-        number = 0
         with refusing_unreadable(self.path, "program"):
             opened = self.path.open("rb")
         try:
             with opened as stream:
                 for raw in stream:
                     for body in _LINE_END.split(raw.removesuffix(b"\n").removesuffix(b"\r")):
-                        number += 1
-                        yield Line(number, body, self._follow(body))
+                        self.n_lines += 1
+                        yield Line(self.n_lines, body, self._follow(body))
         except OSError as error:
             raise InputFileError(self.path, f"cannot be read: {error.strerror}") from error
 
@@ -585,6 +595,7 @@ class ProgramReader:
 
     def _home(self, named: list[bool], *, is_sure: bool) -> None:
         place, shift = list(self._place), list(self._shift)
+        self.lacks_home |= self._home_mm is None
         for axis in range(3):
             if named[axis] or not any(named):
                 place[axis] = self._home_mm[axis] if is_sure and self._home_mm is not None else None

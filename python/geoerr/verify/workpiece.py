@@ -65,6 +65,8 @@ class RelativeErrors:
         Rows that could not be used.
     notes
         Sentences for the reader.
+    sources
+        Files that they were read from.
     """
 
     kind: str
@@ -75,6 +77,7 @@ class RelativeErrors:
     first_points: dict[str, tuple[float, float, float]]
     set_aside: tuple[RowProblem, ...] = ()
     notes: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
 
     def of_group(self, name: str | None) -> GroupFigures | None:
         """Give the figures of a group, of all errors together where None; None where there is no such error."""
@@ -165,9 +168,10 @@ def compare_workpieces(before: RelativeErrors, after: RelativeErrors) -> Workpie
         if one holds points and the other lengths.
     """
     if before.kind != after.kind:
+        names = [one.sources[0] if one.sources else other for one, other in ((before, "BEFORE"), (after, "AFTER"))]
         raise InputFileError(
-            "AFTER",
-            f"holds {after.kind}, BEFORE holds {before.kind}",
+            names[1],
+            f"holds {after.kind}, and {names[0]} holds {before.kind}",
             remedy="measure both workpieces in the same way",
         )
     names = list(dict.fromkeys([*before.group, *after.group]))
@@ -203,10 +207,17 @@ def compare_workpieces(before: RelativeErrors, after: RelativeErrors) -> Workpie
 def _are_alike(before: RelativeErrors, after: RelativeErrors, group: str) -> bool:
     """Tell whether a group has the same nominal points or ends in both files, however often each was measured."""
     first, second = (
-        np.unique(np.round(one.nominal_mm[np.array(one.group) == group] / _SAME_MM), axis=0)
+        np.unique(np.round(_either_way(one.nominal_mm[np.array(one.group) == group]) / _SAME_MM), axis=0)
         for one in (before, after)
     )
     return first.shape == second.shape and bool((np.abs(first - second) <= 1.0).all())
+
+
+def _either_way(nominal_mm: Numbers) -> Numbers:
+    """Give points (n, 3) as they are, and both ends of lengths (n, 6) in both orders: a length has no direction."""
+    if nominal_mm.shape[1] == 3:
+        return nominal_mm
+    return np.concatenate([nominal_mm, np.roll(nominal_mm, 3, axis=1)])
 
 
 def read_relative_errors(path: str | Path) -> RelativeErrors:
@@ -246,6 +257,7 @@ def errors_of_lengths(lengths: Lengths) -> RelativeErrors:
         components=(),
         first_points={},
         set_aside=lengths.set_aside,
+        sources=tuple(map(str, lengths.sources)),
     )
 
 
@@ -327,6 +339,7 @@ def errors_of_points(observations: Observations) -> RelativeErrors:
         first_points=first_points,
         set_aside=tuple(sorted(problems, key=lambda problem: problem.row)),
         notes=tuple(notes),
+        sources=tuple(map(str, observations.sources)),
     )
 
 

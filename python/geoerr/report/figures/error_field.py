@@ -161,7 +161,7 @@ def _magnified(
     # Far outside its data a model may say what is no length any more: that is not drawn.
     error = np.where((np.abs(error) < _FARTHEST_MM).all(axis=1, keepdims=True), error, np.nan)
     largest = float(np.nan_to_num(np.linalg.norm(error, axis=1)).max())
-    magnification = exaggeration * _magnification(low, high, largest)
+    magnification = style.exaggerated(_magnification(low, high, largest), exaggeration)
     return _grid(lines, error.reshape(lines.shape), magnification, largest, shows_scale=True), error, magnification
 
 

@@ -65,7 +65,7 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
     middle = np.array([np.add(one.low_mm, one.high_mm) / 2.0 for one in regions]).reshape(-1, 3)
     mean_um, spread_um = _numbers(regions, "mean_um"), _numbers(regions, "std_um")
     rms_um = np.array([one.rmse_um for one in regions], dtype=np.float64)
-    magnification = exaggeration * magnification_of_means(comparison)
+    magnification = style.exaggerated(magnification_of_means(comparison), exaggeration)
     scale = magnification / style.UM_PER_MM
     told = np.column_stack([mean_um, spread_um, rms_um, [one.n for one in regions], [number for number, _ in known]])
     line = polyline(middle, middle + scale * mean_um)

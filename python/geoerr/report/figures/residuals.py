@@ -185,7 +185,8 @@ def residual_in_volume(
         none. None draws none.
     """
     if look not in get_args(Look):
-        raise GeoerrError(f"{look!r} is no way to look at residuals\nhint: there are {', '.join(get_args(Look))}")
+        known = ", ".join((*get_args(Look), "region"))
+        raise GeoerrError(f"{look!r} is no way to look at residuals\nhint: there are {known}")
     _refuse_other_rows(comparison, explained_um)
     volume = volume_of(comparison, exaggeration=exaggeration)
     figure = residual_volume(volume, look)

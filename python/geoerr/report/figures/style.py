@@ -7,6 +7,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 
 from geoerr.error_functions import LI_NAMES
+from geoerr.errors import GeoerrError
 
 Numbers = npt.NDArray[np.float64]
 
@@ -191,6 +192,19 @@ def round_down_125(value: float) -> float:
     """Round a positive number down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(step * power for step in (5.0, 2.0, 1.0) if step * power <= value * (1.0 + 1e-12)))
+
+
+def exaggerated(magnification: float, times: float) -> float:
+    """Give a magnification times what was asked for.
+
+    Raises
+    ------
+    GeoerrError
+        for what magnifies nothing.
+    """
+    if not 0.0 < times < np.inf:
+        raise GeoerrError(f"exaggeration is {times!r}\nhint: give a number above 0; 2 draws all twice as long as 1")
+    return magnification * times
 
 
 def thinned(shown: npt.NDArray[np.bool_], most_points: int) -> npt.NDArray[np.int64]:

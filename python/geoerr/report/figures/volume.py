@@ -89,7 +89,7 @@ def volume_of(comparison: Comparison, *, exaggeration: float = 1.0, most_points:
     diagonal = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 1.0
     room = diagonal if diagonal > 0.0 else 1.0
     factor = 1.0 if largest == 0.0 else max(style.round_down_125(_LARGEST_DRAWN * room / largest), 1.0)
-    return Volume(rows, at, error, factor * exaggeration, room)
+    return Volume(rows, at, error, style.exaggerated(factor, exaggeration), room)
 
 
 def places_mm(comparison: Comparison) -> Numbers:
