@@ -53,7 +53,7 @@ def fit_model(
     machine: Machine | Model,
     *tables: Observations | CircularTest,
     components: Components | None = None,
-    effects: Sequence[Wanted] = (),
+    effects: Sequence[Wanted] | Wanted = (),
     known: Catalogue | None = None,
     way: Way | None = None,
     options: FitOptions | None = None,
@@ -84,7 +84,7 @@ def fit_model(
         `21` (Li), `12` (Dobariya: no angles) or `none`; short for the field of `options`, and wins over it.
     effects
         What there is beyond the classic errors: references (`"backlash:x"`), effects in their places
-        (`own.at("x", "temp_bed")`), or terms. The model's history has an entry for each.
+        (`own.at("x", "temp_bed")`), or terms; one or several. The model's history has an entry for each.
     known
         Where references are looked up: `load_catalogue(["own.toml"])` has a user's own beside the built-in ones.
     way
@@ -125,8 +125,9 @@ def fit_model(
             rig_covariance=rig_covariance,
         )
 
-    on_progress(0, 2 + len(effects))
-    asked = additions(effects, known or catalogue(), described, sightings_of(*tables), options.components, fit, way)
+    wanted = list(effects) if isinstance(effects, Sequence) and not isinstance(effects, str) else [effects]
+    on_progress(0, 2 + len(wanted))
+    asked = additions(wanted, known or catalogue(), described, sightings_of(*tables), options.components, fit, way)
     fitted = fit([term for one in asked for term in one.terms])
     # A model that was composed names its new effects by having no values for them.
     added = [Addition(term.id, term.title, (term,)) for term in terms if _is_new(term)] + asked

@@ -47,6 +47,7 @@ from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
+from geoerr.model.arrays import check_threads
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
 from geoerr.summaries import counted, place_of_row
@@ -96,6 +97,7 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         """Refuse what a type checker would: the model would be another one, without a word."""
+        check_threads(self.threads)
         for name, known in (("components", get_args(Components)), ("freedom", get_args(Freedom))):
             value = getattr(self, name)
             if value not in known:
