@@ -56,3 +56,11 @@ def test_an_axis_that_did_not_move_is_named() -> None:
     assert moves_y > 10
     with pytest.raises(GeometryError, match=r"when Y moved, targets with carrier tool stood still.*goes along"):
         fitted(machine_of(CHAIN), Observations(still))
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0 / 25.4, "inches"), (1e-3, "metres"), (1e3, "µm")])
+def test_another_unit_is_no_other_carrier(factor: float, unit: str) -> None:
+    observations = nine_lines_seen()
+    scaled = observations.frame.with_columns(**{name: pl.col(name) * factor for name in ("mx", "my", "mz")})
+    with pytest.raises(GeometryError, match=f"do not follow the commanded ones.*\nhint: .*{unit}"):
+        fitted(machine_of(CHAIN), Observations(scaled))

@@ -31,9 +31,11 @@ def refuse_other_carriers(sightings: Sightings, machine: Machine) -> None:
         where most of such steps of an axis contradict the carrier.
     """
     steps = _steps_of_one_axis(nominal_mm(machine, sightings), sightings)
+    # Where nothing goes along at all another unit says more, or another file: that is not for here to say.
+    something_goes = bool((~steps.should_stand & ~steps.contradicts).any())
     for axis in range(3):
         for carrier in np.unique(steps.carrier):
-            own = (steps.axis == axis) & (steps.carrier == carrier)
+            own = (steps.axis == axis) & (steps.carrier == carrier) & (steps.should_stand | something_goes)
             if int(own.sum()) >= _FEWEST_STEPS and steps.contradicts[own].mean() > 0.5:
                 raise GeometryError(_words(machine, sightings, steps, own))
 

@@ -18,6 +18,7 @@ import numpy as np
 from geoerr import _core
 from geoerr.commanded_circle import circle_through
 from geoerr.errors import GeometryError
+from geoerr.fit.other_units import other_units
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import Machine
 from geoerr.observations import CARRIERS
@@ -184,10 +185,11 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
         off = np.abs(sightings.measured_mm[rows] - expected)[seen]
         span = float(np.ptp(nominal[rows], axis=0).max(initial=0.0))
         if span > 0.0 and float(np.median(off)) > _STRANGE * span:
+            remedy = "check that mx, my and mz are what was measured (in mm), the machine's chain, and the carriers"
             raise GeometryError(
                 f"the measured positions of session {sightings.sessions[number]!r} do not follow the commanded ones: "
                 f"half of them are off by more than {float(np.median(off)):.1f} mm over {span:.0f} mm\n"
-                "hint: check that mx, my and mz are what was measured (in mm), the machine's chain, and the carriers"
+                f"hint: {next(other_units(sightings), remedy)}"
             )
 
 
