@@ -12,7 +12,7 @@ import typer
 from geoerr.cli.options import note
 
 if TYPE_CHECKING:
-    from geoerr.compensate.program import Triple
+    from geoerr.model.arrays import Triple
 
 
 class FirmwareName(StrEnum):
