@@ -365,7 +365,8 @@ def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, sour
     raw = columns if isinstance(columns, pl.DataFrame) else _frame_of(columns, source)
     # In memory not a number is what an empty cell is in a file.
     raw = raw.fill_nan(None)
-    _refuse_unmeasured(raw, source)
+    if not any(name in raw.columns for name in PIXELS):
+        _refuse_unmeasured(raw, source)
     for name, kind in raw.schema.items():
         if kind.is_temporal() and (name in POINT_COLUMNS.columns or is_temperature(name)):
             raise InputFileError(
