@@ -13,7 +13,7 @@ import tomli_w
 from geoerr.denavit_hartenberg import DhRow, rows_from_document, structure_of
 from geoerr.errors import GeometryError, InputFileError
 from geoerr.files import check_written, read_toml, write_text
-from geoerr.spelling import meant
+from geoerr.spelling import slip_in
 
 AXES = ("x", "y", "z")
 
@@ -316,16 +316,15 @@ def _checked_axis(table: Any, name: str, path: str | Path) -> Axis:
 
 def _refuse_slips(table: dict[str, Any], known: Collection[str], place: str, path: str | Path) -> None:
     """Refuse a key that is an absent one misspelled, which would count for nothing; others are the user's own."""
-    absent = [key for key in known if key not in table]
-    for key in table:
-        word = None if key in known else meant(key, absent)
-        if word is not None:
-            raise InputFileError(
-                path,
-                f"is no key of this table (did you mean {word}?)",
-                column=f"{place}.{key}",
-                remedy="correct the spelling",
-            )
+    slip = slip_in(table, known)
+    if slip is not None:
+        key, word = slip
+        raise InputFileError(
+            path,
+            f"is no key of this table (did you mean {word}?)",
+            column=f"{place}.{key}",
+            remedy="correct the spelling",
+        )
 
 
 def _finite_numbers(value: Any, count: int) -> list[float] | None:

@@ -18,3 +18,10 @@ def meant(name: str, known: Collection[str], cutoff: float = _SLIP) -> str | Non
         return same
     near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
     return near[0] if near else None
+
+
+def slip_in(keys: Collection[str], known: Collection[str]) -> tuple[str, str] | None:
+    """Give the first of a table's keys that is a known one misspelled, which it lacks, and what was meant."""
+    absent = [key for key in known if key not in keys]
+    words = ((key, meant(key, absent)) for key in keys if key not in known)
+    return next(((key, word) for key, word in words if word is not None), None)

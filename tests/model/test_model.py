@@ -279,4 +279,4 @@ def test_what_is_no_number_of_threads_is_refused(threads: object) -> None:
 
 def test_a_file_is_no_machine() -> None:
     with pytest.raises(ShapeError, match=r"^machine: a value of type str .*\nhint: load_model\(path\)"):
-        Model("machine.toml")  # type: ignore[arg-type]
+        Model("machine.toml")  # type: ignore[arg-type]  # what a type checker refuses is told to others, too

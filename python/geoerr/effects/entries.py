@@ -10,7 +10,7 @@ from typing import Any
 
 from geoerr.effects.places import line_of
 from geoerr.errors import InputFileError
-from geoerr.spelling import meant
+from geoerr.spelling import slip_in
 from geoerr.terms import MAX_TEXT
 
 
@@ -42,11 +42,10 @@ class Entries:
 
     def only(self, known: Collection[str]) -> Entries:
         """Refuse a key that is a known one misspelled; keys of the user's own are left alone."""
-        absent = [key for key in known if key not in self.content]
-        for key in self.content:
-            word = None if key in known else meant(key, absent)
-            if word is not None:
-                raise self.refuse(key, f"is no key of this table (did you mean {word}?)", "correct the spelling")
+        slip = slip_in(self.content, known)
+        if slip is not None:
+            key, word = slip
+            raise self.refuse(key, f"is no key of this table (did you mean {word}?)", "correct the spelling")
         return self
 
     def text(self, key: str, default: str | None = None, choices: tuple[str, ...] = ()) -> str:

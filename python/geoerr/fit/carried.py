@@ -8,7 +8,7 @@ import numpy as np
 
 from geoerr.errors import GeometryError
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
-from geoerr.fit.start import by_target, nominal_mm
+from geoerr.fit.start import moving_targets, nominal_mm
 from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS
 
@@ -52,10 +52,10 @@ class _Steps:
 
 
 def _steps_of_one_axis(points_mm: Numbers, sightings: Sightings) -> _Steps:
-    on_base = sightings.carrier == CARRIERS.index("base")
-    rows = [own[~on_base[own]] for own in by_target(sightings, on_base, sightings.offset_mm)]
-    first = np.concatenate([own[:-1] for own in rows])
-    second = np.concatenate([own[1:] for own in rows])
+    rows = sightings.once("moving_targets", moving_targets)
+    none = np.zeros(0, dtype=np.int64)
+    first = np.concatenate([none, *(own[:-1] for own in rows)])
+    second = np.concatenate([none, *(own[1:] for own in rows)])
     step_mm = np.abs(sightings.commanded_mm[second] - sightings.commanded_mm[first])
     complete = np.asarray(sightings.is_measured.all(axis=1))
     is_alone = (step_mm > SAME_POSITION_MM).sum(axis=1) == 1

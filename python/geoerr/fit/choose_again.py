@@ -42,8 +42,11 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
     own = {term.id: basis for term in fitted.terms if (basis := _basis_of(term)) is not None}
     richest = rich_bases(sightings, list(own), positions)
     ladder = Ladder(positions)
-    chosen_before = _chosen_from(sightings, own) | (set() if earlier is None else _chosen_from(earlier, own))
-    rich = {name: basis for name, basis in richest.items() if name in chosen_before}
+    may_change = _chosen_from(ladder, richest, own)
+    if earlier is not None:
+        of_earlier = positions_by_axis(earlier.commanded_mm, SAME_POSITION_MM)
+        may_change |= _chosen_from(Ladder(of_earlier), rich_bases(earlier, list(own), of_earlier), own)
+    rich = {name: basis for name, basis in richest.items() if name in may_change}
     if not rich:
         return None
     effects = [term for term in fitted.terms if term.kind != "classic"]
@@ -61,10 +64,8 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
     return _on(fitted.terms, new) if new else None
 
 
-def _chosen_from(sightings: Sightings, own: Mapping[str, BasisSpec]) -> set[str]:
-    """Name the functions whose bases are among those that `fit_terms` chooses from for these rows."""
-    positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
-    ladder, richest = Ladder(positions), rich_bases(sightings, list(own), positions)
+def _chosen_from(ladder: Ladder, richest: Mapping[str, BasisSpec], own: Mapping[str, BasisSpec]) -> set[str]:
+    """Name the functions whose bases are among those that `fit_terms` chooses from."""
     return {name for name, basis in richest.items() if own[name] in ladder.splines(name, basis)}
 
 

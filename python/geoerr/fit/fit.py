@@ -19,7 +19,7 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.distributions import chi_squared_sf
-from geoerr.errors import GeoerrError, GeometryError
+from geoerr.errors import GeometryError
 from geoerr.fit.begun import known_columns, known_sums
 from geoerr.fit.classic import (
     Components,
@@ -47,7 +47,7 @@ from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
-from geoerr.model.arrays import check_threads
+from geoerr.model.arrays import check_choice, check_threads
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import CircularTest, Observations
 from geoerr.summaries import counted, place_of_row
@@ -98,10 +98,8 @@ class FitOptions:
     def __post_init__(self) -> None:
         """Refuse what a type checker would: the model would be another one, without a word."""
         check_threads(self.threads)
-        for name, known in (("components", get_args(Components)), ("freedom", get_args(Freedom))):
-            value = getattr(self, name)
-            if value not in known:
-                raise GeoerrError(f"{name} cannot be {value!r}\nhint: write one of {', '.join(map(repr, known))}")
+        check_choice("components", self.components, get_args(Components))
+        check_choice("freedom", self.freedom, get_args(Freedom))
 
 
 def fit_terms(

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from geoerr.fit.sightings import Numbers, Sightings
-from geoerr.fit.start import by_target, nominal_mm, turn_between
+from geoerr.fit.start import moving_targets, nominal_mm, turn_between
 from geoerr.machine import Machine
 from geoerr.observations import CARRIERS
 
@@ -30,7 +30,7 @@ def misplaced_targets(sightings: Sightings, machine: Machine) -> Iterator[str]:
         return
     nominal = nominal_mm(machine, sightings)
     together: dict[tuple[int, int], list[np.ndarray]] = {}
-    for rows in by_target(sightings, on_base, sightings.offset_mm):
+    for rows in sightings.once("moving_targets", moving_targets):
         own = rows[complete[rows]]
         if len(own) >= _FEWEST_ROWS:
             together.setdefault((sightings.session[own[0]], sightings.carrier[own[0]]), []).append(own)

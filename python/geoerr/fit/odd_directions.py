@@ -37,7 +37,7 @@ def odd_rows(sightings: Sightings) -> dict[str, npt.NDArray[np.bool_]]:
 
 def odd_directions(sightings: Sightings) -> Iterator[str]:
     """Say of each axis in how many rows the file has it come against the way there, unlike in the rows around it."""
-    for axis, is_odd in odd_rows(sightings).items():
+    for axis, is_odd in sightings.once("odd_rows", odd_rows).items():
         row = int(sightings.source_row[int(np.argmax(is_odd))])
         yield (
             f"dir_{axis} of {counted(int(is_odd.sum()), 'row')} (the first: row {row + 1} of the measurements) is "

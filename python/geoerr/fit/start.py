@@ -149,6 +149,12 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     return derivative, offsets
 
 
+def moving_targets(sightings: Sightings) -> list[np.ndarray]:
+    """Give the rows of each target that is not on the base, by its stated offset; `sightings.once` keeps them."""
+    on_base = sightings.carrier == CARRIERS.index("base")
+    return [rows for rows in by_target(sightings, on_base, sightings.offset_mm) if not on_base[rows[0]]]
+
+
 def by_target(sightings: Sightings, static: np.ndarray, offset_mm: Numbers) -> list[np.ndarray]:
     """Give the rows of each target of each session, targets in the order of their first rows."""
     keys = [sightings.session, sightings.carrier, *np.round(offset_mm / SAME_POSITION_MM).astype(np.int64).T]

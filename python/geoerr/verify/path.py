@@ -14,11 +14,11 @@ import numpy.typing as npt
 from geoerr import _core
 from geoerr.errors import GcodeError, GeoerrError
 from geoerr.model import Model
-from geoerr.model.arrays import check_choice, check_threads, triple_mm
+from geoerr.model.arrays import Triple, check_choice, check_threads, triple_mm
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time
 from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces, paired_runs, piece_counts
-from geoerr.verify.program_reader import FIRMWARES, UNITS_PER_MM, Move, ProgramReader, Triple
+from geoerr.verify.program_reader import FIRMWARES, UNITS_PER_MM, Move, ProgramReader
 
 Numbers = npt.NDArray[np.float64]
 

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.errors import GcodeError
-from geoerr.verify.program_reader import Line, Move, ProgramReader, Triple
+from geoerr.model.arrays import Triple
+from geoerr.verify.program_reader import Line, Move, ProgramReader
 
 Numbers = npt.NDArray[np.float64]
 

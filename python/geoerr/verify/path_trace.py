@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from geoerr.drawing import drawn
 from geoerr.model import Model
+from geoerr.model.arrays import Triple
 from geoerr.model.conditions import Conditions
 from geoerr.summaries import number_text, summary_html, table_html
 from geoerr.verify.path import PathResult, PathSamples, compare_paths
-from geoerr.verify.program_reader import Triple
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -15,10 +15,10 @@ from typing import Literal, NamedTuple, TypeGuard
 
 from geoerr.errors import InputFileError
 from geoerr.files import refusing_unreadable
+from geoerr.model.arrays import Triple
 from geoerr.verify.program_motion import Course, Past
 from geoerr.verify.program_words import Kind, Statement, read_statement
 
-Triple = tuple[float, float, float]
 Place = tuple[float | None, float | None, float | None]
 Motion = Literal["straight", "ends at its words", "ends somewhere", "none"]
 Pace = Literal["rapid", "a minute", "a turn"]
