@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +110,32 @@ def test_each_shows_itself_without_scripts_and_escaped(shown: dict[str, Any], na
         assert text in html, text
     assert html.count("<table>") == html.count("</table>")
     assert "nan" not in html
+
+
+@pytest.mark.parametrize("again", [lambda one: pickle.loads(pickle.dumps(one)), copy.deepcopy])
+def test_each_goes_to_other_processes_and_is_the_same_there(
+    shown: dict[str, Any], again: Callable[[Any], Any]
+) -> None:
+    for name, one in shown.items():
+        other = again(one)
+        assert other is not one, name
+        html = getattr(one, "_repr_html_", None)
+        assert html is None or other._repr_html_() == html(), name
+    # And there it is gone on from: what is asked of the core gives the same bytes.
+    fit, other = shown["fit"].fitted, again(shown["fit"].fitted)
+    assert other.residual_mm.tobytes() == fit.residual_mm.tobytes()
+    assert other.held_out.residual_mm.tobytes() == fit.held_out.residual_mm.tobytes()
+    terms = shown["change"].result.model.terms
+    assert other.again(terms).covariance.tobytes() == fit.again(terms).covariance.tobytes()
+    finding, same = shown["diagnosis"].found[0], again(shown["diagnosis"]).found[0]
+    assert same.explained_um.tobytes() == finding.explained_um.tobytes()
+
+
+def test_a_damaged_pickle_is_refused(shown: dict[str, Any]) -> None:
+    restore, (whole,) = shown["fit"].fitted.solved.state.__reduce__()
+    for damaged in (b"", whole[: len(whole) // 2], b"\xff" * 40):
+        with pytest.raises(ValueError, match="no object of this version"):
+            restore(damaged)
 
 
 def test_hostile_names_arrive_as_they_are(shown: dict[str, Any]) -> None:

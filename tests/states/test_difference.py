@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from hot_machines import gantry, seen_from_elsewhere
@@ -23,6 +25,14 @@ FAR = 5.5
 def bases_of(hot: Hot, n_functions: int = 7) -> dict[str, BasisSpec]:
     ranges = {axis: np.linspace(*one.range_mm, 13) for axis, one in hot.machine.axes.items()}
     return {name: spline(name[2].lower(), ranges[name[2].lower()], n_functions) for name in LINEAR_AND_ANGULAR}
+
+
+def test_states_go_to_other_processes(states: States) -> None:
+    there = pickle.loads(pickle.dumps(states))
+    here, other = (one.difference(20.0, 120.0) for one in (states, there))
+    assert other.p_value == here.p_value
+    for name, one in here.by_name.items():
+        assert other.by_name[name].value.tobytes() == one.value.tobytes(), name
 
 
 def test_every_function_differs_by_what_heat_did(hot: Hot, states: States) -> None:

@@ -17,6 +17,7 @@ mod least_squares;
 mod line;
 mod marker;
 mod noise_likelihood;
+mod pickled;
 mod straightness;
 mod term_machine;
 mod triangulate;

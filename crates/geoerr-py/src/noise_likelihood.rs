@@ -11,6 +11,7 @@ use crate::arrays::{contiguous, from_numbers, numbers, rows};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::expression::places;
+use crate::pickled::{Reduced, parts_of, reduced};
 
 /// Blocks of rows. Immutable, so that any number of threads may ask it.
 #[pyclass(frozen, name = "NoiseBlocks", module = "geoerr._core")]
@@ -53,6 +54,15 @@ fn from_logs<'py>(py: Python<'py>, logs: [Logs; 3]) -> PyResult<Array2<'py>> {
 
 #[pymethods]
 impl PyNoiseBlocks {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduced::<Self>(py, &self.blocks)
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        Ok(Self { blocks: parts_of(bytes)? })
+    }
+
     #[new]
     fn new(
         block: PyReadonlyArray1<'_, i64>,
@@ -122,6 +132,15 @@ impl PyNoiseBlocks {
 
 #[pymethods]
 impl PyNoiseWhitening {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduced::<Self>(py, &self.whitening)
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        Ok(Self { whitening: parts_of(bytes)? })
+    }
+
     /// V^(-1/2) times values (n, 3, m).
     fn whiten<'py>(
         &self,

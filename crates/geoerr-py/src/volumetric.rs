@@ -21,6 +21,7 @@ use crate::bases::PyBasis;
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::expression::PyExpression;
+use crate::pickled::{Reduced, parts_of, reduced};
 
 /// A basis or a formula on its way in.
 #[derive(FromPyObject)]
@@ -104,6 +105,15 @@ fn part_of(part: &PartTuple<'_>) -> Result<Part, CoreError> {
 
 #[pymethods]
 impl PyVolumetricModel {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduced::<Self>(py, &self.model)
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        Ok(Self { model: parts_of(bytes)? })
+    }
+
     #[new]
     fn new(chain: &str, tool_offset_mm: [f64; 3], terms: Vec<TermTuple<'_>>) -> PyResult<Self> {
         let chain = Chain::parse(chain).map_err(CoreError::from)?;
@@ -239,6 +249,15 @@ pub struct PyFitState {
 
 #[pymethods]
 impl PyFitState {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduced::<Self>(py, &self.state)
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        Ok(Self { state: parts_of(bytes)? })
+    }
+
     /// Linear coefficients of all terms.
     #[getter]
     fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -337,6 +356,18 @@ fn frames_of(arrays: &FrameArrays<'_>) -> Result<Vec<Frame>, CoreError> {
 
 #[pymethods]
 impl PyFitProblem {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let problem = &self.problem;
+        reduced::<Self>(py, &(problem.model(), problem.sightings(), problem.free_inner(), &self.start))
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        let (model, sightings, free_inner, start): (_, _, _, State) = parts_of(bytes)?;
+        let problem = Problem::new(model, sightings, &start.frames, free_inner).map_err(CoreError::from)?;
+        Ok(Self { problem, start })
+    }
+
     /// `shared` is the derivative (n, 3, p) of measured points by unknowns that all rows share; `beside` is another
     /// problem, whose functions along axes are taken where they are the same.
     #[new]
@@ -664,6 +695,19 @@ pub struct PyFitSums {
     starts: Vec<usize>,
 }
 
+#[pymethods]
+impl PyFitSums {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduced::<Self>(py, &(&self.sums, &self.order, &self.starts))
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        let (sums, order, starts) = parts_of(bytes)?;
+        Ok(Self { sums, order, starts })
+    }
+}
+
 /// Columns of norm 1 that cancel to this are not told apart by measurements: noise in that direction is 100,000 times
 /// that of a single number, and what came out would be no estimate of anything.
 const PRACTICAL_RANK: f64 = 1e-5;
@@ -685,6 +729,16 @@ fn matrix_of(array: &PyReadonlyArray2<'_, f64>) -> Matrix {
 
 #[pymethods]
 impl PyFitTriangle {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduced::<Self>(py, &(&self.triangle, &self.constraints, &self.gram))
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        let (triangle, constraints, gram) = parts_of(bytes)?;
+        Ok(Self { triangle, constraints, gram })
+    }
+
     /// Solves with the constraints that the triangle was made for, and `further` ones (k, n): `C x = 0` holds exactly.
     fn solve<'py>(
         &self,
@@ -722,6 +776,15 @@ fn from_matrix<'py>(py: Python<'py>, matrix: &Matrix) -> PyResult<Bound<'py, PyA
 
 #[pymethods]
 impl PyFitSolution {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduced::<Self>(py, &self.solution)
+    }
+
+    #[staticmethod]
+    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        Ok(Self { solution: parts_of(bytes)? })
+    }
+
     /// How many unknowns the data determine.
     #[getter]
     fn rank(&self) -> usize {

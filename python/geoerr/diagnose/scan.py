@@ -82,6 +82,10 @@ class Scanner:
         """Without draws, in double precision."""
         return self._scene(None)
 
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle without what is made anew if need be."""
+        return {name: value for name, value in self.__dict__.items() if name != "double"}
+
     def let_go(self) -> None:
         """Let go of what is kept to judge in double precision: it is made anew if need be."""
         self.__dict__.pop("double", None)

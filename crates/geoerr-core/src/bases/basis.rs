@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::cells::{LEAST_STEP_MM, check_rising};
 use super::curve::Curve;
 use super::fourier::Fourier;
@@ -23,7 +25,7 @@ const MOST_FUNCTIONS: usize = 4096;
 const MOST_LENGTHS: f64 = 100.0;
 
 /// What a basis is made of.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum BasisKind {
     /// B-splines of degree 0 to 4, clamped: the first function alone is not 0 at the low end, the last at the high end.
     BSpline {
@@ -96,7 +98,8 @@ pub enum BasisKind {
 /// assert!((curve.value(325.0) - 7e-3).abs() < 1e-17);
 /// # Ok::<(), geoerr_core::bases::BasisError>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "BasisKind", into = "BasisKind")]
 pub struct Basis {
     kind: BasisKind,
     low_mm: f64,
@@ -104,6 +107,20 @@ pub struct Basis {
     functions: Functions,
     /// For tangent integrals of `functions`: the slope of each integral's least-squares line.
     removed_slopes: Option<Vec<f64>>,
+}
+
+impl TryFrom<BasisKind> for Basis {
+    type Error = BasisError;
+
+    fn try_from(kind: BasisKind) -> Result<Self, BasisError> {
+        Self::new(kind)
+    }
+}
+
+impl From<Basis> for BasisKind {
+    fn from(basis: Basis) -> Self {
+        basis.kind
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]

@@ -75,6 +75,8 @@ use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 pub use error::{ExpressionError, Problem, RowsError};
 pub(crate) use functions::decay;
 pub use rows::Rows;
@@ -93,7 +95,7 @@ pub const MAX_NESTING: usize = 64;
 pub const MAX_NODES: usize = 65_536;
 
 /// The names that a formula may use besides its definitions.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Symbols {
     /// Columns of the data. Names that cannot stand in a formula are harmless: nothing can mention them.
     pub variables: Vec<String>,
@@ -104,7 +106,7 @@ pub struct Symbols {
 }
 
 /// Names that stand for texts over the variables.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Definitions {
     texts: BTreeMap<String, String>,
 }
@@ -149,15 +151,37 @@ impl<N: Into<String>, T: Into<String>> FromIterator<(N, T)> for Definitions {
 /// assert_eq!(&refused.text[refused.span], "qq");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Source", into = "Source")]
 pub struct Expression {
     shared: Arc<Compiled>,
 }
 
-#[derive(Debug)]
-struct Compiled {
+/// What a formula is parsed from: all that is kept of one that is stored.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Source {
     text: String,
     symbols: Symbols,
+    definitions: Definitions,
+}
+
+impl TryFrom<Source> for Expression {
+    type Error = ExpressionError;
+
+    fn try_from(source: Source) -> Result<Self, ExpressionError> {
+        Self::parse(&source.text, &source.symbols, &source.definitions)
+    }
+}
+
+impl From<Expression> for Source {
+    fn from(expression: Expression) -> Self {
+        expression.shared.source.clone()
+    }
+}
+
+#[derive(Debug)]
+struct Compiled {
+    source: Source,
     variables_used: Vec<usize>,
     coefficients_used: Vec<usize>,
     columns: Tape,
@@ -189,9 +213,9 @@ pub struct FollowedWindup {
 }
 
 impl Expression {
-    /// Whether two are copies of one.
+    /// Whether two are one formula.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.shared, &other.shared)
+        Arc::ptr_eq(&self.shared, &other.shared) || self.shared.source == other.shared.source
     }
 
     /// Parses a formula.
@@ -249,8 +273,11 @@ impl Expression {
             .filter_map(|&(index, node)| index.map(|slot| Term { slot, coefficient: None, node }))
             .collect();
         let compiled = Compiled {
-            text: text.to_owned(),
-            symbols: symbols.clone(),
+            source: Source {
+                text: text.to_owned(),
+                symbols: symbols.clone(),
+                definitions: definitions.clone(),
+            },
             variables_used,
             coefficients_used: parts.iter().filter_map(|part| part.0).collect(),
             columns: Tape::compile(&graph, symbols.coefficients.len(), &columns),
@@ -265,27 +292,27 @@ impl Expression {
 
     /// The formula as it was written.
     pub fn text(&self) -> &str {
-        &self.shared.text
+        &self.shared.source.text
     }
 
     /// The names that it was parsed with.
     pub fn symbols(&self) -> &Symbols {
-        &self.shared.symbols
+        &self.shared.source.symbols
     }
 
     /// Names of the coefficients, used or not: the order of the columns.
     pub fn coefficients(&self) -> &[String] {
-        &self.shared.symbols.coefficients
+        &self.shared.source.symbols.coefficients
     }
 
     /// Names of the inner parameters, used or not.
     pub fn inner(&self) -> &[String] {
-        &self.shared.symbols.inner
+        &self.shared.source.symbols.inner
     }
 
     /// Names of the variables that the formula needs, in the order of the symbols; inside `lag()` the mean speeds.
     pub fn variables_used(&self) -> impl Iterator<Item = &str> {
-        self.shared.variables_used.iter().map(|&index| self.shared.symbols.variables[index].as_str())
+        self.shared.variables_used.iter().map(|&index| self.shared.source.symbols.variables[index].as_str())
     }
 
     /// Indices of the variables that the formula needs, rising.
@@ -412,7 +439,7 @@ impl Expression {
         inner: &[f64],
         unwound: impl Fn(usize) -> f64,
     ) -> Result<(f64, [f64; 3]), RowsError> {
-        let needed = self.shared.symbols.variables.len();
+        let needed = self.shared.source.symbols.variables.len();
         if point.len() != needed {
             return Err(RowsError::VariableCount { needed, found: point.len() });
         }
@@ -421,13 +448,13 @@ impl Expression {
     }
 
     fn check_parameters(&self, coefficients: Option<&[f64]>, inner: &[f64]) -> Result<(), RowsError> {
-        let needed = self.shared.symbols.coefficients.len();
+        let needed = self.shared.source.symbols.coefficients.len();
         if let Some(coefficients) = coefficients
             && coefficients.len() != needed
         {
             return Err(RowsError::CoefficientCount { needed, found: coefficients.len() });
         }
-        let needed = self.shared.symbols.inner.len();
+        let needed = self.shared.source.symbols.inner.len();
         if inner.len() != needed {
             return Err(RowsError::InnerCount { needed, found: inner.len() });
         }
@@ -443,7 +470,7 @@ impl Expression {
         inner: &[f64],
         out: &mut [f64],
     ) -> Result<(), RowsError> {
-        rows.check(&self.shared.symbols.variables, &self.shared.variables_used, &range)?;
+        rows.check(&self.shared.source.symbols.variables, &self.shared.variables_used, &range)?;
         self.check_parameters(coefficients, inner)?;
         let needed = tape.n_slots * range.len();
         if out.len() != needed {

@@ -1,9 +1,11 @@
 //! The order of a machine's axes: its structural code.
 
+use serde::{Deserialize, Serialize};
+
 use super::KinematicsError;
 
 /// One of the three linear axes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Axis {
     /// The axis X.
     X,
@@ -44,7 +46,7 @@ impl Axis {
 /// assert_eq!(knee_mill.tool_axes(), [Axis::Z]);
 /// # Ok::<(), geoerr_core::kinematics::KinematicsError>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Chain {
     /// Work axes from the base outwards, then tool axes from the base outwards.
     order: [Axis; 3],

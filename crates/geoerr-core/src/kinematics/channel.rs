@@ -1,9 +1,11 @@
 //! Channels: the places where a displacement enters the chain or the measurement of it.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Axis, Component, KinematicsError};
 
 /// Two axes whose included angle, less 90°, is a squareness (Li §4.3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum AxisPair {
     /// S_xy.
     Xy,
@@ -43,7 +45,7 @@ impl AxisPair {
 }
 
 /// What a measuring rig adds to a point `p_c`, in the frame of its camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum RigError {
     /// Translation along the camera's x, mm.
     TranslationX,
@@ -101,7 +103,7 @@ impl RigError {
 /// assert!(Channel::parse("rig-scale")?.is_rig());
 /// # Ok::<(), geoerr_core::kinematics::KinematicsError>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Channel {
     /// An error of one axis by its ISO 230-1 name, mm or rad: `ECX` is Li's ε_zx.
     Joint(Axis, Component),
@@ -258,7 +260,7 @@ impl Channel {
 }
 
 /// What a target is fixed to, and from where it is seen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum Carrier {
     /// On the tool, seen from the floor.

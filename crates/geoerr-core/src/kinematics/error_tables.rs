@@ -1,11 +1,13 @@
 //! The 21 errors of a machine: 18 functions of one axis position each, and three squarenesses.
 
+use serde::{Deserialize, Serialize};
+
 use super::chain::Axis;
 use super::directions;
 use super::{KinematicsError, Table};
 
 /// Direction of an error: along or about a base axis. ISO 230-1 writes `E`, this, then the moving axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Component {
     /// Translation along x, mm.
     X,

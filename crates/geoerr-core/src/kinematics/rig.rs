@@ -1,5 +1,7 @@
 //! From the base frame to what a camera pair reports: its pose, and what it adds.
 
+use serde::{Deserialize, Serialize};
+
 use super::channel::{Channel, RigError};
 use super::rotation::Rotation;
 use super::vec3::{Vec3, add, cross, dot, scale};
@@ -11,7 +13,7 @@ pub type RigColumns = [[f64; 3]; Channel::RIG_COLUMN_COUNT];
 pub type RigNumbers = [f64; Channel::RIG_COLUMN_COUNT];
 
 /// Where a camera stands: `p_c = R p + t`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// R, by rows.
     pub camera_from_base: [[f64; 3]; 3],

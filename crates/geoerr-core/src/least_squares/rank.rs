@@ -1,10 +1,12 @@
 //! How many of the singular values are not noise.
 
+use serde::{Deserialize, Serialize};
+
 /// The first tolerance is multiplied by this to bound the range in which a gap may move the cut.
 const GAP_WINDOW: f64 = 1e3;
 
 /// Where singular values were cut.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RankDecision {
     /// Singular values kept.
     pub rank: usize,

@@ -22,6 +22,8 @@
 //! `tests/least_squares/` of this crate: nalgebra's SVD, known null spaces, Monte-Carlo of the covariance, refits, NIST's
 //! certified values. `tests/least_squares/` of the project: NumPy, and mpmath with 60 digits.
 
+use serde::{Deserialize, Serialize};
+
 use super::dense;
 use super::error::LeastSquaresError;
 use super::matrix::{Matrix, norm};
@@ -45,7 +47,7 @@ pub struct Options {
 }
 
 /// A solution, and what of it the data determine.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Solution {
     /// The unknowns (n, k): of all minimisers the one whose scaled norm is smallest.
     pub x: Matrix,

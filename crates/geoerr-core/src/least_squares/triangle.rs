@@ -1,5 +1,7 @@
 //! What a tall system leaves behind when its rows have passed: a triangle.
 
+use serde::{Deserialize, Serialize};
+
 use super::blocks::{Design, Spares, StoredDesign, check_finite, tree};
 use super::dense;
 use super::error::LeastSquaresError;
@@ -10,7 +12,7 @@ use super::matrix::{Matrix, norm};
 /// Everything that least squares needs of any number of rows in `(n + k)²` numbers. Two triangles merge, rows can be
 /// appended (priors, soft constraints), and a new right-hand side needs no second factorisation
 /// ([`Solution::solve_normal`](super::Solution::solve_normal)).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Triangle {
     pub(super) n_rows: usize,
     pub(super) n_columns: usize,

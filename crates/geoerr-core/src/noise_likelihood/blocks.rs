@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 use super::dual::Number;
 use super::error::{NoiseError, length};
 use super::filter::{Filter, Places};
@@ -9,7 +11,7 @@ use super::sums::Logs;
 use crate::arithmetic::in_wide_registers;
 
 /// Which block each row belongs to.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Blocks {
     of_row: Vec<usize>,
     sessions: Vec<Range<usize>>,

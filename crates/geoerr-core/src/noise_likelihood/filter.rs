@@ -18,6 +18,8 @@
 
 use std::collections::HashMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::dual::Number;
 use super::lanes::{add_scaled, dot};
 use super::sums::Logs;
@@ -25,7 +27,7 @@ use crate::arithmetic::in_wide_registers;
 use crate::least_squares::Real;
 
 /// The factorized matrix; of its determinant the derivatives where `N` has them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Filter<N = f64> {
     steps: Vec<Step>,
     n_offsets: usize,
@@ -37,7 +39,7 @@ pub(super) struct Filter<N = f64> {
 }
 
 /// One block.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Step {
     /// Place of its pass's offset.
     offset: usize,
@@ -57,7 +59,7 @@ struct Step {
 }
 
 /// Where a state has the offsets of passes: places of those that are over are used again.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Places {
     /// By block: the place of its pass, and whether it begins and ends its pass.
     of_block: Vec<(usize, bool, bool)>,

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use serde::{Deserialize, Serialize};
+
 use super::blocks::Blocks;
 use super::error::{NoiseError, length};
 use super::filter::Filter;
@@ -27,7 +29,7 @@ pub enum Direction {
 const ROWS_AT_ONCE: usize = 64;
 
 /// What whitens three components.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Whitening {
     blocks: Blocks,
     /// Scatter from row to row.

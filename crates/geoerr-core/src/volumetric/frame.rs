@@ -1,9 +1,11 @@
 //! How a session's measuring device stands to the machine.
 
+use serde::{Deserialize, Serialize};
+
 use crate::kinematics::Pose;
 
 /// What a session measures its points in.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Frame {
     /// Positions: `p_measured = R p_base + t`.
     Positions {

@@ -4,19 +4,21 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use serde::{Deserialize, Serialize};
+
 use super::block::Block;
 use super::gram::SumsOfSightings;
 use super::problem::NUMBERS_OF_A_ROW;
 use crate::least_squares::Matrix;
 
 /// Sums of blocks, by their first rows.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub struct KeptSums {
     of_blocks: Mutex<BTreeMap<usize, Arc<KnownSums>>>,
 }
 
 /// `AᵀA` of some rows of a design, and the same with every row's products times its weight, where there are weights.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 struct KnownSums {
     end: usize,
     gram: Matrix,

@@ -1,6 +1,7 @@
 //! The least-squares problem: what was measured, exact residuals, and the unknowns.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::block::{Block, distance};
 use super::shared_bases::SharedBases;
@@ -17,7 +18,7 @@ pub const BLOCK_ROWS: usize = 512;
 pub const NUMBERS_OF_A_ROW: usize = 3;
 
 /// What was measured.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Sightings {
     /// Where and when.
     pub rows: Rows,
@@ -35,7 +36,7 @@ pub struct Sightings {
 }
 
 /// All unknowns at one iteration.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct State {
     /// Linear coefficients of all terms.
     pub coefficients: Vec<f64>,
@@ -122,6 +123,16 @@ impl Problem {
     /// The model.
     pub fn model(&self) -> &VolumetricModel {
         &self.model
+    }
+
+    /// What was measured.
+    pub fn sightings(&self) -> &Sightings {
+        &self.sightings
+    }
+
+    /// Places of the free inner parameters.
+    pub fn free_inner(&self) -> &[usize] {
+        &self.free_inner
     }
 
     /// Number of rows.

@@ -1,11 +1,13 @@
 //! Where the machine was asked to be, and under which conditions.
 
+use serde::{Deserialize, Serialize};
+
 use super::VolumetricError;
 use crate::expression;
 use crate::kinematics::Carrier;
 
 /// Rows of observations, or of questions: positions, target offsets, and the variables of expressions.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Rows {
     /// What the target is fixed to.
     pub carriers: Vec<Carrier>,

@@ -1,12 +1,14 @@
 //! Terms: expressions and bases on channels, with the coefficients that they share.
 
+use serde::{Deserialize, Serialize};
+
 use super::VolumetricError;
 use crate::bases::Basis;
 use crate::expression::Expression;
 use crate::kinematics::{Axis, Chain, Channel};
 
 /// A scalar function of a row, linear in its coefficients.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Shape {
     /// Functions of one axis position; the k-th belongs to the term's k-th coefficient.
     Basis {
@@ -27,7 +29,7 @@ pub enum Shape {
 }
 
 /// A shape on a channel.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Part {
     /// Where the displacement enters the chain.
     pub channel: Channel,
@@ -38,7 +40,7 @@ pub struct Part {
 }
 
 /// Parts that share their coefficients: a classic error, or a physical effect.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Term {
     /// Where and how it acts.
     pub parts: Vec<Part>,
@@ -51,7 +53,7 @@ pub struct Term {
 /// A machine whose errors are a sum of terms.
 ///
 /// Coefficients of all terms stand one after the other, in the order of the terms; so do the inner parameters.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct VolumetricModel {
     chain: Chain,
     tool_offset_mm: [f64; 3],
