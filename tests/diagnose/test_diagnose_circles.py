@@ -288,7 +288,7 @@ def test_a_users_own_cause(tmp_path: object) -> None:
 
 
 def test_refusals() -> None:
-    with pytest.raises(GeoerrError, match="needs measurements"):
+    with pytest.raises(GeoerrError, match="no measurements were given"):
         diagnose_circles(MODEL)
     short = circular(nothing, senses=(1,), feeds=(1000.0,))
     quarter = CircularTest(short.frame.head(60), ("memory",))

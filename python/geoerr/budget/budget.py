@@ -30,6 +30,7 @@ from geoerr.fit import FitResult, Fitted
 from geoerr.machine import AXES
 from geoerr.model import GROUPS, Model
 from geoerr.model.arrays import Numbers, points
+from geoerr.model.called import check_model
 from geoerr.model.conditions import Conditions
 from geoerr.model.fit_words import NOT_SETTLED
 from geoerr.model.in_model import is_about_the_model, not_in_model_words
@@ -392,6 +393,7 @@ def uncertainty_budget(
     """
     fitted = fit.fitted if isinstance(fit, FitResult) else fit if isinstance(fit, Fitted) else None
     model = _model_of(fit)
+    check_model(model, (), "uncertainty_budget(model)")
     if model.record is None:
         raise NotDeterminedError(
             "the model has no covariance of its parameters to propagate: it was not fitted here\n"

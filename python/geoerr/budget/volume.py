@@ -9,7 +9,9 @@ import numpy.typing as npt
 
 from geoerr.budget.budget import Budget
 from geoerr.budget.places import grid_axes_mm, grid_of
+from geoerr.errors import ShapeError
 from geoerr.model.arrays import Numbers
+from geoerr.model.called import kind_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,10 @@ def uncertainty_map(budget: Budget, n: int | tuple[int, int, int] = 11) -> Uncer
     n
         Places along each edge, or along X, Y and Z.
     """
+    if not isinstance(budget, Budget):
+        raise ShapeError(
+            f"{kind_of(budget)} was given where a budget is needed\nhint: uncertainty_map(uncertainty_budget(model))"
+        )
     axes = grid_axes_mm(budget.model, n)
     on_grid = budget.at_places(grid_of(*axes))
     shape = tuple(len(axis) for axis in axes)

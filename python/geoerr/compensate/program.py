@@ -22,6 +22,7 @@ from geoerr.files import digest, refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.arrays import Triple, check_choice, check_threads, triple_mm
+from geoerr.model.called import check_model
 from geoerr.model.conditions import Conditions, constants_of
 from geoerr.model.finite import not_finite_notes
 from geoerr.model.fit_words import NOT_SETTLED, SETTLE
@@ -257,6 +258,7 @@ def compensate_program(
     and extrudes nothing. An axis that rests in the program keeps its last direction, whatever its correction does:
     where the correction turns back, play may swallow it, at most as far as it turns back.
     """
+    check_model(model, (source, target), "compensate_program(model, source, target)")
     _refuse_same_file(source, target)
     job = _job(model, options or CompensationOptions(), model_name, at, threads)
     with contextlib.ExitStack() as stack:

@@ -18,6 +18,7 @@ from geoerr.errors import GeoerrError
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
+from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest, Observations
 
 
@@ -77,8 +78,8 @@ def diagnose(
         found = diagnosis_of(whole, searched, known, as_it_was=subject, steps=steps)
         steps.end()
         return found
-    if not tables:
-        raise GeoerrError("a diagnosis needs measurements\nhint: give the tables after the model")
+    check_model(subject, tables, "diagnose(model, observations)")
+    check_tables(tables, "diagnose(model, observations)", Observations, CircularTest)
     if all(isinstance(table, CircularTest) for table in tables):
         raise GeoerrError(
             "circular tests alone have causes and noise of their own\n"

@@ -37,6 +37,7 @@ from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import lacks_some
 from geoerr.fit.wavy import may_be_followed, without_waves
 from geoerr.model import HistoryEntry, Model
+from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term, parse_effect_reference
 
@@ -127,6 +128,8 @@ def add_effect(
     GeoerrError
         where the model has the effect already.
     """
+    check_model(model, tables, "add_effect(model, observations, reference='backlash:x')")
+    check_tables(tables, "add_effect(model, observations, reference='backlash:x')", Observations, CircularTest)
     names = catalogue().extended(effects, "effects") if effects else catalogue()
     _refuse_held(model, str(parse_effect_reference(reference)))
     data = _Data(tables, rig_sensitivity, rig_covariance, threads, known, Steps(progress, on_step))

@@ -37,6 +37,7 @@ from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import with_rows
 from geoerr.model import Model
+from geoerr.model.called import check_model, check_tables
 from geoerr.model.conditions import Conditions
 from geoerr.model.sessions import since_last_session
 from geoerr.model.tables import terms_of_errors
@@ -274,10 +275,10 @@ def compare(
     GeometryError
         where nothing can be compared.
     """
+    check_model(model, tables, "compare(model, observations)")
+    check_tables(tables, "compare(model, observations)", Observations, CircularTest, Lengths)
     lengths = [table for table in tables if isinstance(table, Lengths)]
     others = [table for table in tables if not isinstance(table, Lengths)]
-    if not tables:
-        raise GeoerrError("no measurements were given\nhint: name at least one table")
     if refit and not others:
         raise GeoerrError(
             "no model is fitted to measured lengths\nhint: leave the refit out, or give measured points"

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from geoerr.effects import Catalogue, catalogue
 from geoerr.fit.additions import Addition, Wanted, Way, additions
-from geoerr.fit.arguments import check_machine
 from geoerr.fit.classic import Components
 from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
@@ -20,6 +19,7 @@ from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.split import Split
 from geoerr.machine import Machine
 from geoerr.model import Model
+from geoerr.model.called import check_machine
 from geoerr.observations import CircularTest, Observations
 from geoerr.terms import Term
 
@@ -107,7 +107,7 @@ def fit_model(
     InputFileError
         for a reference that names no effect, an axis that it is not for, or a column that the data do not have.
     """
-    check_machine(machine, tables)
+    check_machine(machine, tables, "fit_model(machine, observations)", or_model=True)
     options = options or FitOptions()
     terms: tuple[Term, ...] = ()
     if isinstance(machine, Model):

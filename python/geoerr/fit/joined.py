@@ -14,7 +14,6 @@ import polars as pl
 
 from geoerr.commanded_circle import on_their_circle
 from geoerr.errors import GeometryError
-from geoerr.fit.arguments import check_tables
 from geoerr.fit.carried import refuse_other_carriers
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
@@ -27,6 +26,7 @@ from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
 from geoerr.fit.unbelievable import LEAST_STD_MM, NOT_POSITIVE, place_of_unbelievable, unbelievable_rows
 from geoerr.fit.weights import weighed
 from geoerr.machine import AXES, Machine
+from geoerr.model.called import check_tables
 from geoerr.observations import CARRIERS, CircularTest, Observations
 from geoerr.terms import is_column
 
@@ -51,7 +51,7 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     ShapeError
         for a table that is none.
     """
-    check_tables(tables)
+    check_tables(tables, "fit_model(machine, observations)", Observations, CircularTest)
     parts = [_of_points(table) if isinstance(table, Observations) else _of_circle(table) for table in tables]
     parts = [part for part in parts if len(part)]
     if not parts:

@@ -28,6 +28,7 @@ from geoerr.identify.nine_line import StraightnessMethod
 from geoerr.identify.squareness import PAIRS
 from geoerr.identify.straightness import TangentVerdict, judged
 from geoerr.machine import AXES, Machine
+from geoerr.model.called import check_machine, check_tables, one_or_several
 from geoerr.observations import Observations
 
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
@@ -103,7 +104,9 @@ def identify_joint(
     `docs/theory/model.md`, "The joint estimate". Verified in tests/identify/test_joint.py and, against the nine
     lines' arithmetic and for coverage, by `validation/joint.py`.
     """
-    tables = [observations] if isinstance(observations, Observations) else list(observations)
+    tables = one_or_several(observations)
+    check_machine(machine, tables, "identify_joint(observations, machine)")
+    check_tables(tables, "identify_joint(observations, machine)", Observations)
     fits = {
         method: fit_model(
             machine,

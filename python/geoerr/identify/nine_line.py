@@ -43,6 +43,7 @@ from geoerr.identify.stages import Stages, run_stages
 from geoerr.identify.straightness import TangentVerdict
 from geoerr.identify.uncertainty import AxisScatter, Noise, axis_scatter, covariance_from_repeats, scaled
 from geoerr.machine import AXES, Machine
+from geoerr.model.called import check_machine, check_tables
 from geoerr.observations import Observations
 
 StraightnessMethod = Literal["direct", "integrated"]
@@ -220,6 +221,8 @@ def analyze_nine_lines(
     first_order: bool = False,
 ) -> NineLineResult:
     """Identify the 21 errors and keep the diagnostics; arguments as for `identify_nine_line`."""
+    check_machine(machine, [observations], "identify_nine_line(observations, machine)")
+    check_tables([observations], "identify_nine_line(observations, machine)", Observations)
     if straightness not in ("direct", "integrated") or roll not in ("linear", "li"):
         raise ValueError(f"straightness {straightness!r} or roll {roll!r} is not a known method")
     data = measurements_of(observations)

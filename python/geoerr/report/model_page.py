@@ -10,6 +10,7 @@ from geoerr.diagnose.circles import CircleDiagnosis
 from geoerr.effects import Effect
 from geoerr.files import check_written
 from geoerr.model import Model
+from geoerr.model.called import check_tables, one_or_several
 from geoerr.model.fit_words import NOT_SETTLED, SETTLE
 from geoerr.model.in_model import not_in_model_words
 from geoerr.observations import CircularTest, Lengths, Observations
@@ -87,7 +88,9 @@ def write_model_report(
         for a stated condition that the model does not follow, and measurements that cannot be compared with it.
     """
     check_written(path, model, Model, "write_model_report(path, model)")
-    tables = [observations] if isinstance(observations, Observations | CircularTest | Lengths) else list(observations)
+    tables = one_or_several(observations)
+    if tables:
+        check_tables(tables, "write_model_report(path, model, observations)", Observations, CircularTest, Lengths)
     gathered = model_report(model, *tables, at=at, search=search, effects=effects, threads=threads)
     sources = [source for table in tables for source in table.sources]
     write_model_page(path, gathered, provenance or provenance_of_call("geoerr.write_model_report", sources))

@@ -13,10 +13,11 @@ import polars as pl
 
 from geoerr.drawing import drawn
 from geoerr.error_functions import ErrorFunctions
-from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError
+from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit import FitOptions, Fitted, fit_terms
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.machine import AXES, Machine
+from geoerr.model.called import check_machine, kind_of
 from geoerr.observations import Observations
 from geoerr.states.common import common_bases, estimate_of, functions_of
 from geoerr.states.difference import Difference
@@ -233,6 +234,10 @@ def identify_states(
     passes are found by restricted likelihood and are part of every uncertainty. The calibration of the cameras is
     not: it is the same in all states, and cancels. Verified: tests/states, validation/hot_and_cold.py.
     """
+    call = "identify_states({20.0: cold, 90.0: hot}, machine)"
+    check_machine(machine, [observations], call)
+    if not isinstance(observations, Mapping):
+        raise ShapeError(f"{kind_of(observations)} was given where tables by temperature are needed\nhint: {call}")
     _refuse_one_temperature(observations)
     if not is_column(covariate):
         raise GeoerrError(f"{covariate!r} cannot be a column's name\nhint: letters, digits and underscores, as temp")

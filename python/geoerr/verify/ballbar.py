@@ -19,6 +19,7 @@ from geoerr.drawing import drawn
 from geoerr.errors import GeometryError, InputFileError, NotDeterminedError
 from geoerr.machine import AXES, Machine
 from geoerr.model import Model
+from geoerr.model.called import check_model
 from geoerr.model.conditions import Conditions
 from geoerr.model.in_model import in_order
 from geoerr.model.program_conditions import refuse_unneeded
@@ -386,6 +387,7 @@ def run_circular_test(
     InputFileError
         if no run of the measured test can be used.
     """
+    check_model(model, (circle,), "run_circular_test(model, circle)")
     machine = model if truth is None else truth
     refuse_unneeded(at, followed_on_circle(model, machine))
     runs: tuple[MeasuredRun, ...] = ()

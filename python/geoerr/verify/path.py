@@ -15,6 +15,7 @@ from geoerr import _core
 from geoerr.errors import GcodeError, GeoerrError
 from geoerr.model import Model
 from geoerr.model.arrays import Triple, check_choice, check_threads, triple_mm
+from geoerr.model.called import check_model
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time
 from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces, paired_runs, piece_counts
@@ -252,6 +253,7 @@ def compare_paths(
     GeoerrError
         for another argument that is not as it should be, by name.
     """
+    check_model(model, (before, after), "compare_paths(model, before, after)")
     _check_arguments(work_offset_mm, home_mm, firmware, sample_step_mm, threads)
     machine = _Machine(model, at, threads)
     options = (work_offset_mm, home_mm, firmware, machine.windups)

@@ -26,9 +26,9 @@ from geoerr.diagnose.words import chance_words, um_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
-from geoerr.errors import GeoerrError
 from geoerr.fit import refit
 from geoerr.model import Model
+from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest
 from geoerr.summaries import capitalised, counted, listed, uncapitalised
 from geoerr.terms import EffectReference, Term
@@ -305,8 +305,8 @@ def diagnose_circles(
     Causes and shapes: ISO 230-4, and shops' ball-bar software. Verified in tests/diagnose/test_diagnose_circles.py;
     `validation/circles.py` measures names, values and false alarms on runs from a generator of its own.
     """
-    if not tests:
-        raise GeoerrError("a diagnosis needs measurements\nhint: give the circular tests after the model")
+    check_model(model, tests, "diagnose_circles(model, tests)")
+    check_tables(tests, "diagnose_circles(model, tests)", CircularTest)
     usable, problems, notes = checked(tests)
     steps = Steps(progress, on_step)
     steps.next("the model and the circles are compared")
