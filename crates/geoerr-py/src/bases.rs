@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::{from_numbers, numbers, rows};
 use crate::errors::CoreError;
-use crate::pickled::{Reduced, parts_of, reduced};
+use crate::pickled::pickled;
 
 /// Functions of one axis position.
 #[pyclass(frozen, name = "Basis", module = "geoerr._core")]
@@ -33,17 +33,10 @@ impl PyBasis {
     }
 }
 
+pickled!(PyBasis: basis);
+
 #[pymethods]
 impl PyBasis {
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduced::<Self>(py, &self.basis)
-    }
-
-    #[staticmethod]
-    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
-        Ok(Self { basis: parts_of(bytes)? })
-    }
-
     /// Clamped B-splines.
     #[staticmethod]
     fn bspline(knots_mm: PyReadonlyArray1<'_, f64>, degree: usize) -> PyResult<Self> {

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use crate::arrays::{from_numbers, numbers};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
-use crate::pickled::{Reduced, parts_of, reduced};
+use crate::pickled::pickled;
 
 /// A formula. Immutable, so that any number of threads may ask it.
 #[pyclass(frozen, name = "Expression", module = "geoerr._core")]
@@ -81,17 +81,10 @@ pub fn places(starts: &PyReadonlyArray1<'_, i64>) -> Result<Vec<usize>, CoreErro
     starts.iter().map(place).collect()
 }
 
+pickled!(PyExpression: expression);
+
 #[pymethods]
 impl PyExpression {
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduced::<Self>(py, &self.expression)
-    }
-
-    #[staticmethod]
-    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
-        Ok(Self { expression: parts_of(bytes)? })
-    }
-
     #[new]
     fn new(
         text: &str,

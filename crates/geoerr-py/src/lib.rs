@@ -10,6 +10,7 @@ mod channels;
 mod core_door;
 mod errors;
 mod expression;
+mod fit;
 mod gcode;
 mod history;
 mod kinematics;
@@ -32,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     candidates::register(module)?;
     channels::register(module)?;
     expression::register(module)?;
+    fit::register(module)?;
     gcode::register(module)?;
     history::register(module)?;
     kinematics::register(module)?;

@@ -11,7 +11,7 @@ use crate::arrays::{contiguous, from_numbers, numbers, rows};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 use crate::expression::places;
-use crate::pickled::{Reduced, parts_of, reduced};
+use crate::pickled::pickled;
 
 /// Blocks of rows. Immutable, so that any number of threads may ask it.
 #[pyclass(frozen, name = "NoiseBlocks", module = "geoerr._core")]
@@ -52,17 +52,10 @@ fn from_logs<'py>(py: Python<'py>, logs: [Logs; 3]) -> PyResult<Array2<'py>> {
     from_numbers(py, logs.concat()).reshape([3, 4])
 }
 
+pickled!(PyNoiseBlocks: blocks);
+
 #[pymethods]
 impl PyNoiseBlocks {
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduced::<Self>(py, &self.blocks)
-    }
-
-    #[staticmethod]
-    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
-        Ok(Self { blocks: parts_of(bytes)? })
-    }
-
     #[new]
     fn new(
         block: PyReadonlyArray1<'_, i64>,
@@ -130,17 +123,10 @@ impl PyNoiseBlocks {
     }
 }
 
+pickled!(PyNoiseWhitening: whitening);
+
 #[pymethods]
 impl PyNoiseWhitening {
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduced::<Self>(py, &self.whitening)
-    }
-
-    #[staticmethod]
-    fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
-        Ok(Self { whitening: parts_of(bytes)? })
-    }
-
     /// V^(-1/2) times values (n, 3, m).
     fn whiten<'py>(
         &self,

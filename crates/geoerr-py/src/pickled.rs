@@ -9,6 +9,25 @@ use pyo3::types::PyBytes;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+/// Lets `pickle` and `copy` make an object of these fields again, all of which are the core's.
+macro_rules! pickled {
+    ($class:ident: $($field:ident),+) => {
+        #[pymethods]
+        impl $class {
+            fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<$crate::pickled::Reduced<'py>> {
+                $crate::pickled::reduced::<Self>(py, &($(&self.$field,)+))
+            }
+
+            #[staticmethod]
+            fn _from_bytes(bytes: &[u8]) -> PyResult<Self> {
+                let ($($field,)+) = $crate::pickled::parts_of(bytes)?;
+                Ok(Self { $($field),+ })
+            }
+        }
+    };
+}
+pub(crate) use pickled;
+
 /// What `__reduce__` gives: the class's `_from_bytes`, and its argument.
 pub type Reduced<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
 
