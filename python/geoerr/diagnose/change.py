@@ -29,13 +29,14 @@ from geoerr.fit import (
     result_of,
     sightings_of,
 )
-from geoerr.fit.additions import additions, usual_terms
+from geoerr.fit.additions import additions, held_errors, usual_terms
+from geoerr.fit.beside_effects import few_beside
 from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
 from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import lacks_some
-from geoerr.fit.wavy import may_be_followed, without_waves
+from geoerr.fit.wavy import may_be_followed
 from geoerr.model import HistoryEntry, Model
 from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest, Observations
@@ -147,7 +148,8 @@ def add_effect(
         assert own.fitted is not None
         return own.fitted
 
-    found = additions([reference], names, model.machine, data.sightings, "none", fit, way)[0]
+    held = held_errors("none", own.terms)
+    found = additions([reference], names, model.machine, data.sightings, held, fit, way)[0]
     return _added(model, data, own, found.terms, found.reference, found.title)
 
 
@@ -220,13 +222,12 @@ class _Own:
 def _own_beside(model: Model, data: _Data, terms: Sequence[Term], fitted: Fitted | None = None) -> _Own:
     """Give a model's own terms, with few knots where many would share with an effect what it explains."""
     own = own_terms(model)
-    shared = {one.id for one in own if any(may_be_followed(one, term) for term in terms)}
-    if not shared:
+    if not any(may_be_followed(one, term) for one in own for term in terms):
         return _Own(own, fitted)
     if fitted is None:
         data.steps.next("the model as it is")
         fitted = data.fitted(model, own)
-    few = {term.id: term for term in without_waves(fitted) or () if term.id in shared}
+    few = few_beside(fitted, terms)
     return _Own([few.get(one.id, one) for one in own], fitted, bool(few))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from geoerr.effects import Catalogue, catalogue
-from geoerr.fit.additions import Addition, Wanted, Way, additions
+from geoerr.fit.additions import Addition, Wanted, Way, additions, held_errors
 from geoerr.fit.classic import Components
 from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
@@ -127,7 +127,8 @@ def fit_model(
 
     wanted = list(effects) if isinstance(effects, Sequence) and not isinstance(effects, str) else [effects]
     on_progress(0, 2 + len(wanted))
-    asked = additions(wanted, known or catalogue(), described, sightings_of(*tables), options.components, fit, way)
+    held = held_errors(options.components, terms)
+    asked = additions(wanted, known or catalogue(), described, sightings_of(*tables), held, fit, way)
     fitted = fit([term for one in asked for term in one.terms])
     # A model that was composed names its new effects by having no values for them.
     added = [Addition(term.id, term.title, (term,)) for term in terms if _is_new(term)] + asked

@@ -7,7 +7,7 @@ under one name. Which way it is written is for the data to say, or for the user 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -17,6 +17,7 @@ from geoerr.effects import Catalogue, Effect, PlacedEffect
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
 from geoerr.errors import InputFileError
+from geoerr.fit.beside_effects import few_beside
 from geoerr.fit.classic import Components, names_of
 from geoerr.fit.empirical import empirical_term, is_empirical
 from geoerr.fit.fitted import Fitted
@@ -60,7 +61,7 @@ def additions(
     known: Catalogue,
     machine: Machine,
     sightings: Sightings,
-    components: Components,
+    held: Collection[str],
     fit: Callable[[Sequence[Term]], Fitted],
     way: Way | None = None,
 ) -> list[Addition]:
@@ -76,8 +77,8 @@ def additions(
         For ranges, sides and the reference temperature.
     sightings
         The data: they must hold the columns that an effect needs.
-    components
-        Classic errors of the model: one of them is not added a second time.
+    held
+        Classic errors of the model (`held_errors`): one of them is not added a second time.
     fit
         Fits the model with these terms beyond its own: asked for where the data have to say how an effect is written.
     way
@@ -91,15 +92,14 @@ def additions(
     """
     way = way or Way()
     _refuse_way(way, wanted, known)
-    held = {*names_of(components), *(() if components == "none" else SQUARENESS_CHANNELS)}
     added: list[Addition] = []
     for one in wanted:
         found = _addition(one, known, machine, sightings, way, lambda: fit([t for a in added for t in a.terms]))
         channels = [channel for term in found.terms for channel in term.channels]
-        if not isinstance(one, Term) and _is_classic(found, known) and held.issuperset(channels):
+        if not isinstance(one, Term) and _is_classic(found, known) and set(held).issuperset(channels):
             raise InputFileError(
                 found.reference,
-                f"is in the model already, among its {components} components: {', '.join(channels)}",
+                f"is in the model already, among its errors of axes: {', '.join(channels)}",
                 remedy="leave it out, or fit it with --components none",
             )
         names = {term.id for other in added for term in other.terms}
@@ -107,6 +107,12 @@ def additions(
             raise InputFileError(found.reference, "is added twice", remedy="name it once")
         added.append(found)
     return added
+
+
+def held_errors(components: Components, terms: Sequence[Term] = ()) -> set[str]:
+    """Name the classic errors of a model: those of these components, and those among its terms."""
+    own = {channel for term in terms if term.kind == "classic" for channel in term.channels}
+    return own | {*names_of(components), *(() if components == "none" else SQUARENESS_CHANNELS)}
 
 
 def _refuse_way(way: Way, wanted: Sequence[Wanted], known: Catalogue) -> None:
@@ -143,8 +149,15 @@ def _addition(
     effect, reference = known.resolve(wanted)
     refuse_wanting(effect, reference, sightings)
     ways = ways_of(effect, reference, machine, sightings, way)
-    terms = best_terms(fit(), effect, reference, way) if len(ways) > 1 else (*ways,)
-    return Addition(str(reference), effect.title, terms or usual_terms(effect, reference, machine, sightings))
+    usual = usual_terms(effect, reference, machine, sightings)
+    terms = best_terms(_beside(fit(), usual), effect, reference, way) if len(ways) > 1 else (*ways,)
+    return Addition(str(reference), effect.title, terms or usual)
+
+
+def _beside(fitted: Fitted, effect: Sequence[Term]) -> Fitted:
+    """Give a fit with few knots where many may follow an effect."""
+    few = few_beside(fitted, effect)
+    return fitted.again(tuple(few.get(term.id, term) for term in fitted.terms)) if few else fitted
 
 
 def _placed(wanted: PlacedEffect, machine: Machine, sightings: Sightings) -> tuple[Term, ...]:

@@ -8,8 +8,8 @@ effect is known; or they follow the effect with knots that the machine does not 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
+from geoerr.fit.beside_effects import with_inner_held
 from geoerr.fit.classic import on_basis, positions_by_axis, rich_bases
 from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
@@ -53,7 +53,7 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
     by_id = {term.id: term for term in fitted.terms}
     rich = {name: beside_waves(by_id[name], basis, effects, positions) for name, basis in rich.items()}
     # A period beside functions that follow anything is hardly determined: fitted along it would creep for many steps.
-    terms = _on([_with_inner_held(term) for term in fitted.terms], rich)
+    terms = _on([with_inner_held(term) for term in fitted.terms], rich)
     # On the rows that were found not to be gross.
     free = fitted.again(terms, used=fitted.solved.used)
     if has_run_away(free):
@@ -72,12 +72,6 @@ def _chosen_from(ladder: Ladder, richest: Mapping[str, BasisSpec], own: Mapping[
 def _basis_of(term: Term) -> BasisSpec | None:
     """Give the basis of an error function; None of any other term."""
     return term.parts[0].basis if term.kind == "classic" else None
-
-
-def _with_inner_held(term: Term) -> Term:
-    """Give a term whose inner parameters stay where they were found."""
-    held = (one if one.is_fixed else replace(one, low=one.value, high=one.value) for one in term.inner)
-    return replace(term, inner=tuple(held))
 
 
 def _on(terms: Sequence[Term], bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:

@@ -21,6 +21,7 @@ from geoerr import _core
 from geoerr.distributions import chi_squared_sf
 from geoerr.errors import GeometryError
 from geoerr.fit.begun import known_columns, known_sums
+from geoerr.fit.beside_effects import with_effects
 from geoerr.fit.classic import (
     Components,
     classic_terms,
@@ -31,7 +32,7 @@ from geoerr.fit.classic import (
 )
 from geoerr.fit.fitted import BegunSums, Fitted
 from geoerr.fit.free_directions import concerned, held_smallest, limits_of
-from geoerr.fit.inner import has_unknown_inner, started
+from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.joined import sightings_of, within_the_machine
 from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
@@ -175,11 +176,9 @@ def fit_terms(
     one_step = bool(undecided) and has_run_away(fitted)
     if one_step:
         fitted = posed.fit((*classic_on(found), *known), one_step=True)
-    for effect in effects:
-        if has_unknown_inner(effect):
-            fitted = fitted.again(
-                (*fitted.terms, started(fitted, effect, threads=options.threads)), one_step=one_step
-            )
+    unknown = [effect for effect in effects if has_unknown_inner(effect)]
+    can_follow = undecided if options.freedom != "smooth" else ()
+    fitted = with_effects(fitted, can_follow, unknown, positions, one_step=one_step, threads=options.threads)
     if undecided and options.freedom == "smooth" and math.isfinite(fitted.scale):
         smoothness = choose_smoothness(undecided, fitted.terms, fitted.covariance, fitted.null_space)
         # Rows of the whitened system: where the noise is not stated, its unit is the scale that was found.
@@ -193,6 +192,8 @@ def fit_terms(
         )
     if undecided:
         family: Family = "elements" if options.freedom == "elements" else "splines"
+        open_ids = {term.id for term in undecided}
+        undecided = [term for term in fitted.terms if term.id in open_ids]
         choices = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions, family)
         chosen = {**rich, **{choice.name: choice.basis for choice in choices}}
         fitted = posed.fit((*classic_on(chosen), *_with_starts(effects, fitted.terms)))

@@ -53,6 +53,8 @@ _CLOSER = 17
 _INSIDE = 2e-3
 # Moments of a jump that are tried at once; of more, every so manieth, and then all about the best.
 _MOST_MOMENTS = 1024
+# Multiples of its frequency that a wave may have and still be one wave: what places see alike of it, they do of all.
+_HARMONICS = (1, 2, 3, 4)
 # Numbers of one block of trials: 16 MB.
 _BLOCK = 2_000_000
 
@@ -138,7 +140,8 @@ def _wave_of(candidate: _Candidate, term: Term) -> tuple[Parameter, Numbers] | N
     def columns_at(period: float) -> Numbers:
         return np.asarray(at.shapes([[*inner[:place], period, *inner[place + 1 :]]])[0])
 
-    return (term.inner[place], values) if is_wave(columns_at, values, term.inner[place]) else None
+    period = term.inner[place]
+    return (period, values) if is_wave(columns_at, values, period, harmonics=_HARMONICS) else None
 
 
 def _alike(period: Parameter, values: Numbers) -> list[float]:

@@ -39,13 +39,18 @@ def place_of_period(term: Term) -> int | None:
     return free[0]
 
 
-def is_wave(columns_at: Callable[[float], Numbers], values: Numbers, parameter: Parameter) -> bool:
-    """Tell whether columns (k, n) at any period are sines and cosines of values (n,): at both ends of its range."""
+def is_wave(
+    columns_at: Callable[[float], Numbers], values: Numbers, parameter: Parameter, *, harmonics: Sequence[int] = (1,)
+) -> bool:
+    """Tell whether columns (k, n) at any period are sines and cosines of values (n,): at both ends of its range.
+
+    `harmonics` are the multiples of the frequency that they may have: places that see two waves alike see theirs so.
+    """
     for period in (parameter.low, parameter.high):
         assert period is not None
         phase = 2.0 * np.pi * values / period
         for column in columns_at(period):
-            waves = np.sin(phase), np.cos(phase)
+            waves = [wave(multiple * phase) for multiple in harmonics for wave in (np.sin, np.cos)]
             if not any(np.allclose(column, wave, rtol=0.0, atol=_SAME_WAVE) for wave in waves):
                 return False
     return True
