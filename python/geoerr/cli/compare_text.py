@@ -56,6 +56,7 @@ def comparison_lines(comparison: Comparison, document: Mapping[str, Any], places
         lines += _part_table("by line, worst first", comparison.by_line, is_sorted=True)
         lines += _part_table("by direction of approach", comparison.by_direction)
         lines += _part_table("by what carries the target", comparison.by_carrier)
+        lines += _part_table("by target, worst first", comparison.by_target, is_sorted=True)
         lines += _part_table("by session", comparison.by_session, is_sorted=True)
         lines += _region_table(comparison.regions)
         lines += _trend_tables(comparison)

@@ -14,7 +14,7 @@ from geoerr.diagnose.components import Component, components_of
 from geoerr.diagnose.document import document_of
 from geoerr.diagnose.lengths import LengthComparison, compare_lengths
 from geoerr.diagnose.own_uncertainty import OwnUncertainty, own_uncertainty
-from geoerr.diagnose.parts import Part, by_carrier, by_direction, by_session, by_text
+from geoerr.diagnose.parts import Part, by_carrier, by_direction, by_session, by_target, by_text
 from geoerr.diagnose.regions import Region, regions_of
 from geoerr.diagnose.set_up import SetUp, set_up_of
 from geoerr.diagnose.summary import comparison_html
@@ -135,6 +135,11 @@ class Comparison:
     def by_carrier(self) -> tuple[Part, ...]:
         """Figures of each body that carries targets."""
         return by_carrier(self.points)
+
+    @cached_property
+    def by_target(self) -> tuple[Part, ...]:
+        """Figures of each target; none where there are more than 64."""
+        return by_target(self.points)
 
     @cached_property
     def regions(self) -> tuple[Region, ...]:

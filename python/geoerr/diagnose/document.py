@@ -87,6 +87,7 @@ def _where(comparison: Comparison, fitted: Fitted) -> dict[str, Any]:
         "by_direction": _parts(comparison.by_direction),
         "by_session": _parts(comparison.by_session),
         "by_carrier": _parts(comparison.by_carrier),
+        "by_target": _parts(comparison.by_target),
         "by_region": [
             {
                 "low_mm": list(region.low_mm),

@@ -10,8 +10,13 @@ import numpy as np
 from geoerr.diagnose.components import Component, components_of
 from geoerr.fit import Fitted
 from geoerr.fit.figures import ErrorFigures, figures_of
+from geoerr.fit.moved_targets import numbers_of_targets, times_moved
+from geoerr.fit.sightings import Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
+
+# Where every row has another offset there are no targets to speak of.
+_MOST_TARGETS = 64
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,28 @@ def by_session(fitted: Fitted) -> tuple[Part, ...]:
 def by_carrier(fitted: Fitted) -> tuple[Part, ...]:
     """Part the rows by what carries the target."""
     return _parts(fitted, ((name, fitted.sightings.carrier == number) for number, name in enumerate(CARRIERS)))
+
+
+def by_target(fitted: Fitted) -> tuple[Part, ...]:
+    """Part the rows by target; one that moved has a part for each of its places. None where there are very many."""
+    sightings = fitted.sightings
+    numbers, moved = numbers_of_targets(sightings), times_moved(sightings)
+    if numbers.max(initial=0) >= _MOST_TARGETS:
+        return ()
+    pairs = dict.fromkeys(zip(numbers.tolist(), moved.tolist(), strict=True))
+    named = []
+    for number, times in pairs:
+        rows = (numbers == number) & (moved == times)
+        named.append((_name_of_target(sightings, int(np.argmax(rows)), times), rows))
+    return _parts(fitted, named)
+
+
+def _name_of_target(sightings: Sightings, row: int, times_moved: int) -> str:
+    name = sightings.texts("target")[row] if "target" in sightings.table.columns else ""
+    x, y, z = sightings.offset_mm[row]
+    carrier = CARRIERS[sightings.carrier[row]]
+    where = carrier if carrier == "base" else f"{carrier} ({x:g}, {y:g}, {z:g})"
+    return ", ".join([one for one in (name, *["moved"] * times_moved, where) if one])
 
 
 def by_direction(fitted: Fitted) -> tuple[Part, ...]:

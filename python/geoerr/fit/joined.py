@@ -18,6 +18,7 @@ from geoerr.fit.carried import refuse_other_carriers
 from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.misplaced import misplaced_targets
+from geoerr.fit.moved_targets import targets_that_moved
 from geoerr.fit.noise import in_the_way_of_repeats
 from geoerr.fit.odd_directions import odd_directions
 from geoerr.fit.other_units import other_units
@@ -65,6 +66,7 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
         *unread_columns(joined.table.columns),
         *other_units(joined),
         *odd_directions(joined),
+        *targets_that_moved(joined),
     )
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
 

@@ -18,6 +18,7 @@ import numpy as np
 from geoerr import _core
 from geoerr.commanded_circle import circle_through
 from geoerr.errors import GeometryError
+from geoerr.fit.moved_targets import times_moved
 from geoerr.fit.other_units import other_units
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import Machine
@@ -156,11 +157,15 @@ def moving_targets(sightings: Sightings) -> list[np.ndarray]:
 
 
 def by_target(sightings: Sightings, static: np.ndarray, offset_mm: Numbers) -> list[np.ndarray]:
-    """Give the rows of each target of each session, targets in the order of their first rows."""
+    """Give the rows of each target of each session, targets in the order of their first rows.
+
+    One that moved while the others stayed is another one from then on.
+    """
     keys = [sightings.session, sightings.carrier, *np.round(offset_mm / SAME_POSITION_MM).astype(np.int64).T]
     if static.any() and "target" in sightings.table.columns:
         _, number = np.unique(np.asarray(sightings.texts("target")), return_inverse=True)
         keys.append(np.where(static, number, 0))
+    keys.append(times_moved(sightings))
     order = np.lexsort(keys)
     differs = np.any([np.diff(key[order]) != 0 for key in keys], axis=0)
     return sorted(np.split(order, np.flatnonzero(differs) + 1), key=lambda rows: int(rows[0]))

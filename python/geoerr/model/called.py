@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar, cast
-
-import polars as pl
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from geoerr.errors import ShapeError
 from geoerr.machine import Machine
 from geoerr.model.model import Model
-from geoerr.observations import CircularTest, Lengths, Observations
 
-Table = TypeVar("Table", bound=Observations | CircularTest | Lengths)
+if TYPE_CHECKING:
+    from geoerr.observations import CircularTest, Lengths, Observations
 
-_READ_BY: dict[object, str] = {
-    Observations: "read_observations",
-    CircularTest: "read_circular_test",
-    Lengths: "read_lengths",
+Table = TypeVar("Table", bound="Observations | CircularTest | Lengths")
+
+# Tables by the names of their classes: who reads none loads no library for them.
+_READ_BY = {
+    "Observations": "read_observations",
+    "CircularTest": "read_circular_test",
+    "Lengths": "read_lengths",
 }
 _FILE = "measured.csv"
 
@@ -89,7 +90,7 @@ def check_tables(tables: Sequence[object], call: str, *kinds: type[object]) -> N
         with what was given, and what to write.
     """
     if not tables:
-        reader = _READ_BY[kinds[0]]
+        reader = _READ_BY[kinds[0].__name__]
         raise ShapeError(f"no measurements were given\nhint: {_with(call, f'{reader}({_FILE!r})')}")
     for table in tables:
         if not isinstance(table, kinds):
@@ -98,19 +99,20 @@ def check_tables(tables: Sequence[object], call: str, *kinds: type[object]) -> N
 
 
 def _remedy(table: object, call: str, kinds: tuple[type[object], ...]) -> str:
-    readers = [_READ_BY[kind] for kind in kinds]
+    readers = [_READ_BY[kind.__name__] for kind in kinds]
+    takes_points = "read_observations" in readers
     if isinstance(table, str | Path):
         return f"read the file: {readers[0]}({str(table)!r})"
-    if isinstance(table, Mapping | pl.DataFrame) and Observations in kinds:
+    if (isinstance(table, Mapping) or type(table).__name__ == "DataFrame") and takes_points:
         return "make observations of its columns: observations_from_columns(columns)"
     if isinstance(table, list | tuple):
         return f"give tables one by one, with a star before the list: {_with(call, '*tables')}"
     if isinstance(table, Machine | Model):
         first = "model" if "model" in call.partition("(")[2] else "machine"
         return f"the {first} comes once: {call}"
-    if isinstance(table, Lengths):
+    if type(table).__name__ == "Lengths":
         return "no model is fitted to lengths: give measured points or circular tests"
-    made = [*readers, *(["observations_from_columns"] if Observations in kinds else [])]
+    made = [*readers, *(["observations_from_columns"] if takes_points else [])]
     return f"give what {', '.join(made[:-1])} or {made[-1]} makes" if len(made) > 1 else f"give what {made[0]} makes"
 
 

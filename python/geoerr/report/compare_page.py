@@ -87,6 +87,7 @@ def _how_far(comparison: Comparison) -> list[Section]:
         for title, parts in (
             ("By line", comparison.by_line),
             ("By direction of approach", comparison.by_direction),
+            ("By target", comparison.by_target),
             ("By session", comparison.by_session),
         )
         if len(parts) > 1

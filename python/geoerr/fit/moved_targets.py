@@ -1,0 +1,339 @@
+"""Targets that moved on what carries them, while the others stayed: somebody touched a plate, or its glue let go.
+
+No formula of a machine or of its cameras moves one plate of several. Left in its old place it is lost steps, a tilt
+and a step of the rig, whatever explains a part of it. So it is told before anything is fitted, from visits of one
+place, approached from one side, before and after a moment k: with place means m̄ and the jump d,
+
+    m_i = μ_place(i) + d · 1[i ≥ k],   gain(k) = |Σ_{i≥k} w_i (m_i − m̄_place(i))|² / Σ_p b_p a_p / (b_p + a_p)
+
+is what a jump takes off the sum of squares (a, b: weights of a place's visits after and before), exactly, for every k
+in one pass. It is a plate's own where the others that come back, too, did not move, and no turn of the carrier
+explains it. From then on it is another target, with a place of its own to be fitted (`start.target_places`): all rows
+stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
+from geoerr.observations import CARRIERS
+from geoerr.summaries import counted
+
+# What a jump takes off the sum of squares, in variances of what is left: ten standard errors.
+_GAIN = 100.0
+# Others did not move where they moved by less than this share of it, or by no more than chance does (in variances).
+_STAYED, _CHANCE = 0.2, 16.0
+# Rows that are off by more than so many times the median count as no more; and of the visits so many say the same.
+_WILD, _MOST = 5.0, 0.75
+# Of the jumps of all targets on a carrier a turn of it explains less than this share.
+_TURNED = 0.8
+# Targets lie beside one line where their second spread is this share of the first.
+_FLAT = 0.05
+# Places that are visited before and after, rows on either side of a fixed target, and others to compare with.
+_LEAST_PLACES, _LEAST_ROWS, _LEAST_OTHERS = 4, 5, 2
+
+
+@dataclass(frozen=True, eq=False)
+class MovedTarget:
+    """A target that moved.
+
+    Attributes
+    ----------
+    rows
+        Its rows from then on.
+    last
+        The last of its rows before.
+    by_mm
+        How far, (3,) in the measuring frame.
+    """
+
+    rows: Integers
+    last: int
+    by_mm: Numbers
+
+
+def moved_targets(sightings: Sightings) -> tuple[MovedTarget, ...]:
+    """Find the targets that moved; `sightings.once` keeps them."""
+    found: list[MovedTarget] = []
+    target = numbers_of_targets(sightings)
+    for number, kind in enumerate(sightings.frames):
+        if kind != "circle":
+            found += _moved_in(sightings, target, np.flatnonzero(sightings.session == number))
+    return tuple(found)
+
+
+def times_moved(sightings: Sightings) -> Integers:
+    """Give how often each row's target had moved by then, (n,)."""
+    times = np.zeros(len(sightings), dtype=np.int64)
+    for one in sightings.once("moved_targets", moved_targets):
+        times[one.rows] += 1
+    return times
+
+
+def targets_that_moved(sightings: Sightings) -> Iterator[str]:
+    """Say of each which it is, when it moved and how far."""
+    has_names = "target" in sightings.table.columns
+    t_s = sightings.numbers("t")
+    for one in sightings.once("moved_targets", moved_targets):
+        row = int(one.rows[0])
+        name = sightings.texts("target")[row] if has_names else ""
+        x, y, z = sightings.offset_mm[row]
+        carrier = CARRIERS[sightings.carrier[row]]
+        where = f"on the {carrier}" if carrier == "base" else f"at ({x:g}, {y:g}, {z:g}) mm on the {carrier}"
+        when = f"between rows {sightings.source_row[one.last] + 1} and {sightings.source_row[row] + 1}"
+        if np.isfinite(t_s[[one.last, row]]).all():
+            when = f"between t = {t_s[one.last]:g} and {t_s[row]:g} s"
+        named = f"{name!r} " if name else ""
+        its_rows = f"{counted(len(one.rows), 'row')} from then on {'has' if len(one.rows) == 1 else 'have'}"
+        yield (
+            f"the target {named}{where} moved by {np.linalg.norm(one.by_mm):.2g} mm {when}, while the others stayed: "
+            f"its {its_rows} a place of their own; fasten it"
+            + ("" if carrier == "base" else ", and state its offset as it is now")
+        )
+
+
+def numbers_of_targets(sightings: Sightings) -> Integers:
+    """Give every target a number, (n,): by what carries it and its offset, on the base by its name."""
+    on_base = sightings.carrier == CARRIERS.index("base")
+    offset = np.where(on_base[:, None], 0.0, sightings.offset_mm)
+    keys = [sightings.carrier.astype(np.int64), *np.round(offset / SAME_POSITION_MM).astype(np.int64).T]
+    if on_base.any() and "target" in sightings.table.columns:
+        names = np.unique(np.asarray(sightings.texts("target")), return_inverse=True)[1]
+        keys.append(np.where(on_base, names, 0))
+    return _numbered(keys)
+
+
+def _numbered(keys: Sequence[npt.NDArray[np.int64]]) -> Integers:
+    return np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+
+
+def _moved_in(sightings: Sightings, target: Integers, rows: Integers) -> Iterator[MovedTarget]:
+    """Find those of one session, the clearest first; each is two targets afterwards."""
+    rows = rows[sightings.is_measured[rows].all(axis=1)]
+    own = target[rows].copy()
+    while len(np.unique(own)) > 1:
+        visits = {number: _Visits.of(sightings, rows[own == number]) for number in np.unique(own).tolist()}
+        best = _clearest(sightings, visits)
+        if best is None:
+            return
+        yield best
+        own[np.isin(rows, best.rows)] = own.max() + 1
+
+
+def _clearest(sightings: Sightings, visits: dict[int, _Visits]) -> MovedTarget | None:
+    """Give the target that moved most clearly while the others stayed; None where none did."""
+    clear = []
+    for number, own in visits.items():
+        place = own.clearest()
+        if place is not None and _moved_alone(sightings, visits, number, own.rows[place]):
+            clear.append((own.gain[place - 1] / own.left(place), number, place))
+    if not clear:
+        return None
+    _, number, place = max(clear)
+    own = visits[number]
+    return MovedTarget(own.rows[place:], int(own.rows[place - 1]), own.jump_mm(place))
+
+
+def _moved_alone(sightings: Sightings, visits: dict[int, _Visits], number: int, moment: int) -> bool:
+    """Tell whether the others that come back after a row stayed where they were, and the carrier did not turn."""
+    own = visits[number]
+    place = own.place_of(moment)
+    by_mm = own.jump_mm(place)
+    is_fixed = own.is_fixed
+    others = []
+    for other, one in visits.items():
+        at = one.place_of(moment)
+        if other == number or not one.is_comparable(at) or not (is_fixed or one.carrier == own.carrier):
+            continue
+        moved_mm = one.jump_mm(at)
+        stayed = np.linalg.norm(moved_mm) <= _STAYED * np.linalg.norm(by_mm)
+        if not stayed and one.gain[at - 1] > _CHANCE * one.left(at):
+            return False
+        others.append((one, moved_mm))
+    if len(others) < _LEAST_OTHERS:
+        return False
+    if is_fixed:
+        return True
+    together = [own, *(one for one, _ in others)]
+    jumps_mm = np.array([by_mm, *(moved_mm for _, moved_mm in others)])
+    return _turned_share(sightings, together, jumps_mm) < _TURNED
+
+
+def _turned_share(sightings: Sightings, targets: Sequence[_Visits], jumps_mm: Numbers) -> float:
+    """Give the share of the squares of jumps (k, 3) that a shift and a turn of their carrier explain."""
+    offset_mm = np.array([sightings.offset_mm[one.rows[0]] for one in targets])
+    offset_mm -= offset_mm.mean(axis=0)
+    seen = _stand_mm(sightings, targets)
+    if seen is None:
+        # Nobody knows how the measuring frame stands to the carrier: it may have turned.
+        return 1.0
+    spread, along = np.linalg.svd(offset_mm, full_matrices=False)[1:]
+    if spread[1] > _FLAT * spread[0]:
+        turn = Rotation.align_vectors(seen - seen.mean(axis=0), offset_mm)[0].as_matrix()
+        levers = np.concatenate([np.cross(axis, offset_mm)[:, None, :] for axis in np.eye(3)], axis=1)
+        turned = (levers @ turn.T).transpose(0, 2, 1).reshape(-1, 3)
+    else:
+        # On one line: whatever grows along it.
+        turned = np.kron(offset_mm @ along[:1].T, np.eye(3))
+    columns = np.column_stack([np.tile(np.eye(3), (len(targets), 1)), turned])
+    flat = jumps_mm.reshape(-1)
+    left = flat - columns @ np.linalg.lstsq(columns, flat, rcond=None)[0]
+    return 1.0 - float((left**2).sum() / (flat**2).sum())
+
+
+def _stand_mm(sightings: Sightings, targets: Sequence[_Visits]) -> Numbers | None:
+    """Give how targets stand to each other (k, 3), in the measuring frame, where all were seen; None where never."""
+    places = [np.round(sightings.commanded_mm[one.rows] / SAME_POSITION_MM).astype(np.int64) for one in targets]
+    numbers = np.split(_numbered([*np.concatenate(places).T]), np.cumsum([len(own) for own in places])[:-1])
+    common = set(numbers[0].tolist()).intersection(*(own.tolist() for own in numbers[1:]))
+    if not common:
+        return None
+    first = [[own.tolist().index(place) for place in sorted(common)] for own in numbers]
+    return np.array(
+        [sightings.measured_mm[one.rows[at]].mean(axis=0) for one, at in zip(targets, first, strict=True)]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Visits:
+    """What visits of one place differ by, for a target of one session.
+
+    Attributes
+    ----------
+    rows : (n,)
+        In the order of measurement.
+    carrier
+        Place in `CARRIERS`.
+    gain : (n − 1,)
+        What a jump before row 1, 2, ... takes off the sum of squares.
+    straddling : (n − 1,)
+        Places that are visited before and after.
+    place : (n,)
+        Number of the place of each.
+    measured_mm : (n, 3)
+        What was measured.
+    total
+        Sum of squares off the means of places.
+    dof
+        Numbers that are left beside a jump.
+    """
+
+    rows: Integers
+    carrier: int
+    place: Integers
+    measured_mm: Numbers
+    gain: Numbers
+    straddling: Integers
+    total: float
+    dof: int
+
+    @classmethod
+    def of(cls, sightings: Sightings, rows: Integers) -> _Visits:
+        """Work it out for rows (n,)."""
+        carrier = int(sightings.carrier[rows[0]])
+        place = np.zeros(len(rows), dtype=np.int64)
+        if carrier != CARRIERS.index("base"):
+            q = np.round(sightings.commanded_mm[rows] / SAME_POSITION_MM).astype(np.int64)
+            place = _numbered([*q.T, *_way_there(q).T])
+        w = np.einsum("nij,nij->n", sightings.whitening[rows], sightings.whitening[rows]) / 3.0
+        whole = np.bincount(place, w)
+        measured = sightings.measured_mm[rows] - sightings.measured_mm[rows[0]]
+        mean = np.stack([np.bincount(place, w * values) / whole for values in measured.T], axis=1)
+        off = _without_wild(measured - mean[place])
+        # Weight of the earlier visits of each row's place, by the rows of each place in their order.
+        order = np.argsort(place, kind="stable")
+        first = np.flatnonzero(np.diff(place[order], prepend=-1))
+        counts = np.diff([*first, len(rows)])
+        before_all = np.cumsum(w[order]) - w[order]
+        before = np.empty(len(rows))
+        before[order] = before_all - np.repeat(before_all[first], counts)
+        begins, ends = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows), dtype=np.int64)
+        begins[order[first]] = 1
+        ends[order[first + counts - 1]] = 1
+        rest = whole[place] - before
+        weight = np.cumsum(((before + w) * (rest - w) - before * rest) / whole[place])[:-1]
+        moment = -np.cumsum(w[:, None] * off, axis=0)[:-1]
+        straddling = np.cumsum(begins - ends)[:-1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.where(straddling > 0, (moment**2).sum(axis=1) / weight, 0.0)
+        total = float((w * (off**2).sum(axis=1)).sum())
+        dof = 3 * (len(rows) - len(whole) - 1)
+        return cls(rows, carrier, place, measured, gain, straddling, total, dof)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it sits on the base, and every row is a visit of its place."""
+        return self.carrier == CARRIERS.index("base")
+
+    def place_of(self, row: int) -> int:
+        """Give the place of the first of these rows that is not before a row of the session."""
+        return int(np.searchsorted(self.rows, row))
+
+    def is_comparable(self, place: int) -> bool:
+        """Tell whether visits before and after a place say by how much it moved between."""
+        if not 0 < place < len(self.rows) or self.dof < 1:
+            return False
+        if self.is_fixed:
+            return min(place, len(self.rows) - place) >= _LEAST_ROWS
+        return bool(self.straddling[place - 1] >= _LEAST_PLACES)
+
+    def clearest(self) -> int | None:
+        """Give where a jump takes most off, if that is no chance."""
+        if len(self.gain) == 0 or self.dof < 1:
+            return None
+        place = int(np.argmax(self.gain)) + 1
+        is_clear = self.is_comparable(place) and self.gain[place - 1] > _GAIN * self.left(place)
+        return place if is_clear and self._is_seen_everywhere(place) else None
+
+    def left(self, place: int) -> float:
+        """Give the variance of a number beside a jump, in the unit of the weights."""
+        return max(self.total - float(self.gain[place - 1]), 0.0) / self.dof
+
+    def jump_mm(self, place: int) -> Numbers:
+        """Give by how much it moved, (3,), as most of its places say."""
+        return np.asarray(np.median(self._jumps_mm(place), axis=0))
+
+    def _is_seen_everywhere(self, place: int) -> bool:
+        """Tell whether most visits say the same: a wild row makes a jump of a few places."""
+        jumps = self._jumps_mm(place)
+        by_mm = np.median(jumps, axis=0)
+        is_alike = np.linalg.norm(jumps - by_mm, axis=1) < 0.5 * np.linalg.norm(by_mm)
+        return bool(is_alike.mean() > _MOST)
+
+    def _jumps_mm(self, place: int) -> Numbers:
+        """Give what every place says of a jump, (k, 3); of a fixed target every row behind it."""
+        if self.is_fixed:
+            return np.asarray(self.measured_mm[place:] - np.median(self.measured_mm[:place], axis=0))
+        n_places = int(self.place.max()) + 1
+        means, counts = [], []
+        for rows in (slice(None, place), slice(place, None)):
+            count = np.bincount(self.place[rows], minlength=n_places)
+            sums = [np.bincount(self.place[rows], values, n_places) for values in self.measured_mm[rows].T]
+            means.append(np.stack(sums, axis=1) / np.maximum(count, 1)[:, None])
+            counts.append(count)
+        return np.asarray((means[1] - means[0])[(counts[0] > 0) & (counts[1] > 0)])
+
+
+def _way_there(q: Integers) -> Integers:
+    """Give which way each axis went to positions (n, 3) in their order, 0 where it rested: play shows by it.
+
+    From where a resting axis once came is no matter here: that would move all targets alike.
+    """
+    way = np.sign(np.diff(q, axis=0, prepend=q[:1]))
+    last = np.maximum.accumulate(np.where(way.any(axis=1), np.arange(len(q)), 0))
+    return np.asarray(way[last])
+
+
+def _without_wild(off_mm: Numbers) -> Numbers:
+    """Give deviations (n, 3) no longer than rows usually are off, several times over."""
+    length = np.linalg.norm(off_mm, axis=1)
+    far = length > 0.0
+    most = _WILD * float(np.median(length[far])) if far.any() else 0.0
+    with np.errstate(divide="ignore"):
+        return off_mm * np.minimum(most / np.where(far, length, 1.0), 1.0)[:, None]
