@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -19,8 +22,10 @@ import geoerr
 from geoerr.cli import doctor_checks
 from geoerr.cli.main import app
 from geoerr.machine import write_machine
+from geoerr.vision.images import write_png
 
 MACHINE = geoerr.Machine.from_chain("wZbXYt", (400.0, 300.0, 250.0), name="printer 7")
+PICTURE = np.arange(1200, dtype=np.uint16).reshape(30, 40).astype(np.uint8)
 POINTS = "line,repeat,x,y,z,mx,my,mz\nx,0,0,0,0,1,2,3\nx,0,5,0,0,6,2,3\nx,0,five,0,0,6,2,3\n"
 RIG = {
     "schema": 1,
@@ -76,6 +81,103 @@ def test_each_kind_of_file_is_named_for_what_it_is(tmp_path: Path) -> None:
         "the errors of 'printer 7'",
         "own effects: my-gap",
     ]
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Path:
+    """Four pairs of board pictures and three frames, each of a few pixels."""
+    folder = tmp_path / "session"
+    for side in ("left", "right"):
+        (folder / "calibration" / side).mkdir(parents=True)
+        (folder / "frames" / side).mkdir(parents=True)
+        for number in range(4):
+            write_png(folder / "calibration" / side / f"{number}.png", PICTURE)
+        for number in range(3):
+            write_png(folder / "frames" / side / f"{number}.png", PICTURE)
+    rows = [f"frames/left/{number}.png,frames/right/{number}.png,{number},0,0" for number in range(3)]
+    (folder / "frames.csv").write_text("\n".join(["left,right,x,y,z", *rows, ""]), encoding="utf-8")
+    board = '[board]\ntype = "chessboard"\nsquares = [6, 4]\nsquare_mm = 20.0\n'
+    (folder / "session.toml").write_text(board, encoding="utf-8")
+    return folder
+
+
+def session_check(folder: Path, status: int = 0) -> Any:
+    (check,) = document(folder, status=status)["files"]
+    return check
+
+
+def test_a_session_whose_pictures_are_all_there_is_well(session: Path) -> None:
+    assert session_check(session) == {
+        "name": str(session),
+        "state": "ok",
+        "text": "session: 4 calibration pairs, 0 targets, 3 frames",
+        "hint": None,
+    }
+
+
+def cut_off(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-8])
+
+
+def smaller(path: Path) -> None:
+    write_png(path, PICTURE[:-2])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (Path.unlink, "no such picture"),
+        (cut_off, "the picture is truncated: its end is missing"),
+        (smaller, "40 × 28 px, the others 40 × 30 px"),
+    ],
+)
+def test_a_session_with_a_picture_that_cannot_be_used_is_wrong(
+    session: Path, spoil: Callable[[Path], None], why: str
+) -> None:
+    """It was called well, and `measure` missed the frame at home."""
+    spoil(session / "frames" / "right" / "1.png")
+    check = session_check(session, status=1)
+    assert check["state"] == "wrong"
+    name = "row 3 of frames.csv: frames/right/1.png"
+    assert f"; 1 of 6 pictures of the machine cannot be used; the first, {name}: {why}" in check["text"]
+    assert check["hint"]
+
+
+def test_a_calibration_that_has_too_few_pairs_is_wrong(session: Path) -> None:
+    boards = session / "calibration"
+    smaller(boards / "left" / "0.png")
+    check = session_check(session)
+    assert check["state"] == "note"
+    assert check["text"].endswith(
+        "; 1 board picture cannot be used, the first: calibration/left/0.png: 40 × 28 px, the others 40 × 30 px"
+    )
+    (boards / "right" / "1.png").unlink()
+    check = session_check(session, status=1)
+    assert "3 calibration pairs" in check["text"]
+    assert "; 2 pairs of board pictures can be used, 3 are needed to calibrate; 2 board pictures" in check["text"]
+    assert check["hint"].startswith("take ten or more pairs")
+    # A rig that was calibrated before needs none.
+    (session / "rig.json").write_text("{}", encoding="utf-8")
+    assert session_check(session)["state"] == "note"
+
+
+def test_board_pictures_without_a_board_are_wrong(session: Path) -> None:
+    (session / "session.toml").write_text("", encoding="utf-8")
+    assert "there are board pictures and no [board]" in session_check(session, status=1)["text"]
+
+
+def test_a_session_without_board_pictures_takes_its_rig_from_elsewhere(session: Path) -> None:
+    shutil.rmtree(session / "calibration")
+    assert session_check(session)["state"] == "ok"
+
+
+def test_a_row_of_frames_that_cannot_be_used_is_a_note(session: Path) -> None:
+    with (session / "frames.csv").open("a", encoding="utf-8") as table:
+        table.write("frames/left/2.png,frames/left/2.png,3,0,0\n")
+    check = session_check(session)
+    assert check["state"] == "note"
+    assert "1 row of frames.csv set aside, the first: " in check["text"]
+    assert "left and right are the same picture" in check["text"]
 
 
 def test_what_a_fit_would_not_read_of_a_table_is_a_note(tmp_path: Path) -> None:

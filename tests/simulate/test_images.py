@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from geoerr.errors import InputFileError, ShapeError
-from geoerr.vision.images import encode_png, read_grey, write_png
+from geoerr.vision.images import encode_png, picture_size, read_grey, write_png
 
 NOISE = np.random.default_rng(5).integers(0, 256, (48, 64), dtype=np.uint8)
 
@@ -70,6 +70,20 @@ def test_a_note_to_turn_the_picture_is_ignored(tmp_path):
     (tmp_path / "a.jpg").write_bytes(plain[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + plain[2:])
     assert cv2.imread(str(tmp_path / "a.jpg"), cv2.IMREAD_GRAYSCALE).shape == (64, 48)
     assert read_grey(tmp_path / "a.jpg").shape == (48, 64)
+    assert picture_size(tmp_path / "a.jpg") == (64, 48)
+
+
+@pytest.mark.parametrize("suffix", sorted(WHOLE))
+def test_the_size_is_told_without_decoding(tmp_path, suffix, monkeypatch):
+    monkeypatch.delattr(cv2, "imdecode")
+    (tmp_path / "a").write_bytes(WHOLE[suffix])
+    assert picture_size(tmp_path / "a") == (64, 48)
+
+
+def test_a_picture_whose_header_has_no_size_is_damaged(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff\xda\x00\x02\x00\xff\xd9")
+    with pytest.raises(InputFileError, match="its header has no size"):
+        picture_size(tmp_path / "a.jpg")
 
 
 @settings(max_examples=60)
@@ -78,9 +92,10 @@ def test_a_picture_cut_anywhere_is_refused(tmp_path_factory, share, suffix):
     content = WHOLE[suffix]
     path = tmp_path_factory.mktemp("cut") / "cut"
     path.write_bytes(content[: int(share * (len(content) - 2))])
-    with pytest.raises(InputFileError, match=r"truncated|empty|not a picture") as refusal:
-        read_grey(path)
-    assert str(path) in str(refusal.value)
+    for read in (read_grey, picture_size):
+        with pytest.raises(InputFileError, match=r"truncated|empty|not a picture") as refusal:
+            read(path)
+        assert str(path) in str(refusal.value)
 
 
 @settings(max_examples=40)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from small_plans import DOCUMENT, changed
 
+from geoerr.error_functions import write_errors
 from geoerr.errors import InputFileError
 from geoerr.files import write_json
 from geoerr.machine import Axis, write_machine
@@ -18,6 +19,8 @@ from geoerr.simulate.effects import AVAILABLE_EFFECTS, disturbance_of
 from geoerr.simulate.moments import measured_positions, moments_of
 from geoerr.simulate.plan import plan_from_document, read_plan, write_plan
 from geoerr.simulate.scene import Scene
+from geoerr.simulate.truth import truth_of
+from geoerr.vision.session import FORBIDDEN_COLUMNS, FRAME_COLUMNS
 
 
 def plan(**changes):
@@ -212,6 +215,28 @@ REFUSED = [
     ({"hidden": [hidden("periodic", "x", P=0.0)]}, "parameters.P"),
     ({"hidden": [hidden("thermal-expansion", "x", "temp", alpha=1.0)]}, "names no column"),
     ({"noise": {"grey": -1.0}}, "noise.grey"),
+    ({"board": {"squares": [14.9, 10]}}, r"board.squares: \[14.9, 10.0\] is not two whole numbers above 1"),
+    ({"board": {"squares": [7, 1]}}, "board.squares: .* is not two whole numbers above 1"),
+    ({"seconds_per_frame": 1e308}, "seconds_per_frame: .* s for each of 7 frames is no finite time"),
+    ({"light": {"white_grey": 300.0}}, "light.white_grey: 300.0 is too large: it must be at most 255"),
+    ({"light": {"background_grey": 256}}, "light.background_grey: 256 is too large"),
+]
+
+# Words with a slip of the finger, which counted for nothing.
+MISSPELT = [
+    ({"seconds_per_frames": 2.0}, "seconds_per_frames", "seconds_per_frame"),
+    ({"rig": {"base_line_mm": 300.0, "baseline_mm": None}}, "rig.base_line_mm", "baseline_mm"),
+    ({"rig": {"left": {"distorsion": [0.0] * 5}}}, "rig.left.distorsion", "distortion"),
+    ({"light": {"white_gray": 200.0}}, "light.white_gray", "white_grey"),
+    ({"noise": {"repeatabilty_um": 50.0}}, "noise.repeatabilty_um", "repeatability_um"),
+    ({"board": {"max_tild_deg": 20.0}}, "board.max_tild_deg", "max_tilt_deg"),
+    ({"targets": [{"id": 1, "size_mm": 9.0, "offset_mm": [0, 0, 0], "carier": "work"}]}, "carier", "carrier"),
+    ({"errors": {"positioning_mu": 100.0, "positioning_um": None}}, "errors.positioning_mu", "positioning_um"),
+    ({"errors": {"x": {"rol_urad": 100.0}}}, "errors.x.rol_urad", "roll_urad"),
+    ({"passes": [{"axis": "x", "count": 2, "both_direction": True}]}, "both_direction", "both_directions"),
+    ({"passes": [{"axis": "x", "count": 2, "at": {"Z": 50.0}}]}, r"passes\[1\].at.Z", "z"),
+    ({"covariates": {"temp": {"values": 20.0}}}, "covariates.temp.values", "value"),
+    ({"hidden": [{"effect": "scale", "axis": "x", "parameter": {"k": 1.0}}]}, "parameter", "parameters"),
 ]
 
 
@@ -219,6 +244,34 @@ REFUSED = [
 def test_a_wrong_entry_is_refused_by_file_and_key(changes, message):
     with pytest.raises(InputFileError, match=message):
         plan(**changes)
+
+
+@pytest.mark.parametrize(("changes", "key", "word"), MISSPELT, ids=[key for _, key, _ in MISSPELT])
+def test_a_misspelt_key_is_told_what_was_meant(changes, key, word):
+    document = changed(**changes)
+    for name, table in changes.items():
+        for absent in [part for part in table if table[part] is None] if isinstance(table, dict) else []:
+            del document[name][absent]
+    with pytest.raises(InputFileError, match=rf"{key}: is no key of this table \(did you mean {word}\?\)"):
+        plan_from_document(document, "plan.toml")
+
+
+def test_keys_of_the_user_s_own_are_left_alone():
+    assert plan(remark="the old machine", noise={"camera": "A"}).covariates == {}
+
+
+@pytest.mark.parametrize(
+    "name", [*FORBIDDEN_COLUMNS, *(name for name in FRAME_COLUMNS.columns if name not in ("feed", "temp"))]
+)
+def test_a_covariate_cannot_be_a_column_that_something_else_gives(name):
+    """One called x wrote its values over the commanded positions, and the truth knew nothing of it."""
+    with pytest.raises(InputFileError, match=rf"covariates\.{name}: this column is what the passes, the session or"):
+        plan(covariates={name: {"value": 5.0}})
+
+
+def test_a_covariate_may_be_a_column_that_nothing_else_gives():
+    given = {"feed": {"value": 3000.0}, "temp": {"value": 21.0}, "load": {"value": 2.0}}
+    assert list(plan(covariates=given).covariates) == list(given)
 
 
 @pytest.mark.parametrize("missing", ["machine", "rig"])
@@ -246,8 +299,35 @@ def test_every_available_effect_is_one_of_the_catalogue_s_ids():
 def test_errors_may_be_taken_from_an_errors_file(tmp_path):
     tables = {"EXX": {"position_mm": [0.0, 100.0], "value_um": [0.0, 50.0]}, "EC0Y": {"value_urad": 10.0}}
     write_json(tmp_path / "errors.json", {"errors": tables})
-    which = plan_from_document(changed(errors={"tables": "errors.json"}), tmp_path / "plan.toml")
-    assert which.errors.tables["EXX"].value.tolist() == [0.0, 0.05]
+    own = {"squareness_mrad": {"EB0Z": -1.24}}
+    for given in ("errors.json", tables):
+        which = plan_from_document(changed(errors={"tables": given, **own}), tmp_path / "plan.toml")
+        assert list(which.errors.tables) == ["EXX"]
+        assert which.errors.tables["EXX"].value.tolist() == [0.0, 0.05]
+        assert which.errors.squareness_rad == pytest.approx({"EC0Y": 1e-5, "EB0Z": -1.24e-3, "EA0Z": 0.0})
+    # What is stated twice may be stated in two ways.
+    with pytest.raises(
+        InputFileError, match=r"squareness_mrad\.EC0Y: is given by errors\.EC0Y of .*errors\.json, too"
+    ):
+        plan_from_document(changed(errors={"tables": "errors.json"}), tmp_path / "plan.toml")
+    write_json(tmp_path / "rig.json", {"K_left": []})
+    with pytest.raises(InputFileError, match=r"rig\.json: errors: has no errors"):
+        plan_from_document(changed(errors={"tables": "rig.json"}), tmp_path / "plan.toml")
     (tmp_path / "errors.json").write_text(json.dumps({"errors": {"EXX": {"position_mm": [0.0]}}}))
     with pytest.raises(InputFileError, match="value_um"):
         plan_from_document(changed(errors={"tables": "errors.json"}), tmp_path / "plan.toml")
+
+
+def test_a_machine_made_of_its_truth_is_the_same_machine(tmp_path):
+    """Its squarenesses were dropped: the machine came out square, and its truth said so."""
+    passes = [{"axis": axis, "count": 9} for axis in "xyz"]
+    first = truth_of(Scene(plan(passes=passes))).errors
+    write_errors(tmp_path / "truth.json", first)
+    again = changed(passes=passes)
+    again["errors"] = {"tables": "truth.json"}
+    second = truth_of(Scene(plan_from_document(again, tmp_path / "plan.toml"))).errors
+    assert first.squareness["EC0Y"].value_rad == pytest.approx(-5.05e-3, abs=1e-4)
+    for name, value in first.squareness.items():
+        assert second.squareness[name].value_rad == pytest.approx(value.value_rad, abs=1e-14), name
+    for name, function in first.functions.items():
+        assert np.allclose(second.functions[name].value, function.value, atol=1e-13), name

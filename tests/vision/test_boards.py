@@ -119,6 +119,34 @@ def test_a_legacy_board_is_not_taken_for_a_present_one() -> None:
         find_board(drawn(present)[::-1].copy()[:, ::-1].copy(), replace(present, squares=(8, 9)))
 
 
+@pytest.mark.parametrize("is_legacy", [False, True])
+@pytest.mark.parametrize("squares", [(6, 8), (7, 5), (14, 10)])
+def test_numbers_of_squares_that_are_exchanged_are_told(squares: tuple[int, int], is_legacy: bool) -> None:
+    board = BoardSpec("charuco", squares, 20.0, 15.0, "DICT_5X5_100", is_legacy)
+    stated = replace(board, squares=(squares[1], squares[0]))
+    with pytest.raises(
+        DetectionError, match=rf"do not lie as on .*: they lie as on one of {squares[0]} × {squares[1]} "
+    ):
+        find_board(drawn(board), stated)
+    assert hint_for_unseen_board(drawn(board), stated) == (
+        f"the board fits with its two numbers exchanged: write squares = [{squares[0]}, {squares[1]}]"
+    )
+    assert hint_for_unseen_board(drawn(board), replace(board, squares=(squares[0] - 1, squares[1]))) is None
+
+
+def test_corners_that_could_not_be_fitted_leave_the_markers_their_size() -> None:
+    """A dark spot on a corner has no pixels to give: the markers' side came out as 0.00 of the squares'."""
+    board = BoardSpec("charuco", (6, 8), 20.0, 15.0, "DICT_5X5_100")
+    picture = drawn(board)
+    whole = find_board(picture, board)
+    assert whole.marker_of_square == pytest.approx(0.75, abs=0.03)
+    # Squares of 60 px after a margin of 40: the third corner of the third row.
+    cv2.circle(picture, (220, 220), 14, 120, -1)
+    spotted = find_board(picture, board)
+    assert len(spotted.ids) < len(whole.ids)
+    assert spotted.marker_of_square == pytest.approx(0.75, abs=0.03)
+
+
 def test_wrong_boards_are_refused_with_what_is_seen() -> None:
     board = BoardSpec("charuco", (3, 4), 20.0, 15.0, "DICT_5X5_100")
     other = replace(board, dictionary="DICT_6X6_250")

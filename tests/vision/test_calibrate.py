@@ -202,6 +202,15 @@ def test_the_wrong_dictionary_is_named(session: Path, monkeypatch: pytest.Monkey
     assert "markers of DICT_5X5_" in text
 
 
+def test_exchanged_numbers_of_squares_are_told(session: Path) -> None:
+    for path in session.glob("calibration/*/0[456].png"):
+        path.unlink()
+    edit(session, lambda document: document["board"].update(squares=[10, 14]))
+    with pytest.raises(DetectionError, match=r"they lie as on one of 14 × 10 squares") as caught:
+        calibrate(read_session(session))
+    assert str(caught.value).endswith("hint: the board fits with its two numbers exchanged: write squares = [14, 10]")
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_one_camera_whose_pictures_are_mirrored_is_named(
     session: Path, monkeypatch: pytest.MonkeyPatch, side: str

@@ -268,6 +268,12 @@ def test_far_views() -> None:
     assert far_view(np.array([0.1, 0.5, 0.9, 1.3, 1.8])) is None
 
 
+def test_a_view_as_good_as_a_corner_detector_is_never_far() -> None:
+    """On clean pictures a board farther away was dropped for 0.024 px, beside 0.012."""
+    assert far_view(np.array([0.012, 0.0121, 0.0119, 0.012, 0.024])) is None
+    assert far_view(np.array([0.012, 0.0121, 0.0119, 0.012, 0.05])) == 4
+
+
 def test_weights_follow_what_corners_know_of_themselves() -> None:
     some = views(3)
     some[0] = replace(some[0], left=replace(some[0].left, std_px=np.full(54, 4.0 * SIGMA_PX)))

@@ -16,6 +16,7 @@ from geoerr import __version__
 from geoerr.cli.options import install_command
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.installation import python_and_platform, version_of
+from geoerr.summaries import counted
 
 State = Literal["ok", "note", "wrong"]
 
@@ -149,6 +150,8 @@ def _numbers(version: str) -> tuple[int, ...]:
 def file_check(path: Path) -> Check:
     """Read a file as the verb would that it is for, and say what it is."""
     try:
+        if path.is_dir():
+            return _session(path)
         text, notes = _measurements(path) if _is_table(path) else (_reader(path)(path), ())
         return Check(str(path), "note" if notes else "ok", "; ".join((text, *notes)))
     except GeoerrError as error:
@@ -163,8 +166,6 @@ def _is_table(path: Path) -> bool:
 
 
 def _reader(path: Path) -> Callable[[Path], str]:
-    if path.is_dir():
-        return _session
     if path.suffix.lower() == ".toml":
         return _described
     if path.suffix.lower() == ".json":
@@ -176,21 +177,29 @@ def _reader(path: Path) -> Callable[[Path], str]:
     )
 
 
-def _session(path: Path) -> str:
+def _session(path: Path) -> Check:
+    """Say what a session's folder holds, and what is wrong with its pictures."""
     from geoerr.vision.session import read_session
+    from geoerr.vision.session_pictures import findings
 
     session = read_session(path)
+    found = findings(session)
     frames = 0 if session.frames is None else len(session.frames)
     parts = [
         f"{len(session.calibration_pairs)} calibration pairs",
         f"{len(session.targets)} targets",
         f"{frames} frames",
     ]
-    if session.unpaired:
-        parts.append(f"{len(session.unpaired)} calibration pictures without a partner")
+    texts = [f"session: {', '.join(parts)}", *(one.text for one in found)]
     if session.set_aside:
-        parts.append(f"{len(session.set_aside)} rows of frames.csv set aside")
-    return f"session: {', '.join(parts)}"
+        first = session.set_aside[0]
+        texts.append(f"{counted(len(session.set_aside), 'row')} of frames.csv set aside, the first: {first}")
+    is_noted = len(texts) > 1
+    is_wrong = any(one.is_wrong for one in found)
+    # Most pressing first.
+    hints = [one.remedy for one in sorted(found, key=lambda one: not one.is_wrong) if one.remedy]
+    state: State = "wrong" if is_wrong else "note" if is_noted else "ok"
+    return Check(str(path), state, "; ".join(texts), hints[0] if hints else None)
 
 
 def _described(path: Path) -> str:

@@ -149,6 +149,7 @@ _AXES_OF_CHANNEL: dict[str, tuple[str, ...]] = {
     "rig": (),
 }
 AVAILABLE_EFFECTS = tuple(_EFFECTS)
+_HIDDEN_KEYS = ("effect", "axis", "covariate", "parameters")
 
 
 def read_hidden(entry: Entries, covariates: tuple[str, ...]) -> HiddenEffect:
@@ -159,6 +160,7 @@ def read_hidden(entry: Entries, covariates: tuple[str, ...]) -> HiddenEffect:
     covariates
         Columns that the plan gives.
     """
+    entry.only(_HIDDEN_KEYS)
     name = entry.text("effect")
     if name not in _EFFECTS:
         raise entry.refuse("effect", f"{name!r} cannot be simulated", f"available are {', '.join(AVAILABLE_EFFECTS)}")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from geoerr.errors import InputFileError
+from geoerr.spelling import slip_in
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,14 @@ class Entries:
         """Make a refusal of one key."""
         return InputFileError(self.path, problem, column=self.key(name), remedy=remedy)
 
+    def only(self, *known: Collection[str]) -> Entries:
+        """Refuse a key that is an absent one misspelled, which would count for nothing; others are the user's own."""
+        slip = slip_in(self.content, [key for keys in known for key in keys])
+        if slip is not None:
+            key, word = slip
+            raise self.refuse(key, f"is no key of this table (did you mean {word}?)", "correct the spelling")
+        return self
+
     def table(self, name: str) -> Entries:
         """Give a sub-table; an absent one is empty."""
         content = self.content.get(name, {})
@@ -51,15 +61,23 @@ class Entries:
         return [Entries(item, self.path, f"{self.key(name)}[{n}]") for n, item in enumerate(content, start=1)]
 
     def number(
-        self, name: str, default: float | None = None, *, low: float = -math.inf, above: float = -math.inf
+        self,
+        name: str,
+        default: float | None = None,
+        *,
+        low: float = -math.inf,
+        above: float = -math.inf,
+        high: float = math.inf,
     ) -> float:
-        """Give a finite number not below `low` and greater than `above`; without a default it must be there."""
+        """Give a finite number from `low` to `high`, greater than `above`; without a default it must be there."""
         value = self._present(name, default)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise self.refuse(name, f"{value!r} is not a number")
         if value < low or value <= above:
             bound = f"at least {low:g}" if value < low else f"above {above:g}"
             raise self.refuse(name, f"{value!r} is too small: it must be {bound}")
+        if value > high:
+            raise self.refuse(name, f"{value!r} is too large: it must be at most {high:g}")
         return float(value)
 
     def whole(self, name: str, default: int | None = None, *, low: int = 0) -> int:

@@ -38,7 +38,7 @@ A plan with nearly every key there is; most may be left out (`[rig]` must say wh
     pitch_yaw_urad = 500.0
     roll_urad = 400.0
     squareness_mrad = { EC0Y = -5.05, EB0Z = -1.24, EA0Z = 3.84 }
-    tables = { EZZ = { position_mm = [0.0, 400.0], value_um = [0.0, 80.0] } }    # or an errors.json
+    tables = { EZZ = { position_mm = [0.0, 400.0], value_um = [0.0, 80.0] } }    # or an errors.json, squareness too
     [[passes]]
     axis = "x"
     count = 21                               # from start to stop (the axis's range), or step, or positions
@@ -58,6 +58,7 @@ A plan with nearly every key there is; most may be left out (`[rig]` must say wh
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,7 @@ from geoerr.error_functions import LINEAR_AND_ANGULAR, SQUARENESS, is_angular
 from geoerr.errors import DetectionError, InputFileError
 from geoerr.files import read_json, read_toml, write_text
 from geoerr.machine import AXES, Machine, machine_from_document, read_machine
+from geoerr.observations import POINT_COLUMNS
 from geoerr.simulate.curves import Polyline
 from geoerr.simulate.effects import HiddenEffect, read_hidden
 from geoerr.simulate.entries import Entries
@@ -100,6 +102,35 @@ _PLAN_HINT = (
 _LEAST_SIDE_PX = 16
 # The largest sensors of industrial cameras have about 250 million; a picture of more only fills the memory.
 _MOST_PIXELS = 300_000_000
+# Pictures have 8 bits: what is brighter than white comes out as white, with no edge to find.
+_WHITE = 255.0
+# What a covariate of a plan may be called of the columns that observations have: the two that nothing else gives.
+_GIVEN_BY_COVARIATES = ("feed", "temp")
+_RESERVED_COLUMNS = {"left", "right", *POINT_COLUMNS.columns} - {*_GIVEN_BY_COVARIATES}
+# Keys of each table, for words that are misspelled.
+_PLAN_KEYS = (
+    *("seed", "machine", "axes", "seconds_per_frame", "rig", "light", "noise"),
+    *("board", "targets", "errors", "passes", "covariates", "hidden"),
+)
+_RIG_KEYS = (
+    *("image_size_px", "pixel_um", "focal_mm", "middle_mm", "look_at_mm", "up"),
+    *("baseline_mm", "converging", "blur_px", "left", "right"),
+)
+_LENS_KEYS = ("focal_px", "centre_px", "distortion", "turn_mrad")
+_LIGHT_KEYS = ("white_grey", "black_grey", "background_grey", "shading", "vignetting")
+_NOISE_KEYS = ("grey", "repeatability_um")
+_BOARD_KEYS = (
+    *("type", "squares", "square_mm", "marker_mm", "dictionary", "legacy_pattern"),
+    *("margin_mm", "views", "depth_mm", "max_tilt_deg", "least_seen"),
+)
+_TARGET_KEYS = ("id", "dictionary", "size_mm", "carrier", "offset_mm", "margin_mm", "roll_deg", "facing_mm")
+_AXIS_KEYS = (*_AMPLITUDES, "carriage", "carriage_length_mm")
+_ERROR_KEYS = (*_AXIS_KEYS, "squareness_mrad", "tables", *AXES)
+_PASS_KEYS = (
+    *("axis", "positions", "start", "stop", "count", "step"),
+    *("at", "line", "repeats", "both_directions"),
+)
+_COVARIATE_KEYS = ("value", "t_s", "start", "end", "tau_s")
 
 
 @dataclass(frozen=True)
@@ -218,15 +249,16 @@ def plan_from_document(document: dict[str, Any], path: str | Path) -> Plan:
     InputFileError
         for a missing, malformed or contradictory entry.
     """
-    top = Entries(document, path)
+    top = Entries(document, path).only(_PLAN_KEYS)
     machine = _machine(top)
     if "rig" not in document:
         raise top.refuse("rig", "is missing", _PLAN_HINT)
     rig = _rig(top.table("rig"))
-    covariates = {name: _covariate(top.table("covariates").table(name)) for name in top.table("covariates").content}
-    noise = top.table("noise")
+    covariates = _covariates(top.table("covariates"))
+    noise = top.table("noise").only(_NOISE_KEYS)
     targets = tuple(_target(entry) for entry in top.tables("targets"))
     _refuse_twins(targets, path)
+    passes = tuple(_pass(entry, machine) for entry in top.tables("passes"))
     return Plan(
         seed=top.whole("seed", 0),
         machine=machine,
@@ -235,10 +267,10 @@ def plan_from_document(document: dict[str, Any], path: str | Path) -> Plan:
         board=_board(top.table("board")) if "board" in document else None,
         targets=targets,
         errors=_errors(top.table("errors")),
-        passes=tuple(_pass(entry, machine) for entry in top.tables("passes")),
+        passes=passes,
         hidden=tuple(read_hidden(entry, tuple(covariates)) for entry in top.tables("hidden")),
         covariates=covariates,
-        seconds_per_frame=top.number("seconds_per_frame", 4.0, above=0.0),
+        seconds_per_frame=_seconds_per_frame(top, passes),
         repeatability_um=noise.number("repeatability_um", 0.0, low=0.0),
         document=document,
         path=str(path),
@@ -256,7 +288,7 @@ def _machine(top: Entries) -> Machine:
 
 
 def _rig(entry: Entries) -> RigPlan:
-    width, height = _image_size(entry)
+    width, height = _image_size(entry.only(_RIG_KEYS))
     pixel_um = entry.number("pixel_um", _LI_PIXEL_UM, above=0.0)
     focal_px = entry.number("focal_mm", _LI_FOCAL_MM, above=0.0) / (pixel_um * 1e-3)
     middle, look_at = entry.numbers("middle_mm", 3), entry.numbers("look_at_mm", 3)
@@ -265,7 +297,7 @@ def _rig(entry: Entries) -> RigPlan:
         raise entry.refuse("up", "lies along the viewing direction", "choose another up or look_at_mm")
 
     def lens(name: str) -> LensPlan:
-        own = entry.table(name)
+        own = entry.table(name).only(_LENS_KEYS)
         focal = own.numbers("focal_px", 2, [focal_px, focal_px])
         if min(focal) <= 0.0:
             raise own.refuse("focal_px", f"{focal} are not two positive numbers")
@@ -308,10 +340,11 @@ def _triple(numbers: list[float]) -> tuple[float, float, float]:
 
 def _light(entry: Entries, rig: Entries, noise: Entries) -> Light:
     usual = Light()
+    entry.only(_LIGHT_KEYS)
     return Light(
-        white_grey=entry.number("white_grey", usual.white_grey, low=0.0),
-        black_grey=entry.number("black_grey", usual.black_grey, low=0.0),
-        background_grey=entry.number("background_grey", usual.background_grey, low=0.0),
+        white_grey=entry.number("white_grey", usual.white_grey, low=0.0, high=_WHITE),
+        black_grey=entry.number("black_grey", usual.black_grey, low=0.0, high=_WHITE),
+        background_grey=entry.number("background_grey", usual.background_grey, low=0.0, high=_WHITE),
         shading=entry.number("shading", usual.shading),
         vignetting=entry.number("vignetting", usual.vignetting),
         blur_px=rig.number("blur_px", usual.blur_px, above=0.0),
@@ -320,8 +353,11 @@ def _light(entry: Entries, rig: Entries, noise: Entries) -> Light:
 
 
 def _board(entry: Entries) -> BoardPlan:
-    kind = entry.text("type", "charuco", ("charuco", "chessboard"))
-    columns, rows = (int(count) for count in entry.numbers("squares", 2))
+    kind = entry.only(_BOARD_KEYS).text("type", "charuco", ("charuco", "chessboard"))
+    squares = entry.numbers("squares", 2)
+    if any(count != int(count) or count < 2 for count in squares):
+        raise entry.refuse("squares", f"{squares} is not two whole numbers above 1", "count squares, not corners")
+    columns, rows = (int(count) for count in squares)
     square_mm = entry.number("square_mm", above=0.0)
     document: dict[str, Any] = {"type": kind, "squares": [columns, rows], "square_mm": square_mm}
     try:
@@ -359,6 +395,7 @@ def _dictionary(given: str) -> str:
 
 
 def _target(entry: Entries) -> TargetPlan:
+    entry.only(_TARGET_KEYS)
     identity, dictionary = entry.whole("id"), _dictionary(entry.text("dictionary", "DICT_4X4_50"))
     try:
         marker_bits(dictionary, identity)
@@ -392,9 +429,11 @@ def _refuse_twins(targets: tuple[TargetPlan, ...], path: str | Path) -> None:
 
 
 def _errors(entry: Entries) -> ErrorPlan:
+    entry.only(_ERROR_KEYS)
     axes = {}
     for axis in AXES:
-        own = Entries({**entry.content, **entry.table(axis).content}, entry.path, entry.key(axis))
+        of_axis = entry.table(axis).only(_AXIS_KEYS)
+        own = Entries({**entry.content, **of_axis.content}, entry.path, entry.key(axis))
         carriage = own.text("carriage", "tangent", _CARRIAGES)
         axes[axis] = AxisPlan(
             **{name: own.number(name, 0.0) for name in _AMPLITUDES},
@@ -407,30 +446,38 @@ def _errors(entry: Entries) -> ErrorPlan:
             raise squareness.refuse(
                 name, f"{name!r} is not a squareness", f"one of {', '.join(SQUARENESS)}, ISO signs"
             )
+    tables = _tables(entry)
+    of_tables = [name for name in tables.content if name in SQUARENESS]
+    for name in of_tables:
+        if name in squareness.content:
+            raise squareness.refuse(
+                name,
+                f"is given by {tables.key(name)} of {tables.path}, too",
+                "keep one of the two: they are not added",
+            )
+    stated = {name: squareness.number(name, 0.0) * 1e-3 for name in SQUARENESS}
     return ErrorPlan(
         axes=axes,
-        squareness_rad={name: squareness.number(name, 0.0) * 1e-3 for name in SQUARENESS},
-        tables=_tables(entry),
+        squareness_rad=stated | {name: tables.table(name).number("value_urad") * 1e-6 for name in of_tables},
+        tables={name: _table(tables, name) for name in tables.content if name not in SQUARENESS},
     )
 
 
-def _tables(entry: Entries) -> dict[str, Polyline]:
-    """Read `[errors.tables]`, in the form of errors.json, or `tables = "errors.json"`."""
-    source = entry
-    if isinstance(entry.content.get("tables"), str):
-        path = Path(entry.path).parent / entry.content["tables"]
-        content = read_json(path)
-        functions = content.get("errors", {}) if isinstance(content, dict) else {}
-        source = Entries(
-            {"tables": {name: table for name, table in functions.items() if name not in SQUARENESS}}, path
-        )
-    tables = source.table("tables")
-    return {name: _table(tables, name) for name in tables.content}
+def _tables(entry: Entries) -> Entries:
+    """Give `[errors.tables]`, in the form of errors.json, or those of `tables = "errors.json"`."""
+    if not isinstance(entry.content.get("tables"), str):
+        return entry.table("tables")
+    path = Path(entry.path).parent / entry.content["tables"]
+    content = read_json(path)
+    if not isinstance(content, dict) or "errors" not in content:
+        raise InputFileError(path, "has no errors", column="errors", remedy="name an errors.json or a truth.json")
+    return Entries(content, path).table("errors")
 
 
 def _table(tables: Entries, name: str) -> Polyline:
     if name not in LINEAR_AND_ANGULAR:
-        raise tables.refuse(name, f"{name!r} is not an error function", f"one of {', '.join(LINEAR_AND_ANGULAR)}")
+        known = ", ".join((*LINEAR_AND_ANGULAR, *SQUARENESS))
+        raise tables.refuse(name, f"{name!r} is not an error function", f"one of {known}")
     entry = tables.table(name)
     column, factor = ("value_urad", 1e-6) if is_angular(name) else ("value_um", 1e-3)
     position_mm, value = entry.numbers("position_mm"), entry.numbers(column)
@@ -457,6 +504,7 @@ def _count(entry: Entries, start_mm: float, stop_mm: float) -> int:
 
 
 def _pass(entry: Entries, machine: Machine) -> PassPlan:
+    entry.only(_PASS_KEYS)
     axis = entry.text("axis", None, AXES)
     low_mm, high_mm = machine.axes[axis].range_mm
     if "positions" in entry.content:
@@ -466,7 +514,7 @@ def _pass(entry: Entries, machine: Machine) -> PassPlan:
         positions = [float(value) for value in np.linspace(start, stop, _count(entry, start, stop))]
     if not positions:
         raise entry.refuse("positions", "is empty")
-    others = entry.table("at")
+    others = entry.table("at").only(AXES)
     at_mm = {
         name: others.number(name, min(max(0.0, machine.axes[name].range_mm[0]), machine.axes[name].range_mm[1]))
         for name in AXES
@@ -489,6 +537,30 @@ def _pass(entry: Entries, machine: Machine) -> PassPlan:
         repeats=entry.whole("repeats", 1, low=1),
         both_directions=entry.flag("both_directions", False),
     )
+
+
+def _seconds_per_frame(top: Entries, passes: tuple[PassPlan, ...]) -> float:
+    seconds = top.number("seconds_per_frame", 4.0, above=0.0)
+    n_frames = sum(len(one.positions_mm) * one.repeats * (1 + one.both_directions) for one in passes)
+    if not math.isfinite(seconds * n_frames):
+        raise top.refuse(
+            "seconds_per_frame",
+            f"{seconds!r} s for each of {n_frames} frames is no finite time",
+            "write the seconds from one picture to the next, such as 4.0",
+        )
+    return seconds
+
+
+def _covariates(entry: Entries) -> dict[str, CovariatePlan]:
+    """Read the columns that a plan adds; one that frames.csv has of its own, or cannot have, would go under."""
+    for name in entry.content:
+        if name in _RESERVED_COLUMNS:
+            raise entry.refuse(
+                name,
+                "this column is what the passes, the session or measuring gives; a covariate cannot be it",
+                "give the column a name of its own",
+            )
+    return {name: _covariate(entry.table(name).only(_COVARIATE_KEYS)) for name in entry.content}
 
 
 def _covariate(entry: Entries) -> CovariatePlan:

@@ -24,6 +24,11 @@ _MOST_WILD = 0.25
 # A view this far above the others: in deviations of the views' rms, and as a multiple of their median.
 _FAR_DEVIATIONS = 6.0
 _FAR_FACTOR = 2.0
+# And no better than a corner detector: cornerSubPix leaves 0.02 px in each coordinate, 0.03 px as a distance. A view
+# that comes below is a good one, however much better the others are. On clean pictures these come to 0.01 px, and a
+# board that is twice as far away or a little out of focus to 0.02: its corners say so themselves (`std_px`), and are
+# weighed by it. What is wrong with a view, a board that moved or a page that is bent, shows beyond.
+_FAR_LEAST_PX = 0.03
 # Median of |(u, v)| for normal u, v of unit deviation (Rayleigh), and normal deviation over median deviation.
 _RAYLEIGH_MEDIAN = 1.17741
 _MAD_TO_SIGMA = 1.4826
@@ -133,12 +138,12 @@ def without_wild_corners(seen: Sightings, residual: Array, base_weight: Array, n
 
 
 def far_view(rms_px: Array) -> int | None:
-    """Give the view that is worst, if it is far above the others."""
+    """Give the view that is worst, if it is far above the others, and above what good corners are worth."""
     middle = float(np.median(rms_px))
     spread = _MAD_TO_SIGMA * float(np.median(np.abs(rms_px - middle)))
     worst = int(np.argmax(rms_px))
-    is_far = rms_px[worst] > middle + _FAR_DEVIATIONS * spread and rms_px[worst] > _FAR_FACTOR * middle
-    return worst if is_far else None
+    limit_px = max(middle + _FAR_DEVIATIONS * spread, _FAR_FACTOR * middle, _FAR_LEAST_PX)
+    return worst if rms_px[worst] > limit_px else None
 
 
 def corner_weights(views: Sequence[BoardView], sightings: Sequence[Sightings], sigma_px: float) -> list[Array]:

@@ -91,6 +91,9 @@ def _refuse_too_few(ids: npt.NDArray[np.int64], board: BoardSpec) -> None:
 def hint_for_unseen_board(picture: GreyImage, board: BoardSpec) -> str | None:
     """Say what a picture without the board does show: markers of another dictionary, a board of another size."""
     if board.type == "charuco":
+        exchanged = _exchanged(picture, board)
+        if exchanged is not None:
+            return f"the board fits with its two numbers exchanged: write squares = [{exchanged[0]}, {exchanged[1]}]"
         # Every known dictionary is tried: a smaller picture is enough to tell which.
         scale = min(1.0, _HINT_WIDTH_PX / max(picture.shape))
         small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -174,15 +177,21 @@ def _find_charuco(picture: GreyImage, board: BoardSpec) -> BoardSighting:
 def _marker_of_square(
     board: BoardSpec, numbers: npt.NDArray[np.int64], corners_px: Array, outlines_px: Array
 ) -> float | None:
-    """Measure the markers' side, in squares, through the homography of the board's corners."""
+    """Measure the markers' side, in squares, through the homography of the corners that could be fitted."""
     columns = board.squares[0] - 1
     place = np.stack([numbers % columns, numbers // columns], axis=1).astype(np.float64)
-    homography, _ = cv2.findHomography(corners_px, place)
+    # Of others there are no pixels (NaN), and OpenCV gives a homography all the same: one of zeros.
+    is_fitted = np.isfinite(corners_px).all(axis=1)
+    if is_fitted.sum() < LEAST_CORNERS:
+        return None
+    homography, _ = cv2.findHomography(corners_px[is_fitted], place[is_fitted])
     if homography is None:
         return None
     outlines = cv2.perspectiveTransform(outlines_px.reshape(-1, 1, 2), homography).reshape(-1, 4, 2)
     sides = np.linalg.norm(outlines - np.roll(outlines, -1, axis=1), axis=2)
-    return float(np.median(sides))
+    share = float(np.median(sides))
+    # A marker lies inside its square: anything else was not measured on this board.
+    return share if 0.0 < share < 1.0 else None
 
 
 def _charuco_detector(board: BoardSpec) -> cv2.aruco.CharucoDetector:
@@ -196,14 +205,27 @@ def _charuco_detector(board: BoardSpec) -> cv2.aruco.CharucoDetector:
 
 
 def _what_to_check(picture: GreyImage, board: BoardSpec) -> str:
-    """Say whether the markers lie as in OpenCV's other layout."""
-    other = replace(board, is_legacy_pattern=not board.is_legacy_pattern)
-    _, ids, _, _ = _charuco_detector(other).detectBoard(picture)
-    if ids is None or len(ids) == 0:
+    """Say whether the markers lie as in OpenCV's other layout, or as with the numbers of squares exchanged."""
+    exchanged = _exchanged(picture, board)
+    if exchanged is not None:
+        return f"they lie as on one of {exchanged[0]} × {exchanged[1]} squares"
+    if not _has_corners(picture, replace(board, is_legacy_pattern=not board.is_legacy_pattern)):
         return "check squares and dictionary"
     if board.is_legacy_pattern:
         return "they lie as OpenCV draws boards since 4.6: leave legacy_pattern out"
     return "they lie as on a board made before OpenCV 4.6: set legacy_pattern = true"
+
+
+def _exchanged(picture: GreyImage, board: BoardSpec) -> tuple[int, int] | None:
+    """Give the numbers of squares the other way round, where the markers lie so."""
+    other = replace(board, squares=(board.squares[1], board.squares[0]))
+    return other.squares if other != board and _has_corners(picture, other) else None
+
+
+def _has_corners(picture: GreyImage, board: BoardSpec) -> bool:
+    """Tell whether a board's corners are found where its markers say that they are."""
+    _, ids, _, _ = _charuco_detector(board).detectBoard(picture)
+    return ids is not None and len(ids) > 0
 
 
 def _find_chessboard(picture: GreyImage, board: BoardSpec) -> BoardSighting:

@@ -85,7 +85,7 @@ class Expected:
 
 def rows_to_search(frames: pl.DataFrame) -> list[int]:
     """Give the frames that tell where targets are in the others, evenly over each session; none where all are few."""
-    session = _sessions(frames)
+    session = sessions_of(frames)
     chosen: list[int] = []
     for number in range(int(session.max(initial=-1)) + 1):
         own = np.flatnonzero(session == number)
@@ -104,7 +104,7 @@ def expected_places(rig: Rig, frames: pl.DataFrame, searched: Mapping[int, Frame
     frames
         With `x`, `y` and `z` in every row.
     """
-    session = _sessions(frames)
+    session = sessions_of(frames)
     commanded_mm = frames.select(AXES).to_numpy().astype(np.float64)
     seen: dict[tuple[int, int], list[SeenTarget]] = {}
     for row, result in searched.items():
@@ -150,7 +150,8 @@ def _projected(rig: Rig, points_mm: Array) -> tuple[Array, Array]:
         return rig.left.pixel_from_normalised(left), rig.right.pixel_from_normalised(right)
 
 
-def _sessions(frames: pl.DataFrame) -> npt.NDArray[np.int64]:
+def sessions_of(frames: pl.DataFrame) -> npt.NDArray[np.int64]:
+    """Give the session of each frame, by number."""
     if "session" not in frames.columns:
         return np.zeros(len(frames), dtype=np.int64)
     names = frames["session"].cast(pl.String).fill_null("").to_list()

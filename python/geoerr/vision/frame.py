@@ -28,6 +28,9 @@ NOT_FOUND = "not found in the picture"
 TWICE = "seen more than once in one picture: which one is meant cannot be known"
 """Why a target that is not there, or not once, gives no observation."""
 
+OWN_MARKER = "give every plate a marker of its own: print another id for one of them, or cover what mirrors it"
+"""What helps where a target is seen twice."""
+
 
 @dataclass(frozen=True)
 class Missed:
@@ -129,7 +132,10 @@ class FrameReader:
             fits: list[MarkerFit] = []
             if not reasons:
                 fits, reasons = self._fits(pictures, found, target)
-            missed += [Missed(row, left, camera, target.name, why) for camera, why in reasons]
+            missed += [
+                Missed(row, left, camera, target.name, why, OWN_MARKER if why == TWICE else None)
+                for camera, why in reasons
+            ]
             if not reasons:
                 seen[index] = SeenTarget(row, index, fits[0], fits[1])
         n_found = 2 * n_expected + sum(len(view.corners_px) + len(view.repeated) for view in found)
@@ -171,7 +177,7 @@ class FrameReader:
             try:
                 picture = read_grey(self.directory / name)
             except InputFileError as error:
-                remedy = _remedy(self.directory, name, error)
+                remedy = remedy_for(self.directory, name, error)
                 missed.append(Missed(row, names[0], camera, None, f"{name}: {error.problem}", remedy))
                 continue
             size = (picture.shape[1], picture.shape[0])
@@ -196,7 +202,7 @@ class FrameReader:
         return fits, reasons
 
 
-def _remedy(directory: Path, name: str, error: InputFileError) -> str | None:
+def remedy_for(directory: Path, name: str, error: InputFileError) -> str | None:
     """Say what helps where a picture cannot be read; its name may be written as Windows writes folders."""
     with_slashes = name.replace("\\", "/")
     return _SLASH_HINT if with_slashes != name and (directory / with_slashes).is_file() else error.remedy

@@ -22,8 +22,11 @@ _FAINT_OF_16_BITS = 4096
 _COPY_HINT = "copy it again from the camera or leave it out"
 # Field types and tags of TIFF 6.0 (sections 2, 8 and 15) that say where the picture's data lie.
 _TIFF_SHORT, _TIFF_LONG = 3, 4
+_TIFF_WIDTH, _TIFF_LENGTH = 256, 257
 _TIFF_STRIP_OFFSETS, _TIFF_STRIP_COUNTS = 273, 279
 _TIFF_TILE_OFFSETS, _TIFF_TILE_COUNTS = 324, 325
+# Markers of ITU-T T.81 (table B.1) that begin a frame and say its size: C0 to CF but DHT, JPG and DAC.
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
 def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
@@ -49,20 +52,7 @@ def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
         Damage in the middle is told by a PNG's checksums; JPEG and TIFF have none, and what their decoders make of it
         is taken as it comes.
     """
-    with refusing_unreadable(path, "picture"):
-        content = Path(path).read_bytes()
-    if not content:
-        raise InputFileError(path, "the file is empty", remedy=_COPY_HINT)
-    if content.startswith(_PNG):
-        _check_png(content, path)
-    elif content.startswith(_JPEG):
-        _check_jpeg(content, path)
-    elif content.startswith(_TIFF):
-        _check_tiff(content, path)
-    elif any(magic.startswith(content[:8]) for magic in (_PNG, _JPEG, *_TIFF)):
-        raise _truncated(path)
-    else:
-        raise InputFileError(path, "not a picture that can be read", remedy="PNG, JPEG and TIFF are understood")
+    content, _ = _whole_file(path)
     try:
         image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), _GREY | cv2.IMREAD_ANYDEPTH)
     except cv2.error as error:
@@ -73,6 +63,39 @@ def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
         return np.asarray(image)
     _refuse_faint(image, path)
     return np.asarray(cv2.imdecode(np.frombuffer(content, dtype=np.uint8), _GREY), dtype=np.uint8)
+
+
+def picture_size(path: str | Path) -> tuple[int, int]:
+    """Give width and height of a picture as its header has them; what is missing of the file is found, too.
+
+    It is not decoded: a picture of five megapixels takes a few thousandths of a second.
+
+    Raises
+    ------
+    InputFileError
+        as `read_grey`, but for what only decoding tells.
+    """
+    _, size = _whole_file(path)
+    if size is None or min(size) < 1:
+        raise InputFileError(path, "the picture is damaged: its header has no size", remedy=_COPY_HINT)
+    return size
+
+
+def _whole_file(path: str | Path) -> tuple[bytes, tuple[int, int] | None]:
+    """Read a picture's file, refuse one that is none or whose end is missing; give the size that its header has."""
+    with refusing_unreadable(path, "picture"):
+        content = Path(path).read_bytes()
+    if not content:
+        raise InputFileError(path, "the file is empty", remedy=_COPY_HINT)
+    if content.startswith(_PNG):
+        return content, _check_png(content, path)
+    if content.startswith(_JPEG):
+        return content, _check_jpeg(content, path)
+    if content.startswith(_TIFF):
+        return content, _check_tiff(content, path)
+    if any(magic.startswith(content[:8]) for magic in (_PNG, _JPEG, *_TIFF)):
+        raise _truncated(path)
+    raise InputFileError(path, "not a picture that can be read", remedy="PNG, JPEG and TIFF are understood")
 
 
 def write_png(path: str | Path, image: npt.NDArray[np.uint8]) -> None:
@@ -126,9 +149,10 @@ def _refuse_faint(image: npt.NDArray[np.generic], path: str | Path) -> None:
         )
 
 
-def _check_png(content: bytes, path: str | Path) -> None:
-    """Walk the chunks to IEND: decoders fill a missing end with grey and say nothing."""
+def _check_png(content: bytes, path: str | Path) -> tuple[int, int] | None:
+    """Walk the chunks to IEND: decoders fill a missing end with grey and say nothing. Give the size."""
     place = len(_PNG)
+    size = None
     while True:
         if place + 12 > len(content):
             raise _truncated(path)
@@ -142,20 +166,39 @@ def _check_png(content: bytes, path: str | Path) -> None:
             raise InputFileError(
                 path, f"the picture is damaged near byte {place}: checksum differs", remedy=_COPY_HINT
             )
+        if kind == b"IHDR" and length >= 8:
+            size = struct.unpack_from(">II", content, place + 8)
         if kind == b"IEND":
-            return
+            return size
         place = end
 
 
-def _check_jpeg(content: bytes, path: str | Path) -> None:
+def _check_jpeg(content: bytes, path: str | Path) -> tuple[int, int] | None:
     """Look for the end marker; cameras may pad behind it, and an embedded thumbnail has one of its own."""
     start_of_scan = content.rfind(b"\xff\xda")
     if start_of_scan < 0 or content.find(b"\xff\xd9", start_of_scan) < 0:
         raise _truncated(path)
+    return _jpeg_size(content)
 
 
-def _check_tiff(content: bytes, path: str | Path) -> None:
-    """See that every strip or tile of the first picture lies within the file."""
+def _jpeg_size(content: bytes) -> tuple[int, int] | None:
+    """Walk the segments, each with its length, to the one that begins the frame; a thumbnail lies inside of one."""
+    place = 2
+    while place + 9 <= len(content) and content[place] == 0xFF:
+        kind = content[place + 1]
+        if kind in _JPEG_FRAMES:
+            height, width = struct.unpack_from(">HH", content, place + 5)
+            return width, height
+        if kind == 0xFF:
+            # Any number of these may fill the gap before a marker.
+            place += 1
+            continue
+        place += 2 + struct.unpack_from(">H", content, place + 2)[0]
+    return None
+
+
+def _check_tiff(content: bytes, path: str | Path) -> tuple[int, int] | None:
+    """See that every strip or tile of the first picture lies within the file. Give the size."""
     order = "<" if content[:2] == b"II" else ">"
     try:
         (directory,) = struct.unpack_from(order + "I", content, 4)
@@ -183,3 +226,5 @@ def _check_tiff(content: bytes, path: str | Path) -> None:
         pairs = zip(fields.get(offsets, ()), fields.get(counts, ()), strict=False)
         if any(offset + count > len(content) for offset, count in pairs):
             raise _truncated(path)
+    width, height = (fields.get(tag, ()) for tag in (_TIFF_WIDTH, _TIFF_LENGTH))
+    return (width[0], height[0]) if width and height else None

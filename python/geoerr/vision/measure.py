@@ -16,8 +16,9 @@ import polars as pl
 
 from geoerr.observations import COVARIANCE, MEASURED, PIXELS, observations_from_columns
 from geoerr.vision.consistency import agreement, stand_out
+from geoerr.vision.copies import judge_copies
 from geoerr.vision.expected import expected_places, rows_to_search
-from geoerr.vision.frame import FrameReader, FrameResult, Missed
+from geoerr.vision.frame import OWN_MARKER, FrameReader, FrameResult, Missed
 from geoerr.vision.measured import Measured
 from geoerr.vision.opencv_threads import one_opencv_thread
 from geoerr.vision.plate import N_RESIDUALS
@@ -56,7 +57,8 @@ def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | N
     For each target: corners by photometric fit in both pictures (`marker_fit`), a parallelogram in space through
     them (`plate`), its centre as the observation. A bad frame never stops the rest: it is listed in `missed`. Of a
     long session a few frames are searched whole; in the others targets are looked for where those and the commanded
-    positions say that they are (`expected`), and searched for only where they are not.
+    positions say that they are (`expected`), and searched for only where they are not. Where a marker is on two
+    plates, sightings of which nobody can say that they are the target's are left out (`copies`).
     """
     frames = session.require_frames()
     reader = FrameReader(session.directory, rig, session.require_targets())
@@ -119,14 +121,24 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
     frames = session.require_frames()
     repeated = repeated_frames(frames, collected.digests)
     is_repeated = np.isin(rows.row, list(repeated))
+    copies = judge_copies(session, rows, (why == "") & ~is_repeated, collected.twice)
+    is_copy = copies.why != ""
+    why = np.where(is_copy, copies.why, why)
     is_off = (why != "") & ~is_repeated
     kept = ~is_repeated & ~is_off
     missed = [
         *collected.missed,
         *(Missed(row, str(frames["left"][row]), "both", None, reason) for row, reason in repeated.items()),
         *(
-            Missed(int(row), str(frames["left"][int(row)]), "both", names[target], str(reason))
-            for row, target, reason in zip(rows.row[is_off], rows.target[is_off], why[is_off], strict=True)
+            Missed(
+                int(rows.row[index]),
+                str(frames["left"][int(rows.row[index])]),
+                "both",
+                names[rows.target[index]],
+                str(why[index]),
+                OWN_MARKER if is_copy[index] else None,
+            )
+            for index in np.flatnonzero(is_off)
         ),
     ]
     if not kept.any():
@@ -152,6 +164,7 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
     table = _table(session, rows, kept)
     measured_sizes = sizes(session, rig, rows, kept)
     n_local = int(is_local.sum())
+    shown_twice = {target for _, target in collected.twice}
     return Measured(
         observations=observations_from_columns(table, str(session.directory)),
         missed=tuple(sorted(missed, key=lambda item: item.row)),
@@ -160,7 +173,10 @@ def _finished(session: Session, rig: Rig, collected: Collector, n_frames: int) -
         sizes=measured_sizes,
         n_local_corners=n_local,
         names_session="session" in frames.columns,
-        notes=tuple(notes(session, rows, kept, verdict, measured_sizes, n_local, repeated, is_odd)),
+        notes=(
+            *copies.notes,
+            *notes(session, rows, kept, verdict, measured_sizes, n_local, repeated, is_odd, shown_twice),
+        ),
     )
 
 

@@ -53,6 +53,7 @@ class Collector:
         self.blocks: list[PlateRows] = []
         self.pooled: list[tuple[int, Array, Array]] = []
         self.digests: dict[int, int] = {}
+        self.twice: list[tuple[int, int]] = []
         self.n_found = 0
         self.n_readable = 0
         self._waiting: list[SeenTarget] = []
@@ -66,6 +67,7 @@ class Collector:
         self.n_readable += result.readable
         if result.digest is not None:
             self.digests[row] = result.digest
+        self.twice.extend((row, target) for target in sorted(result.repeated))
         self._waiting.extend(result.seen)
         self._frames_waiting += 1
         if self._frames_waiting >= _FRAMES_AT_A_TIME:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -244,6 +244,14 @@ def _unevenly_lit(session: Session, rows: PlateRows, uneven: npt.NDArray[np.intp
     )
 
 
+def _not_measured(session: Session, sizes: tuple[MeasuredSize, ...], seen: Collection[int]) -> Iterator[str]:
+    """Name the targets without an observation, and whether any picture shows them."""
+    measured = {size.target for size in sizes}
+    for index, item in enumerate(session.targets):
+        if item.name not in measured:
+            yield f"target {item.name} {'gives no observation' if index in seen else 'was seen in no frame'}"
+
+
 def notes(
     session: Session,
     rows: PlateRows,
@@ -253,6 +261,7 @@ def notes(
     n_local: int,
     repeated: Mapping[int, str],
     is_odd: npt.NDArray[np.bool_],
+    shown_twice: Collection[int],
 ) -> Iterator[str]:
     """Say what the user should know about a session that was measured."""
     yield from (f"row set aside: {problem}" for problem in session.set_aside)
@@ -262,8 +271,7 @@ def notes(
             f"{len(repeated)} frames hold pictures of another frame and are not counted; the first, "
             f"row {session.require_frames()['file_row'][first]}: {reason}"
         )
-    measured = {size.target for size in sizes}
-    yield from (f"target {item.name} was seen in no frame" for item in session.targets if item.name not in measured)
+    yield from _not_measured(session, sizes, {*rows.target.tolist(), *shown_twice})
     for size in sizes:
         if abs(size.sigmas) > _SIZE_NOTED_SIGMAS:
             yield (
