@@ -141,7 +141,9 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputFileError(path, f"not valid TOML: {error}") from error
+        is_json = text.lstrip().startswith("{")
+        remedy = "this is JSON, as models and tables of errors are: name the .toml file" if is_json else None
+        raise InputFileError(path, f"not valid TOML: {error}", remedy=remedy) from error
     except (ValueError, RecursionError) as error:
         # A number of thousands of digits, or tables within tables without end.
         raise InputFileError(path, f"not usable TOML: {error}") from error

@@ -93,6 +93,13 @@ def test_broken_toml_is_refused(tmp_path: Path) -> None:
         read_machine(path)
 
 
+def test_a_model_in_the_place_of_a_machine_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text('{"machine": {}}', encoding="utf-8")
+    with pytest.raises(InputFileError, match=r"not valid TOML: .*\nhint: this is JSON, .*name the \.toml file"):
+        read_machine(path)
+
+
 def example_errors() -> ErrorFunctions:
     grid = np.linspace(0, 400, 5)
     functions = {

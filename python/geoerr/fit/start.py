@@ -196,7 +196,10 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
         off = np.abs(sightings.measured_mm[rows] - expected)[seen]
         span = float(np.ptp(nominal[rows], axis=0).max(initial=0.0))
         if span > 0.0 and float(np.median(off)) > _STRANGE * span:
-            remedy = "check that mx, my and mz are what was measured (in mm), the machine's chain, and the carriers"
+            remedy = (
+                "check that mx, my and mz are what was measured (in mm), the machine's chain, the carriers, and the "
+                "targets' offsets tx, ty and tz (mm, as the axes point)"
+            )
             raise GeometryError(
                 f"the measured positions of session {sightings.sessions[number]!r} do not follow the commanded ones: "
                 f"half of them are off by more than {float(np.median(off)):.1f} mm over {span:.0f} mm\n"

@@ -21,7 +21,7 @@ from geoerr.diagnose.search.beside_each import BesideEach
 from geoerr.diagnose.search.best_form import at_its_values, beside_others, in_best_form
 from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.finer import finer_functions
-from geoerr.diagnose.search.helpful_order import in_helpful_order
+from geoerr.diagnose.search.helpful_order import in_helpful_order, without_harmful
 from geoerr.diagnose.search.judged import (
     ALPHA,
     Judged,
@@ -252,6 +252,8 @@ def search(
     beside = [*finer, *aside]
     together = tuple(in_helpful_order(bench, _together(bench, found, finer, aside, looked)))
     dropped |= _gone(found, together, "nothing of it is left beside what was found")
+    together, harmful = _that_help(bench, together, finer, aside, looked)
+    dropped |= harmful
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     return Searched(
@@ -451,6 +453,17 @@ def _together(
             return _together(bench, [other for other in found if other is not one], finer, aside, last)
         result.append(replace(one, beside_others=again))
     return result
+
+
+def _that_help(
+    bench: Bench, together: tuple[Found, ...], finer: list[Numbers], aside: list[Numbers], last: Round
+) -> tuple[tuple[Found, ...], dict[EffectReference, str]]:
+    """Leave out what raises the held-out error beside the others, and estimate these without it."""
+    helpful = without_harmful(bench, together)
+    if len(helpful) == len(together):
+        return together, {}
+    again = in_helpful_order(bench, _together(bench, helpful, finer, aside, last))
+    return tuple(again), _gone(together, helpful, "no better held out")
 
 
 def _again(bench: Bench, one: Found, beside: list[Numbers], last: Round) -> tuple[Settled, Space]:
