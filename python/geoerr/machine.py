@@ -14,6 +14,7 @@ from geoerr.denavit_hartenberg import DhRow, rows_from_document, structure_of
 from geoerr.errors import GeometryError, InputFileError
 from geoerr.files import check_written, read_toml, write_text
 from geoerr.spelling import slip_in
+from geoerr.summaries import facts_html, span_text, summary_html, table_html
 
 AXES = ("x", "y", "z")
 
@@ -122,6 +123,21 @@ class Machine:
         structure = structure_of(rows)
         axes = _axes_of_travel(travel_mm, low_mm)
         return cls(name, structure.chain, axes, tool_offset_mm=structure.tool_offset_mm, dh=tuple(rows))
+
+    def _repr_html_(self) -> str:
+        """Show its order of axes and their ranges, for a notebook."""
+        rows = [
+            (name, span_text(*axis.range_mm), f"{axis.length_mm:g}", axis.material or "–")
+            for name, axis in self.axes.items()
+        ]
+        offset = ", ".join(f"{value:g}" for value in self.tool_offset_mm)
+        facts = {
+            "axes, work to tool": self.chain,
+            "tool offset, mm": offset,
+            "reference temperature": f"{self.reference_temperature_degc:g} °C",
+        }
+        table = table_html(("axis", "range, mm", "travel, mm", "material"), rows)
+        return summary_html(self.name, facts_html(facts), table)
 
     @property
     def work_axes(self) -> str:

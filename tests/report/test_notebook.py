@@ -24,6 +24,7 @@ from geoerr.machine import Machine
 from geoerr.model import Model
 from geoerr.observations import CircularTest, Lengths, observations_from_columns
 from geoerr.verify.ballbar import circle_to_test, middle_circle, run_circular_test
+from geoerr.vision.rig import Rig, RightFromLeft
 
 HOSTILE = "<img src=x onerror=alert(1)>&"
 MACHINE = Machine.from_chain("wbXYZt", (400.0, 300.0, 200.0), name=f"mill {HOSTILE}")
@@ -66,6 +67,12 @@ def shown() -> dict[str, Any]:
     errors = model.error_functions()
     assert model.record is not None
     return {
+        "machine": MACHINE,
+        "rig": Rig(
+            *(np.array([[1160.0, 0.0, 615.0], [0.0, 1158.0, 509.0], [0.0, 0.0, 1.0]]), np.full(5, 0.01)) * 2,
+            RightFromLeft(np.eye(3), np.array([-300.0, 0.0, 0.0])),
+            (1280, 1024),
+        ),
         "observations": observations,
         "circular test": CircularTest(circle),
         "lengths": Lengths(lengths),
@@ -86,6 +93,8 @@ def shown() -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
+        ("machine", ["wbXYZt", "0 to 400", "400", "20 °C"]),
+        ("rig", ["left fx_px", "right k1", "baseline, mm", "not stated"]),
         ("observations", ["540 rows", "temp_bed, °C", "20 to 30", "stated"]),
         ("circular test", ["120 rows", "x, mm"]),
         ("lengths", ["1 rows", "measured, mm"]),

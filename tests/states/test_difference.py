@@ -33,6 +33,10 @@ def test_states_go_to_other_processes(states: States) -> None:
     assert other.p_value == here.p_value
     for name, one in here.by_name.items():
         assert other.by_name[name].value.tobytes() == one.value.tobytes(), name
+    html = there._repr_html_()
+    assert html == states._repr_html_()
+    assert "at 3 temperatures" in html
+    assert ">120</td>" in html
 
 
 def test_every_function_differs_by_what_heat_did(hot: Hot, states: States) -> None:

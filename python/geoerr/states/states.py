@@ -27,6 +27,7 @@ from geoerr.states.left_out import LeftOut, leave_one_out
 from geoerr.states.offsets import pass_offsets, with_offsets
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.text import states_report
+from geoerr.summaries import sentences_html, summary_html, table_html
 from geoerr.terms import BasisSpec, is_column
 
 if TYPE_CHECKING:
@@ -102,6 +103,24 @@ class States:
     def temperatures_degc(self) -> tuple[float, ...]:
         """Temperatures of the states, rising."""
         return tuple(state.temperature_degc for state in self.states)
+
+    def _repr_html_(self) -> str:
+        """Show the states, for a notebook."""
+        rows = [
+            (
+                f"{state.temperature_degc:g}",
+                f"{state.mean_degc:.1f}",
+                str(len(state.observations)),
+                f"{state.fitted.scale:.2f}" if state.fitted.sightings.is_stated else "–",
+            )
+            for state in self.states
+        ]
+        header = ("state, °C", f"mean of {self.covariate}, °C", "rows", "scatter ÷ stated")
+        return summary_html(
+            f"{self.machine.name} at {len(self.states)} temperatures",
+            table_html(header, rows),
+            sentences_html(*self.notes),
+        )
 
     def __getitem__(self, temperature_degc: float) -> State:
         """Give the state of a temperature.

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from geoerr.errors import InputFileError
 from geoerr.files import check_written, read_json, write_json
+from geoerr.summaries import facts_html, number_words, summary_html, table_html
 from geoerr.vision.camera import (
     DISTORTION_COUNTS,
     DISTORTION_NAMES,
@@ -77,6 +78,21 @@ class Rig:
     right_from_left: RightFromLeft
     image_size: tuple[int, int]
     covariance: Array | None = None
+
+    def _repr_html_(self) -> str:
+        """Show both cameras, with standard uncertainties where they are known, for a notebook."""
+        known = self.standard_uncertainties() or {}
+        rows = []
+        for side, camera in (("left", self.left), ("right", self.right)):
+            for name, value in zip(_camera_names(camera.distortion), parameters_of(camera), strict=True):
+                std = known.get(f"{side}_{name}")
+                rows.append((f"{side} {name}", number_words(value), "–" if std is None else number_words(std)))
+        facts = {
+            "pictures, px": " × ".join(str(count) for count in self.image_size),
+            "baseline, mm": number_words(self.baseline_mm),
+            "uncertainty": "not stated" if self.covariance is None else "stated",
+        }
+        return summary_html("Camera pair", facts_html(facts), table_html(("", "value", "±"), rows))
 
     @property
     def left(self) -> Camera:
