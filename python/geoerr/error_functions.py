@@ -66,7 +66,7 @@ def is_angular(name: str) -> bool:
     return name[1] in ROTATIONS
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorFunction:
     """One error of one axis as a table.
 

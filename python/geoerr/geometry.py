@@ -53,7 +53,7 @@ class LineStatus(IntEnum):
     """the points spread equally in two directions"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Triangulated:
     """Points with their uncertainty; row i belongs to row i of the pixels.
 
@@ -83,7 +83,7 @@ class Triangulated:
         return np.equal(self.status, TriangulationStatus.OK)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TriangulatedPoints:
     """Points alone: the attributes of `Triangulated` without its uncertainty."""
 
@@ -96,7 +96,7 @@ class TriangulatedPoints:
         return np.equal(self.status, TriangulationStatus.OK)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FittedLines:
     """Lines by total least squares; entry i belongs to line i, except in `along_mm`.
 
@@ -130,7 +130,7 @@ class FittedLines:
         return np.equal(self.status, LineStatus.OK)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FittedLine:
     """One line: the attributes of `FittedLines` for a single one (`rms_mm` a number, the others one axis less)."""
 

@@ -82,7 +82,7 @@ _NUMBER_DEFAULTS = {"tx": 0.0, "ty": 0.0, "tz": 0.0}
 _WHOLE_DEFAULTS = {"repeat": 0, "moving": 0}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observations:
     """Measured target points.
 
@@ -190,7 +190,7 @@ class Observations:
             yield np.flatnonzero(sessions == name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CircularTest:
     """Circular tests (ball bar): columns `line x y z r`, optionally `sr dir feed t ...`, one row a point."""
 
@@ -204,7 +204,7 @@ class CircularTest:
         return _shown("Circular test", self.frame, facts, self.set_aside)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lengths:
     """Measured distances between nominal end points: `feature x1 y1 z1 x2 y2 z2 measured`."""
 

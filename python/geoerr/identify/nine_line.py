@@ -52,7 +52,7 @@ RollMethod = Literal["linear", "li"]
 _UM_PER_MM = 1e3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FoundLine:
     """One line as it was recognised.
 

@@ -12,7 +12,7 @@ from geoerr.model.arrays import Numbers
 STATUS = ("converged", "not converged", "not finite")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Commands:
     """Commands for a batch of wanted positions; row i belongs to position i.
 

@@ -61,7 +61,7 @@ _BETWEEN_POINTS = 1e-3
 _MIDDLE_SHARE = 0.45
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trace:
     """One run round a circle.
 

@@ -26,7 +26,7 @@ _STEP_TOLERANCE = 1e-12
 _LEAST_OFFERED_MM = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FittedCircle:
     """The least-squares circle of points in a plane.
 
@@ -107,7 +107,7 @@ def fit_circle(points_mm: npt.ArrayLike) -> FittedCircle:
     return FittedCircle(center_mm, radius, distance - radius)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SetUp:
     """What a ball bar's mounting leaves free in one run: where its base stands and its length.
 

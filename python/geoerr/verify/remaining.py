@@ -17,7 +17,7 @@ Numbers = npt.NDArray[np.float64]
 COMMAND_TOLERANCE_MM = 1e-7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Compensated:
     """Compensated commands and the error that the machine still makes with them.
 

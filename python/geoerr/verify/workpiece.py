@@ -43,7 +43,7 @@ _STRANGE = 0.3
 _MOSTLY_TURNED = 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RelativeErrors:
     """Relative positioning errors of one measured workpiece.
 
@@ -375,7 +375,7 @@ def _lay_turned(path: str, kept: Observations, nominal: Numbers, measured: Numbe
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pattern:
     """A pattern of printed lines: `position_mm` (n, 3), and line and group of each point."""
 

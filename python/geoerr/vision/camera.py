@@ -27,7 +27,7 @@ _NEWTON_STEPS = 12
 _INVERSE_TOLERANCE = 1e-12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """Pinhole and distortion of one camera.
 

@@ -28,7 +28,7 @@ _STEPS = 3
 _FLOOR_PX = 1e-4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SeenPlates:
     """Corners of n plates in both pictures.
 
@@ -46,7 +46,7 @@ class SeenPlates:
     right_covariance_px2: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plates:
     """Plates in the measuring frame; NaN where `why` says something.
 

@@ -37,7 +37,7 @@ _ROUNDED_ROTATION = 1e-12
 _ROUNDED_COVARIANCE = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RightFromLeft:
     """The right camera's place: `p_right = R @ p_left + t_mm`.
 
@@ -53,7 +53,7 @@ class RightFromLeft:
     t_mm: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rig:
     """A calibrated pair of cameras. The measuring frame is the left camera's: x right, y down, z away.
 

@@ -23,7 +23,7 @@ from geoerr.vision.rotation import cross_matrix
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StereoProjection:
     """Where both cameras see points, with derivatives.
 

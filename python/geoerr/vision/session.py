@@ -165,7 +165,7 @@ class ScaleBar:
     std_mm: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Session:
     """A session folder that has been read and checked.
 
