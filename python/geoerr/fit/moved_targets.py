@@ -191,13 +191,12 @@ def _stand_mm(sightings: Sightings, targets: Sequence[_Visits]) -> Numbers | Non
     """Give how targets stand to each other (k, 3), in the measuring frame, where all were seen; None where never."""
     places = [np.round(sightings.commanded_mm[one.rows] / SAME_POSITION_MM).astype(np.int64) for one in targets]
     numbers = np.split(_numbered([*np.concatenate(places).T]), np.cumsum([len(own) for own in places])[:-1])
-    common = set(numbers[0].tolist()).intersection(*(own.tolist() for own in numbers[1:]))
+    first = [dict(zip(own[::-1].tolist(), range(len(own) - 1, -1, -1), strict=True)) for own in numbers]
+    common = sorted(set(first[0]).intersection(*first[1:]))
     if not common:
         return None
-    first = [[own.tolist().index(place) for place in sorted(common)] for own in numbers]
-    return np.array(
-        [sightings.measured_mm[one.rows[at]].mean(axis=0) for one, at in zip(targets, first, strict=True)]
-    )
+    rows = [one.rows[[at[place] for place in common]] for one, at in zip(targets, first, strict=True)]
+    return np.array([sightings.measured_mm[own].mean(axis=0) for own in rows])
 
 
 @dataclass(frozen=True, eq=False)
