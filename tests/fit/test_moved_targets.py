@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import polars as pl
@@ -27,17 +27,19 @@ TARGETS = {
 }
 
 
-def measured(seed: int = 1) -> Observations:
-    """Lines along each axis, there and back and twice; every picture shows three targets on the tool and the work."""
+def measured(
+    seed: int = 1, targets: Mapping[str, tuple[tuple[float, float, float], ...]] = TARGETS, n_repeats: int = 2
+) -> Observations:
+    """Lines along each axis, there and back and again; every picture shows all targets on the tool and the work."""
     rng = np.random.default_rng(seed)
     rows, repeats, lines = [], [], []
-    for repeat in range(2):
+    for repeat in range(n_repeats):
         for axis in range(3):
             for way in (1, -1):
                 for place in np.linspace(0.0, LENGTH_MM, 7)[::way]:
                     q = np.array([60.0, 110.0, 40.0])
                     q[axis] = place
-                    own = [(carrier, q, offset) for carrier, offsets in TARGETS.items() for offset in offsets]
+                    own = [(carrier, q, offset) for carrier, offsets in targets.items() for offset in offsets]
                     rows += own
                     repeats += [float(repeat)] * len(own)
                     lines += [f"L{axis}{way:+d}"] * len(own)
@@ -105,6 +107,49 @@ def test_a_diagnosis_says_what_it_says_of_the_plate_that_stayed(seed: int) -> No
     assert (after.verdict, after.found != ()) == (before.verdict, before.found != ())
     assert [one.reference for one in after.found] == [one.reference for one in before.found]
     assert any("moved by 1 mm" in note for note in after.notes)
+
+
+@pytest.mark.parametrize("after", [0.07, 0.9])
+@pytest.mark.parametrize("size", [0.5, 3.0, 30.0])
+def test_early_or_late_by_little_or_by_much(after: float, size: float) -> None:
+    # Of a few visits before or after; what is wild is no measure of what is usual.
+    observations = measured(7, n_repeats=3)
+    rows = of_target(observations, "work", 2) & (np.arange(len(observations)) >= after * len(observations))
+    by_mm = size * in_plane(observations, "work", 2)
+    (moved,) = moved_targets(sightings_of(displaced(observations, rows, by_mm)))
+    # Where the first of them are at places that are never visited again nothing tells.
+    assert abs(len(moved.rows) - int(rows.sum())) <= 2
+    assert moved.by_mm == pytest.approx(by_mm, abs=0.01)
+
+
+def test_two_plates_of_one_carrier_at_different_times() -> None:
+    more = {**TARGETS, "tool": (*TARGETS["tool"], (0.0, 30.0, 90.0), (60.0, 60.0, 50.0))}
+    observations = measured(8, more, n_repeats=3)
+    later = [np.arange(len(observations)) >= share * len(observations) for share in (0.35, 0.6)]
+    rows = [of_target(observations, "tool", number) & own for number, own in enumerate(later)]
+    spoilt = displaced(observations, rows[0], np.array([0.1, 0.03, 0.0]))
+    spoilt = displaced(spoilt, rows[1], np.array([0.0, -0.05, 0.08]))
+    found = moved_targets(sightings_of(spoilt))
+    assert {len(one.rows) for one in found} == {int(own.sum()) for own in rows}
+
+
+@pytest.mark.parametrize("is_sudden", [True, False])
+def test_a_far_target_of_a_carrier_that_grows_is_no_plate_that_was_touched(is_sudden: bool) -> None:
+    # Three near the place from where it grows, one far off, which moves eight times as far.
+    far = {**TARGETS, "work": ((0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (0.0, 30.0, 0.0), (260.0, 40.0, 0.0))}
+    observations = measured(9, far)
+    work = np.array(observations.texts("carrier")) == "work"
+    time = np.linspace(0.0, 1.0, len(observations))
+    share = (time > 0.4).astype(float) if is_sudden else time
+    origin, along = (
+        observations.measured_mm[(observations.target_offset_mm == far["work"][number]).all(axis=1) & work].mean(
+            axis=0
+        )
+        for number in (0, 3)
+    )
+    way = (along - origin) / np.linalg.norm(far["work"][3])
+    grown = 1e-3 * share * np.linalg.norm(observations.target_offset_mm, axis=1) * work
+    assert not moved_targets(sightings_of(measured_again(observations, grown[:, None] * way)))
 
 
 def with_fixed_marker(observations: Observations, rng: np.random.Generator) -> Observations:

@@ -27,12 +27,16 @@ from geoerr.summaries import counted
 
 # What a jump takes off the sum of squares, in variances of what is left: ten standard errors.
 _GAIN = 100.0
+# And so much more than what moves slowly.
+_ABRUPT = 25.0
 # Others did not move where they moved by less than this share of it, or by no more than chance does (in variances).
 _STAYED, _CHANCE = 0.2, 16.0
 # Rows that are off by more than so many times the median count as no more; and of the visits so many say the same.
 _WILD, _MOST = 5.0, 0.75
 # Of the jumps of all targets on a carrier a turn of it explains less than this share.
 _TURNED = 0.8
+# And with growth less than this: one that stands far from the others moves nearly alone when its carrier grows.
+_GROWN = 0.95
 # Targets lie beside one line where their second spread is this share of the first.
 _FLAT = 0.05
 # Places that are visited before and after, rows on either side of a fixed target, and others to compare with.
@@ -151,6 +155,9 @@ def _moved_alone(sightings: Sightings, visits: dict[int, _Visits], number: int, 
         at = one.place_of(moment)
         if other == number or not one.is_comparable(at) or not (is_fixed or one.carrier == own.carrier):
             continue
+        if one.jumps_elsewhere(at):
+            # It moved, too, at another time, and says nothing of this.
+            continue
         moved_mm = one.jump_mm(at)
         stayed = np.linalg.norm(moved_mm) <= _STAYED * np.linalg.norm(by_mm)
         if not stayed and one.gain[at - 1] > _CHANCE * one.left(at):
@@ -159,29 +166,56 @@ def _moved_alone(sightings: Sightings, visits: dict[int, _Visits], number: int, 
     if len(others) < _LEAST_OTHERS:
         return False
     if is_fixed:
-        return True
+        return (
+            own.is_abrupt(place) and _unturned_share(own, place, [one for one, _ in others], moment) > 1.0 - _TURNED
+        )
     together = [own, *(one for one, _ in others)]
     jumps_mm = np.array([by_mm, *(moved_mm for _, moved_mm in others)])
-    return _turned_share(sightings, together, jumps_mm) < _TURNED
+    turned, grown = _shares(sightings, together, jumps_mm)
+    limit = _GROWN if own.is_abrupt(place) else _TURNED
+    return turned < _TURNED and grown < limit
 
 
-def _turned_share(sightings: Sightings, targets: Sequence[_Visits], jumps_mm: Numbers) -> float:
-    """Give the share of the squares of jumps (k, 3) that a shift and a turn of their carrier explain."""
+def _unturned_share(own: _Visits, place: int, others: Sequence[_Visits], moment: int) -> float:
+    """Give the share of a fixed target's jump that no turn of the cameras explains which the others saw, too."""
+    seen = [(one, one.place_of(moment)) for one in others]
+    points = np.concatenate([one.stands_mm(at) for one, at in seen])
+    jumps = np.concatenate([one.jumps_mm(at) for one, at in seen])
+    middle = points.mean(axis=0)
+    columns = _rigid_columns(points - middle)
+    rigid = np.linalg.lstsq(columns, jumps.reshape(-1), rcond=None)[0]
+    by_mm = own.jump_mm(place)
+    left = by_mm - _rigid_columns(own.stands_mm(place)[:1] - middle) @ rigid
+    return float((left**2).sum() / (by_mm**2).sum())
+
+
+def _rigid_columns(levers: Numbers) -> Numbers:
+    """Give how a shift and a turn move points (k, 3) from the middle, (3 k, 6)."""
+    turned = np.stack([np.cross(axis, levers) for axis in np.eye(3)], axis=2)
+    return np.concatenate([np.tile(np.eye(3), (len(levers), 1, 1)), turned], axis=2).reshape(-1, 6)
+
+
+def _shares(sightings: Sightings, targets: Sequence[_Visits], jumps_mm: Numbers) -> tuple[float, float]:
+    """Give the share of the squares of jumps (k, 3) that a shift and a turn explain; and these and growth."""
     offset_mm = np.array([sightings.offset_mm[one.rows[0]] for one in targets])
     offset_mm -= offset_mm.mean(axis=0)
     seen = _stand_mm(sightings, targets)
     if seen is None:
         # Nobody knows how the measuring frame stands to the carrier: it may have turned.
-        return 1.0
+        return 1.0, 1.0
     spread, along = np.linalg.svd(offset_mm, full_matrices=False)[1:]
     if spread[1] > _FLAT * spread[0]:
         turn = Rotation.align_vectors(seen - seen.mean(axis=0), offset_mm)[0].as_matrix()
-        levers = np.concatenate([np.cross(axis, offset_mm)[:, None, :] for axis in np.eye(3)], axis=1)
-        turned = (levers @ turn.T).transpose(0, 2, 1).reshape(-1, 3)
+        turned = _rigid_columns(offset_mm @ turn.T)
+        grown = np.column_stack([turned, (offset_mm @ turn.T).reshape(-1)])
     else:
         # On one line: whatever grows along it.
-        turned = np.kron(offset_mm @ along[:1].T, np.eye(3))
-    columns = np.column_stack([np.tile(np.eye(3), (len(targets), 1)), turned])
+        shift = np.tile(np.eye(3), (len(targets), 1))
+        turned = grown = np.column_stack([shift, np.kron(offset_mm @ along[:1].T, np.eye(3))])
+    return _explained(turned, jumps_mm), _explained(grown, jumps_mm)
+
+
+def _explained(columns: Numbers, jumps_mm: Numbers) -> float:
     flat = jumps_mm.reshape(-1)
     left = flat - columns @ np.linalg.lstsq(columns, flat, rcond=None)[0]
     return 1.0 - float((left**2).sum() / (flat**2).sum())
@@ -213,10 +247,12 @@ class _Visits:
         What a jump before row 1, 2, ... takes off the sum of squares.
     straddling : (n − 1,)
         Places that are visited before and after.
+    smooth
+        What a cubic in the order of the rows takes off the sum of squares.
     place : (n,)
         Number of the place of each.
-    measured_mm : (n, 3)
-        What was measured.
+    first_mm, measured_mm : (3,), (n, 3)
+        Where it was first, and what was measured from there.
     total
         Sum of squares off the means of places.
     dof
@@ -226,9 +262,11 @@ class _Visits:
     rows: Integers
     carrier: int
     place: Integers
+    first_mm: Numbers
     measured_mm: Numbers
     gain: Numbers
     straddling: Integers
+    smooth: float
     total: float
     dof: int
 
@@ -245,6 +283,8 @@ class _Visits:
         measured = sightings.measured_mm[rows] - sightings.measured_mm[rows[0]]
         mean = np.stack([np.bincount(place, w * values) / whole for values in measured.T], axis=1)
         off = _without_wild(measured - mean[place])
+        # A sum over the visits of a place is 0 again: what the gain of a jump rests on.
+        off -= np.stack([np.bincount(place, w * values) / whole for values in off.T], axis=1)[place]
         # Weight of the earlier visits of each row's place, by the rows of each place in their order.
         order = np.argsort(place, kind="stable")
         first = np.flatnonzero(np.diff(place[order], prepend=-1))
@@ -263,7 +303,15 @@ class _Visits:
             gain = np.where(straddling > 0, (moment**2).sum(axis=1) / weight, 0.0)
         total = float((w * (off**2).sum(axis=1)).sum())
         dof = 3 * (len(rows) - len(whole) - 1)
-        return cls(rows, carrier, place, measured, gain, straddling, total, dof)
+        order_of = np.linspace(-1.0, 1.0, len(rows))
+        cubic = np.stack([order_of, order_of**2, order_of**3], axis=1)
+        cubic -= np.stack([np.bincount(place, w * values) / whole for values in cubic.T], axis=1)[place]
+        root = np.sqrt(w)[:, None]
+        left = root * (off - cubic @ np.linalg.lstsq(root * cubic, root * off, rcond=None)[0])
+        smooth = total - float((left**2).sum())
+        return cls(
+            rows, carrier, place, sightings.measured_mm[rows[0]], measured, gain, straddling, smooth, total, dof
+        )
 
     @property
     def is_fixed(self) -> bool:
@@ -294,24 +342,47 @@ class _Visits:
         """Give the variance of a number beside a jump, in the unit of the weights."""
         return max(self.total - float(self.gain[place - 1]), 0.0) / self.dof
 
+    def is_abrupt(self, place: int) -> bool:
+        """Tell whether it jumped, by more than chance can be told from what moves slowly."""
+        return bool(self.gain[place - 1] - self.smooth > _ABRUPT * self.left(place))
+
+    def jumps_elsewhere(self, place: int) -> bool:
+        """Tell whether it jumped itself, and not there: with the other jump most is left, and with its own little."""
+        own = self.clearest()
+        return own is not None and own != place and self.is_abrupt(own) and self.left(own) < 0.5 * self.left(place)
+
     def jump_mm(self, place: int) -> Numbers:
         """Give by how much it moved, (3,), as most of its places say."""
-        return np.asarray(np.median(self._jumps_mm(place), axis=0))
+        return np.asarray(np.median(self.jumps_mm(place), axis=0))
 
     def _is_seen_everywhere(self, place: int) -> bool:
         """Tell whether most visits say the same: a wild row makes a jump of a few places."""
-        jumps = self._jumps_mm(place)
+        jumps = self.jumps_mm(place)
         by_mm = np.median(jumps, axis=0)
         is_alike = np.linalg.norm(jumps - by_mm, axis=1) < 0.5 * np.linalg.norm(by_mm)
         return bool(is_alike.mean() > _MOST)
 
-    def _jumps_mm(self, place: int) -> Numbers:
+    def stands_mm(self, place: int) -> Numbers:
+        """Give where the places are that say something of a jump, (k, 3), in the order of `jumps_mm`."""
+        if self.is_fixed:
+            return np.asarray(self.first_mm + self.measured_mm[place:])
+        before, after = (
+            np.bincount(self.place[rows], minlength=int(self.place.max()) + 1) for rows in self._sides(place)
+        )
+        first = np.unique(self.place, return_index=True)[1]
+        return np.asarray(self.first_mm + self.measured_mm[first[(before > 0) & (after > 0)]])
+
+    @staticmethod
+    def _sides(place: int) -> tuple[slice, slice]:
+        return slice(None, place), slice(place, None)
+
+    def jumps_mm(self, place: int) -> Numbers:
         """Give what every place says of a jump, (k, 3); of a fixed target every row behind it."""
         if self.is_fixed:
             return np.asarray(self.measured_mm[place:] - np.median(self.measured_mm[:place], axis=0))
         n_places = int(self.place.max()) + 1
         means, counts = [], []
-        for rows in (slice(None, place), slice(place, None)):
+        for rows in self._sides(place):
             count = np.bincount(self.place[rows], minlength=n_places)
             sums = [np.bincount(self.place[rows], values, n_places) for values in self.measured_mm[rows].T]
             means.append(np.stack(sums, axis=1) / np.maximum(count, 1)[:, None])
