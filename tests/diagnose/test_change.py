@@ -331,3 +331,17 @@ def test_rows_that_the_known_fit_lacked_take_part_again(observations: Observatio
     # Counted once, and by the same words.
     assert changes[0].after.sightings.left_out == changes[1].after.sightings.left_out == known.sightings.left_out
     assert changes[0].after.terms == changes[1].after.terms
+
+
+def test_a_fit_of_other_measurements_is_not_known(observations: Observations) -> None:
+    fit = fit_model(MACHINE, observations, components="12")
+    alone = add_effect(fit.model, observations, reference="backlash:x")
+    resolved = catalogue().resolve("backlash:x")[1]
+    for known in (fit, fit.fitted):
+        same = add_effect(fit.model, observations, reference=resolved, known=known)
+        assert same.result.model.parameter("backlash:x.b").value == pytest.approx(
+            alone.result.model.parameter("backlash:x.b").value, rel=1e-9
+        )
+    other = heated(np.random.default_rng(99))
+    with pytest.raises(GeoerrError, match="known: this is a fit of other measurements"):
+        add_effect(fit.model, other, reference="backlash:x", known=fit)

@@ -35,14 +35,24 @@ def _travel(line: list[Row], at: int, axis: int) -> int:
     return after if at > 0 and steps[at - 1] == 0 and said == after else before
 
 
+def _place(rows: list[Row], row: Row) -> tuple[object, ...]:
+    """Session, line and repeat; without the column that leaves every row alone."""
+    for fields in ((0, 1, 2), (0, 2), (0, 1)):
+        places = [tuple(one[field] for field in fields) for one in rows]
+        if len(set(places)) < len(rows):
+            return tuple(row[field] for field in fields)
+    return row[:1]
+
+
 def _by_definition(rows: list[Row]) -> list[Any]:
     """What makes each row's pass."""
     found = []
-    for number, row in enumerate(rows):
-        line = [one for one in rows if one[:3] == row[:3]]
-        at = sum(one[:3] == row[:3] for one in rows[:number])
+    places = [_place(rows, row) for row in rows]
+    for number, place in enumerate(places):
+        line = [one for one, other in zip(rows, places, strict=True) if other == place]
+        at = places[:number].count(place)
         moves = [len({one[3][axis] for one in line}) > 1 for axis in range(3)]
-        found.append((row[:3], *(_travel(line, at, axis) if moves[axis] else 0 for axis in range(3))))
+        found.append((place, *(_travel(line, at, axis) if moves[axis] else 0 for axis in range(3))))
     return found
 
 
@@ -65,3 +75,16 @@ def test_a_pass_is_one_session_line_repeat_and_direction(rows: list[Row]) -> Non
         same = [other for (_, other), one in zip(of_line, expected, strict=True) if one == own]
         assert set(same) == {number}, place
     assert len(set(seen.pass_number.tolist())) == len(set(expected)) == seen.n_passes
+
+
+def test_rows_that_all_have_a_repeat_or_a_line_of_their_own_are_no_passes_of_one_row() -> None:
+    place = {name: np.zeros(8) for name in ("y", "z", "my", "mz")} | {"x": np.zeros(8), "mx": np.zeros(8)}
+    rounds = {"repeat": [0.0] * 4 + [1.0] * 4, "line": list("abcdefgh")}
+    for columns, n_passes in (
+        ({"repeat": np.arange(8.0)}, 1),
+        ({"line": list("abcdefgh")}, 1),
+        # Every point a line of its own, in two rounds.
+        (rounds, 2),
+        ({"repeat": [0.0] * 4 + [1.0] * 4}, 2),
+    ):
+        assert sightings_of(observations_from_columns(place | columns)).n_passes == n_passes

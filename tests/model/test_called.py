@@ -68,6 +68,16 @@ MODEL = geoerr.Model(MACHINE)
             "Observations .* the model",
             r"add_effect\(model, observations, reference='backlash:x'\)",
         ),
+        (
+            lambda: geoerr.add_effect(MODEL, POINTS, reference=None),  # type: ignore[arg-type]  # the point of the test
+            "reference: a value of type NoneType",
+            r"ID\[:AXIS\]",
+        ),
+        (
+            lambda: geoerr.add_effect(MODEL, POINTS, reference="backlash:x", known=MODEL),  # type: ignore[arg-type]
+            "known: a value of type Model",
+            "the fit of these measurements",
+        ),
         (lambda: geoerr.uncertainty_budget(None), "NoneType .* the model", "a model of load_model or of a fit"),
         (
             lambda: geoerr.uncertainty_map(MODEL),

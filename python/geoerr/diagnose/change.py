@@ -12,12 +12,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import change_html
 from geoerr.diagnose.words import has_wrong_sign
 from geoerr.effects import Effect, catalogue
-from geoerr.errors import GeoerrError
+from geoerr.errors import GeoerrError, ShapeError
 from geoerr.fit import (
     FitOptions,
     FitResult,
@@ -38,9 +39,9 @@ from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import lacks_some
 from geoerr.fit.wavy import may_be_followed
 from geoerr.model import HistoryEntry, Model
-from geoerr.model.called import check_model, check_tables
+from geoerr.model.called import check_model, check_tables, kind_of
 from geoerr.observations import CircularTest, Observations
-from geoerr.terms import Term, parse_effect_reference
+from geoerr.terms import EffectReference, Term, parse_effect_reference
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -85,10 +86,10 @@ class Change:
 def add_effect(
     model: Model,
     *tables: Observations | CircularTest,
-    reference: str,
+    reference: str | EffectReference,
     effects: Sequence[Effect] = (),
     way: Way | None = None,
-    known: Fitted | None = None,
+    known: Fitted | FitResult | None = None,
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
     progress: Progress | None = None,
@@ -131,6 +132,10 @@ def add_effect(
     """
     check_model(model, tables, "add_effect(model, observations, reference='backlash:x')")
     check_tables(tables, "add_effect(model, observations, reference='backlash:x')", Observations, CircularTest)
+    if not isinstance(reference, str | EffectReference):
+        raise ShapeError(f"reference: {kind_of(reference)} was given\nhint: write it as ID[:AXIS][@COVARIATE]")
+    reference = str(reference)
+    known = _checked_known(known, tables)
     names = catalogue().extended(effects, "effects") if effects else catalogue()
     _refuse_held(model, str(parse_effect_reference(reference)))
     data = _Data(tables, rig_sensitivity, rig_covariance, threads, known, Steps(progress, on_step))
@@ -151,6 +156,36 @@ def add_effect(
     held = held_errors("none", own.terms)
     found = additions([reference], names, model.machine, data.sightings, held, fit, way)[0]
     return _added(model, data, own, found.terms, found.reference, found.title)
+
+
+def _checked_known(known: Fitted | FitResult | None, tables: Sequence[Observations | CircularTest]) -> Fitted | None:
+    """Give the fit that is known; refuse one of other measurements: what it says would be taken for theirs.
+
+    Raises
+    ------
+    ShapeError
+        for what is no fit, or one of others.
+    """
+    fitted = known.fitted if isinstance(known, FitResult) else known
+    if fitted is None:
+        return None
+    if not isinstance(fitted, Fitted):
+        raise ShapeError(
+            f"known: {kind_of(fitted)} was given\nhint: give the fit of these measurements, or leave it out"
+        )
+    own = fitted.sightings.measured_mm[fitted.sightings.is_measured]
+    given = np.concatenate(
+        [
+            np.ravel(one.measured_mm) if isinstance(one, Observations) else one.frame["r"].cast(pl.Float64).to_numpy()
+            for one in tables
+        ]
+    )
+    # Rows that it could not use are in the tables all the same.
+    if not np.isin(own, given).all():
+        raise ShapeError(
+            "known: this is a fit of other measurements\nhint: give the fit of these measurements, or leave it out"
+        )
+    return fitted
 
 
 def _refuse_held(model: Model, *names: str) -> None:

@@ -16,12 +16,19 @@ _SENSES = np.array([1, 3, 9], dtype=np.int64)
 def passes_of(
     session: Integers, lines: Sequence[str], repeat: Numbers, commanded_mm: Numbers, directions: npt.NDArray[np.int8]
 ) -> Integers:
-    """Give every row its pass: rows of one session, line, repeat and direction of the axes that move in it."""
-    keys = zip(session.tolist(), lines, np.nan_to_num(repeat).tolist(), strict=True)
-    number_of: dict[tuple[int, str, float], int] = {}
-    group = np.array([number_of.setdefault(key, len(number_of)) for key in keys], dtype=np.int64)
-    if not len(group):
-        return group
+    """Give every row its pass: rows of one session, line, repeat and direction of the axes that move in it.
+
+    A row alone is no pass: it says nothing of how rows of one scatter. Where every row has a repeat, or a line, of
+    its own, that column does not part them.
+    """
+    if not len(session):
+        return np.zeros(0, dtype=np.int64)
+    rounds = np.nan_to_num(repeat).tolist()
+    columns = (session.tolist(), list(lines), rounds)
+    for fewer in (columns, (columns[0], rounds), columns[:2], columns[:1]):
+        group = _grouped(*fewer)
+        if int(group.max()) + 1 < len(group):
+            break
     # Groups one after another, the rows of each in their order.
     order = np.argsort(group, kind="stable")
     own = group[order]
@@ -34,6 +41,12 @@ def passes_of(
     numbers = np.empty(len(group), dtype=np.int64)
     numbers[order] = np.argsort(np.argsort(first))[of_key]
     return numbers
+
+
+def _grouped(*columns: Sequence[object]) -> Integers:
+    """Give rows of columns (n,) numbers: alike the same, as they come."""
+    number_of: dict[tuple[object, ...], int] = {}
+    return np.array([number_of.setdefault(key, len(number_of)) for key in zip(*columns, strict=True)], dtype=np.int64)
 
 
 def _with_first_direction(
