@@ -34,7 +34,7 @@ from geoerr.fit import Fitted, sightings_of
 from geoerr.fit.start import planes_of_circles
 from geoerr.identify.measurements import measurements_of
 from geoerr.observations import STANDARD_UNCERTAINTY as STD
-from geoerr.observations import CircularTest, Observations
+from geoerr.observations import CircularTest, Observations, observations_from_columns
 
 MACHINE = machine_of("wZbXYt")
 LEVEL = Camera(np.eye(3), np.zeros(3))
@@ -489,3 +489,31 @@ def test_radii_that_state_their_uncertainty_in_part_say_that_none_is_used() -> N
     stated[:4] = np.nan
     (note,) = notes(stated)
     assert "in 4 of 90 radii" in note
+
+
+@pytest.mark.parametrize("read", [sightings_of, measurements_of])
+def test_a_component_that_no_row_states_has_the_mean_of_the_others(read: object) -> None:
+    # Lasers along x and y, 1 µm and 3 µm stated, and points of a camera that states nothing.
+    n = 6
+    frame = pl.DataFrame(
+        {
+            "session": ["x"] * n + ["y"] * n + ["camera"] * n,
+            **{axis: np.tile(np.linspace(0.0, 100.0, n), 3) for axis in "xyz"},
+            "mx": [*np.linspace(0.0, 100.0, n), *[None] * n, *np.linspace(0.0, 100.0, n)],
+            "my": [*[None] * n, *np.linspace(0.0, 100.0, n), *np.linspace(0.0, 100.0, n)],
+            "mz": [*[None] * (2 * n), *np.linspace(0.0, 100.0, n)],
+            "sx": [*[1e-3] * n, *[None] * (2 * n)],
+            "sy": [*[None] * n, *[3e-3] * n, *[None] * n],
+            "sz": pl.Series([None] * (3 * n), dtype=pl.Float64),
+        },
+        strict=False,
+    )
+    table = observations_from_columns(frame.to_dict(as_series=False))
+    if read is sightings_of:
+        of_camera = sightings_of(table).unwhitening[-1]
+        variance_mm2 = np.diagonal(of_camera @ of_camera.T)
+    else:
+        covariance = measurements_of(table).covariance_mm2
+        assert covariance is not None
+        variance_mm2 = np.diagonal(covariance[-1])
+    assert variance_mm2 == pytest.approx([1e-6, 9e-6, 5e-6], rel=1e-9)

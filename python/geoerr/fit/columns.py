@@ -58,6 +58,26 @@ def stated_rows(covariance_mm2: Numbers | None, is_measured: npt.NDArray[np.bool
     return np.asarray((np.isfinite(covariance_mm2) | ~needed).all(axis=(1, 2)))
 
 
+def mean_covariance(filled_mm2: Numbers, needed: npt.NDArray[np.bool_]) -> Numbers:
+    """Give the mean covariance (3, 3) of rows that state theirs, of what each measured.
+
+    A component that none of them measured (a camera beside lasers along x and y alone) has the mean of the others.
+
+    Parameters
+    ----------
+    filled_mm2 : (n, 3, 3)
+        Their covariances, 0 where not measured.
+    needed : (n, 3, 3)
+        Which elements are of what was measured.
+    """
+    counts = needed.sum(axis=0)
+    mean = filled_mm2.sum(axis=0) / np.maximum(counts, 1)
+    nobody = np.diagonal(counts) == 0
+    if nobody.any() and not nobody.all():
+        mean[nobody, nobody] = np.diagonal(mean)[~nobody].mean()
+    return np.asarray(mean)
+
+
 def unused_uncertainties(observations: Observations, is_measured: npt.NDArray[np.bool_]) -> str | None:
     """Say why no row has an uncertainty though there are columns for it; None where some has, or there are none.
 

@@ -15,7 +15,7 @@ import polars as pl
 from geoerr.commanded_circle import on_their_circle
 from geoerr.errors import GeometryError
 from geoerr.fit.carried import refuse_other_carriers
-from geoerr.fit.columns import lacking_rows, stated_rows, unread_columns, unused_uncertainties
+from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.moved_targets import targets_that_moved
@@ -285,8 +285,7 @@ def _whitening(
     notes: tuple[str, ...] = ()
     filled = np.where(needed & np.isfinite(covariance_mm2), covariance_mm2, 0.0)
     if not stated.all():
-        mean = filled[stated].sum(axis=0) / np.maximum(needed[stated].sum(axis=0), 1)
-        filled[~stated] = np.where(needed[~stated], mean, 0.0)
+        filled[~stated] = np.where(needed[~stated], mean_covariance(filled[stated], needed[stated]), 0.0)
         notes = (lacking_rows(int((~stated).sum())),)
     # A component that was not measured gets variance 1 of its own, and its row of W is then taken out.
     padded = filled + np.eye(3) * (~is_measured)[:, None, :]

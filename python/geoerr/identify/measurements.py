@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.fit.columns import lacking_rows, stated_rows, unused_uncertainties
+from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unused_uncertainties
 from geoerr.fit.unbelievable import unbelievable_rows
 from geoerr.identify.linear import Numbers
 from geoerr.observations import Observations
@@ -92,6 +92,5 @@ def _filled_covariance(
     lacking = usable & ~stated
     if not lacking.any():
         return filled, ()
-    mean = filled[stated].sum(axis=0) / np.maximum(needed[stated].sum(axis=0), 1)
-    filled[lacking] = np.where(needed[lacking], mean, 0.0)
+    filled[lacking] = np.where(needed[lacking], mean_covariance(filled[stated], needed[stated]), 0.0)
     return filled, (lacking_rows(int(lacking.sum())),)
