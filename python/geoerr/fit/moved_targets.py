@@ -39,6 +39,8 @@ _TURNED = 0.8
 _GROWN = 0.95
 # Targets lie beside one line where their second spread is this share of the first.
 _FLAT = 0.05
+# What is left of exact data, as a share of the sum of squares.
+_ROUND_OFF = 1e-15
 # Places that are visited before and after, rows on either side of a fixed target, and others to compare with.
 _LEAST_PLACES, _LEAST_ROWS, _LEAST_OTHERS = 4, 5, 2
 
@@ -336,11 +338,14 @@ class _Visits:
             return None
         place = int(np.argmax(self.gain)) + 1
         is_clear = self.is_comparable(place) and self.gain[place - 1] > _GAIN * self.left(place)
-        return place if is_clear and self._is_seen_everywhere(place) else None
+        if not is_clear or not self._is_seen_everywhere(place):
+            return None
+        # Data without noise differ by round-off.
+        return place if float(np.linalg.norm(self.jump_mm(place))) > SAME_POSITION_MM else None
 
     def left(self, place: int) -> float:
         """Give the variance of a number beside a jump, in the unit of the weights."""
-        return max(self.total - float(self.gain[place - 1]), 0.0) / self.dof
+        return max(self.total - float(self.gain[place - 1]), _ROUND_OFF * self.total) / self.dof
 
     def is_abrupt(self, place: int) -> bool:
         """Tell whether it jumped, by more than chance can be told from what moves slowly."""

@@ -52,6 +52,9 @@ from geoerr.terms import SQUARENESS_CHANNELS, Term
 N_ENTRIES = 41
 # As for a displacement: see `Model.is_determined_at`.
 _NO_EFFECT = 1e-6
+# A straightness by one unit of a parameter, mm, that is round-off of the line taken off; a polygon with fewer entries
+# is straight.
+_ROUND_OFF, _LEAST_BENT = 1e-9, 3
 
 
 def tables_of_terms(
@@ -90,6 +93,8 @@ def tables_of_terms(
             continue
         if record is not None and not is_determined(rows, record.null_space):
             given[name] = NotDetermined(name, "the data do not determine it")
+        elif record is not None and _has_no_freedom(name, rows):
+            given[name] = NotDetermined(name, f"so few positions on {name[2]} leave nothing of it beside a line")
         elif name in LI_SQUARENESS:
             std = _std(rows, record)
             squarenesses[name] = Squareness(float(rows.value[0]), None if std is None else float(std[0]))
@@ -108,6 +113,16 @@ def tables_of_terms(
         not_determined=tuple(given[name] for name in ALL_NAMES if name in given),
         notes=tuple(notes),
     )
+
+
+def _has_no_freedom(name: str, rows: Rows) -> bool:
+    """Tell of a straightness whether its functions make lines alone: what nobody could see is no 0 ± 0.
+
+    A polygon of two entries has none of any function.
+    """
+    if name not in LINEAR_AND_ANGULAR or is_angular(name) or name[1] == name[2] or len(rows.value) < _LEAST_BENT:
+        return False
+    return bool(max(np.abs(rows.by_parameter).max(initial=0.0), np.abs(rows.value).max(initial=0.0)) < _ROUND_OFF)
 
 
 def gauged_rows(
