@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -17,6 +18,8 @@ from geoerr.fit.joined import sightings_of
 from geoerr.fit.moved_targets import moved_targets
 from geoerr.fit.sightings import Sightings
 from geoerr.observations import Observations
+from geoerr.report.compare_page import write_comparison_page
+from geoerr.report.provenance import provenance_of_call
 
 MACHINE = machine_of("wYbXZt")
 
@@ -218,3 +221,14 @@ def test_what_moves_several_targets_or_a_few_rows_is_no_plates(
     sightings: Sightings = sightings_of(spoil(observations, later))
     assert not moved_targets(sightings)
     assert not any("moved by" in note for note in sightings.notes)
+
+
+def test_the_page_of_a_comparison_tells_it(tmp_path: Path) -> None:
+    observations = measured(4)
+    rows = of_target(observations, "tool", 2) & (np.arange(len(observations)) >= 0.4 * len(observations))
+    spoilt = displaced(observations, rows, in_plane(observations, "tool", 2))
+    comparison = geoerr.compare(geoerr.fit_model(MACHINE, spoilt).model, spoilt)
+    assert [part.figures.n for part in comparison.by_target if "moved" in part.name] == [int(rows.sum())]
+    page = tmp_path / "page.html"
+    write_comparison_page(page, comparison, comparison.to_document(), provenance_of_call("a test", []))
+    assert "while the others stayed" in page.read_text(encoding="utf-8")

@@ -10,6 +10,7 @@ from geoerr.diagnose import Comparison, LengthComparison, Part, Trend
 from geoerr.report.figures import residual_of_regions, residuals, style, variable_label
 from geoerr.report.page import Block, Figure, Maker, Paragraph, Progress, Section, Table, made, write_report
 from geoerr.report.provenance import Provenance
+from geoerr.summaries import capitalised
 
 _MOST_TRENDS = 4
 _MOST_WORST = 20
@@ -46,7 +47,9 @@ def write_comparison_page(
     """
     title = f"{comparison.model.machine.name}: model against measurements"
     sections = comparison_sections(comparison, document, progress)
-    write_report(path, title, comparison_sentences(comparison, document), sections, provenance)
+    notes = () if comparison.fitted is None else comparison.fitted.sightings.notes
+    said = [*comparison_sentences(comparison, document), *(f"{capitalised(note)}." for note in notes)]
+    write_report(path, title, said, sections, provenance)
 
 
 def comparison_sentences(comparison: Comparison, document: Mapping[str, Any]) -> list[str]:
