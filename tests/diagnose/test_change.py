@@ -343,5 +343,7 @@ def test_a_fit_of_other_measurements_is_not_known(observations: Observations) ->
             alone.result.model.parameter("backlash:x.b").value, rel=1e-9
         )
     other = heated(np.random.default_rng(99))
-    with pytest.raises(GeoerrError, match="known: this is a fit of other measurements"):
-        add_effect(fit.model, other, reference="backlash:x", known=fit)
+    # All others, or more than it was fitted to.
+    for tables in ([other], [observations, other]):
+        with pytest.raises(GeoerrError, match="known: this is a fit of other measurements"):
+            add_effect(fit.model, *tables, reference="backlash:x", known=fit)

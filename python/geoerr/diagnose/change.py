@@ -181,7 +181,8 @@ def _checked_known(known: Fitted | FitResult | None, tables: Sequence[Observatio
         ]
     )
     # Rows that it could not use are in the tables all the same.
-    if not np.isin(own, given).all():
+    is_whole = own.size == np.isfinite(given).sum() or bool(fitted.sightings.left_out)
+    if not (is_whole and np.isin(own, given).all()):
         raise ShapeError(
             "known: this is a fit of other measurements\nhint: give the fit of these measurements, or leave it out"
         )

@@ -17,7 +17,7 @@ from geoerr.effects import Catalogue, Effect, PlacedEffect
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.effect import DEFAULT_TIME_RANGE_S
 from geoerr.errors import InputFileError
-from geoerr.fit.beside_effects import few_beside
+from geoerr.fit.beside_effects import with_few_knots
 from geoerr.fit.classic import Components, names_of
 from geoerr.fit.empirical import empirical_term, is_empirical
 from geoerr.fit.fitted import Fitted
@@ -150,14 +150,8 @@ def _addition(
     refuse_wanting(effect, reference, sightings)
     ways = ways_of(effect, reference, machine, sightings, way)
     usual = usual_terms(effect, reference, machine, sightings)
-    terms = best_terms(_beside(fit(), usual), effect, reference, way) if len(ways) > 1 else (*ways,)
+    terms = best_terms(with_few_knots(fit(), usual), effect, reference, way) if len(ways) > 1 else (*ways,)
     return Addition(str(reference), effect.title, terms or usual)
-
-
-def _beside(fitted: Fitted, effect: Sequence[Term]) -> Fitted:
-    """Give a fit with few knots where many may follow an effect."""
-    few = few_beside(fitted, effect)
-    return fitted.again(tuple(few.get(term.id, term) for term in fitted.terms)) if few else fitted
 
 
 def _placed(wanted: PlacedEffect, machine: Machine, sightings: Sightings) -> tuple[Term, ...]:

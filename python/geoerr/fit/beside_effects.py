@@ -54,7 +54,7 @@ def with_effects(
             for one in undecided
             if (basis := one.parts[0].basis) is not None
         }
-        fitted = fitted.again((*_on(fitted.terms, limited), *map(with_inner_held, begun)), one_step=one_step)
+        fitted = fitted.again((*on_bases(fitted.terms, limited), *map(with_inner_held, begun)), one_step=one_step)
     for effect in effects:
         if effect not in followed:
             fitted = fitted.again((*fitted.terms, started(fitted, effect, threads=threads)), one_step=one_step)
@@ -69,6 +69,12 @@ def few_beside(fitted: Fitted, effects: Sequence[Term]) -> dict[str, Term]:
     by_id = {term.id: term for term in fitted.terms}
     few = without_waves(fitted) or ()
     return {term.id: term for term in few if term.id in shared and term != by_id[term.id]}
+
+
+def with_few_knots(fitted: Fitted, effects: Sequence[Term]) -> Fitted:
+    """Give a fit with few knots where many may follow these effects."""
+    few = few_beside(fitted, effects)
+    return fitted.again(tuple(few.get(term.id, term) for term in fitted.terms)) if few else fitted
 
 
 def with_inner_held(term: Term) -> Term:
@@ -86,15 +92,14 @@ def _begun_beside_few(
 ) -> list[Term]:
     """Give effects with the values that they have beside the freedom that the data choose without them."""
     chosen = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions_mm)
-    plain = fitted.again(_on(fitted.terms, {one.name: one.basis for one in chosen}))
-    few = few_beside(plain, effects)
-    if few:
-        plain = plain.again(tuple(few.get(term.id, term) for term in plain.terms))
+    plain = fitted.again(on_bases(fitted.terms, {one.name: one.basis for one in chosen}))
+    plain = with_few_knots(plain, effects)
     for effect in effects:
         plain = plain.again((*plain.terms, started(plain, effect, threads=threads)))
     ids = {effect.id for effect in effects}
     return [term for term in plain.terms if term.id in ids]
 
 
-def _on(terms: Sequence[Term], bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
+def on_bases(terms: Sequence[Term], bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
+    """Give terms, those whose ids have one on another basis."""
     return tuple(on_basis(term, bases[term.id]) if term.id in bases else term for term in terms)

@@ -7,10 +7,10 @@ effect is known; or they follow the effect with knots that the machine does not 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from geoerr.fit.beside_effects import with_inner_held
-from geoerr.fit.classic import on_basis, positions_by_axis, rich_bases
+from geoerr.fit.beside_effects import on_bases, with_inner_held
+from geoerr.fit.classic import positions_by_axis, rich_bases
 from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import Ladder, choose_bases
@@ -53,7 +53,7 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
     by_id = {term.id: term for term in fitted.terms}
     rich = {name: beside_waves(by_id[name], basis, effects, positions) for name, basis in rich.items()}
     # A period beside functions that follow anything is hardly determined: fitted along it would creep for many steps.
-    terms = _on([with_inner_held(term) for term in fitted.terms], rich)
+    terms = on_bases([with_inner_held(term) for term in fitted.terms], rich)
     # On the rows that were found not to be gross.
     free = fitted.again(terms, used=fitted.solved.used)
     if has_run_away(free):
@@ -61,7 +61,7 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
     undecided = [term for term in terms if term.id in rich]
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions, ladder=ladder)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}
-    return _on(fitted.terms, new) if new else None
+    return on_bases(fitted.terms, new) if new else None
 
 
 def _chosen_from(ladder: Ladder, richest: Mapping[str, BasisSpec], own: Mapping[str, BasisSpec]) -> set[str]:
@@ -72,7 +72,3 @@ def _chosen_from(ladder: Ladder, richest: Mapping[str, BasisSpec], own: Mapping[
 def _basis_of(term: Term) -> BasisSpec | None:
     """Give the basis of an error function; None of any other term."""
     return term.parts[0].basis if term.kind == "classic" else None
-
-
-def _on(terms: Sequence[Term], bases: Mapping[str, BasisSpec]) -> tuple[Term, ...]:
-    return tuple(on_basis(term, bases[term.id]) if term.id in bases else term for term in terms)
