@@ -391,6 +391,13 @@ def integrate_straightness(
     return _core.integrate_straightness(positions, functions.ravel(), rule, threads).reshape(functions.shape)
 
 
+def rigid_columns(points_mm: FloatArray) -> FloatArray:
+    """Give how a shift and a small turn about the origin move points (n, 3): (3n, 6)."""
+    turned = np.cross(np.eye(3)[None, :, :], points_mm[:, None, :]).transpose(0, 2, 1)
+    shift = np.broadcast_to(np.eye(3), turned.shape)
+    return np.asarray(np.concatenate([shift, turned], axis=2).reshape(3 * len(points_mm), 6))
+
+
 def remove_line(position_mm: npt.ArrayLike, values: npt.ArrayLike, *, threads: int = 0) -> FloatArray:
     """Take the least-squares line off functions of position: geoerr's gauge of straightness.
 

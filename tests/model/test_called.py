@@ -74,7 +74,7 @@ MODEL = geoerr.Model(MACHINE)
             r"ID\[:AXIS\]",
         ),
         (
-            lambda: geoerr.add_effect(MODEL, POINTS, reference="backlash:x", known=MODEL),  # type: ignore[arg-type]
+            lambda: geoerr.add_effect(MODEL, POINTS, reference="backlash:x", known=MODEL),  # type: ignore[arg-type]  # likewise
             "known: a value of type Model",
             "the fit of these measurements",
         ),

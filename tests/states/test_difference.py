@@ -12,10 +12,10 @@ from validation.hot_and_cold import NO_HEAT, Hot, observe, without_rigid
 from geoerr.error_functions import LINEAR_AND_ANGULAR, errors_from_document
 from geoerr.errors import GeoerrError, GeometryError
 from geoerr.fit.classic import spline
+from geoerr.geometry import rigid_columns
 from geoerr.observations import Observations
 from geoerr.states import States, identify_states
 from geoerr.states.common import estimate_of
-from geoerr.states.volume import rigid_columns
 from geoerr.terms import BasisSpec
 
 # The largest of some hundred values by chance alone: once in ten thousand.

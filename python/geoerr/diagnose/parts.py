@@ -64,7 +64,7 @@ def by_carrier(fitted: Fitted) -> tuple[Part, ...]:
 def by_target(fitted: Fitted) -> tuple[Part, ...]:
     """Part the rows by target; one that moved has a part for each of its places. None where there are very many."""
     sightings = fitted.sightings
-    numbers, moved = numbers_of_targets(sightings), times_moved(sightings)
+    numbers, moved = sightings.once("targets", numbers_of_targets), times_moved(sightings)
     if numbers.max(initial=0) >= _MOST_TARGETS:
         return ()
     pairs = dict.fromkeys(zip(numbers.tolist(), moved.tolist(), strict=True))

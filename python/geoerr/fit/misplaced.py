@@ -42,9 +42,9 @@ def misplaced_targets(sightings: Sightings, machine: Machine) -> Iterator[str]:
             if off_mm > _MISPLACED_MM:
                 yield (
                     f"in session {sightings.sessions[sightings.session[first]]!r} the target at "
-                    f"{_offset(sightings, own[0])} is seen {off_mm:.0f} mm from there, beside that at "
-                    f"{_offset(sightings, first)}: exchanged targets, or an offset of another sign, order or unit; "
-                    "their levers are wrong, too"
+                    f"{sightings.place_of_target(own[0])} is seen {off_mm:.0f} mm from there, beside that at "
+                    f"{sightings.place_of_target(first)}: exchanged targets, or an offset of another sign, order or "
+                    "unit; their levers are wrong, too"
                 )
                 break
 
@@ -59,8 +59,3 @@ def _shifts_mm(nominal_mm: Numbers, measured_mm: Numbers, targets: list[np.ndarr
     if not spread[1] > _FLAT**2 * spread[0]:
         return [np.zeros(3)] * len(targets)
     return [measured_mm[own].mean(axis=0) - turn @ nominal_mm[own].mean(axis=0) for own in targets]
-
-
-def _offset(sightings: Sightings, row: int) -> str:
-    x, y, z = sightings.offset_mm[row]
-    return f"({x:g}, {y:g}, {z:g}) mm on the {CARRIERS[sightings.carrier[row]]}"

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
+from geoerr.geometry import rigid_columns
 from geoerr.observations import CARRIERS
 from geoerr.summaries import counted
 
@@ -67,7 +68,7 @@ class MovedTarget:
 def moved_targets(sightings: Sightings) -> tuple[MovedTarget, ...]:
     """Find the targets that moved; `sightings.once` keeps them."""
     found: list[MovedTarget] = []
-    target = numbers_of_targets(sightings)
+    target = sightings.once("targets", numbers_of_targets)
     for number, kind in enumerate(sightings.frames):
         if kind != "circle":
             found += _moved_in(sightings, target, np.flatnonzero(sightings.session == number))
@@ -89,9 +90,8 @@ def targets_that_moved(sightings: Sightings) -> Iterator[str]:
     for one in sightings.once("moved_targets", moved_targets):
         row = int(one.rows[0])
         name = sightings.texts("target")[row] if has_names else ""
-        x, y, z = sightings.offset_mm[row]
-        carrier = CARRIERS[sightings.carrier[row]]
-        where = f"on the {carrier}" if carrier == "base" else f"at ({x:g}, {y:g}, {z:g}) mm on the {carrier}"
+        is_fixed = CARRIERS[sightings.carrier[row]] == "base"
+        where = "on the base" if is_fixed else f"at {sightings.place_of_target(row)}"
         when = f"between rows {sightings.source_row[one.last] + 1} and {sightings.source_row[row] + 1}"
         if np.isfinite(t_s[[one.last, row]]).all():
             when = f"between t = {t_s[one.last]:g} and {t_s[row]:g} s"
@@ -100,7 +100,7 @@ def targets_that_moved(sightings: Sightings) -> Iterator[str]:
         yield (
             f"the target {named}{where} moved by {np.linalg.norm(one.by_mm):.2g} mm {when}, while the others stayed: "
             f"its {its_rows} a place of their own; fasten it"
-            + ("" if carrier == "base" else ", and state its offset as it is now")
+            + ("" if is_fixed else ", and state its offset as it is now")
         )
 
 
@@ -184,17 +184,11 @@ def _unturned_share(own: _Visits, place: int, others: Sequence[_Visits], moment:
     points = np.concatenate([one.stands_mm(at) for one, at in seen])
     jumps = np.concatenate([one.jumps_mm(at) for one, at in seen])
     middle = points.mean(axis=0)
-    columns = _rigid_columns(points - middle)
+    columns = rigid_columns(points - middle)
     rigid = np.linalg.lstsq(columns, jumps.reshape(-1), rcond=None)[0]
     by_mm = own.jump_mm(place)
-    left = by_mm - _rigid_columns(own.stands_mm(place)[:1] - middle) @ rigid
+    left = by_mm - rigid_columns(own.stands_mm(place)[:1] - middle) @ rigid
     return float((left**2).sum() / (by_mm**2).sum())
-
-
-def _rigid_columns(levers: Numbers) -> Numbers:
-    """Give how a shift and a turn move points (k, 3) from the middle, (3 k, 6)."""
-    turned = np.stack([np.cross(axis, levers) for axis in np.eye(3)], axis=2)
-    return np.concatenate([np.tile(np.eye(3), (len(levers), 1, 1)), turned], axis=2).reshape(-1, 6)
 
 
 def _shares(sightings: Sightings, targets: Sequence[_Visits], jumps_mm: Numbers) -> tuple[float, float]:
@@ -208,7 +202,7 @@ def _shares(sightings: Sightings, targets: Sequence[_Visits], jumps_mm: Numbers)
     spread, along = np.linalg.svd(offset_mm, full_matrices=False)[1:]
     if spread[1] > _FLAT * spread[0]:
         turn = Rotation.align_vectors(seen - seen.mean(axis=0), offset_mm)[0].as_matrix()
-        turned = _rigid_columns(offset_mm @ turn.T)
+        turned = rigid_columns(offset_mm @ turn.T)
         grown = np.column_stack([turned, (offset_mm @ turn.T).reshape(-1)])
     else:
         # On one line: whatever grows along it.

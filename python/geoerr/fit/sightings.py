@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
-from geoerr.observations import SAME_PLACE_MM
+from geoerr.observations import CARRIERS, SAME_PLACE_MM
 from geoerr.terms import is_column
 
 Numbers = npt.NDArray[np.float64]
@@ -175,6 +175,11 @@ class Sightings:
     def texts(self, column: str) -> list[str]:
         """Give a text column; an empty cell is ''."""
         return [value or "" for value in self.table[column].cast(pl.String).to_list()]
+
+    def place_of_target(self, row: int) -> str:
+        """Say where a row's target sits by its stated offset, and on what."""
+        x, y, z = self.offset_mm[row]
+        return f"({x:g}, {y:g}, {z:g}) mm on the {CARRIERS[self.carrier[row]]}"
 
     @property
     def covariate_columns(self) -> tuple[str, ...]:

@@ -18,9 +18,9 @@ import numpy as np
 from geoerr import _core
 from geoerr.commanded_circle import circle_through
 from geoerr.errors import GeometryError
-from geoerr.fit.moved_targets import times_moved
+from geoerr.fit.moved_targets import numbers_of_targets, times_moved
 from geoerr.fit.other_units import other_units
-from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import Machine
 from geoerr.observations import CARRIERS
 
@@ -131,7 +131,7 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     offsets[static] = 0.0
     has_first: set[int] = set()
     free = []
-    for rows in by_target(sightings, static, offsets):
+    for rows in by_target(sightings):
         session, carrier = int(sightings.session[rows[0]]), CARRIERS[sightings.carrier[rows[0]]]
         if sightings.frames[session] == "circle":
             continue
@@ -153,19 +153,15 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
 def moving_targets(sightings: Sightings) -> list[np.ndarray]:
     """Give the rows of each target that is not on the base, by its stated offset; `sightings.once` keeps them."""
     on_base = sightings.carrier == CARRIERS.index("base")
-    return [rows for rows in by_target(sightings, on_base, sightings.offset_mm) if not on_base[rows[0]]]
+    return [rows for rows in by_target(sightings) if not on_base[rows[0]]]
 
 
-def by_target(sightings: Sightings, static: np.ndarray, offset_mm: Numbers) -> list[np.ndarray]:
+def by_target(sightings: Sightings) -> list[np.ndarray]:
     """Give the rows of each target of each session, targets in the order of their first rows.
 
     One that moved while the others stayed is another one from then on.
     """
-    keys = [sightings.session, sightings.carrier, *np.round(offset_mm / SAME_POSITION_MM).astype(np.int64).T]
-    if static.any() and "target" in sightings.table.columns:
-        _, number = np.unique(np.asarray(sightings.texts("target")), return_inverse=True)
-        keys.append(np.where(static, number, 0))
-    keys.append(times_moved(sightings))
+    keys = [sightings.session, sightings.once("targets", numbers_of_targets), times_moved(sightings)]
     order = np.lexsort(keys)
     differs = np.any([np.diff(key[order]) != 0 for key in keys], axis=0)
     return sorted(np.split(order, np.flatnonzero(differs) + 1), key=lambda rows: int(rows[0]))

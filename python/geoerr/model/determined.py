@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
+from geoerr.geometry import rigid_columns
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import Numbers, contiguous
 from geoerr.model.conditions import Conditions
@@ -130,7 +131,7 @@ class Determination:
         blocks = [block for at in ends for block in self.columns(grid, offset, carrier, at, threads)]
         columns = np.concatenate(blocks)
         moved = (columns @ directions).reshape(3 * len(columns), -1)
-        rigid = np.tile(_rigid_columns(grid + offset), (len(ends), 1))
+        rigid = np.tile(rigid_columns(grid + offset), (len(ends), 1))
         left = moved - rigid @ np.linalg.lstsq(rigid, moved, rcond=None)[0]
         reach = (np.abs(columns) @ np.abs(directions)).max(axis=(0, 1))
         return np.asarray(np.abs(left).max(axis=0) > _NO_EFFECT * reach)
@@ -148,19 +149,3 @@ def _end_of(at: Conditions, end: Callable[[Numbers], float]) -> Conditions:
         name: value if isinstance(value, str) else float(end(np.asarray(value, dtype=np.float64)))
         for name, value in at.items()
     }
-
-
-def _rigid_columns(points_mm: Numbers) -> Numbers:
-    """Give how a shift and a small turn about the origin move points (n, 3): (3n, 6)."""
-    x, y, z = points_mm.T
-    zero = np.zeros_like(x)
-    turned = np.stack(
-        [
-            np.stack([zero, z, -y], axis=1),
-            np.stack([-z, zero, x], axis=1),
-            np.stack([y, -x, zero], axis=1),
-        ],
-        axis=1,
-    )
-    shift = np.broadcast_to(np.eye(3), (len(points_mm), 3, 3))
-    return np.concatenate([shift, turned], axis=2).reshape(3 * len(points_mm), 6)

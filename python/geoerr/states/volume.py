@@ -23,6 +23,7 @@ from geoerr import _core
 from geoerr.drawing import drawn
 from geoerr.errors import GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
+from geoerr.geometry import rigid_columns
 from geoerr.model.arrays import offsets, points
 from geoerr.states.chance import Largest, Spread, Test, deviations, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions, above_rounding, grid_mm
@@ -217,13 +218,6 @@ def volume_difference(
         turn_rad=motion[3:6],
         growth=motion[6:] if without_growth else None,
     )
-
-
-def rigid_columns(places_mm: Numbers) -> Numbers:
-    """Give how a shift and a small turn about the origin move places (n, 3): (3n, 6)."""
-    turned = np.cross(np.eye(3)[None, :, :], places_mm[:, None, :]).transpose(0, 2, 1)
-    shift = np.broadcast_to(np.eye(3), turned.shape)
-    return np.concatenate([shift, turned], axis=2).reshape(3 * len(places_mm), 6)
 
 
 def _refuse_flat(range_mm: Mapping[str, tuple[float, float]]) -> None:
