@@ -102,10 +102,10 @@ def _near(there: str, now: str) -> bool:
 
 def _done(block: re.Match[str], names: dict[str, Any]) -> str:
     mark, language, code = block["mark"] or "", block["language"], block["code"]
-    if mark == "not run" or language == "text":
-        return block[0]
     if mark.startswith("file: "):
         Path(mark.removeprefix("file: ")).write_text(code, encoding="utf-8")
+        return block[0]
+    if mark == "not run" or language == "text":
         return block[0]
     if language == "python":
         printed = _printed_by_python(code, names)

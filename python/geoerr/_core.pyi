@@ -597,6 +597,7 @@ class FitProblem:
         free_inner: list[int],
         shared: npt.NDArray[np.float64] | None,
         beside: FitProblem | None = None,
+        length: npt.NDArray[np.int64] | None = None,
     ) -> FitProblem: ...
     @property
     def n_columns(self) -> int: ...

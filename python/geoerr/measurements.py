@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from geoerr.errors import InputFileError
+from geoerr.errors import GeoerrError
 from geoerr.observations import (
     CircularTest,
     Lengths,
+    MeasuredTable,
     Observations,
     kind_of,
     read_circular_test,
@@ -35,7 +36,7 @@ class Measurements:
     circles
         Each circular test.
     lengths
-        Each table of measured lengths; none where a model is to be fitted.
+        Each table of measured lengths.
     point_files
         Where the points came from.
     """
@@ -46,14 +47,41 @@ class Measurements:
     point_files: tuple[Path, ...] = field(default=())
 
     @property
-    def tables(self) -> tuple[Observations | CircularTest, ...]:
+    def tables(self) -> tuple[MeasuredTable, ...]:
         """All tables, as a fit takes them: points first."""
-        return (*(() if self.points is None else (self.points,)), *self.circles)
+        return (*(() if self.points is None else (self.points,)), *self.circles, *self.lengths)
+
+    def points_alone(self, what: str, remedy: str) -> Observations:
+        """Give the points, where there is nothing else.
+
+        Parameters
+        ----------
+        what, remedy
+            What takes points alone, as `the arithmetic of nine lines takes`, and what to do otherwise.
+
+        Raises
+        ------
+        GeoerrError
+            where there are circular tests or lengths, or no points.
+        """
+        if self.points is None or self.circles or self.lengths:
+            raise GeoerrError(f"{what} measured points alone\nhint: {remedy}")
+        return self.points
+
+    @property
+    def has_lengths_only(self) -> bool:
+        """Whether there are measured lengths and nothing else: of these nothing has a place."""
+        return self.points is None and not self.circles and bool(self.lengths)
+
+    @property
+    def has_circles_only(self) -> bool:
+        """Whether there are circular tests and nothing else: they are diagnosed in their own way."""
+        return self.points is None and not self.lengths and bool(self.circles)
 
     @property
     def set_aside(self) -> tuple[RowProblem, ...]:
         """Rows that could not be used."""
-        return tuple(problem for table in (*self.tables, *self.lengths) for problem in table.set_aside)
+        return tuple(problem for table in self.tables for problem in table.set_aside)
 
     def place(self, file_row: int, numbers: Sequence[float]) -> str:
         """Say where a row of points stands: `file:row`, or the row alone where no one file has it.
@@ -75,7 +103,7 @@ class Measurements:
 
 
 def read_measurements(
-    paths: Sequence[Path], *, with_lengths: bool = False, ranges_mm: Mapping[str, tuple[float, float]] | None = None
+    paths: Sequence[Path], *, ranges_mm: Mapping[str, tuple[float, float]] | None = None
 ) -> Measurements:
     """Read OBS; `-` is a table of points on standard input.
 
@@ -83,27 +111,19 @@ def read_measurements(
     ----------
     paths
         The files.
-    with_lengths
-        Whether measured lengths can be used.
     ranges_mm
         Of the machine, by axis: rows that cannot be of it are set aside.
 
     Raises
     ------
     InputFileError
-        for a file of measured lengths where they cannot be used, and as the readers of each kind.
+        as the readers of each kind.
     """
     points: list[Path] = []
     circles: list[CircularTest] = []
     lengths: list[Lengths] = []
     for path in paths:
         kind = "points" if str(path) == "-" else kind_of(read_raw(path).columns)
-        if kind == "lengths" and not with_lengths:
-            raise InputFileError(
-                path,
-                "holds measured lengths, which no model is fitted to",
-                remedy="give measured points (x, y, z, mx, my, mz); `geoerr verify workpiece` takes lengths",
-            )
         if kind == "lengths":
             lengths.append(read_lengths(path))
         elif kind == "circle":

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Number
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -72,7 +72,7 @@ _LENGTH_ENDS = ("x1", "y1", "z1", "x2", "y2", "z2")
 LENGTH_COLUMNS = Schema(
     required=("feature", *_LENGTH_ENDS, "measured"),
     filled=(*_LENGTH_ENDS, "measured"),
-    numbers=(*_LENGTH_ENDS, "measured"),
+    numbers=(*_LENGTH_ENDS, "measured", "s_measured"),
     whole_numbers=("repeat",),
     texts=("feature", "group"),
 )
@@ -216,6 +216,10 @@ class Lengths:
         """Show what was measured, for a notebook."""
         facts = _counted(self.frame, ("feature", "group")) | _spans(self.frame, ("measured",))
         return _shown("Measured lengths", self.frame, facts, self.set_aside)
+
+
+# What a model can be held against, and fitted to.
+MeasuredTable: TypeAlias = Observations | CircularTest | Lengths
 
 
 def kind_of(columns: Iterable[str]) -> str:

@@ -466,12 +466,17 @@ def test_wrong_usage(folder: Path, arguments: tuple[str, ...], words: str) -> No
     assert words in " ".join(result.stderr.replace("│", " ").split())
 
 
-def test_lengths_are_refused_with_a_remedy(folder: Path) -> None:
-    (folder / "lengths.csv").write_text("feature,x1,y1,z1,x2,y2,z2,measured\na,0,0,0,1,0,0,1\n")
-    result = run(folder, files=("lengths.csv",))
-    assert isinstance(result.exception, InputFileError)
-    assert "measured lengths" in str(result.exception)
-    assert "hint: give measured points" in str(result.exception)
+def test_lengths_are_fitted_and_their_error_stands_by_itself(folder: Path) -> None:
+    rows = [f"f{k},0,50,0,{100 + 20 * k},50,0,{(100 + 20 * k) * 1.001 + 0.002 * (-1) ** k},0" for k in range(8)]
+    (folder / "lengths.csv").write_text("\n".join(["feature,x1,y1,z1,x2,y2,z2,measured,repeat", *rows]) + "\n")
+    options = ("--components", "none", "--add", "scale:x")
+    result = run(folder, *options, files=("lengths.csv",))
+    assert result.exit_code == 0, result.exception
+    assert "8 lengths" in result.stdout
+    assert "residual of the lengths, rms" in result.stdout
+    after = json.loads(run(folder, *options, "--json", files=("lengths.csv",)).stdout)["after"]
+    assert (after["n_lengths"], after["n"]) == (8, 8)
+    assert after["rmse_um"] == after["length_rms_um"] == pytest.approx(2.0, abs=0.2)
 
 
 @pytest.mark.parametrize("name", ["grid.csv", "machine.toml", "own.toml"])

@@ -156,9 +156,6 @@ def test_nothing_but_json_on_standard_output_and_the_same_bytes(folder: Path) ->
 
 
 def test_refusals(folder: Path) -> None:
-    result = run(folder, "machine.toml", "lengths.csv", "--refit")
-    assert isinstance(result.exception, GeoerrError)
-    assert "measured lengths" in str(result.exception)
     result = run(folder, "nothing.json", "points.csv")
     assert isinstance(result.exception, InputFileError)
     result = run(folder, "machine.toml", "points.csv", "--report", str(folder / "points.csv"))

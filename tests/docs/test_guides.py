@@ -64,6 +64,14 @@ def test_what_it_prints_is_what_stands_there(name: str) -> None:
     assert not make.differences(page, made)
 
 
+@pytest.mark.parametrize("name", RUN)
+def test_a_reader_is_told_the_names_of_files(name: str) -> None:
+    """What names a file for whoever runs the page is a comment, which nobody sees who reads it."""
+    page = text_of(name)
+    for mark in _FILE.finditer(page):
+        assert f"`{mark[1]}`" in page[: mark.start()], mark[1]
+
+
 def test_what_differs_is_told() -> None:
     """Words to the letter; numbers to what another processor makes of them."""
     page = "the model 0123456789ab\nis off by 0.104 mm, p = 2.1e-9\n\nand the end\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from virtual_machine import Camera, camera, draw_truth, li_nine_lines, machine_o
 
 from geoerr.cli import identify as verb
 from geoerr.error_functions import ALL_NAMES, read_errors
-from geoerr.errors import GeometryError, InputFileError
+from geoerr.errors import GeoerrError, GeometryError, InputFileError
 from geoerr.identify import identify_nine_line
 from geoerr.identify.joint import identify_joint
 from geoerr.machine import write_machine
@@ -210,3 +211,31 @@ def test_rig_without_covariance_or_pixels_is_refused(folder: Path, method: str) 
     result = run(folder, "--method", method, "--rig", str(folder / "rig.json"))
     assert isinstance(result.exception, GeometryError)
     assert "no pixels" in str(result.exception)
+
+
+def test_radii_and_lengths_tell_what_they_can(folder: Path) -> None:
+    """Sides and diagonals of 3 x 3 marks whose columns lean by 1 mrad; a circle of it alone tells none of the 21."""
+    angle, skew = np.linspace(0.0, 2.0 * np.pi, 90), 1e-3
+    places = {"x": 200.0 + 80.0 * np.cos(angle), "y": 200.0 + 80.0 * np.sin(angle), "z": np.full(90, 50.0)}
+    radii = {"line": "c", **places, "r": 80.0 - 40.0 * skew * np.sin(2.0 * angle), "sr": 1e-3}
+    pl.DataFrame(radii).write_csv(folder / "circle.csv")
+    marks = [np.array([x, y, 50.0]) for x in (50.0, 200.0, 350.0) for y in (50.0, 200.0, 350.0)]
+    table = ["feature,x1,y1,z1,x2,y2,z2,measured,s_measured"]
+    for one, two in itertools.combinations(marks, 2):
+        made = two - one - skew * (two - one)[1] * np.array([1.0, 0.0, 0.0])
+        table.append(",".join(map(str, ["f", *one, *two, np.linalg.norm(made), 0.001])))
+    (folder / "lengths.csv").write_text("\n".join(table) + "\n")
+    for files in (("circle.csv",), ("lengths.csv",), ("lengths.csv", "circle.csv")):
+        first, *others = files
+        more = [str(folder / name) for name in others]
+        result = run(folder, *more, "--json", observations=first)
+        assert result.exit_code == 0, result.exception
+        errors = json.loads(result.stdout)["errors"]
+        assert ("EC0Y" in errors) == ("lengths.csv" in files)
+        if "EC0Y" in errors:
+            # A lean shortens its axis by half its square.
+            assert errors["EC0Y"]["value_urad"] == pytest.approx(1e6 * skew, abs=4.0 * errors["EC0Y"]["std_urad"])
+            assert errors["EC0Y"]["std_urad"] < 10.0
+        refused = run(folder, *more, *NINE_LINE, observations=first)
+        assert isinstance(refused.exception, GeoerrError)
+        assert "measured points alone" in str(refused.exception)

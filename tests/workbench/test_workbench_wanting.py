@@ -54,9 +54,9 @@ def test_of_lengths_alone_the_page_says_what_they_tell_and_what_not(tmp_path: Pa
     lengths.write_bytes(LENGTHS)
     session = begin_session([machine, lengths], None, threads=1)
     settle(session)
-    assert "no model is fitted to them" in said(session)
+    assert "geoerr diagnose take lengths alone" in said(session)
     told = texts(wiring.panels(session)["given"])
-    assert "no model is fitted to them" in told
+    assert "geoerr diagnose take lengths alone" in told
     residual = f"{session.step.figures['rmse_um']:.1f}"
     _, history = told.split("Models so far")
     assert "Residual, µm" in history

@@ -5,8 +5,8 @@ use geoerr_core::expression::{Definitions, Expression, Symbols};
 use geoerr_core::kinematics::{Axis, Carrier, Chain, Channel, Pose};
 use geoerr_core::least_squares::{Design, Matrix};
 use geoerr_core::volumetric::{
-    Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricModel, WhitenedDesign,
-    channel_values, displacements,
+    Frame, Part, Problem, Rows, Shape, Sightings, State, Term, VolumetricError, VolumetricModel,
+    WhitenedDesign, channel_values, displacements,
 };
 
 use crate::draws::Draws;
@@ -93,9 +93,12 @@ fn problem(chain: &str) -> (Problem, State) {
         Frame::Positions { pose, pivot_mm: [200.0; 3], turns: true },
         Frame::Positions { pose: Pose::default(), pivot_mm: [0.0; 3], turns: false },
         Frame::Circle { centre_mm: [210.0, 190.0, 5.0], excess_mm: 0.1 },
+        Frame::Lengths,
     ];
-    // Whitening of circles sees the radius only; of some rows of the second session one component.
-    let session: Vec<usize> = (0..n_rows).map(|row| row % 3).collect();
+    // Whitening of circles and lengths sees one number only; of some rows of the second session one component.
+    let session: Vec<usize> = (0..n_rows).map(|row| row % 4).collect();
+    // Ends of a length are seen from the same carrier, and need not stand together.
+    let length = (0..n_rows).map(|row| (row % 4 == 3).then_some(row / 4 % 5)).collect();
     let whitening = session
         .iter()
         .enumerate()
@@ -110,6 +113,7 @@ fn problem(chain: &str) -> (Problem, State) {
         measured_mm: (0..n_rows).map(|_| draws.three(300.0)).collect(),
         whitening,
         session,
+        length,
         shared: (0..n_rows * 6).map(|_| draws.symmetric()).collect(),
         n_shared: 2,
         rows,
@@ -398,4 +402,52 @@ fn displacements_add_the_parts_on_their_channels() {
     assert!((values.at(0)[Channel::parse("EYY").unwrap().index()] - growth).abs() < 1e-15);
     let moved = displacements(&model, &rows, &theta, &[70.0]).unwrap();
     assert!((moved[0][0] - 0.25).abs() < 1e-15 && (moved[0][1] - growth).abs() < 1e-15 && moved[0][2] == 0.0);
+}
+
+#[test]
+fn ends_of_a_length_have_half_each_of_what_it_is_off() {
+    let (problem, mut state) = problem("wYbXZt");
+    state.coefficients.iter_mut().enumerate().for_each(|(k, value)| *value = 1e-3 * (k as f64).sin());
+    state.shared = vec![0.0; 2];
+    let residuals = problem.residuals(&state).unwrap();
+    let Sightings { rows, measured_mm, length, .. } = problem.sightings();
+    let moved = displacements(problem.model(), rows, &state.coefficients, &state.inner).unwrap();
+    let place = |row: usize| {
+        let chain = problem.model().chain();
+        let tool = problem.model().tool_offset_mm();
+        let nominal = chain.nominal(rows.carriers[row], &rows.q_mm[row], &rows.offset_mm[row], tool);
+        [0, 1, 2].map(|c| nominal[c] + moved[row][c])
+    };
+    for number in 0..5 {
+        let ends: Vec<usize> = (0..problem.n_rows()).filter(|&row| length[row] == Some(number)).collect();
+        let (one, two) = (place(ends[0]), place(ends[1]));
+        let distance = (0..3).map(|c| (two[c] - one[c]).powi(2)).sum::<f64>().sqrt();
+        let off = measured_mm[ends[1]][0] - distance;
+        // What both have in common is where the middle lies.
+        let apart = residuals[ends[1]][0] - residuals[ends[0]][0];
+        let own = 0.5 * (off + measured_mm[ends[0]][0] - distance);
+        assert!((apart - own).abs() < 1e-9, "{number}: {apart} {own}");
+    }
+}
+
+#[test]
+fn a_length_has_two_ends_that_are_apart() {
+    let (problem, state) = problem("wYbXZt");
+    let again = |change: fn(&mut Sightings)| {
+        let mut sightings = problem.sightings().clone();
+        change(&mut sightings);
+        Problem::new(problem.model().clone(), sightings, &state.frames, vec![0]).map(|_| ())
+    };
+    assert_eq!(again(|_| ()), Ok(()));
+    let one_end = again(|sightings| sightings.length[3] = None);
+    assert!(matches!(one_end, Err(VolumetricError::Ends { n_ends: 1, .. })), "{one_end:?}");
+    let three_ends = again(|sightings| sightings.length[0] = Some(0));
+    assert!(matches!(three_ends, Err(VolumetricError::Ends { row: 0, n_ends: 3 })), "{three_ends:?}");
+    let of_one_place = again(|sightings| {
+        sightings.rows.q_mm[23] = sightings.rows.q_mm[3];
+        sightings.rows.offset_mm[23] = sightings.rows.offset_mm[3];
+    });
+    assert_eq!(of_one_place, Err(VolumetricError::NoExtent { row: 3 }));
+    let short = again(|sightings| sightings.length.truncate(7));
+    assert!(matches!(short, Err(VolumetricError::Length { what: "length", .. })), "{short:?}");
 }

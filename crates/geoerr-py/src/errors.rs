@@ -212,9 +212,11 @@ impl From<VolumetricError> for CoreError {
         use VolumetricError as E;
         let message = error.to_string();
         match error {
-            E::PartCoefficients { .. } | E::Length { .. } | E::Session { .. } => {
-                Self(ShapeError::new_err(message))
-            }
+            E::PartCoefficients { .. }
+            | E::Length { .. }
+            | E::Session { .. }
+            | E::Ends { .. }
+            | E::NoExtent { .. } => Self(ShapeError::new_err(message)),
             E::Expression(error) => error.into(),
             E::Kinematics(error) => error.into(),
             E::LeastSquares(error) => error.into(),

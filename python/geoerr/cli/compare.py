@@ -66,7 +66,7 @@ def compare_verb(
     inputs = files_given(model, observations, rig)
     check_output(report, inputs)
     known = load_model(model)
-    measured = read_measurements(observations, with_lengths=True, ranges_mm=known.machine.ranges_mm)
+    measured = read_measurements(observations, ranges_mm=known.machine.ranges_mm)
     with progress_bar("compare", quiet) as advance:
         n_steps = 3
         advance(0, n_steps)
@@ -74,7 +74,6 @@ def compare_verb(
         comparison = compare(
             known,
             *measured.tables,
-            *measured.lengths,
             refit=refit,
             rig_sensitivity=sensitivity,
             rig_covariance=covariance,

@@ -71,13 +71,7 @@ def comparison_lines(comparison: Comparison, document: Mapping[str, Any], places
 
 
 def _data_in_words(comparison: Comparison) -> str:
-    texts = []
-    if comparison.fitted is not None:
-        sightings = comparison.fitted.sightings
-        texts.append(f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')}")
-    if comparison.lengths is not None:
-        texts.append(counted(len(comparison.lengths), "length"))
-    return ", ".join(texts)
+    return comparison.whole.sightings.in_words()
 
 
 def _expected(comparison: Comparison) -> Iterator[str]:

@@ -92,7 +92,7 @@ def diagnose_verb(
     sensitivity, covariance = calibration(rig, measured.points)
     diagnosis: Diagnosis | CircleDiagnosis
     with progress_bar("diagnose", quiet, says_steps=True) as advance:
-        if measured.points is None and not refit:
+        if measured.has_circles_only and not refit:
             diagnosis = diagnose_circles(
                 known, *measured.circles, effects=own, progress=advance, on_step=advance.say, threads=threads
             )

@@ -80,8 +80,7 @@ def _between_passes(diagnosis: Diagnosis) -> Iterator[str]:
 def _data(diagnosis: Diagnosis) -> Iterator[str]:
     sightings = diagnosis.fitted.sightings
     machine = diagnosis.fitted.machine
-    rows = f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')}"
-    yield from wrapped(f"{machine.name} ({machine.chain}): {rows}")
+    yield from wrapped(f"{machine.name} ({machine.chain}): {sightings.in_words()}")
     if diagnosis.comparison is not None:
         yield from wrapped(_MEANINGS[diagnosis.comparison.freedom])
 

@@ -246,7 +246,7 @@ def _measurements(path: Path) -> tuple[str, tuple[str, ...]]:
     from geoerr.fit.columns import unread_columns, unused_uncertainties
     from geoerr.measurements import read_measurements
 
-    measured = read_measurements([path], with_lengths=True)
+    measured = read_measurements([path])
     tables = {
         "measured points": [] if measured.points is None else [measured.points.frame.height],
         "points of circles": [test.frame.height for test in measured.circles],

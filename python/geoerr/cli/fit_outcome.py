@@ -67,8 +67,8 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
     machine = fitted.machine
     lines = wrapped(
         f"{machine.name} ({machine.chain}): {'no' if components == 'none' else components} components, "
-        f"{counted(outcome.n_added, 'effect')}; {counted(len(fitted.sightings), 'row')} in "
-        f"{counted(fitted.sightings.n_passes, 'pass')}, {counted(fitted.n_parameters, 'parameter')}"
+        f"{counted(outcome.n_added, 'effect')}; {fitted.sightings.in_words()}, "
+        f"{counted(fitted.n_parameters, 'parameter')}"
     )
     lines += [
         "",

@@ -122,6 +122,10 @@ def figure_rows(columns: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         yield _figure_row(
             "residual of the radii, rms", [_figure(figures.get("radial_rms_um")) for figures in documents]
         )
+    if any(figures.get("n_lengths") for figures in documents):
+        yield _figure_row(
+            "residual of the lengths, rms", [_figure(figures.get("length_rms_um")) for figures in documents]
+        )
     for name, key in _FIGURES.items():
         values = [figures.get(key) for figures in documents]
         if key in _ALWAYS_SHOWN or any(value is not None for value in values):

@@ -59,7 +59,10 @@ def register(app: typer.Typer) -> None:
 
 def identify(
     observations: Annotated[
-        list[Path], typer.Argument(metavar="OBS...", help="Measured points (.csv, .parquet; - is standard input).")
+        list[Path],
+        typer.Argument(
+            metavar="OBS...", help="Measured points, circular tests, lengths (.csv, .parquet; - is standard input)."
+        ),
     ],
     machine: MachineFile,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="errors.json to write.")] = None,
@@ -77,7 +80,7 @@ def identify(
     quiet: QuietFlag = False,
     threads: Threads = 0,
 ) -> None:
-    """Find the 21 geometric errors of a machine from measured points."""
+    """Find the 21 geometric errors of a machine from what was measured."""
     if method is Method.JOINT and roll is Roll.LI:
         raise typer.BadParameter(
             "Li's root takes roll from one pair of lines; the joint fit has no such step: add --method nine-line",
@@ -89,18 +92,20 @@ def identify(
     from geoerr.identify import NineLineResult, analyze_nine_lines
     from geoerr.identify.joint import JointResult, identify_joint
     from geoerr.machine import read_machine
-    from geoerr.observations import read_observations
+    from geoerr.measurements import read_measurements
     from geoerr.report.provenance import provenance_of_command
 
     inputs = files_given(observations, machine, rig)
     check_output(output, inputs)
     described = read_machine(machine)
-    table = read_observations(*observations, ranges_mm=described.ranges_mm)
-    sensitivity, covariance = calibration(rig, table)
+    measured = read_measurements(observations, ranges_mm=described.ranges_mm)
+    sensitivity, covariance = calibration(rig, measured.points)
     result: NineLineResult | JointResult
     if method is Method.NINE_LINE:
         result = analyze_nine_lines(
-            table,
+            measured.points_alone(
+                "the arithmetic of nine lines takes", "leave --method out: the joint fit takes all"
+            ),
             described,
             straightness=straightness.value,
             roll=roll.value,
@@ -111,7 +116,7 @@ def identify(
         with progress_bar("identify", quiet) as advance:
             advance(0, 1)
             result = identify_joint(
-                table,
+                measured.tables,
                 described,
                 straightness=straightness.value,
                 rig_sensitivity=sensitivity,
@@ -127,14 +132,14 @@ def identify(
                 "output": None if output is None else str(output),
                 **result.errors.to_document(),
                 **null_for_nan(result.to_document()),
-                "set_aside": [str(problem) for problem in table.set_aside],
+                "set_aside": [str(problem) for problem in measured.set_aside],
                 "provenance": provenance_of_command(inputs).to_document(),
             }
         )
         return
     for line in identification_lines(result):
         say(line)
-    print_notes(result, table, quiet)
+    print_notes(result, measured.set_aside, quiet)
     if rig is None and isinstance(result, JointResult):
         note("note: the calibration's uncertainty is not included", quiet)
     if output is not None:

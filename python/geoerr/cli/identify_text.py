@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from geoerr.cli.fit_text import (
     error_rows,
     figure_rows,
@@ -16,8 +18,8 @@ from geoerr.error_functions import ALL_NAMES, LI_NAMES
 from geoerr.fit import figures_document
 from geoerr.identify import NineLineResult, TangentVerdict
 from geoerr.identify.joint import JointResult
-from geoerr.observations import Observations
 from geoerr.summaries import counted
+from geoerr.tables import RowProblem
 
 _UM_PER_MM = 1e3
 
@@ -53,9 +55,8 @@ def _fit_in_words(result: JointResult) -> list[str]:
     fitted = result.result.fitted
     sightings = fitted.sightings
     lines = wrapped(
-        f"{counted(len(sightings), 'row')} in {counted(sightings.n_passes, 'pass')} and "
-        f"{counted(len(sightings.sessions), 'session')}; {fitted.problem.n_columns} unknowns, of which "
-        f"{fitted.solved.solution.rank} are determined"
+        f"{sightings.in_words()} and {counted(len(sightings.sessions), 'session')}; "
+        f"{fitted.problem.n_columns} unknowns, of which {fitted.solved.solution.rank} are determined"
     )
     lines += ["", *figure_rows({"": figures_document(fitted)}), ""]
     for sentence in quality_in_words(fitted):
@@ -94,9 +95,9 @@ def _verdict(verdict: TangentVerdict) -> str:
     return f"{head}   p = {verdict.p_value:<8.2g} {answer}"
 
 
-def print_notes(result: NineLineResult | JointResult, table: Observations, quiet: bool) -> None:
+def print_notes(result: NineLineResult | JointResult, set_aside: Sequence[RowProblem], quiet: bool) -> None:
     """Say on standard error what took no part."""
-    note_set_aside(table.set_aside, quiet)
+    note_set_aside(set_aside, quiet)
     left_out = result.left_out if isinstance(result, NineLineResult) else result.result.fitted.sightings.left_out
     note_left_out(left_out, quiet)
     for sentence in result.errors.notes:

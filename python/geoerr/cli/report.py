@@ -77,8 +77,8 @@ def report_verb(
     known = load_model(model)
     measured = None
     if observations:
-        measured = read_measurements(observations, with_lengths=True, ranges_mm=known.machine.ranges_mm)
-    tables = () if measured is None else (*measured.tables, *measured.lengths)
+        measured = read_measurements(observations, ranges_mm=known.machine.ranges_mm)
+    tables = () if measured is None else measured.tables
     set_aside = () if measured is None else measured.set_aside
     sensitivity, covariance = calibration(rig, None if measured is None else measured.points)
     given = followed_conditions(at, followed_on_circle(known), quiet)

@@ -19,12 +19,12 @@ from geoerr.fit import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.model.called import check_model, check_tables
-from geoerr.observations import CircularTest, Observations
+from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observations
 
 
 def diagnose(
     subject: Model | Fitted,
-    *tables: Observations | CircularTest,
+    *tables: MeasuredTable,
     effects: Sequence[Effect] = (),
     refit: bool = False,
     rig_sensitivity: Numbers | None = None,
@@ -79,7 +79,7 @@ def diagnose(
         steps.end()
         return found
     check_model(subject, tables, "diagnose(model, observations)")
-    check_tables(tables, "diagnose(model, observations)", Observations, CircularTest)
+    check_tables(tables, "diagnose(model, observations)", Observations, CircularTest, Lengths)
     if all(isinstance(table, CircularTest) for table in tables):
         raise GeoerrError(
             "circular tests alone have causes and noise of their own\n"
@@ -97,7 +97,7 @@ def diagnose(
 
 def _of_comparison(comparison: Comparison, known: Catalogue, steps: Steps, threads: int) -> Diagnosis:
     """Search what a model leaves, as it is held or fitted."""
-    fitted, held, doubt = comparison.points, list[str](), None
+    fitted, held, doubt = comparison.whole, list[str](), None
     # A model that is held has its terms outside the fit.
     if comparison.is_held:
         # Of an effect that it has the machine may have come to have more.

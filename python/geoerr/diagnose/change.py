@@ -40,7 +40,7 @@ from geoerr.fit.variables import lacks_some
 from geoerr.fit.wavy import may_be_followed
 from geoerr.model import HistoryEntry, Model
 from geoerr.model.called import check_model, check_tables, kind_of
-from geoerr.observations import CircularTest, Observations
+from geoerr.observations import CircularTest, MeasuredTable, Observations
 from geoerr.terms import EffectReference, Term, parse_effect_reference
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Change:
 
 def add_effect(
     model: Model,
-    *tables: Observations | CircularTest,
+    *tables: MeasuredTable,
     reference: str | EffectReference,
     effects: Sequence[Effect] = (),
     way: Way | None = None,
@@ -158,7 +158,7 @@ def add_effect(
     return _added(model, data, own, found.terms, found.reference, found.title)
 
 
-def _checked_known(known: Fitted | FitResult | None, tables: Sequence[Observations | CircularTest]) -> Fitted | None:
+def _checked_known(known: Fitted | FitResult | None, tables: Sequence[MeasuredTable]) -> Fitted | None:
     """Give the fit that is known; refuse one of other measurements: what it says would be taken for theirs.
 
     Raises
@@ -198,7 +198,7 @@ def _refuse_held(model: Model, *names: str) -> None:
 
 def add_terms(
     model: Model,
-    tables: Sequence[Observations | CircularTest],
+    tables: Sequence[MeasuredTable],
     terms: Sequence[Term],
     reference: str,
     title: str,
@@ -313,7 +313,7 @@ def _are_of_the_same_rows(one: Fitted, other: Fitted) -> bool:
 
 def remove_terms(
     model: Model,
-    tables: Sequence[Observations | CircularTest],
+    tables: Sequence[MeasuredTable],
     reference: str,
     *,
     rig_sensitivity: Numbers | None = None,
@@ -378,7 +378,7 @@ class _Data:
     `steps` is told what comes next.
     """
 
-    tables: Sequence[Observations | CircularTest]
+    tables: Sequence[MeasuredTable]
     rig_sensitivity: Numbers | None
     rig_covariance: Numbers | None
     threads: int

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from geoerr.diagnose.components import Component, components_of
-from geoerr.diagnose.document import document_of
-from geoerr.diagnose.lengths import LengthComparison, compare_lengths
+from geoerr.diagnose.document import document_of, worst_first
+from geoerr.diagnose.lengths import LengthComparison, lengths_of
 from geoerr.diagnose.own_uncertainty import OwnUncertainty, own_uncertainty
 from geoerr.diagnose.parts import Part, by_carrier, by_direction, by_session, by_target, by_text
 from geoerr.diagnose.regions import Region, regions_of
@@ -41,7 +41,7 @@ from geoerr.model.called import check_model, check_tables
 from geoerr.model.conditions import Conditions
 from geoerr.model.sessions import since_last_session
 from geoerr.model.tables import terms_of_errors
-from geoerr.observations import CircularTest, Lengths, Observations
+from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observations
 from geoerr.terms import Term
 
 if TYPE_CHECKING:
@@ -64,16 +64,21 @@ class Comparison:
         As it was given.
     freedom
         Whether its coefficients took part (`own`, `refit`) or only the measuring frames did (`held`).
-    fitted
-        The fit behind the figures: residuals, frames, repeats, held-out passes. None where there are lengths only.
+    whole
+        The fit behind the figures: residuals, frames, repeats, held-out passes.
     lengths
         Measured lengths and the model's; None where there are none.
     """
 
     model: Model
     freedom: Freedom
-    fitted: Fitted | None
+    whole: Fitted
     lengths: LengthComparison | None = None
+
+    @property
+    def fitted(self) -> Fitted | None:
+        """The fit behind the figures of points and radii; None where there are measured lengths only."""
+        return None if self.whole.sightings.has_lengths_only else self.whole
 
     @property
     def is_held(self) -> bool:
@@ -89,9 +94,10 @@ class Comparison:
         GeoerrError
             where there are measured lengths only.
         """
-        if self.fitted is None:
+        fitted = self.fitted
+        if fitted is None:
             raise GeoerrError("there are measured lengths only: these have no place, line or direction")
-        return self.fitted
+        return fitted
 
     @property
     def residual_mm(self) -> Numbers:
@@ -106,10 +112,8 @@ class Comparison:
     @property
     def rmse_um(self) -> float:
         """The headline: of positions, or of radii, or of lengths, the first that there is."""
-        headline = None if self.fitted is None else self.fitted.figures.headline_um
-        if headline is not None:
-            return headline
-        return math.nan if self.lengths is None else self.lengths.rms_um
+        headline = self.whole.figures.headline_um
+        return math.nan if headline is None else headline
 
     @cached_property
     def components(self) -> tuple[Component, ...]:
@@ -158,10 +162,8 @@ class Comparison:
 
     @cached_property
     def worst(self) -> np.ndarray:
-        """Rows from the worst on, (n,): by the length of the residual, of all rows that were measured."""
-        fitted = self.points
-        square = (np.where(fitted.sightings.is_measured, fitted.residual_mm, 0.0) ** 2).sum(axis=1)
-        return np.argsort(-square, kind="stable")
+        """Rows from the worst on, (n,): by the length of the residual, of all that were measured."""
+        return worst_first(self.points)
 
     @cached_property
     def own_uncertainty(self) -> OwnUncertainty | None:
@@ -245,7 +247,7 @@ class Comparison:
 
 def compare(
     model: Model,
-    *tables: Observations | CircularTest | Lengths,
+    *tables: MeasuredTable,
     refit: bool = False,
     rows: np.ndarray | None = None,
     rig_sensitivity: Numbers | None = None,
@@ -282,21 +284,8 @@ def compare(
     """
     check_model(model, tables, "compare(model, observations)")
     check_tables(tables, "compare(model, observations)", Observations, CircularTest, Lengths)
-    lengths = [table for table in tables if isinstance(table, Lengths)]
-    others = [table for table in tables if not isinstance(table, Lengths)]
-    if refit and not others:
-        raise GeoerrError(
-            "no model is fitted to measured lengths\nhint: leave the refit out, or give measured points"
-        )
     terms = all_terms(model)
-    compared = (
-        None
-        if not lengths
-        else compare_lengths(since_last_session(_refusing_unknown(model)), lengths, threads=threads)
-    )
-    if not others:
-        return Comparison(model, "held", None, compared)
-    sightings = within_the_machine(sightings_of(*others), model.machine)
+    sightings = within_the_machine(sightings_of(*tables), model.machine)
     is_own = _is_own_data(model, sightings, terms)
     if rows is not None:
         sightings = _selected(sightings, rows)
@@ -305,7 +294,7 @@ def compare(
             model.machine,
             sightings,
             terms,
-            tables=others,
+            tables=tables,
             rig_sensitivity=rig_sensitivity,
             rig_covariance=rig_covariance,
             threads=threads,
@@ -313,10 +302,10 @@ def compare(
     else:
         now = since_last_session(_refusing_unknown(model))
         fitted = frames_only(now.machine, sightings, all_terms(now), threads=threads)
-    return Comparison(model, "own" if is_own else "refit" if refit else "held", fitted, compared)
+    return Comparison(model, "own" if is_own else "refit" if refit else "held", fitted, lengths_of(fitted, sightings))
 
 
-def common_rows(models: Iterable[Model], *tables: Observations | CircularTest) -> np.ndarray:
+def common_rows(models: Iterable[Model], *tables: MeasuredTable) -> np.ndarray:
     """Tell which measured rows have the covariates of all models, (n,): models are compared on these."""
     sightings = sightings_of(*tables)
     masks = [has_covariates(model.machine, sightings, all_terms(model)) for model in models]

@@ -1,4 +1,4 @@
-"""Residuals component by component: x, y, z of the base frame, and radii of circular tests."""
+"""Residuals component by component: x, y, z of the base frame, radii of circular tests, and lengths."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.fit import Fitted
+from geoerr.fit.lengths import is_told
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 
 RADIUS = "radius"
+LENGTH = "length"
 UM_PER_MM = 1e3
 
 
@@ -21,9 +23,10 @@ class Component:
     Attributes
     ----------
     name
-        `x`, `y`, `z` or `radius`.
+        `x`, `y`, `z`, `radius` or `length`.
     residual_um : (n,)
-        Measured minus predicted; NaN where it was not measured or the row takes no part.
+        Measured minus predicted; NaN where it was not measured or the row takes no part. Of a length at its second
+        end, and NaN at its first.
     """
 
     name: str
@@ -37,18 +40,19 @@ class Component:
 
 def is_circle(fitted: Fitted) -> np.ndarray:
     """Tell which rows are radii of circular tests, (n,)."""
-    sightings = fitted.sightings
-    return np.asarray(np.array([kind == "circle" for kind in sightings.frames])[sightings.session])
+    return fitted.sightings.of_kind("circle")
 
 
 def components_of(fitted: Fitted) -> tuple[Component, ...]:
     """Give the components that were measured in any row that takes part."""
-    circle = is_circle(fitted)
+    circle, of_lengths = is_circle(fitted), fitted.sightings.of_kind("lengths")
     used = fitted.solved.used
     residual_um = fitted.residual_mm * UM_PER_MM
     found = []
     for index, axis in enumerate(AXES):
-        seen = fitted.sightings.is_measured[:, index] & used & ~circle
+        seen = fitted.sightings.is_measured[:, index] & used & ~(circle | of_lengths)
         found.append(Component(axis, np.where(seen, residual_um[:, index], np.nan)))
     found.append(Component(RADIUS, np.where(circle & used, residual_um[:, 0], np.nan)))
+    is_length = of_lengths & is_told(fitted.sightings)[:, 0]
+    found.append(Component(LENGTH, np.where(is_length & used, residual_um[:, 0], np.nan)))
     return tuple(component for component in found if component.is_known.any())

@@ -10,6 +10,7 @@ from geoerr.diagnose.components import UM_PER_MM
 from geoerr.diagnose.lengths import LengthComparison
 from geoerr.diagnose.parts import Part, by_text
 from geoerr.fit import Fitted, figures_document
+from geoerr.fit.lengths import is_told
 from geoerr.machine import AXES
 
 if TYPE_CHECKING:
@@ -149,15 +150,22 @@ def _lengths(lengths: LengthComparison) -> dict[str, Any]:
 
 def worst_rows(fitted: Fitted, most: int = _MOST_WORST) -> list[dict[str, Any]]:
     """Give the rows with the longest residuals, whether the fit used them or not."""
-    square = (np.where(fitted.sightings.is_measured, fitted.residual_mm, 0.0) ** 2).sum(axis=1)
-    return _rows(fitted, np.argsort(-square, kind="stable")[:most])
+    return _rows(fitted, worst_first(fitted)[:most])
+
+
+def worst_first(fitted: Fitted) -> np.ndarray:
+    """Give the rows from the longest residual on; of a length its second end."""
+    told = is_told(fitted.sightings)
+    square = (np.where(told, fitted.residual_mm, 0.0) ** 2).sum(axis=1)
+    order = np.argsort(-square, kind="stable")
+    return np.asarray(order[told[order].any(axis=1)])
 
 
 def _rows(fitted: Fitted, rows: np.ndarray) -> list[dict[str, Any]]:
     """Give rows: line, commanded position, residual, whether the fit left them out."""
     sightings = fitted.sightings
     lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
-    residual_um = np.where(sightings.is_measured, fitted.residual_mm * UM_PER_MM, np.nan)
+    residual_um = np.where(is_told(sightings), fitted.residual_mm * UM_PER_MM, np.nan)
     return [
         {
             "line": lines[row],

@@ -1,20 +1,15 @@
-"""Measured lengths of a workpiece held against a model: |P(end) − P(start)|, with no frame to fit.
-
-The distance between two points that the machine made does not depend on where the piece lies when it is measured.
-"""
+"""Measured lengths of a workpiece held against a model: |P(end) − P(start)|, with no frame to fit."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
 
-from geoerr.errors import GeoerrError
+from geoerr.fit import Fitted, Sightings
+from geoerr.fit.lengths import other_ends
 from geoerr.fit.sightings import Numbers
-from geoerr.model import Model
-from geoerr.observations import Lengths
 
 _UM_PER_MM = 1e3
 _ENDS = (("x1", "y1", "z1"), ("x2", "y2", "z2"))
@@ -80,39 +75,29 @@ class LengthComparison:
         return np.asarray(self.frame[name].cast(pl.Float64).to_numpy())
 
 
-def compare_lengths(model: Model, tables: Sequence[Lengths], *, threads: int = 0) -> LengthComparison:
-    """Hold a model against lengths.
+def lengths_of(fitted: Fitted, given: Sightings) -> LengthComparison | None:
+    """Take the lengths out of a fit; None where there are none.
 
-    Raises
-    ------
-    GeoerrError
-        naming the conditions that the model needs and the table has no column for.
+    Parameters
+    ----------
+    given
+        What was measured, with the rows that lack a condition.
     """
-    frame = pl.concat([table.frame for table in tables], how="diagonal_relaxed")
-    absent = [name for name in model.conditions if name not in frame.columns]
-    if absent:
-        raise GeoerrError(
-            f"the lengths have no column {absent[0]!r}, which the model needs\n"
-            f"hint: add it, with the value while the piece was made; the columns are {', '.join(frame.columns)}"
-        )
-    conditions = {name: frame[name].cast(pl.Float64).fill_null(np.nan).to_numpy() for name in model.conditions}
-    known = np.all([np.isfinite(values) for values in conditions.values()], axis=0) if conditions else None
-    n_lacking = 0
-    if known is not None and not known.all():
-        n_lacking = int((~known).sum())
-        frame = frame.filter(pl.Series(known))
-        conditions = {name: values[known] for name, values in conditions.items()}
-    if not frame.height:
-        raise GeoerrError(f"no length has all that the model needs: {', '.join(conditions)}")
-    ends = [
-        np.column_stack([frame[name].cast(pl.Float64).to_numpy() for name in names]).astype(np.float64)
-        for names in _ENDS
+    first, rows = other_ends(fitted.sightings)
+    n_given = len(other_ends(given)[1])
+    if not n_given:
+        return None
+    ends_mm = [fitted.sightings.commanded_mm[own] for own in (first, rows)]
+    columns = [
+        pl.Series(name, own[:, number])
+        for names, own in zip(_ENDS, ends_mm, strict=True)
+        for number, name in enumerate(names)
     ]
-    made = [model.tool_from_work(np.ascontiguousarray(end), at=conditions, threads=threads) for end in ends]
+    measured_mm = fitted.sightings.measured_mm[rows, 0]
     return LengthComparison(
-        frame,
-        np.linalg.norm(ends[1] - ends[0], axis=1),
-        np.linalg.norm(made[1] - made[0], axis=1),
-        np.asarray(frame["measured"].cast(pl.Float64).to_numpy(), dtype=np.float64),
-        n_lacking,
+        fitted.sightings.table[rows].drop("x", "y", "z").with_columns(columns),
+        np.linalg.norm(ends_mm[1] - ends_mm[0], axis=1),
+        measured_mm - fitted.residual_mm[rows, 0],
+        measured_mm,
+        n_given - len(rows),
     )

@@ -427,6 +427,7 @@ class Channels:
             np.zeros(0),
             [],
             None,
+            length=sightings.length,
         )
         design = problem.design(problem.start, self.rows.max(axis=1), 0, len(sightings), self.threads)
         unit = design[:, : len(new)].reshape(len(sightings), 3, len(new))

@@ -10,6 +10,7 @@ import numpy as np
 
 from geoerr.diagnose.moments import span_words
 from geoerr.diagnose.space import Space
+from geoerr.fit.lengths import is_told, of_whole_lengths
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
@@ -94,13 +95,14 @@ def unwhitened_um(space: Space, stated: Numbers) -> Numbers:
 
 def rms_um(space: Space, stated: Numbers) -> float:
     """Give the root mean square of such a displacement in µm, components summed as for errors."""
-    counts = np.maximum(space.rows.sum(axis=0), 1.0)
+    counts = np.maximum((space.rows * is_told(space.fitted.sightings)).sum(axis=0), 1.0)
     return float(np.sqrt(((_in_the_frame_um(space, stated) ** 2).sum(axis=0) / counts).sum()))
 
 
 def _in_the_frame_um(space: Space, stated: Numbers) -> Numbers:
-    mm = np.einsum("nij,nj->ni", space.fitted.sightings.unwhitening, stated)
-    return np.asarray(UM_PER_MM * mm * space.rows)
+    sightings = space.fitted.sightings
+    mm = np.einsum("nij,nj->ni", sightings.unwhitening, stated)
+    return of_whole_lengths(sightings, np.asarray(UM_PER_MM * mm * space.rows))
 
 
 def where_of(sightings: Sightings, moved_um: Numbers, is_used: np.ndarray, variables: Sequence[str]) -> Where:
@@ -113,6 +115,7 @@ def where_of(sightings: Sightings, moved_um: Numbers, is_used: np.ndarray, varia
     variables
         What the effect depends on: thirds of these are looked at.
     """
+    is_used = is_used & is_told(sightings).any(axis=1)
     size = np.where(is_used, np.linalg.norm(moved_um, axis=1), 0.0)
     row = int(np.argmax(size))
     line, line_um = _line(sightings, size, is_used)

@@ -163,7 +163,7 @@ def _diagnose(bench: Bench) -> list[StepResult]:
 
     model, measured = load_model(bench.model), bench.measured
     own = [effect for path in bench.effect_files for effect in load_effects(path)]
-    if measured.points is None:
+    if measured.has_circles_only:
         found: Any = diagnose_circles(model, *measured.circles, effects=own, threads=_THREADS)
     else:
         found = diagnose(model, *measured.tables, effects=own, threads=_THREADS, **bench.calibration)

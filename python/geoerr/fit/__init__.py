@@ -20,7 +20,7 @@ from geoerr.fit.split import Split
 from geoerr.machine import Machine
 from geoerr.model import Model
 from geoerr.model.called import check_machine
-from geoerr.observations import CircularTest, Observations
+from geoerr.observations import MeasuredTable
 from geoerr.terms import Term
 
 __all__ = [
@@ -51,7 +51,7 @@ __all__ = [
 
 def fit_model(
     machine: Machine | Model,
-    *tables: Observations | CircularTest,
+    *tables: MeasuredTable,
     components: Components | None = None,
     effects: Sequence[Wanted] | Wanted = (),
     known: Catalogue | None = None,
@@ -79,7 +79,7 @@ def fit_model(
         Chain, ranges and tool offset; `Machine.from_chain("wYbZXt", ...)` for one that nobody listed. Or a model: its
         terms are fitted, and `components` is not asked.
     tables
-        Measured points (any carrier, any components) and circular tests.
+        Measured points (any carrier, any components), circular tests and lengths.
     components
         `21` (Li), `12` (Dobariya: no angles) or `none`; short for the field of `options`, and wins over it.
     effects

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SEE_POSITIONS, Numbers, Sightings
 
 # A path that turns by more than this from one chord to the next has a corner there; one that never turns by as much
 # as the other is straight, and its chords are its tangents.
@@ -27,7 +27,7 @@ def on_bends(sightings: Sightings, is_moving: npt.NDArray[np.bool_], feed_mm_min
     found = np.zeros(n, dtype=bool)
     if n < _FEWEST_ROWS or not is_moving.any():
         return found
-    is_points = np.array([kind != "circle" for kind in sightings.frames])[sightings.session]
+    is_points = sightings.of_kind(*SEE_POSITIONS)
     chord = np.diff(sightings.commanded_mm, axis=0, prepend=np.nan)
     length = np.linalg.norm(chord, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -43,7 +43,7 @@ def circle_motion(sightings: Sightings, times_s: Numbers, feed_mm_min: Numbers) 
     """
     n = len(sightings)
     found = {f"{name}_{axis}": np.full(n, np.nan) for name in NAMES for axis in "xyz"}
-    is_circle = np.array([kind == "circle" for kind in sightings.frames], dtype=bool)[sightings.session]
+    is_circle = sightings.of_kind("circle")
     stated = np.nan_to_num(sightings.numbers("dir"))
     for number in np.unique(sightings.pass_number[is_circle]):
         rows = np.flatnonzero(sightings.pass_number == number)

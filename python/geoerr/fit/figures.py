@@ -1,7 +1,7 @@
 """Error figures (`docs/theory/model.md`): residual = measured − predicted, base axes, µm.
 
 `rmse_um` is the root of the sum over the components of each component's mean square, over the rows that measured it:
-the length in 3-D where all three were. Radii are reported apart.
+the length in 3-D where all three were. Radii and lengths are reported apart.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoerr.fit.lengths import is_told
 from geoerr.fit.sightings import Numbers, Sightings
 
 _UM_PER_MM = 1e3
@@ -31,7 +32,9 @@ class ErrorFigures:
     radial_rms_um, n_radial
         Of circular tests.
     n
-        Rows.
+        Rows; a length is one.
+    length_rms_um, n_lengths
+        Of lengths.
     """
 
     rmse_um: float | None
@@ -40,11 +43,14 @@ class ErrorFigures:
     radial_rms_um: float | None
     n_radial: int
     n: int
+    length_rms_um: float | None = None
+    n_lengths: int = 0
 
     @property
     def headline_um(self) -> float | None:
-        """The positions' figure, or the radii's where there are no positions."""
-        return self.rmse_um if self.rmse_um is not None else self.radial_rms_um
+        """The positions' figure; where there are none the radii's, and where there are none of these the lengths'."""
+        of_kinds = (self.rmse_um, self.radial_rms_um, self.length_rms_um)
+        return next((one for one in of_kinds if one is not None), None)
 
     def to_document(self) -> dict[str, object]:
         """Give plain values for `--json`."""
@@ -56,27 +62,32 @@ class ErrorFigures:
         }
         if self.n_radial:
             document |= {"radial_rms_um": self.radial_rms_um, "n_radial": self.n_radial}
+        if self.n_lengths:
+            document |= {"length_rms_um": self.length_rms_um, "n_lengths": self.n_lengths}
         return document
 
 
 def figures_of(sightings: Sightings, residual_base_mm: Numbers, used: np.ndarray | None = None) -> ErrorFigures:
-    """Summarize residuals (n, 3) in base axes over the used rows."""
+    """Summarize residuals (n, 3) in base axes, of whole lengths, over the used rows."""
     # Parts of the data are asked for by the thousand: each takes its own rows only.
     rows = np.arange(len(sightings)) if used is None else np.flatnonzero(used)
-    is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session[rows]]
+    is_circle, of_lengths = (sightings.of_kind(kind)[rows] for kind in ("circle", "lengths"))
     residual_mm = residual_base_mm[rows]
-    seen = sightings.is_measured[rows] & ~is_circle[:, None]
+    is_measured = is_told(sightings)[rows]
+    seen = is_measured & ~(is_circle | of_lengths)[:, None]
     squares = np.where(seen, residual_mm, 0.0) ** 2
     n_components = seen.sum(axis=0)
     means = squares.sum(axis=0) / np.maximum(n_components, 1)
     total = math.sqrt(float(means.sum())) * _UM_PER_MM if n_components.any() else None
     each = [math.sqrt(float(m)) * _UM_PER_MM if n else None for m, n in zip(means, n_components, strict=True)]
-    radial = residual_mm[is_circle, 0]
+    radial, lengths = residual_mm[is_circle, 0], residual_mm[of_lengths & is_measured[:, 0], 0]
     return ErrorFigures(
         rmse_um=total,
         rms_per_component_um=(each[0], each[1], each[2]),
         n_components=(int(n_components[0]), int(n_components[1]), int(n_components[2])),
         radial_rms_um=float(np.sqrt(np.mean(radial**2))) * _UM_PER_MM if radial.size else None,
         n_radial=int(radial.size),
-        n=len(rows),
+        length_rms_um=float(np.sqrt(np.mean(lengths**2))) * _UM_PER_MM if lengths.size else None,
+        n_lengths=int(lengths.size),
+        n=len(rows) - int(of_lengths.sum()) + int(lengths.size),
     )

@@ -36,10 +36,11 @@ from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.joined import sightings_of, within_the_machine
 from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
+from geoerr.fit.lengths import middles_of_lengths
 from geoerr.fit.noise import is_static
 from geoerr.fit.rich import determined_bases
 from geoerr.fit.rolls import Rolls, held_rolls, levers, turned
-from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, SEE_POSITIONS, Numbers, Sightings
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing
@@ -50,7 +51,7 @@ from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, wh
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import check_choice, check_threads
 from geoerr.model.compile import Compiled, compile_terms, start_values
-from geoerr.observations import CircularTest, Observations
+from geoerr.observations import MeasuredTable, Observations
 from geoerr.summaries import counted, place_of_row
 from geoerr.terms import BasisSpec, Term
 
@@ -105,7 +106,7 @@ class FitOptions:
 
 def fit_terms(
     machine: Machine,
-    tables: Sequence[Observations | CircularTest],
+    tables: Sequence[MeasuredTable],
     *,
     effects: Sequence[Term] = (),
     options: FitOptions | None = None,
@@ -120,7 +121,7 @@ def fit_terms(
     machine
         Chain, ranges and tool offset.
     tables
-        Measured points and circular tests.
+        Measured points, circular tests and lengths.
     effects
         Terms beyond the classic ones, built-in or a user's own.
     rig_sensitivity : (n, 3, p), rig_covariance : (p, p)
@@ -253,14 +254,14 @@ class Given:
 
 
 def shared_unknowns(
-    tables: Sequence[Observations | CircularTest],
+    tables: Sequence[MeasuredTable],
     sightings: Sightings,
     rig_sensitivity: Numbers | None,
     rig_covariance: Numbers | None,
 ) -> _Shared | None:
     """Bring the calibration's uncertainty into unknowns of unit variance: S Σ Sᵀ = (S F)(S F)ᵀ with Σ = F Fᵀ.
 
-    The sensitivity (n, 3, p) is that of the rows of the one table of points; circular tests know no camera.
+    The sensitivity (n, 3, p) is that of the rows of the one table of points; radii and lengths know no camera.
     """
     if rig_sensitivity is None or rig_covariance is None:
         return None
@@ -269,7 +270,7 @@ def shared_unknowns(
     root = vector[:, keep] * np.sqrt(value[keep])
     if sum(isinstance(table, Observations) for table in tables) != 1:
         raise GeometryError("the calibration's uncertainty can be taken along for one table of points only")
-    is_point = np.array([kind != "circle" for kind in sightings.frames])[sightings.session]
+    is_point = sightings.of_kind(*SEE_POSITIONS)
     derivative = np.zeros((len(sightings), 3, root.shape[1]))
     derivative[is_point] = rig_sensitivity[sightings.source_row[is_point]] @ root
     if not np.isfinite(derivative).all():
@@ -298,7 +299,7 @@ class Posed:
         is_as_stated = np.array_equal(offsets, sightings.offset_mm)
         # What is known of the rows stays known where no target is placed anew.
         self.sightings = sightings if is_as_stated else replace(sightings, offset_mm=offsets)
-        parts = (None if shared is None else shared.derivative, places, turns)
+        parts = (None if shared is None else shared.derivative, places, turns, middles_of_lengths(sightings))
         derivative = [part for part in parts if part is not None]
         # Of many rows and targets it is hundreds of megabytes.
         whole = np.concatenate(derivative, axis=2) if len(derivative) > 1 else next(iter(derivative), None)
@@ -608,6 +609,7 @@ class Posed:
             list(free),
             shared,
             None if known_fit is None else known_fit.problem,
+            sightings.length,
         )
 
     def _summary(

@@ -23,7 +23,7 @@ from geoerr.fit.start import Frames
 from geoerr.fit.variables import Rows, complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import compile_terms, start_values
-from geoerr.observations import CircularTest, Observations
+from geoerr.observations import MeasuredTable
 from geoerr.terms import Term
 
 
@@ -111,7 +111,7 @@ def own_freedom(
     sightings: Sightings,
     terms: Sequence[Term],
     *,
-    tables: Sequence[Observations | CircularTest] = (),
+    tables: Sequence[MeasuredTable] = (),
     rig_sensitivity: Numbers | None = None,
     rig_covariance: Numbers | None = None,
     threads: int = 0,

@@ -13,6 +13,7 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.fit.figures import ErrorFigures, figures_of
+from geoerr.fit.lengths import is_told, of_whole_lengths
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import N_UNKNOWNS, ON_A_LINE
 from geoerr.fit.variables import times_s
@@ -123,7 +124,7 @@ def leave_out(
     )
     # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
     held[order] = np.einsum("nij,nj->ni", sightings.unwhitening[order], whitened)
-    base = problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held)))
+    base = of_whole_lengths(sightings, problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held))))
     computable = used & np.isfinite(held).all(axis=1)
     base[~computable] = np.nan
     folds = int(sum(is_determined))
@@ -133,7 +134,7 @@ def leave_out(
         figures,
         folds,
         int((used & ~computable).sum()),
-        float(np.nansum(spread_mm2)) / max(int(computable.sum()), 1),
+        float(np.nansum(spread_mm2)) / max(int((computable & is_told(sightings).any(axis=1)).sum()), 1),
         sums,
     )
 
@@ -142,7 +143,9 @@ def _weights_mm2(sightings: Sightings) -> Numbers:
     """Give what the variance of each whitened number (n, 3) counts in mm²."""
     weights_mm2 = (sightings.unwhitening**2).sum(axis=1)
     # What was not measured has no variance, whatever its weight; one weight of all is the quickest.
-    return np.asarray(np.where(weights_mm2 > 0.0, weights_mm2, weights_mm2.max(initial=0.0)))
+    weights_mm2 = np.where(weights_mm2 > 0.0, weights_mm2, weights_mm2.max(initial=0.0))
+    # Twice as far, four times the variance.
+    return of_whole_lengths(sightings, weights_mm2, size=4.0)
 
 
 def _own_unknowns(

@@ -298,6 +298,7 @@ def _problem(fitted: Fitted, compiled: Compiled) -> _core.FitProblem:
         np.zeros(0),
         [],
         None,
+        length=sightings.length,
     )
 
 

@@ -1,6 +1,7 @@
 """Tables of measurements as one set of sightings: rows in order, sessions one after the other, weights of each.
 
-Points state up to three components with their covariances, circular tests one radius with its `sr`.
+Points state up to three components with their covariances, circular tests one radius with its `sr`, and lengths one
+number with its `s_measured`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from geoerr.errors import GeometryError
 from geoerr.fit.carried import refuse_other_carriers
 from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
+from geoerr.fit.lengths import sightings_of_lengths
 from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.moved_targets import targets_that_moved
 from geoerr.fit.noise import in_the_way_of_repeats
@@ -28,7 +30,7 @@ from geoerr.fit.unbelievable import LEAST_STD_MM, NOT_POSITIVE, place_of_unbelie
 from geoerr.fit.weights import weighed
 from geoerr.machine import AXES, Machine
 from geoerr.model.called import check_tables
-from geoerr.observations import CARRIERS, CircularTest, Observations
+from geoerr.observations import CARRIERS, CircularTest, Lengths, MeasuredTable, Observations
 from geoerr.terms import is_column
 
 # Limit switches are found again to so much.
@@ -38,12 +40,13 @@ _BEYOND_REACH, _BEYOND_REACH_MM = 10.0, 1000.0
 _FEWEST_NEAR = 0.5
 
 
-def sightings_of(*tables: Observations | CircularTest) -> Sightings:
-    """Join measurements of points and circular tests.
+def sightings_of(*tables: MeasuredTable) -> Sightings:
+    """Join measurements of points, circular tests and lengths.
 
     Where no uncertainty is stated rows are weighed by their own scatter, where that tells devices or components apart
     (`weights`), and a note says so. A circular test states the uncertainty of its radii in a column `sr` (mm), if at
-    all. Beside tables that state theirs, one that does not has that of its scatter; radii, or else, of the points.
+    all, and lengths in `s_measured`. Beside tables that state theirs, one that does not has that of its scatter;
+    radii and lengths, or else, of the points.
 
     Raises
     ------
@@ -52,8 +55,8 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
     ShapeError
         for a table that is none.
     """
-    check_tables(tables, "fit_model(machine, observations)", Observations, CircularTest)
-    parts = [_of_points(table) if isinstance(table, Observations) else _of_circle(table) for table in tables]
+    check_tables(tables, "fit_model(machine, observations)", Observations, CircularTest, Lengths)
+    parts = [_of_one(table) for table in tables]
     parts = [part for part in parts if len(part)]
     if not parts:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
@@ -69,6 +72,12 @@ def sightings_of(*tables: Observations | CircularTest) -> Sightings:
         *targets_that_moved(joined),
     )
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
+
+
+def _of_one(table: MeasuredTable) -> Sightings:
+    if isinstance(table, Lengths):
+        return sightings_of_lengths(table)
+    return _of_circle(table) if isinstance(table, CircularTest) else _of_points(table)
 
 
 def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, SEE_POSITIONS, Integers, Numbers, Sightings
 from geoerr.geometry import rigid_columns
 from geoerr.observations import CARRIERS
 from geoerr.summaries import counted
@@ -70,7 +70,7 @@ def moved_targets(sightings: Sightings) -> tuple[MovedTarget, ...]:
     found: list[MovedTarget] = []
     target = sightings.once("targets", numbers_of_targets)
     for number, kind in enumerate(sightings.frames):
-        if kind != "circle":
+        if kind in SEE_POSITIONS:
             found += _moved_in(sightings, target, np.flatnonzero(sightings.session == number))
     return tuple(found)
 

@@ -16,6 +16,7 @@ import scipy
 
 from geoerr.column_names import is_temperature
 from geoerr.fit.alike import numbers_of_alike
+from geoerr.fit.lengths import of_the_headline, other_ends
 from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import times_s
@@ -159,7 +160,16 @@ def _places(sightings: Sightings) -> list[np.ndarray]:
         sightings.session[:, None].astype(np.float64),
         # At the place where a circle is run back both senses have one derived direction.
         np.nan_to_num(sightings.numbers("dir"))[:, None],
+        _other_ends_mm(sightings),
     ]
+
+
+def _other_ends_mm(sightings: Sightings) -> Numbers:
+    """Give the place of the other end of each end of a length, (n, 3), rounded, and else 0: corners are shared."""
+    places = np.zeros((len(sightings), 3))
+    first, second = sightings.once("ends of lengths", other_ends)
+    places[first], places[second] = sightings.commanded_mm[second], sightings.commanded_mm[first]
+    return np.round(places / SAME_POSITION_MM)
 
 
 def _condition_columns(sightings: Sightings) -> list[str]:
@@ -194,7 +204,7 @@ def repeats_of(sightings: Sightings, residual_mm: Numbers, used: np.ndarray) -> 
         Rows that count (no outliers).
     """
     group = sightings.once("groups", groups_of)
-    is_seen = sightings.is_measured & used[:, None]
+    is_seen = of_the_headline(sightings) & used[:, None]
     variance, dof = _pooled(residual_mm, is_seen, group)
     within, within_dof = _within_passes(residual_mm, is_seen, group, sightings.pass_number)
     return Repeats(group, dof, variance, within, within_dof)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SEE_POSITIONS, Numbers, Sightings
 from geoerr.observations import CARRIERS
 
 # How long a millimetre is in it.
@@ -19,7 +19,7 @@ _FEWEST_ROWS = 6
 def other_units(sightings: Sightings) -> Iterator[str]:
     """Say of each session that was measured in another unit in which one, from how far its targets moved."""
     for number, name in enumerate(sightings.sessions):
-        if sightings.frames[number] == "circle":
+        if sightings.frames[number] not in SEE_POSITIONS:
             continue
         for carrier in np.unique(sightings.carrier[sightings.session == number]):
             if CARRIERS[carrier] == "base":

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SEE_POSITIONS, Numbers, Sightings
 from geoerr.machine import AXES
 
 
@@ -26,7 +26,7 @@ def _turns_on_its_way(sightings: Sightings) -> np.ndarray:
     is_moving = np.nan_to_num(sightings.numbers("moving")) != 0.0
     result = np.zeros((len(sightings), 3), dtype=bool)
     for rows, kind in zip(sightings.rows_of_sessions, sightings.frames, strict=True):
-        if kind != "circle" and is_moving[rows].any():
+        if kind in SEE_POSITIONS and is_moving[rows].any():
             ahead = np.sign(np.diff(sightings.commanded_mm[rows], axis=0, append=np.nan))
             before = sightings.directions[rows]
             result[rows] = is_moving[rows, None] & (before != 0) & (ahead == -before)
@@ -48,7 +48,7 @@ def may_have_turned(sightings: Sightings, times: Numbers) -> np.ndarray:
     target = np.column_stack([np.unique(names, return_inverse=True)[1], sightings.carrier, sightings.offset_mm])
     for rows, kind in zip(sightings.rows_of_sessions, sightings.frames, strict=True):
         n_rows = rows.stop - rows.start
-        if kind == "circle" or n_rows < 3:
+        if kind not in SEE_POSITIONS or n_rows < 3:
             continue
         step = np.diff(sightings.commanded_mm[rows], axis=0, prepend=np.nan)
         is_new_place = (step != 0.0).any(axis=1)

@@ -71,6 +71,9 @@ class Scatter:
 
 def scatter_of(table: Sightings) -> Scatter | None:
     """Tell how much the components of one table scatter from row to row; None where nothing tells."""
+    if set(table.frames) == {"lengths"}:
+        # They follow each other in no order, and what a corner has in common is no scatter.
+        return None
     is_circle = set(table.frames) == {"circle"}
     device = np.zeros(len(table), dtype=np.int64) if is_circle else table.session
     names = ("circular test",) if is_circle else tuple(f"session {name}" for name in table.sessions)
@@ -173,7 +176,7 @@ def _windows(table: Sightings, size: int) -> list[_Window]:
     steps = np.diff(table.commanded_mm[rows], axis=1)
     lengths = np.linalg.norm(steps, axis=2)
     path, chord = lengths.sum(axis=1), np.linalg.norm(steps.sum(axis=1), axis=1)
-    is_circle = np.array([kind == "circle" for kind in table.frames])[table.session[rows[:, 0]]]
+    is_circle = table.of_kind("circle")[rows[:, 0]]
     bend = np.where(is_circle, _ON_A_CIRCLE, _STRAIGHT)
     is_straight = (lengths > SAME_POSITION_MM).all(axis=1) & (chord >= (1.0 - bend) * path)
     along = np.cumsum(np.maximum(lengths, SAME_POSITION_MM), axis=1)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 import polars as pl
 
 from geoerr.observations import CARRIERS, SAME_PLACE_MM
+from geoerr.summaries import counted
 from geoerr.terms import is_column
 
 Numbers = npt.NDArray[np.float64]
@@ -49,6 +50,8 @@ _PLACING = frozenset(
         *("mx", "my", "mz", "sx", "sy", "sz", "cxx", "cxy", "cxz", "cyy", "cyz", "czz", "r", "sr"),
     }
 )
+# Devices that see where points are; others tell one number of them, a radius or a length.
+SEE_POSITIONS = ("free", "parallel")
 # Positions closer than this are one position: a hundredth of a micrometre is below every command's resolution.
 SAME_POSITION_MM = SAME_PLACE_MM
 
@@ -64,7 +67,8 @@ class Sightings:
     commanded_mm, offset_mm : (n, 3)
         Axis positions and target offsets.
     measured_mm : (n, 3)
-        In the measuring frame; 0 where not measured. A radius stands in the first component.
+        In the measuring frame; 0 where not measured. A radius stands in the first component, and a length in that of
+        both its ends.
     is_measured : (n, 3)
         Which components were.
     whitening : (n, 3, 3)
@@ -78,8 +82,8 @@ class Sightings:
     sessions
         Their names.
     frames
-        For each session `free` (any pose), `parallel` (a device that never measures all components at once) or
-        `circle` (centre and mean radius free).
+        For each session `free` (any pose), `parallel` (a device that never measures all components at once), `circle`
+        (centre and mean radius free) or `lengths` (two rows each, and no frame).
     pass_number : (n,)
         Number of the row's pass: one session, line, repeat and direction.
     directions : (n, 3) int8
@@ -125,6 +129,38 @@ class Sightings:
         begins[1:] = (flat[1:] != flat[:-1]).any(axis=1)
         alike, place = np.unique(flat[begins], axis=0, return_inverse=True)
         return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3))[place.ravel()[np.cumsum(begins) - 1]])
+
+    def of_kind(self, *kinds: str) -> npt.NDArray[np.bool_]:
+        """Tell which rows (n,) are of sessions of these kinds."""
+        return np.array([kind in kinds for kind in self.frames], dtype=bool)[self.session]
+
+    def in_words(self, *, grouped: bool = False) -> str:
+        """Say how much was measured, `240 rows in 12 passes, 18 lengths`; with digits in groups if asked."""
+        of_lengths = self.of_kind("lengths")
+        n_lengths, others = int(of_lengths.sum()) // 2, self.pass_number[~of_lengths]
+        texts = []
+        if len(others) or not n_lengths:
+            n_passes = len(np.unique(others))
+            texts.append(
+                f"{counted(len(others), 'row', grouped=grouped)} in {counted(n_passes, 'pass', grouped=grouped)}"
+            )
+        if n_lengths:
+            texts.append(counted(n_lengths, "length", grouped=grouped))
+        return ", ".join(texts)
+
+    @property
+    def has_lengths_only(self) -> bool:
+        """Whether no device saw a position or a radius."""
+        return set(self.frames) == {"lengths"}
+
+    @property
+    def length(self) -> Integers | None:
+        """Number of the length that each row (n,) is an end of, -1 of others; None where none is."""
+        if "lengths" not in self.frames:
+            return None
+        keys = np.column_stack([self.session, self.source_row])
+        _, number = np.unique(keys, axis=0, return_inverse=True)
+        return np.where(self.of_kind("lengths"), number.ravel(), -1).astype(np.int64)
 
     def once(self, name: str, work_out: Callable[[Sightings], T]) -> T:
         """Give what follows from these rows alone, worked out when it is first asked for."""

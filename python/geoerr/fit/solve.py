@@ -243,7 +243,9 @@ def solve(
             scale_of_rows = np.sqrt(np.minimum(1.0, knee / np.maximum(distance, 1e-300)))
             continue
         neighbours = neighbours or Neighbours(sightings)
-        now = ~neighbours.mistakes(found.whitened, n_numbers, distance > limit)
+        # A length has no neighbours that would tell a mistake from what the model lacks.
+        is_far = (distance > limit) & ~sightings.of_kind("lengths")
+        now = ~neighbours.mistakes(found.whitened, n_numbers, is_far)
         # Rows at the limit may come and go by turns for ever.
         are_found = now.tobytes() in earlier
         earlier.add(now.tobytes())

@@ -9,6 +9,7 @@ import numpy as np
 
 from geoerr.distributions import chi_squared_sf, f_sf
 from geoerr.fit.figures import figures_of
+from geoerr.fit.lengths import is_told, of_the_headline, of_whole_lengths
 from geoerr.fit.noise import Repeats, where
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
@@ -49,7 +50,9 @@ def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats
     total = float((whitened**2).sum())
     figures = figures_of(sightings, residual_mm, used)
     size = figures.headline_um
-    noise_ss, noise_dof = _scatter_in_groups(whitened, repeats.group[used], sightings.is_measured[used])
+    told = is_told(sightings)[used]
+    each = of_whole_lengths(sightings, solved.whitened, size=math.sqrt(2.0))[used]
+    noise_ss, noise_dof = _scatter_in_groups(each, repeats.group[used], told)
     if noise_dof >= 1 and dof > noise_dof:
         lack_dof = dof - noise_dof
         ratio = ((total - noise_ss) / lack_dof) / (noise_ss / noise_dof) if noise_ss > 0.0 else math.inf
@@ -57,18 +60,25 @@ def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats
         noise = repeats.floor_um
     elif sightings.is_stated and dof > 0:
         p_value = float(chi_squared_sf(total, dof))
-        variances = sightings.once("variances", lambda one: (one.unwhitening**2).sum(axis=2))[used]
-        count = np.maximum(sightings.is_measured[used].sum(axis=0), 1)
-        noise = math.sqrt(float((variances.sum(axis=0) / count).sum())) * 1e3
+        variances, counts = sightings.once("variances", _variances_mm2)
+        count = np.maximum(counts[used].sum(axis=0), 1)
+        noise = math.sqrt(float((variances[used].sum(axis=0) / count).sum())) * 1e3
         noise_dof = 0
     else:
         return Split(None, False, None, None, (dof, 0))
     lack = None
     if size is not None and noise is not None:
         # The residual of a right model is smaller than the noise by the parameters that it was fitted with.
-        n_numbers = int(sightings.is_measured[used].sum())
+        n_numbers = int(told.sum())
         lack = math.sqrt(max(size**2 * n_numbers / max(dof, 1) - noise**2, 0.0))
     return Split(noise, noise_dof > 0, lack, p_value, (dof, noise_dof), noise_ss if noise_dof > 0 else 0.0)
+
+
+def _variances_mm2(sightings: Sightings) -> tuple[Numbers, np.ndarray]:
+    """Give the stated variance of each number (n, 3), and which of them are beside the figure of the residual."""
+    counts = of_the_headline(sightings)
+    variances = of_whole_lengths(sightings, (sightings.unwhitening**2).sum(axis=2))
+    return np.where(counts, variances, 0.0), counts
 
 
 def _scatter_in_groups(values: Numbers, group: np.ndarray, seen: np.ndarray) -> tuple[float, int]:

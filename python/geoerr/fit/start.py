@@ -20,7 +20,7 @@ from geoerr.commanded_circle import circle_through
 from geoerr.errors import GeometryError
 from geoerr.fit.moved_targets import numbers_of_targets, times_moved
 from geoerr.fit.other_units import other_units
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SEE_POSITIONS, Numbers, Sightings
 from geoerr.machine import Machine
 from geoerr.observations import CARRIERS
 
@@ -39,7 +39,7 @@ class Frames:
     Attributes
     ----------
     kinds : (s,) uint8
-        0 free pose, 1 parallel to the base, 2 circle.
+        0 free pose, 1 parallel to the base, 2 circle, 3 lengths, which have no frame.
     rotations : (s, 3, 3)
         measured_from_base.
     translations_mm : (s, 3)
@@ -63,9 +63,9 @@ class Frames:
     is_rounded: np.ndarray
 
 
-KINDS = {"free": 0, "parallel": 1, "circle": 2}
-# Unknowns of each: a rotation and a translation, a translation, a centre and what is added to every radius.
-N_UNKNOWNS = {"free": 6, "parallel": 3, "circle": 4}
+KINDS = {"free": 0, "parallel": 1, "circle": 2, "lengths": 3}
+# Unknowns of each: a rotation and a translation, a translation, a centre and what is added to every radius, none.
+N_UNKNOWNS = {"free": 6, "parallel": 3, "circle": 4, "lengths": 0}
 
 
 def nominal_mm(machine: Machine, sightings: Sightings) -> Numbers:
@@ -93,7 +93,7 @@ def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> 
     is_rounded = np.zeros(n_sessions, dtype=bool)
     for number, kind in enumerate(sightings.frames):
         rows = (sightings.session == number) & ~static
-        if not rows.any():
+        if kind == "lengths" or not rows.any():
             continue
         points, measured, seen = nominal[rows], sightings.measured_mm[rows], sightings.is_measured[rows]
         pivots[number] = points.mean(axis=0)
@@ -118,7 +118,7 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
 
     Every target of a session has its own place, but for the first one that an axis carries, whose place the frame's
     own translation holds. A target is told by its carrier and its stated offset, a static one by its name: it starts
-    at the mean of where it was seen. A circular test has one point, and so none.
+    at the mean of where it was seen. A circular test has one point, and so none; of a length nobody asks.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def target_places(sightings: Sightings, static: np.ndarray, frames: Frames) -> t
     free = []
     for rows in by_target(sightings):
         session, carrier = int(sightings.session[rows[0]]), CARRIERS[sightings.carrier[rows[0]]]
-        if sightings.frames[session] == "circle":
+        if sightings.frames[session] not in SEE_POSITIONS:
             continue
         if carrier == "base":
             rotation, translation = frames.rotations[session], frames.translations_mm[session]
@@ -184,7 +184,7 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
     """
     for number, kind in enumerate(sightings.frames):
         rows = (sightings.session == number) & ~static
-        if kind == "circle" or int(rows.sum()) < _FEWEST_STRANGERS:
+        if kind not in SEE_POSITIONS or int(rows.sum()) < _FEWEST_STRANGERS:
             continue
         seen = sightings.is_measured[rows]
         expected = nominal[rows] @ frames.rotations[number].T + frames.translations_mm[number]

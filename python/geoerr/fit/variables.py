@@ -56,10 +56,10 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
             columns[row] = _place_on_work(sightings, PLACE_NAMES.index(name))
         elif name == SESSION_NAME:
             columns[row] = sightings.session
-        elif name == "t":
-            columns[row] = times_s(sightings)
-        elif name == CLOCK_NAME:
-            columns[row] = clock_s(sightings)
+        elif name in ("t", CLOCK_NAME):
+            times = times_s(sightings) if name == "t" else clock_s(sightings)
+            # Lengths come in no order: the number of one is no time.
+            columns[row] = np.where(sightings.of_kind("lengths"), sightings.numbers("t"), times)
         elif name in sightings.table.columns:
             columns[row] = sightings.numbers(name)
         else:
@@ -194,7 +194,7 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
     """Derive what follows from the order of rows, in the core: the same code as for a program's moves."""
     feed, moving = sightings.numbers("feed"), np.nan_to_num(sightings.numbers("moving"))
     directions = np.where(sightings.directions == 0, np.nan, sightings.directions.astype(np.float64))
-    is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session]
+    is_circle = sightings.of_kind("circle")
     times = times_s(sightings)
 
     def derived(is_curve: Rows) -> dict[str, Numbers]:
@@ -221,6 +221,11 @@ def _history(sightings: Sightings) -> dict[str, Numbers]:
         # What the first rows of a run cannot show of the circle that led to them, the circle itself says.
         known = circle_motion(sightings, times, feed)
         history |= {name: np.where(np.isnan(own), history[name], own) for name, own in known.items()}
+    of_lengths = sightings.of_kind("lengths")
+    if of_lengths.any():
+        # How a part was made, no order of its lengths tells; the file may.
+        stated = {name: sightings.numbers(name) for name in history}
+        history = {name: np.where(of_lengths, stated[name], own) for name, own in history.items()}
     return history
 
 

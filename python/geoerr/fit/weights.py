@@ -13,6 +13,11 @@ from geoerr.fit.sightings import Numbers, Sightings
 _UM_PER_MM = 1e3
 # A note that names more is not read.
 _MOST_NAMED = 4
+# What states one number: what it is called, where it states how surely, and what has that.
+_OF_ONE_NUMBER = {
+    frozenset({"circle"}): ("a circular test states", "sr", "its radii"),
+    frozenset({"lengths"}): ("lengths state", "s_measured", "their ends"),
+}
 
 
 def weighed(tables: Sequence[Sightings]) -> list[Sightings]:
@@ -49,27 +54,30 @@ def _not_told(tables: Sequence[Sightings]) -> Iterator[Sightings]:
 
 
 def _beside(table: Sightings, tables: Sequence[Sightings]) -> Sightings:
-    """Weigh rows beside others that state their uncertainty: by how they scatter; radii, or else, like the points.
+    """Weigh rows beside others that state theirs: by how they scatter; radii and lengths, or else, like the points.
 
     Points that nothing tells the scatter of stay as they are, and cannot be joined with the others.
     """
     scatter = scatter_of(table)
-    is_circle = set(table.frames) == {"circle"}
-    if scatter is None and not is_circle:
+    of_one_number = _OF_ONE_NUMBER.get(frozenset(table.frames))
+    if scatter is None and of_one_number is None:
         return table
     if scatter is None:
         stated = [one for one in tables if one.is_stated]
         std_mm = _root_mean_square([np.sqrt((one.unwhitening**2).sum(axis=2))[one.is_measured] for one in stated])
         by_row = np.full((len(table), 3), std_mm)
-        note = _of_radii("that of the points", std_mm)
+        assert of_one_number is not None
+        note = _of_numbers(of_one_number, "that of the points", std_mm)
     else:
         by_row = scatter.std_mm[scatter.device]
-        note = _of_radii("what they scatter from row to row", by_row[0, 0]) if is_circle else _note(scatter)
+        of_scatter = "what they scatter from row to row"
+        note = _of_numbers(of_one_number, of_scatter, by_row[0, 0]) if of_one_number else _note(scatter)
     return replace(_with_std(table, by_row), is_stated=True, notes=(*table.notes, note))
 
 
-def _of_radii(whose: str, std_mm: float) -> str:
-    return f"a circular test states no uncertainty (column sr, mm): its radii got {whose}, {std_mm:.2g} mm"
+def _of_numbers(words: tuple[str, str, str], whose: str, std_mm: float) -> str:
+    states, column, what = words
+    return f"{states} no uncertainty (column {column}, mm): {what} got {whose}, {std_mm:.2g} mm"
 
 
 def _note(scatter: Scatter) -> str:

@@ -29,7 +29,7 @@ from geoerr.identify.squareness import PAIRS
 from geoerr.identify.straightness import TangentVerdict, judged
 from geoerr.machine import AXES, Machine
 from geoerr.model.called import check_machine, check_tables, one_or_several
-from geoerr.observations import Observations
+from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observations
 
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
 _MOST_ENTRIES = 101
@@ -72,7 +72,7 @@ class JointResult:
 
 
 def identify_joint(
-    observations: Observations | Sequence[Observations],
+    observations: MeasuredTable | Sequence[MeasuredTable],
     machine: Machine,
     *,
     straightness: StraightnessMethod = "direct",
@@ -85,7 +85,8 @@ def identify_joint(
     Parameters
     ----------
     observations
-        Measured points of any motions; repeats, partial components and several sessions are welcome.
+        Measured points of any motions; repeats, partial components and several sessions are welcome. Circular tests
+        and lengths tell some of the errors, beside points or alone.
     machine
         The machine.
     straightness
@@ -106,7 +107,7 @@ def identify_joint(
     """
     tables = one_or_several(observations)
     check_machine(machine, tables, "identify_joint(observations, machine)")
-    check_tables(tables, "identify_joint(observations, machine)", Observations)
+    check_tables(tables, "identify_joint(observations, machine)", Observations, CircularTest, Lengths)
     fits = {
         method: fit_model(
             machine,

@@ -11,9 +11,9 @@ from geoerr.machine import Machine
 from geoerr.model.model import Model
 
 if TYPE_CHECKING:
-    from geoerr.observations import CircularTest, Lengths, Observations
+    from geoerr.observations import MeasuredTable
 
-Table = TypeVar("Table", bound="Observations | CircularTest | Lengths")
+Table = TypeVar("Table", bound="MeasuredTable")
 
 # Tables by the names of their classes: who reads none loads no library for them.
 _READ_BY = {
@@ -110,8 +110,6 @@ def _remedy(table: object, call: str, kinds: tuple[type[object], ...]) -> str:
     if isinstance(table, Machine | Model):
         first = "model" if "model" in call.partition("(")[2] else "machine"
         return f"the {first} comes once: {call}"
-    if type(table).__name__ == "Lengths":
-        return "no model is fitted to lengths: give measured points or circular tests"
     made = [*readers, *(["observations_from_columns"] if takes_points else [])]
     return f"give what {', '.join(made[:-1])} or {made[-1]} makes" if len(made) > 1 else f"give what {made[0]} makes"
 

@@ -13,7 +13,7 @@ from geoerr.model import Model
 from geoerr.model.called import check_tables, one_or_several
 from geoerr.model.fit_words import NOT_SETTLED, SETTLE
 from geoerr.model.in_model import not_in_model_words
-from geoerr.observations import CircularTest, Lengths, Observations
+from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observations
 from geoerr.report import model_report as parts
 from geoerr.report.budget_page import budget_sections, budget_sentences
 from geoerr.report.compare_page import comparison_sections, comparison_sentences
@@ -48,7 +48,7 @@ from geoerr.summaries import capitalised
 def write_model_report(
     path: str | Path,
     model: Model,
-    observations: Sequence[Observations | CircularTest | Lengths] | Observations | CircularTest | Lengths = (),
+    observations: Sequence[MeasuredTable] | MeasuredTable = (),
     *,
     at: Stated | None = None,
     search: bool = True,

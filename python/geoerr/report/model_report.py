@@ -35,7 +35,7 @@ from geoerr.model.program_conditions import (
     refuse_unneeded,
     without_waves_in_time,
 )
-from geoerr.observations import CircularTest, Lengths, Observations, place_numbers
+from geoerr.observations import CircularTest, MeasuredTable, Observations, place_numbers
 from geoerr.report.page import Progress
 from geoerr.summaries import by_reason
 from geoerr.verify.ballbar import (
@@ -240,7 +240,7 @@ class ModelReport:
 
 def model_report(
     model: Model,
-    *tables: Observations | CircularTest | Lengths,
+    *tables: MeasuredTable,
     at: Stated | None = None,
     search: bool = True,
     diagnosis: Diagnosis | CircleDiagnosis | None = None,

@@ -121,7 +121,7 @@ def read_again(
             steps, current, reference = [Step(_first_name(model, models[-1].name), model, None)], 0, 0
         tables = [one.path for one in files if one.kind == "measurements"]
         ranges_mm = steps[current].model.machine.ranges_mm if steps else None
-        measured = read_measurements(tables, with_lengths=True, ranges_mm=ranges_mm) if tables else None
+        measured = read_measurements(tables, ranges_mm=ranges_mm) if tables else None
         calibration = calibration_of(files, measured)
         # Figures belong to the data that they were computed with; the model that is looked at is compared last.
         again = [current]
@@ -184,7 +184,7 @@ def find_missing(session: Session, *, is_shown: bool = False) -> None:
         found: Diagnosis | CircleDiagnosis
         asked: dict[str, Any] = {"effects": effects, "progress": advance, "on_step": advance.say}
         asked |= {"threads": session.threads}
-        if data.points is None:
+        if data.has_circles_only:
             found = diagnose_circles(model, *data.circles, **asked)
         else:
             found = diagnose(model, *data.tables, **asked, **_calibration(session))
@@ -378,7 +378,7 @@ def _calibration(session: Session) -> dict[str, Any]:
 
 
 def _compared(session: Session, model: Model, data: Measurements, calibration: Calibration) -> Comparison:
-    return compare(model, *data.tables, *data.lengths, threads=session.threads, **vars(calibration))
+    return compare(model, *data.tables, threads=session.threads, **vars(calibration))
 
 
 def _is_of_this_work(session: Session, file: InputFile) -> bool:

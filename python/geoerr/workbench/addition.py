@@ -17,7 +17,7 @@ from geoerr.errors import GeoerrError, InputFileError
 from geoerr.fit import Fitted
 from geoerr.measurements import Measurements
 from geoerr.model import Model
-from geoerr.observations import CircularTest, Observations
+from geoerr.observations import MeasuredTable
 from geoerr.workbench.calibration import Calibration
 from geoerr.workbench.session import Prepared, Seen, Session
 
@@ -107,7 +107,7 @@ def seen_after(change: Change) -> Seen | None:
     return Seen.of(Comparison(change.result.model, "own", change.result.fitted))
 
 
-def fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
+def fittable(data: Measurements) -> tuple[MeasuredTable, ...]:
     """Give the tables that a model is fitted to.
 
     Raises
@@ -115,9 +115,9 @@ def fittable(data: Measurements) -> tuple[Observations | CircularTest, ...]:
     InputFileError
         where there are lengths only.
     """
-    if not data.tables:
+    if data.has_lengths_only:
         raise InputFileError(
-            "the measurements", "hold lengths only, which no model is fitted to", remedy="give measured points"
+            "the measurements", "hold lengths only, which have no place to look at", remedy="use geoerr fit"
         )
     return data.tables
 

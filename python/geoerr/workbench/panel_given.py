@@ -64,10 +64,7 @@ def _files(session: Session) -> list[Any]:
         parts.append(html.Li([html.Span([html.B(one.name), f" {kind}"]), away]))
     if session.measured is not None and session.seen is not None:
         sightings = session.seen.comparison.points.sightings
-        told = (
-            f"{counted(len(sightings), 'row', grouped=True)} in {counted(sightings.n_passes, 'pass', grouped=True)}"
-        )
-        parts.append(html.Li(told, className="why"))
+        parts.append(html.Li(sightings.in_words(grouped=True), className="why"))
     if session.calibration.is_given:
         parts.append(html.Li("The calibration's uncertainty takes part in every fit and search.", className="why"))
     notes = notes_of(session)
@@ -172,5 +169,5 @@ def _earlier(session: Session) -> list[Any]:
 
 def _compared_by(session: Session) -> tuple[str, str]:
     """Say by which figure models are compared, and give its key: of lengths nothing is held out."""
-    has_lengths_only = session.measured is not None and not session.measured.tables
+    has_lengths_only = session.measured is not None and session.measured.has_lengths_only
     return ("Residual", "rmse_um") if has_lengths_only else ("Error held out", "held_out_rmse_um")

@@ -86,7 +86,7 @@ def _what_is_told(session: Session) -> tuple[object, ...]:
 
 def _of_model(session: Session) -> Writer:
     model, diagnosis, threads = session.model, session.diagnosis, session.threads
-    tables = () if session.measured is None else (*session.measured.tables, *session.measured.lengths)
+    tables = () if session.measured is None else session.measured.tables
     at: Stated = {**conditions_of(model, session.view.conditions)}
     calibration, provenance = vars(session.calibration), provenance_of(session)
 

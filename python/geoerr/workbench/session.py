@@ -269,7 +269,7 @@ class Session:
     @property
     def has_circles_only(self) -> bool:
         """Whether circular tests alone were given: these are diagnosed as ball-bar software does."""
-        return self.measured is not None and self.measured.points is None and bool(self.measured.circles)
+        return self.measured is not None and self.measured.has_circles_only
 
     @property
     def is_busy(self) -> bool:

@@ -11,10 +11,10 @@ _MEASUREMENTS = "measured points or circular tests (.csv, .parquet)"
 def wanting(session: Session) -> str:
     """Say what is wanting, in a sentence; empty where nothing is."""
     measured = session.measured
-    if measured is not None and not measured.tables:
+    if measured is not None and measured.has_lengths_only:
         return (
-            f"Measured lengths say how far a model is off over them, not where, and no model is fitted to them: add "
-            f"{_MEASUREMENTS}."
+            "Measured lengths say how far a model is off over them, not where. This page looks at places: add "
+            f"{_MEASUREMENTS}; geoerr fit and geoerr diagnose take lengths alone."
         )
     missing = [] if session.steps else [_MACHINE]
     missing += [] if measured is not None else [_MEASUREMENTS]

@@ -129,14 +129,11 @@ impl Block<'_> {
             Frame::Circle { centre_mm, .. } => {
                 let radius = distance(&nominal_mm, centre_mm);
                 let outward: [f64; 3] = std::array::from_fn(|c| (nominal_mm[c] - centre_mm[c]) / radius);
-                let along = outward.map(|u| u * whitening[0][0]);
-                Sight {
-                    from_camera: whitening,
-                    from_base: [along, [0.0; 3], [0.0; 3]],
-                    nominal_mm,
-                    columns,
-                    rig: [[0.0; 3]; Channel::RIG_COLUMN_COUNT],
-                }
+                Sight::along_one(&outward, whitening, nominal_mm, columns)
+            }
+            Frame::Lengths => {
+                let along = self.problem.end(row).map_or([0.0; 3], |end| end.along);
+                Sight::along_one(&along, whitening, nominal_mm, columns)
             }
         }
     }
@@ -214,6 +211,7 @@ impl Block<'_> {
                 }
                 visit(first + 3, &[sight.from_camera[0][0], 0.0, 0.0]);
             }
+            Frame::Lengths => {}
         }
         for unknown in 0..*n_shared {
             let by: [f64; 3] = std::array::from_fn(|c| shared[(row * 3 + c) * n_shared + unknown]);
@@ -234,6 +232,22 @@ pub(super) struct Sight {
 }
 
 impl Sight {
+    /// Of a device that measures one number along a direction, and no point.
+    fn along_one(
+        direction: &[f64; 3],
+        whitening: [[f64; 3]; 3],
+        nominal_mm: [f64; 3],
+        columns: ChannelColumns,
+    ) -> Self {
+        Self {
+            from_base: [direction.map(|u| u * whitening[0][0]), [0.0; 3], [0.0; 3]],
+            from_camera: whitening,
+            nominal_mm,
+            columns,
+            rig: [[0.0; 3]; Channel::RIG_COLUMN_COUNT],
+        }
+    }
+
     /// Whitened numbers from one unit on a channel.
     fn direction(&self, place: Place, factor: f64) -> [f64; 3] {
         let seen = match place {

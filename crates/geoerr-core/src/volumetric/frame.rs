@@ -24,15 +24,20 @@ pub enum Frame {
         /// What the device adds to every radius.
         excess_mm: f64,
     },
+    /// Lengths: ends that lie on no common frame, for nobody asks where a part lay ([`Sightings::length`]).
+    ///
+    /// [`Sightings::length`]: super::Sightings::length
+    Lengths,
 }
 
 impl Frame {
-    /// Number of unknowns: translation and rotation, translation alone, or centre and excess.
+    /// Number of unknowns: translation and rotation, translation alone, centre and excess, or none.
     pub fn n_columns(&self) -> usize {
         match self {
             Self::Positions { turns: true, .. } => 6,
             Self::Positions { turns: false, .. } => 3,
             Self::Circle { .. } => 4,
+            Self::Lengths => 0,
         }
     }
 
@@ -59,6 +64,7 @@ impl Frame {
                 centre_mm: std::array::from_fn(|c| centre_mm[c] + at(c)),
                 excess_mm: excess_mm + at(3),
             },
+            Self::Lengths => Self::Lengths,
         }
     }
 }

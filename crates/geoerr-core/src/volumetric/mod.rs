@@ -18,6 +18,7 @@
 mod block;
 mod design;
 mod design_products;
+mod ends;
 mod frame;
 mod gram;
 mod kept_sums;
@@ -74,6 +75,20 @@ pub enum VolumetricError {
         session: usize,
         /// How many there are.
         n_sessions: usize,
+    },
+    /// A length that has not two ends.
+    #[error("the length that row {row} is an end of has {n_ends} of them; a length has two")]
+    Ends {
+        /// The first row of it, from 0.
+        row: usize,
+        /// How many rows are ends of it.
+        n_ends: usize,
+    },
+    /// A length from a place to itself.
+    #[error("the length that row {row} is an end of leads from a place to itself")]
+    NoExtent {
+        /// The first row of it, from 0.
+        row: usize,
     },
     /// A formula that cannot be evaluated on these rows.
     #[error(transparent)]

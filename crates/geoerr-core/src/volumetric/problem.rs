@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::block::{Block, distance};
+use super::ends::{End, ends_of};
 use super::shared_bases::SharedBases;
 use super::term::{Shape, VolumetricModel};
 use super::values::{channel_values_of_bases, check_parameters};
@@ -22,12 +23,15 @@ pub const NUMBERS_OF_A_ROW: usize = 3;
 pub struct Sightings {
     /// Where and when.
     pub rows: Rows,
-    /// In the measuring frame, mm; 0 where not measured. A radius stands in the first component.
+    /// In the measuring frame, mm; 0 where not measured. A radius stands in the first component, and a length in that of
+    /// both its ends.
     pub measured_mm: Vec<[f64; 3]>,
     /// W of each row, W C Wᵀ = 1; zero in rows and columns of components that were not measured, 1/mm.
     pub whitening: Vec<[[f64; 3]; 3]>,
     /// Session of each row.
     pub session: Vec<usize>,
+    /// Number of the length that a row is an end of, two rows each; none of them, or an entry for each row.
+    pub length: Vec<Option<usize>>,
     /// Derivative of each measured point by further shared unknowns (a rig's calibration), `[row][component][unknown]`
     /// without gaps.
     pub shared: Vec<f64>,
@@ -56,6 +60,8 @@ pub struct Problem {
     pub(super) model: VolumetricModel,
     pub(super) bases: SharedBases,
     pub(super) sightings: Sightings,
+    /// Of the rows that are ends of lengths; empty where none is.
+    pub(super) ends: Vec<Option<End>>,
     /// Places of the free inner parameters.
     pub(super) free_inner: Vec<usize>,
     pub(super) first_frame_column: Vec<usize>,
@@ -67,7 +73,8 @@ impl Problem {
     /// Poses the problem.
     ///
     /// # Errors
-    /// [`VolumetricError::Length`], [`VolumetricError::Session`].
+    /// [`VolumetricError::Length`], [`VolumetricError::Session`], [`VolumetricError::Ends`],
+    /// [`VolumetricError::NoExtent`].
     pub fn new(
         model: VolumetricModel,
         sightings: Sightings,
@@ -83,6 +90,9 @@ impl Problem {
         same("whitening", sightings.whitening.len(), n_rows)?;
         same("session", sightings.session.len(), n_rows)?;
         same("shared", sightings.shared.len(), n_rows * 3 * sightings.n_shared)?;
+        if !sightings.length.is_empty() {
+            same("length", sightings.length.len(), n_rows)?;
+        }
         let n_sessions = frames.len();
         if let Some(row) = sightings.session.iter().position(|&session| session >= n_sessions) {
             let session = sightings.session[row];
@@ -108,7 +118,17 @@ impl Problem {
         let n_columns = next + sightings.n_shared;
         let bases = SharedBases::of(model.parts().map(|(_, part)| part));
         let first_shared_column = next;
-        Ok(Self { model, bases, sightings, free_inner, first_frame_column, first_shared_column, n_columns })
+        let ends = ends_of(&model, &sightings)?;
+        Ok(Self {
+            model,
+            bases,
+            sightings,
+            ends,
+            free_inner,
+            first_frame_column,
+            first_shared_column,
+            n_columns,
+        })
     }
 
     /// The same, with the functions that another problem keeps of the same rows, where both have the same bases.
@@ -178,11 +198,16 @@ impl Problem {
             .collect())
     }
 
-    fn residual(&self, state: &State, values: &ChannelValues, row: usize) -> [f64; 3] {
-        let Sightings { rows, measured_mm, whitening, session, shared, n_shared } = &self.sightings;
+    /// The end of a length that a row is, if it is one.
+    pub(super) fn end(&self, row: usize) -> Option<&End> {
+        self.ends.get(row).and_then(Option::as_ref)
+    }
+
+    /// Where a row's point is, in the base frame.
+    fn place(&self, numbers: &[f64], row: usize) -> [f64; 3] {
+        let rows = &self.sightings.rows;
         let (chain, tool) = (self.model.chain(), self.model.tool_offset_mm());
         let (carrier, q_mm, offset_mm) = (rows.carriers[row], &rows.q_mm[row], &rows.offset_mm[row]);
-        let numbers = values.at(row);
         let mut machine = [0.0; Channel::MACHINE_COUNT];
         machine.copy_from_slice(&numbers[..Channel::MACHINE_COUNT]);
         let displacements = Displacements::from_channels(&machine);
@@ -197,7 +222,13 @@ impl Problem {
                 }
             }
         }
-        let base: [f64; 3] = std::array::from_fn(|c| nominal[c] + moved[c]);
+        std::array::from_fn(|c| nominal[c] + moved[c])
+    }
+
+    fn residual(&self, state: &State, values: &ChannelValues, row: usize) -> [f64; 3] {
+        let Sightings { measured_mm, whitening, session, shared, n_shared, .. } = &self.sightings;
+        let numbers = values.at(row);
+        let base = self.place(&numbers, row);
         let measured = &measured_mm[row];
         let mut residual = match &state.frames[session[row]] {
             Frame::Positions { pose, .. } => {
@@ -211,6 +242,13 @@ impl Problem {
                 let radius = distance(&base, centre_mm);
                 [measured[0] - (radius + excess_mm), 0.0, 0.0]
             }
+            Frame::Lengths => match self.end(row) {
+                Some(end) => {
+                    let there = self.place(&values.at(end.other), end.other);
+                    [end.residual(measured[0], &base, &there), 0.0, 0.0]
+                }
+                None => [0.0; 3],
+            },
         };
         for (c, value) in residual.iter_mut().enumerate() {
             if whitening[row][c][c] == 0.0 {
@@ -250,7 +288,7 @@ impl Problem {
         rows.map(|(whitening, r)| whitening.map(|w| w[0] * r[0] + w[1] * r[1] + w[2] * r[2])).collect()
     }
 
-    /// A residual or displacement of the measuring frame in base axes; a radius stays where it is.
+    /// A residual or displacement of the measuring frame in base axes; one of radii or lengths stays where it is.
     pub fn in_base_axes(&self, state: &State, vectors_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
         vectors_mm
             .iter()
@@ -260,7 +298,7 @@ impl Problem {
                     let m = &pose.camera_from_base;
                     std::array::from_fn(|c| m[0][c] * v[0] + m[1][c] * v[1] + m[2][c] * v[2])
                 }
-                Frame::Circle { .. } => *v,
+                Frame::Circle { .. } | Frame::Lengths => *v,
             })
             .collect()
     }

@@ -24,7 +24,7 @@ pub struct PyFitProblem {
     start: State,
 }
 
-/// How each session's device stands: kinds (0 free, 1 parallel, 2 circle), measured_from_base, translation or centre,
+/// How each session's device stands: kinds (0 free, 1 parallel, 2 circle, 3 lengths), measured_from_base, translation or centre,
 /// excess radius, pivot.
 type FrameArrays<'py> = (
     PyReadonlyArray1<'py, u8>,
@@ -54,7 +54,8 @@ fn frames_of(arrays: &FrameArrays<'_>) -> Result<Vec<Frame>, CoreError> {
                 turns: kind == 0,
             }),
             2 => Ok(Frame::Circle { centre_mm: translations[session], excess_mm: excess[session] }),
-            _ => Err(CoreError::shape("the kind of a frame must be 0, 1 or 2")),
+            3 => Ok(Frame::Lengths),
+            _ => Err(CoreError::shape("the kind of a frame must be 0, 1, 2 or 3")),
         })
         .collect()
 }
@@ -74,11 +75,12 @@ impl PyFitProblem {
     }
 
     /// `shared` is the derivative (n, 3, p) of measured points by unknowns that all rows share; `beside` is another
-    /// problem, whose functions along axes are taken where they are the same.
+    /// problem, whose functions along axes are taken where they are the same; `length` is the number of the length that
+    /// each row (n,) is an end of, -1 of others.
     #[new]
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
     #[pyo3(signature = (model, carriers, q_mm, offset_mm, variables, starts, t_s, measured_mm, whitening, session,
-        frames, coefficients, inner, free_inner, shared, beside=None))]
+        frames, coefficients, inner, free_inner, shared, beside=None, length=None))]
     fn new(
         model: &PyVolumetricModel,
         carriers: PyReadonlyArray1<'_, u8>,
@@ -96,6 +98,7 @@ impl PyFitProblem {
         free_inner: Vec<usize>,
         shared: Option<PyReadonlyArray3<'_, f64>>,
         beside: Option<PyRef<'_, PyFitProblem>>,
+        length: Option<PyReadonlyArray1<'_, i64>>,
     ) -> PyResult<Self> {
         let t_s = t_s.as_ref();
         let (carriers, q_mm, offset_mm) = (&carriers, &q_mm, &offset_mm);
@@ -110,6 +113,7 @@ impl PyFitProblem {
             measured_mm: rows(&measured_mm, "measured_mm")?.to_vec(),
             whitening: matrices(&whitening, "whitening")?.to_vec(),
             session: places(&session, "session")?,
+            length: length.as_ref().map(places_if_any).unwrap_or_default(),
             shared,
             n_shared,
         };

@@ -46,7 +46,7 @@ impl PyFitState {
     fn rotations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let all = self.state.frames.iter().map(|frame| match frame {
             Frame::Positions { pose, .. } => pose.camera_from_base,
-            Frame::Circle { .. } => Pose::default().camera_from_base,
+            Frame::Circle { .. } | Frame::Lengths => Pose::default().camera_from_base,
         });
         crate::arrays::from_matrices(py, all.collect())
     }
@@ -57,6 +57,7 @@ impl PyFitState {
         let all = self.state.frames.iter().map(|frame| match frame {
             Frame::Positions { pose, .. } => pose.t_mm,
             Frame::Circle { centre_mm, .. } => *centre_mm,
+            Frame::Lengths => [0.0; 3],
         });
         from_rows(py, all.collect())
     }
@@ -65,7 +66,7 @@ impl PyFitState {
     #[getter]
     fn excess_mm<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let all = self.state.frames.iter().map(|frame| match frame {
-            Frame::Positions { .. } => 0.0,
+            Frame::Positions { .. } | Frame::Lengths => 0.0,
             Frame::Circle { excess_mm, .. } => *excess_mm,
         });
         from_numbers(py, all.collect())

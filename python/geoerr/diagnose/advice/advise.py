@@ -11,7 +11,7 @@ import numpy as np
 from geoerr.diagnose.advice.by_hand import by_hand
 from geoerr.diagnose.advice.columns import Terms, poses_of
 from geoerr.diagnose.advice.families import Company
-from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser
+from geoerr.diagnose.advice.separation import MARGIN, Advice, Adviser, firsts_of
 from geoerr.diagnose.findings import Separation
 from geoerr.diagnose.space import Space, beyond, freedom_of, noise_sums, whitened_space
 from geoerr.effects import catalogue
@@ -104,6 +104,9 @@ def separation_for(
     acceleration_mm_s2
         Of the axes, for how long moves take; boundless if not said.
     """
+    if space.fitted.sightings.has_lengths_only:
+        # Nobody knows what the machine itself could be measured with.
+        return _by_catalogue(firsts_of(candidates), known or catalogue())
     adviser = Adviser(space, candidates, added=added, acceleration_mm_s2=acceleration_mm_s2, threads=threads)
     advice = adviser.separation(margin=margin)
     if advice.plan is not None:

@@ -113,6 +113,7 @@ class Terms:
             self.inner,
             self.free,
             shared,
+            length=sightings.length,
         )
         scale = np.ones(n) if scale is None else scale
         design = problem.design(problem.start, scale, 0, n, threads)

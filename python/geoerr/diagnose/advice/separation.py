@@ -161,18 +161,16 @@ class Adviser:
         self.situation: Situation = situation_of(fitted, space.noise, acceleration_mm_s2=acceleration_mm_s2)
         families: list[Family] = []
         terms: list[Term] = []
-        firsts: list[Term] = []
         for one in candidates:
-            forms = [(term,) for term in one.terms] if isinstance(one, Company) else [_forms(one)]
+            forms = _each_form(one)
             own = [
                 family_of(fitted.machine, form, len(terms) + number, fitted.sightings, poses)
                 for number, form in enumerate(forms)
             ]
             families.append(joined(own, one.id) if isinstance(one, Company) else own[0])
-            firsts += [form[0] for form in forms]
             terms += [term for form in forms for term in form]
         self.names = tuple(family.name for family in families)
-        self.firsts = tuple(firsts)
+        self.firsts = firsts_of(candidates)
         self.space = space
         self._candidates = Candidates(families)
         self._model = Terms(fitted.machine, (*fitted.terms, *added), with_inner=True)
@@ -395,6 +393,15 @@ class Adviser:
 
 def _forms(candidate: Term | Sequence[Term]) -> tuple[Term, ...]:
     return (candidate,) if isinstance(candidate, Term) else tuple(candidate)
+
+
+def _each_form(candidate: Term | Sequence[Term] | Company) -> list[tuple[Term, ...]]:
+    return [(term,) for term in candidate.terms] if isinstance(candidate, Company) else [_forms(candidate)]
+
+
+def firsts_of(candidates: Sequence[Term | Sequence[Term] | Company]) -> tuple[Term, ...]:
+    """Give each candidate in the form that fits best, those of a `Company` one after the other."""
+    return tuple(form[0] for one in candidates for form in _each_form(one))
 
 
 def _prior(prior: Numbers | None, model: Terms, n_fitted: int) -> Numbers | None:

@@ -142,17 +142,19 @@ class Situation:
 
 def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float | None = None) -> Situation:
     """Learn from the data of a fit how a further measurement would go."""
-    sightings, machine = fitted.sightings, fitted.machine
+    machine = fitted.machine
+    # Lengths were taken on a part, by a device that sees no machine.
+    sightings = fitted.sightings.select(~fitted.sightings.of_kind("lengths"), "lengths")
     q = sightings.commanded_mm
     span = np.column_stack([q.min(axis=0), q.max(axis=0)])
     feed = sightings.numbers("feed")
     feed = feed[np.isfinite(feed) & (feed > 0.0)]
-    is_circular = set(sightings.frames) == {"circle"}
+    is_circular = bool(sightings.of_kind("circle").all())
     moving = np.nan_to_num(sightings.numbers("moving")) > 0.0
     begins = _moments(sightings)
     usual = float(np.median(feed)) if feed.size else _USUAL_FEED_MM_MIN
     dwell, interval = _pace(sightings, begins, moving, usual)
-    last = len(sightings.sessions) - 1
+    last = int(sightings.session.max())
     state = fitted.solved.state
     sessions_s = [float(np.ptp(part)) for part in _by_session(sightings, times_s(sightings))]
     has_times = "t" in sightings.covariate_columns
@@ -185,7 +187,7 @@ def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float
         drift=noise.drift,
         memory_s=np.maximum(noise.memory * max(span_s, 1.0), 1.0),
         clock_s=float(clock_s(sightings).max()),
-        last_session=len(sightings.sessions) - 1,
+        last_session=len(fitted.sightings.sessions) - 1,
     )
 
 
@@ -264,7 +266,7 @@ def _targets(sightings: Sightings, begins: np.ndarray) -> tuple[Target, ...]:
 
 def _circle(sightings: Sightings, span: Numbers) -> tuple[float, Numbers, str]:
     """Give radius, centre and plane of the last circular test, or of a circle that the data's span has room for."""
-    last = len(sightings.sessions) - 1
+    last = int(sightings.session.max())
     if sightings.frames[last] == "circle":
         own = sightings.commanded_mm[sightings.session == last]
         size = np.ptp(own, axis=0)
