@@ -133,15 +133,27 @@ class Observations:
 
     @property
     def covariance_mm2(self) -> Numbers | None:
-        """Covariances of the measured positions, (n, 3, 3): from `cxx ...`, else from `sx sy sz`, else None."""
-        if all(name in self.frame.columns for name in COVARIANCE):
+        """Covariances of the measured positions, (n, 3, 3); None where there are no columns for them.
+
+        Each row has what it states: `cxx ...` where these are all that it needs, else `sx sy sz`. A laser's file may
+        state the one, and a camera's the other.
+        """
+        columns = self.frame.columns
+        by_element = by_deviation = None
+        if all(name in columns for name in COVARIANCE):
             xx, xy, xz, yy, yz, zz = self.numbers(*COVARIANCE).T
-            return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
-        if any(name in self.frame.columns for name in STANDARD_UNCERTAINTY):
+            by_element = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
+        if any(name in columns for name in STANDARD_UNCERTAINTY):
             # A negative one is as impossible as 0, and its square would hide it.
             deviations = np.maximum(self.numbers(*STANDARD_UNCERTAINTY), 0.0)
-            return np.asarray(np.eye(3) * deviations[:, None, :] ** 2)
-        return None
+            # What is off the diagonal is 0, also of an empty cell.
+            by_deviation = np.where(np.eye(3, dtype=bool), deviations[:, None, :] ** 2, 0.0)
+        if by_element is None or by_deviation is None:
+            return by_deviation if by_element is None else by_element
+        is_measured = np.isfinite(self.measured_mm)
+        needed = is_measured[:, :, None] & is_measured[:, None, :]
+        is_whole = (np.isfinite(by_element) | ~needed).all(axis=(1, 2))
+        return np.where(is_whole[:, None, None], by_element, by_deviation)
 
     @property
     def directions(self) -> npt.NDArray[np.int8]:

@@ -33,6 +33,7 @@ from geoerr.fit import (
     sightings_of,
     within_the_machine,
 )
+from geoerr.fit.calibration import checked_calibration
 from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import with_rows
@@ -300,6 +301,9 @@ def compare(
             threads=threads,
         )
     else:
+        # It takes no part; given amiss it would not with the model's own data either.
+        for points in (table for table in tables if isinstance(table, Observations)):
+            checked_calibration(rig_sensitivity, rig_covariance, len(points))
         now = since_last_session(_refusing_unknown(model))
         fitted = frames_only(now.machine, sightings, all_terms(now), threads=threads)
     return Comparison(model, "own" if is_own else "refit" if refit else "held", fitted, lengths_of(fitted, sightings))

@@ -22,6 +22,7 @@ from geoerr.distributions import chi_squared_sf
 from geoerr.errors import GeometryError
 from geoerr.fit.begun import known_columns, known_sums
 from geoerr.fit.beside_effects import with_effects
+from geoerr.fit.calibration import CalibrationUnknowns, calibration_unknowns
 from geoerr.fit.classic import (
     Components,
     classic_terms,
@@ -40,7 +41,7 @@ from geoerr.fit.lengths import middles_of_lengths
 from geoerr.fit.noise import is_static
 from geoerr.fit.rich import determined_bases
 from geoerr.fit.rolls import Rolls, held_rolls, levers, turned
-from geoerr.fit.sightings import SAME_POSITION_MM, SEE_POSITIONS, Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing
@@ -51,7 +52,7 @@ from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, wh
 from geoerr.machine import AXES, Machine
 from geoerr.model.arrays import check_choice, check_threads
 from geoerr.model.compile import Compiled, compile_terms, start_values
-from geoerr.observations import MeasuredTable, Observations
+from geoerr.observations import MeasuredTable
 from geoerr.summaries import counted, place_of_row
 from geoerr.terms import BasisSpec, Term
 
@@ -143,7 +144,7 @@ def fit_terms(
     options = options or FitOptions()
     sightings = within_the_machine(sightings_of(*tables), machine) if sightings is None else sightings
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
-    shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
+    shared = calibration_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     given = dict(options.bases or {})
     rich = {**rich_bases(sightings, names_of(options.components), positions), **given}
     posed = Posed(machine, sightings, shared, options)
@@ -223,14 +224,6 @@ def _with_starts(effects: Sequence[Term], fitted: Sequence[Term]) -> list[Term]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Shared:
-    """Unknowns that rows share: derivative (n, 3, p) in the measuring frames; how many are known to be 0 ± 1."""
-
-    derivative: Numbers
-    n_held: int
-
-
-@dataclass(frozen=True, eq=False)
 class Given:
     """What is known of every row before anything is fitted.
 
@@ -253,41 +246,15 @@ class Given:
         return Given(self.displacement_mm[kept], self.falsified_mm[kept], self.is_used[kept])
 
 
-def shared_unknowns(
-    tables: Sequence[MeasuredTable],
-    sightings: Sightings,
-    rig_sensitivity: Numbers | None,
-    rig_covariance: Numbers | None,
-) -> _Shared | None:
-    """Bring the calibration's uncertainty into unknowns of unit variance: S Σ Sᵀ = (S F)(S F)ᵀ with Σ = F Fᵀ.
-
-    The sensitivity (n, 3, p) is that of the rows of the one table of points; radii and lengths know no camera.
-    """
-    if rig_sensitivity is None or rig_covariance is None:
-        return None
-    value, vector = np.linalg.eigh(rig_covariance)
-    keep = value > max(float(value.max()), 0.0) * 1e-14
-    root = vector[:, keep] * np.sqrt(value[keep])
-    if sum(isinstance(table, Observations) for table in tables) != 1:
-        raise GeometryError("the calibration's uncertainty can be taken along for one table of points only")
-    is_point = sightings.of_kind(*SEE_POSITIONS)
-    derivative = np.zeros((len(sightings), 3, root.shape[1]))
-    derivative[is_point] = rig_sensitivity[sightings.source_row[is_point]] @ root
-    if not np.isfinite(derivative).all():
-        raise GeometryError(
-            "some rows have no pixels, so that the calibration's part in their uncertainty is unknown\n"
-            "hint: leave --rig out, or leave these rows out"
-        )
-    return _Shared(derivative, int(keep.sum()))
-
-
 class Posed:
     """The data with everything that does not depend on the terms: frames, reference targets, shared unknowns.
 
     `given`, where it is set, is what is known of the rows: terms that are fitted come on top of it.
     """
 
-    def __init__(self, machine: Machine, sightings: Sightings, shared: _Shared | None, options: FitOptions) -> None:
+    def __init__(
+        self, machine: Machine, sightings: Sightings, shared: CalibrationUnknowns | None, options: FitOptions
+    ) -> None:
         self.machine = machine
         self.options = options
         nominal = nominal_mm(machine, sightings)

@@ -14,7 +14,8 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.errors import GeometryError
-from geoerr.fit.fit import FitOptions, Given, Posed, beside, shared_unknowns
+from geoerr.fit.calibration import calibration_unknowns
+from geoerr.fit.fit import FitOptions, Given, Posed, beside
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.gross_rows import stand_alone
 from geoerr.fit.sightings import Numbers, Sightings
@@ -121,7 +122,7 @@ def own_freedom(
     `rig_sensitivity` (of the rows of the one table of points) and `rig_covariance` are the calibration, where it is
     to be fitted along; the sightings are those of `tables` then.
     """
-    shared = shared_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
+    shared = calibration_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     return Posed(machine, sightings, shared, FitOptions(components="none", threads=threads)).fit(tuple(terms))
 
 

@@ -6,6 +6,7 @@ number with its `s_measured`.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -25,6 +26,7 @@ from geoerr.fit.noise import in_the_way_of_repeats
 from geoerr.fit.odd_directions import odd_directions
 from geoerr.fit.other_units import other_units
 from geoerr.fit.passes import passes_of
+from geoerr.fit.scatter import scatter_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
 from geoerr.fit.unbelievable import LEAST_STD_MM, NOT_POSITIVE, place_of_unbelievable, unbelievable_rows
 from geoerr.fit.weights import weighed
@@ -56,8 +58,7 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
         for a table that is none.
     """
     check_tables(tables, "fit_model(machine, observations)", Observations, CircularTest, Lengths)
-    parts = [_of_one(table) for table in tables]
-    parts = [part for part in parts if len(part)]
+    parts = [part for table in tables for part in _of_one(table) if len(part)]
     if not parts:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
     parts = weighed(parts)
@@ -74,10 +75,31 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
 
 
-def _of_one(table: MeasuredTable) -> Sightings:
+def _of_one(table: MeasuredTable) -> list[Sightings]:
     if isinstance(table, Lengths):
-        return sightings_of_lengths(table)
-    return _of_circle(table) if isinstance(table, CircularTest) else _of_points(table)
+        return [sightings_of_lengths(table)]
+    return [_of_circle(table)] if isinstance(table, CircularTest) else _of_sessions(table)
+
+
+def _of_sessions(observations: Observations) -> list[Sightings]:
+    """Give points as one, or apart where some sessions state no uncertainty at all: their own scatter may tell it.
+
+    In the order of the sessions, which is that of time.
+    """
+    is_measured = np.isfinite(observations.measured_mm)
+    stated = stated_rows(observations.covariance_mm2, is_measured) & is_measured.any(axis=1)
+    names = np.array(observations.texts("session"))
+    states = {name: bool(stated[names == name].any()) for name in dict.fromkeys(names.tolist())}
+    if len(set(states.values())) < 2:
+        return [_of_points(observations)]
+    parts = []
+    for is_stated, own in itertools.groupby(states, key=lambda name: states[name]):
+        rows = np.flatnonzero(np.isin(names, list(own)))
+        part = _of_points(observations.select(np.isin(np.arange(len(names)), rows)))
+        if not is_stated and scatter_of(part) is None:
+            return [_of_points(observations)]
+        parts.append(replace(part, source_row=rows[part.source_row]))
+    return parts
 
 
 def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:

@@ -25,8 +25,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.error_functions import ErrorFunctions
-from geoerr.errors import GeometryError, ShapeError
+from geoerr.errors import GeometryError
 from geoerr.fit import digest_of, sightings_of
+from geoerr.fit.calibration import checked_calibration
 from geoerr.identify.along import FittedPass
 from geoerr.identify.assemble import assemble
 from geoerr.identify.fitting import fit_passes
@@ -226,7 +227,9 @@ def analyze_nine_lines(
     if straightness not in ("direct", "integrated") or roll not in ("linear", "li"):
         raise ValueError(f"straightness {straightness!r} or roll {roll!r} is not a known method")
     data = measurements_of(observations)
-    rig = _checked_rig(rig_sensitivity, rig_covariance, len(data.measured_mm))
+    rig = checked_calibration(rig_sensitivity, rig_covariance, len(data.measured_mm))
+    # A row without pixels is no part of what the calibration moves.
+    rig = None if rig is None else (np.nan_to_num(rig[0]), rig[1])
     found = find_passes(data, machine)
     passes, refused = fit_passes(found.passes, data)
     if not passes:
@@ -275,21 +278,6 @@ def _arithmetic(
     places = number_lines([one.source for one in passes], machine)
     frames = session_frames(data, [one.source for one in passes], [one.direction for one in passes], places, machine)
     return places, frames, run_stages(passes, data, frames, places, machine)
-
-
-def _checked_rig(
-    sensitivity: npt.ArrayLike | None, covariance: npt.ArrayLike | None, n_rows: int
-) -> tuple[Numbers, Numbers] | None:
-    if sensitivity is None and covariance is None:
-        return None
-    if sensitivity is None or covariance is None:
-        raise ShapeError("rig_sensitivity and rig_covariance belong together: one of them is missing")
-    j, c = np.asarray(sensitivity, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
-    if c.ndim != 2 or c.shape[0] != c.shape[1]:
-        raise ShapeError(f"rig_covariance has shape {c.shape}, a square matrix is needed")
-    if j.shape != (n_rows, 3, len(c)):
-        raise ShapeError(f"rig_sensitivity has shape {j.shape}, ({n_rows}, 3, {len(c)}) is needed")
-    return np.nan_to_num(j), c
 
 
 def _nothing_found(found: FoundPasses, refused: Sequence[str]) -> str:

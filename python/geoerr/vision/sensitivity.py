@@ -82,7 +82,8 @@ def rig_sensitivity(rig: Rig, observations: Observations) -> Array:
     Returns
     -------
     ndarray
-        (n, 3, p), mm per unit of `rig.parameter_names`; NaN rows where a pixel is absent.
+        (n, 3, p), mm per unit of `rig.parameter_names`; NaN rows where a pixel is absent. 0 in sessions without any
+        pixel: another device measured there.
 
     Raises
     ------
@@ -100,7 +101,11 @@ def rig_sensitivity(rig: Rig, observations: Observations) -> Array:
             "the observations have no pixels (u_left v_left u_right v_right): how they depend on the rig is unknown\n"
             "hint: `geoerr measure` writes them; without them leave the rig out"
         )
-    return sensitivity_of_points(rig, points_from_pixels(rig, pixels))
+    sensitivity = sensitivity_of_points(rig, points_from_pixels(rig, pixels))
+    session = np.asarray(observations.texts("session"))
+    seen = np.unique(session[np.isfinite(pixels).any(axis=1)])
+    sensitivity[~np.isin(session, seen)] = 0.0
+    return sensitivity
 
 
 def calibration_of_points(rig: Path, observations: Observations) -> tuple[Array, Array]:
