@@ -49,8 +49,9 @@ def value_words(parameter: Parameter) -> str:
 
 
 def bounded_value_words(parameter: Parameter) -> str:
-    """Say besides where the value is a bound."""
-    return f"{value_words(parameter)}{', the end of its range' if is_at_an_end(parameter) else ''}"
+    """Say besides where the value is a bound: the standard errors of the others know nothing of other values."""
+    bound = ", the end of its range; ± of the others hold for it alone" if is_at_an_end(parameter) else ""
+    return f"{value_words(parameter)}{bound}"
 
 
 def is_open(parameter: Parameter) -> bool:

@@ -279,7 +279,9 @@ def directions(fitted: Fitted, term: Term, scale: Numbers, threads: int) -> Numb
 
 
 def _problem(fitted: Fitted, compiled: Compiled) -> _core.FitProblem:
-    sightings, state = fitted.sightings, fitted.solved.state
+    # As the solution has it: with frames that are another few steps on, what a fit can do leaves less than nothing of
+    # columns that it nearly has, where a calibration's unknowns are large and nearly cancel.
+    sightings, state = fitted.sightings, fitted.solved.design_state
     kinds = np.array([KINDS[kind] for kind in sightings.frames], dtype=np.uint8)
     pivots = np.zeros((len(sightings.sessions), 3))
     return _core.FitProblem(
@@ -420,7 +422,7 @@ class _Beyond:
     def __init__(self, fitted: Fitted, candidate: _Candidate, threads: int) -> None:
         solved = fitted.solved
         scale = solved.used.astype(np.float64)
-        spread = fitted.problem.times(solved.state, solved.solution.covariance_root, scale, threads)
+        spread = fitted.problem.times(solved.design_state, solved.solution.covariance_root, scale, threads)
         directions = candidate.directions
         weight = np.einsum("pnc,qnc->npq", directions, directions)
         pull = np.einsum("pnc,nc->np", directions, solved.whitened * scale[:, None])

@@ -38,7 +38,7 @@ class Seen:
         self.fitted, self.used = fitted, solved.used
         self.direction = directions(fitted, unit, solved.used.astype(np.float64), fitted.threads)[0]
         spread = fitted.problem.times(
-            solved.state, solved.solution.covariance_root, solved.used.astype(np.float64), fitted.threads
+            solved.design_state, solved.solution.covariance_root, solved.used.astype(np.float64), fitted.threads
         )
         self._spread = spread.reshape(-1, spread.shape[2])
         self.residual = solved.whitened * solved.used[:, None] / fitted.unit

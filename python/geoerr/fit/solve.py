@@ -340,12 +340,14 @@ def _gauss_newton(
     cost = _cost(problem, residual, row_scale, _held(problem, state, prior))
     while not converged and steps < _MAX_STEPS:
         if not is_linear:
-            design_state = state
             is_nearly_there = moved < max(settled, _NEAR_THE_END) and not is_there
             if is_nearly_there or followed > most_followed:
                 is_followed = None if ranges is None else ranges.is_followed
                 triangle, made_at = triangles.near((triangle, made_at), state, is_followed)
                 unheld, since = triangle.solve(None, threads), _StepsSince()
+            # In the frames that the triangle has: with others steps overshoot where a calibration's unknowns are
+            # large, and go to and fro about the minimum.
+            design_state = state.in_frames_of(made_at)
         elif of_all is not None and steps == _STEPS_WITH_ANOTHER:
             (triangle, made_at), made_with = triangles.at(state), row_scale
             solution = unheld = triangle.solve(None, threads)

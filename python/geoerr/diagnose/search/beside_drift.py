@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate
-from geoerr.diagnose.noise import NoiseModel, without_drift
+from geoerr.diagnose.noise import NoiseModel, NoiseSums, without_drift
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search.bench import Bench
@@ -81,7 +81,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     clear = [one for one in clear[:_MOST_LIKE_DRIFT] if one.evidence > max(most, enough(one))]
     if not clear:
         return looked
-    without = sums.fit(restricted=False, start=bench.noise).log_likelihood
+    without = _log_likelihood(sums, bench)
     for one in clear:
         # A drift forgives no jump at the wrong moment: the time is found first.
         columns = scanner.raw_columns(settle(calm, scanner, one).shapes, 0)
@@ -100,6 +100,16 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
                 one, gain=gain, surprise=found, evidence=evidence, p_value=p_value, noise=noise
             )
     return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
+
+
+def gain_beside_drift(bench: Bench, added: Sequence[Numbers], columns: Numbers) -> float:
+    """Give twice what columns (n, 3, k) add to the logarithm of the likelihood, the noise anew with and without."""
+    with_them = _log_likelihood(bench.sums([*added, columns]), bench)
+    return max(2.0 * (with_them - _log_likelihood(bench.sums(added), bench)), 0.0)
+
+
+def _log_likelihood(sums: NoiseSums, bench: Bench) -> float:
+    return sums.fit(restricted=False, start=bench.noise).log_likelihood
 
 
 def _at_half_the_level(looked: Round) -> Round:
