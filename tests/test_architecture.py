@@ -14,12 +14,13 @@ from geoerr.report import figures
 PACKAGE = Path(geoerr.__file__).parent
 
 # Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
-BASE = {"column_names", "drawing", "errors", "files", "quoted_cells", "spelling", "summaries", "tables"}
+BASE = {"arguments", "column_names", "drawing", "errors", "files", "quoted_cells", "spelling", "summaries", "tables"}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"commanded_circle", "distributions", "terms", "bases", "effects", "model"}
 WORK = {"vision", "fit", "diagnose", "identify", "states", "budget", "compensate", "verify", "simulate"}
 ALLOWED: dict[str, set[str]] = {
+    "arguments": {"errors"},
     "column_names": set(),
     "drawing": set(),
     "errors": set(),
@@ -41,7 +42,7 @@ ALLOWED: dict[str, set[str]] = {
     "observations": BASE,
     "measurements": BASE | {"observations"},
     "error_functions": BASE | {"machine"},
-    "geometry": CORE | {"errors"},
+    "geometry": CORE | {"arguments", "errors"},
     "model": TABLES | CORE | {"terms", "bases", "effects"},
     "vision": TABLES | CORE | {"distributions"},
     "fit": MODEL,

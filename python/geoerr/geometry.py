@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
+from geoerr.arguments import check_choice, check_threads
 from geoerr.errors import GeometryError, ShapeError
 
+Rule = Literal["trapezoid", "simpson"]
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -179,7 +181,7 @@ def triangulate(
     Raises
     ------
     ShapeError
-        if an array has the wrong shape or the numbers of rows differ.
+        if an array has the wrong shape, the numbers of rows differ, or `threads` is no number of threads.
     GeometryError
         if a projection matrix is not finite or has no finite centre, if the two centres coincide, or if `sigma_px` is
         not positive.
@@ -189,6 +191,7 @@ def triangulate(
     Li et al. 2023, Eqs. 3-5 (Eq. 3 prints a wrong superscript in row 2). Checked against 50-digit references,
     where the error is that of QR or smaller on a 2 mm baseline too, OpenCV, and Monte-Carlo covariances.
     """
+    check_threads(threads)
     if reweightings < 0:
         raise GeometryError(f"reweightings is {reweightings}: it cannot be negative")
     return Triangulated(
@@ -236,10 +239,11 @@ def triangulate_points(
     Raises
     ------
     ShapeError
-        if an array has the wrong shape or the numbers of rows differ.
+        if an array has the wrong shape, the numbers of rows differ, or `threads` is no number of threads.
     GeometryError
         if a projection matrix is not finite or has no finite centre, or if the two centres coincide.
     """
+    check_threads(threads)
     given_left, given_right = np.asarray(uv_left_px), np.asarray(uv_right_px)
     is_single = given_left.dtype == given_right.dtype == np.float32
     dtype = np.dtype(np.float32 if is_single else np.float64)
@@ -286,7 +290,8 @@ def fit_lines(
     Raises
     ------
     ShapeError
-        if an array has the wrong shape or the starts do not cut the points into consecutive runs.
+        if an array has the wrong shape, the starts do not cut the points into consecutive runs, or `threads` is no
+        number of threads.
 
     Notes
     -----
@@ -294,6 +299,7 @@ def fit_lines(
     residuals are summed as vectors. Li et al. 2023, §4.3. Checked against 50-digit references, SVD, and
     Monte-Carlo covariances.
     """
+    check_threads(threads)
     points = _array(points_mm, "points_mm", (None, 3))
     given = np.asarray(starts)
     if given.ndim != 1 or (given.size > 0 and not np.issubdtype(given.dtype, np.integer)):
@@ -348,7 +354,7 @@ _WHY_NO_LINE = {
 def integrate_straightness(
     position_mm: npt.ArrayLike,
     angle_rad: npt.ArrayLike,
-    rule: Literal["trapezoid", "simpson"] = "trapezoid",
+    rule: Rule = "trapezoid",
     *,
     threads: int = 0,
 ) -> FloatArray:
@@ -376,17 +382,19 @@ def integrate_straightness(
     Raises
     ------
     ShapeError
-        for arrays that do not fit or fewer than two positions.
+        for arrays that do not fit, fewer than two positions, or what is no number of threads.
     GeometryError
         for positions that are not finite or do not rise; the message names the index.
-    ValueError
-        for an unknown rule.
+    GeoerrError
+        for a rule that is none.
 
     Notes
     -----
     Li et al. 2023, Eq. 19. Which angle makes which straightness with which sign depends on the side that carries
     the axis and is the caller's matter.
     """
+    check_choice("rule", rule, get_args(Rule))
+    check_threads(threads)
     positions, functions = _functions(position_mm, angle_rad, "angle_rad")
     return _core.integrate_straightness(positions, functions.ravel(), rule, threads).reshape(functions.shape)
 
@@ -423,10 +431,11 @@ def remove_line(position_mm: npt.ArrayLike, values: npt.ArrayLike, *, threads: i
     Raises
     ------
     ShapeError
-        for arrays that do not fit or fewer than two positions.
+        for arrays that do not fit, fewer than two positions, or what is no number of threads.
     GeometryError
         for positions that are not finite or do not rise; the message names the index.
     """
+    check_threads(threads)
     positions, functions = _functions(position_mm, values, "values")
     return _core.remove_line(positions, functions.ravel(), threads).reshape(functions.shape)
 

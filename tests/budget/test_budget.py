@@ -18,6 +18,7 @@ from virtual_machine import machine_of
 from geoerr.budget import (
     Budget,
     Implementation,
+    UncertaintyMap,
     budget_text,
     propagate_distributions,
     refit_with_noise,
@@ -163,6 +164,25 @@ def test_corners_centre_and_worst_are_the_places_if_none_are_named(told: tuple[F
     assert volume.prediction_um[-1, -1, -1] == pytest.approx(found.standard_length_um()[7])
     assert volume.part_95_um[2, 2, 2] == pytest.approx(found.expanded_length_um("part")[8])
     assert (volume.part_um >= volume.prediction_um).all()
+
+
+def test_a_single_place_of_an_edge_is_in_its_middle(told: tuple[FitResult, Rig]) -> None:
+    found = uncertainty_budget(told[0])
+    one = uncertainty_map(found, 1)
+    assert [*one.x_mm, *one.y_mm, *one.z_mm] == pytest.approx(found.q_mm[-2])
+    assert one.prediction_um[0, 0, 0] == pytest.approx(found.standard_length_um()[-2])
+    ends, middle, more = (list(axis) for axis in _axes_mm(uncertainty_map(found, (2, 1, np.int64(3)))))
+    assert (ends, middle, more) == ([0.0, 400.0], [200.0], [0.0, 200.0, 400.0])
+
+
+@pytest.mark.parametrize("n", [0, -1, 2.5, (2, 3), (2, 3, 0), (2, 3, 4, 5), (2, 3, 4.0), "two", None])
+def test_what_is_no_number_of_places_is_refused(told: tuple[FitResult, Rig], n: object) -> None:
+    with pytest.raises(ShapeError, match=r"^n is .*\nhint: write how many places .* along each edge of the volume"):
+        uncertainty_map(uncertainty_budget(told[0]), n)  # type: ignore[arg-type]  # the point of the test
+
+
+def _axes_mm(volume: UncertaintyMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return volume.x_mm, volume.y_mm, volume.z_mm
 
 
 def test_conditions_count_by_their_own_slope() -> None:

@@ -13,7 +13,7 @@ from advice_machine import lines_at_one_feed, machine, measure
 from geoerr.diagnose.advice.by_hand import home_again
 from geoerr.diagnose.advice.course import Course
 from geoerr.diagnose.advice.measurement import Measurement, duration, tidy, uneven
-from geoerr.diagnose.advice.menu import feeds_of, four_feeds, menu, ramps, short_reversals
+from geoerr.diagnose.advice.menu import feeds_of, four_feeds, menu, one_sided, ramps, short_reversals
 from geoerr.diagnose.advice.menu_conditions import warming, work
 from geoerr.diagnose.advice.planned import planned
 from geoerr.diagnose.advice.question import Question, question_of
@@ -22,6 +22,7 @@ from geoerr.diagnose.space import space_of
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.fit.start import KINDS
+from geoerr.machine import Axis
 from geoerr.observations import CARRIERS
 
 EVERYTHING = Question(
@@ -118,6 +119,80 @@ def test_every_plan_stays_inside_what_was_measured_and_goes_forward_in_time(situ
         assert plan.text().endswith(duration(plan.minutes())), plan.name
         rows = planned(situation, plan)
         assert len(rows.sightings) == len(pictures) * len(plan.targets)
+
+
+def _of_size(situation: Situation, span_mm: np.ndarray, more_mm: float) -> Situation:
+    """Give a machine of another size, whose axes go a little further than what was measured."""
+    ranges = {axis: Axis((low - more_mm, high + more_mm)) for axis, (low, high) in zip("xyz", span_mm, strict=True)}
+    return replace(
+        situation,
+        machine=replace(situation.machine, axes=ranges),
+        span_mm=span_mm,
+        # A circular test in the corner that further centres lead away from.
+        plane="xy",
+        radius_mm=0.25 * float(np.ptp(span_mm[:2], axis=1).min()),
+        centre_mm=0.75 * span_mm[:, 1] + 0.25 * span_mm[:, 0],
+    )
+
+
+@pytest.mark.parametrize("more_mm", [0.0, 0.05])
+@pytest.mark.parametrize(
+    "span_mm",
+    [
+        *([[0.0, length]] * 3 for length in (0.4, 1.0, 2.9, 10.0, 20.0, 30.0, 50.0, 66.7, 100.0, 400.0, 3000.0)),
+        [[-900.0, -600.0], [300.0, 700.0], [-700.0, -400.0]],
+        [[-33.3, -12.7], [1000.1, 1007.4], [-0.7, 2000.0]],
+    ],
+    ids=str,
+)
+def test_no_plan_leads_a_machine_of_any_size_out_of_its_travel(
+    situation: Situation, span_mm: list[list[float]], more_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = _of_size(situation, np.array(span_mm), more_mm)
+    places: list[np.ndarray] = []
+
+    def remember(course: Course, name: str, value: object) -> None:
+        object.__setattr__(course, name, value)
+        if name == "at_mm":
+            # Pictures or not: the machine is sent there.
+            places.append(np.asarray(value))
+
+    monkeypatch.setattr(Course, "__setattr__", remember)
+    plans = [*_everything(own), *menu(replace(own, is_circular=True), EVERYTHING)]
+    assert {"short-reversals", "one-sided", "circle-centres"} <= {plan.name.split(":")[0] for plan in plans}
+    low, high = own.span_mm.T
+    for plan in plans:
+        pictures = plan.pictures
+        more = more_mm if plan.is_circular else 0.0
+        assert (pictures.q_mm >= low - more - 1e-9).all(), plan.name
+        assert (pictures.q_mm <= high + more + 1e-9).all(), plan.name
+    assert len(places) > sum(len(plan.pictures) for plan in plans) // 2
+    assert (np.array(places) >= low - more_mm - 1e-9).all()
+    assert (np.array(places) <= high + more_mm + 1e-9).all()
+
+
+def test_strokes_of_a_short_axis_are_whole(situation: Situation) -> None:
+    plan = short_reversals(_of_size(situation, np.array([[100.0, 120.0]] * 3), 0.0), "x")
+    own = np.array([line == "X reversals" for line in plan.pictures.line])
+    x = plan.pictures.q_mm[own, 0]
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
+    strokes = np.abs(np.diff(x[turns]))
+    # At two feeds and three places: down by 5 mm from where the axis came up to, and up again, as on any machine.
+    assert (np.abs(strokes - 5.0) < 1e-9).sum() >= 6
+    assert x.min() == 100.0
+
+
+def test_an_end_of_the_travel_is_not_approached_from_outside(situation: Situation) -> None:
+    whole = one_sided(_of_size(situation, np.array([[0.0, 400.0]] * 3), 0.0), "x")
+    roomy = one_sided(_of_size(situation, np.array([[0.0, 400.0]] * 3), 10.0), "x")
+    assert "every point (the lowest and the highest as the travel allows) approached from below" in whole.words
+    assert "every point approached from below" in roomy.words
+    np.testing.assert_array_equal(whole.pictures.q_mm, roomy.pictures.q_mm)
+    below = np.array([line == "X from below" for line in roomy.pictures.line])
+    assert (roomy.pictures.direction[below, 0] == 1).all()
+    # To the very end the machine comes from inside, and the rows say so; to every other point it comes as it should.
+    at_end = whole.pictures.q_mm[below, 0] == 0.0
+    assert (whole.pictures.direction[below, 0] == np.where(at_end, -1, 1)).all()
 
 
 def test_a_bar_at_one_temperature_says_nothing_of_what_follows_one(situation: Situation) -> None:

@@ -12,6 +12,7 @@ from fit_scenes import cubic_truth, seen
 from virtual_machine import LENGTH_MM, camera, machine_of, place
 
 from geoerr.diagnose.asked import diagnose
+from geoerr.diagnose.change import add_effect, remove_terms
 from geoerr.diagnose.comparison import compare
 from geoerr.errors import GeometryError
 from geoerr.fit import FitResult, fit_model, sightings_of
@@ -244,3 +245,15 @@ def _rms_um(table: Lengths) -> float:
     ends = [table.frame.select(f"x{end}", f"y{end}", f"z{end}").to_numpy() for end in (1, 2)]
     off = table.frame["measured"].to_numpy() - np.linalg.norm(ends[1] - ends[0], axis=1)
     return float(1e3 * np.sqrt(np.mean(off**2)))
+
+
+def test_effects_are_added_and_removed_with_lengths() -> None:
+    table = plate(skewed(2e-3, 1e-3, 0.0), 0.01, 3, 4)
+    added = add_effect(Model(MACHINE), table, reference="squareness:xy").result
+    again = add_effect(added.model, table, reference="scale:x").result
+    sizes_of = {term.id: term.coefficients[0] for term in again.model.terms}
+    assert abs(sizes_of["squareness:xy"].value - 2e-3) < 4.0 * sizes_of["squareness:xy"].std
+    assert abs(sizes_of["scale:x"].value - 1e-3) < 4.0 * sizes_of["scale:x"].std
+    assert again.fitted.figures.length_rms_um < 0.2 * added.fitted.figures.length_rms_um
+    back = remove_terms(again.model, [table], "scale:x").result
+    assert back.fitted.figures.length_rms_um == pytest.approx(added.fitted.figures.length_rms_um, rel=1e-6)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, cumulative_trapezoid, quad
 from scipy.interpolate import interp1d
 
-from geoerr.errors import GeometryError, ShapeError
+from geoerr.errors import GeoerrError, GeometryError, ShapeError
 from geoerr.geometry import integrate_straightness, remove_line
 
 Array = npt.NDArray[np.float64]
@@ -169,5 +169,5 @@ def test_refusals_name_argument_and_index() -> None:
         remove_line([[0.0, 1.0, 2.0]], values)
     with pytest.raises(ShapeError, match="1 positions: a range needs at least two"):
         remove_line([0.0], [1.0])
-    with pytest.raises(ValueError, match="unknown rule"):
-        integrate_straightness([0.0, 1.0, 2.0], values, "cubic")
+    with pytest.raises(GeoerrError, match=r"^rule cannot be 'cubic'\nhint: write one of 'trapezoid', 'simpson'$"):
+        integrate_straightness([0.0, 1.0, 2.0], values, "cubic")  # type: ignore[arg-type]  # the point of the test

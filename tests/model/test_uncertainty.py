@@ -327,6 +327,10 @@ class TestTables:
         for bad in ({"x": [1.0]}, {"x": [2.0, 1.0]}, {"x": [0.0, np.nan]}, 1):
             with pytest.raises(ShapeError, match=r"positions of x|two entries"):
                 fitted().error_functions(bad)
+        assert fitted().error_functions(np.int64(5)).functions["EXX"].position_mm.shape == (5,)
+        for bad in (5.0, "5", [0.0, 100.0], np.array([0.0, 100.0])):
+            with pytest.raises(ShapeError, match=r"^positions is .*\nhint: write how many entries .*'x': \["):
+                fitted().error_functions(bad)
 
     def test_at_conditions_that_stand_still(self) -> None:
         of, term = machine(), expansion()

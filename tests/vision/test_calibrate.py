@@ -85,6 +85,11 @@ def edit(folder: Path, change: Callable[[dict], None]) -> None:
     (folder / "session.toml").write_text(tomli_w.dumps(document))
 
 
+def test_what_is_no_number_of_threads_is_refused(simulated: Path) -> None:
+    with pytest.raises(ShapeError, match=r"^threads is -1\nhint: write a whole number"):
+        calibrate(read_session(simulated), threads=-1)
+
+
 def test_the_simulated_rig_is_found(simulated: Path, calibration: Calibration) -> None:
     truth = true_rig(simulated)
     assert calibration.pairs_used == N_VIEWS

@@ -25,7 +25,7 @@ from stereo_scenes import (
     right_of,
 )
 
-from geoerr.errors import InputFileError
+from geoerr.errors import InputFileError, ShapeError
 from geoerr.observations import read_observations
 from geoerr.vision import measure as measure_module
 from geoerr.vision.frame import FrameResult
@@ -103,6 +103,11 @@ def test_what_frames_csv_and_session_toml_say_is_carried_through(photographs, tm
     assert not {"left", "right", "file_row"} & set(columns)
     both = read_observations(path, path)
     assert sorted(set(both.texts("session"))) == ["0", "1"]
+
+
+def test_what_is_no_number_of_threads_is_refused(photographs):
+    with pytest.raises(ShapeError, match=r"^threads is -1\nhint: write a whole number"):
+        run(photographs[0], threads=-1)
 
 
 @pytest.mark.parametrize("threads", [2, 8])

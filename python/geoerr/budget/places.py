@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoerr.errors import GeometryError
+from geoerr.errors import GeometryError, ShapeError
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.arrays import Numbers
@@ -40,11 +40,31 @@ def stated_places(model: Model) -> dict[str, Numbers]:
 
 
 def grid_axes_mm(model: Model, n: int | tuple[int, int, int]) -> tuple[Numbers, Numbers, Numbers]:
-    """Give positions along X, Y and Z, spread evenly over the volume."""
+    """Give positions along X, Y and Z, spread evenly over the volume from end to end; a single one is the middle.
+
+    Raises
+    ------
+    ShapeError
+        for what is no number of places along each edge.
+    """
+    counts = _counts(n)
     low, high = volume_mm(model)
-    counts = (n, n, n) if isinstance(n, int) else n
-    x, y, z = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
+    x, y, z = (
+        np.linspace(a, b, count) if count > 1 else np.array([0.5 * (a + b)])
+        for a, b, count in zip(low, high, counts, strict=True)
+    )
     return x, y, z
+
+
+def _counts(n: object) -> tuple[int, ...]:
+    given = tuple(n) if isinstance(n, Sequence | np.ndarray) else (n, n, n)
+    counts = tuple(int(one) for one in given if isinstance(one, int | np.integer) and one >= 1)
+    if len(given) != 3 or len(counts) != 3:
+        raise ShapeError(
+            f"n is {n!r}\nhint: write how many places there are along each edge of the volume, a whole number from 1 "
+            "on, or three of them, for X, Y and Z"
+        )
+    return counts
 
 
 def grid_of(x_mm: Numbers, y_mm: Numbers, z_mm: Numbers) -> Numbers:

@@ -50,7 +50,12 @@ def uncertainty_map(budget: Budget, n: int | tuple[int, int, int] = 11) -> Uncer
     Parameters
     ----------
     n
-        Places along each edge, or along X, Y and Z.
+        Places along each edge, or along X, Y and Z, from end to end; a single one is in the middle.
+
+    Raises
+    ------
+    ShapeError
+        for what is no budget, or no number of places.
     """
     if not isinstance(budget, Budget):
         raise ShapeError(

@@ -15,13 +15,14 @@ from typing import IO, Any, Literal, get_args
 import numpy as np
 
 from geoerr import _core
+from geoerr.arguments import check_choice, check_threads
 from geoerr.compensate.benefit import Benefit, benefit_of, uncertain_tables
 from geoerr.compensate.motion_notes import motion_notes
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
 from geoerr.files import digest, refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
-from geoerr.model.arrays import Triple, check_choice, check_threads, triple_mm
+from geoerr.model.arrays import Triple, triple_mm
 from geoerr.model.called import check_model
 from geoerr.model.conditions import Conditions, constants_of
 from geoerr.model.finite import not_finite_notes

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.arguments import check_threads
 from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program, name_of_model
 from geoerr.error_functions import ErrorFunctions, write_errors
 from geoerr.files import write_json
@@ -116,7 +117,14 @@ def run_demo(directory: str | Path, stage: Stage, seed: int = 1, threads: int = 
         Of the machine's errors and of the pictures' noise.
     threads
         0 = all cores; never changes a result.
+
+    Raises
+    ------
+    ShapeError
+        for what is no number of threads.
     """
+    # Before a folder is made.
+    check_threads(threads)
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     session_folder = folder / "session"

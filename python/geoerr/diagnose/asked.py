@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
+from geoerr.arguments import check_threads
 from geoerr.diagnose.comparison import Comparison, all_terms, compare
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.own_uncertainty import own_doubt
@@ -62,12 +63,15 @@ def diagnose(
     ------
     GeoerrError
         where there are no measurements, circular tests alone, or a fit is given some.
+    ShapeError
+        for what is no model or fit, no table, or no number of threads.
 
     Notes
     -----
     Verified in tests/diagnose: gains and scores against least squares written out, the noise against dense matrices,
     and the search on machines that hide something, and on machines that hide nothing.
     """
+    check_threads(threads)
     steps = Steps(progress, on_step)
     steps.next("the model and the measurements are compared")
     known = catalogue().extended(effects, "effects") if effects else catalogue()

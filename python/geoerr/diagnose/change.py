@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
+from geoerr.arguments import check_threads
 from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import change_html
 from geoerr.diagnose.words import has_wrong_sign
@@ -40,7 +41,7 @@ from geoerr.fit.variables import lacks_some
 from geoerr.fit.wavy import may_be_followed
 from geoerr.model import HistoryEntry, Model
 from geoerr.model.called import check_model, check_tables, kind_of
-from geoerr.observations import CircularTest, MeasuredTable, Observations
+from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observations
 from geoerr.terms import EffectReference, Term, parse_effect_reference
 
 if TYPE_CHECKING:
@@ -129,9 +130,14 @@ def add_effect(
         for a reference that names no effect, or one that these data cannot carry.
     GeoerrError
         where the model has the effect already.
+    ShapeError
+        for what is no model, table, fit or number of threads.
     """
+    check_threads(threads)
     check_model(model, tables, "add_effect(model, observations, reference='backlash:x')")
-    check_tables(tables, "add_effect(model, observations, reference='backlash:x')", Observations, CircularTest)
+    check_tables(
+        tables, "add_effect(model, observations, reference='backlash:x')", Observations, CircularTest, Lengths
+    )
     if not isinstance(reference, str | EffectReference):
         raise ShapeError(f"reference: {kind_of(reference)} was given\nhint: write it as ID[:AXIS][@COVARIATE]")
     reference = str(reference)

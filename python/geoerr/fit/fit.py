@@ -18,6 +18,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from geoerr import _core
+from geoerr.arguments import check_choice, check_threads
 from geoerr.distributions import chi_squared_sf
 from geoerr.errors import GeometryError
 from geoerr.fit.begun import known_columns, known_sums
@@ -50,7 +51,6 @@ from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import not_determined
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
-from geoerr.model.arrays import check_choice, check_threads
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.observations import MeasuredTable
 from geoerr.summaries import counted, place_of_row

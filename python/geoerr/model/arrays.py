@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.errors import GeoerrError, ShapeError
+from geoerr.errors import ShapeError
 
 Numbers = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -66,30 +64,6 @@ def triple_mm(values: npt.ArrayLike, name: str) -> Triple:
         raise ShapeError(f"{name} is {values!r}\nhint: give three finite numbers, x, y and z in mm")
     x, y, z = array.tolist()
     return x, y, z
-
-
-def check_choice(name: str, value: object, known: Collection[str]) -> None:
-    """Refuse what is none of the words that an argument takes.
-
-    Raises
-    ------
-    GeoerrError
-        naming the argument, and the words.
-    """
-    if value not in known:
-        raise GeoerrError(f"{name} cannot be {value!r}\nhint: write one of {', '.join(map(repr, known))}")
-
-
-def check_threads(threads: object) -> None:
-    """Refuse what is no number of threads.
-
-    Raises
-    ------
-    ShapeError
-        naming the argument.
-    """
-    if not isinstance(threads, int | np.integer) or threads < 0:
-        raise ShapeError(f"threads is {threads!r}\nhint: write a whole number: how many cores to use, 0 for all")
 
 
 def as_numbers(values: npt.ArrayLike, name: str) -> Numbers:

@@ -189,7 +189,13 @@ def _positions(
     range_mm: Mapping[str, tuple[float, float] | None],
     positions: int | Mapping[str, npt.ArrayLike],
 ) -> Numbers:
-    if not isinstance(positions, int):
+    if not isinstance(positions, int | np.integer):
+        # A list would be asked for the axis, too, and have none.
+        if not isinstance(positions, Mapping) and type(positions).__name__ != "DataFrame":
+            raise ShapeError(
+                f"positions is {positions!r}\nhint: write how many entries a table has, a whole number, or positions "
+                "in mm for each axis, such as {'x': [0.0, 100.0, 200.0]}"
+            )
         if axis in positions:
             given = as_numbers(positions[axis], f"positions of {axis}")
             rises = given.ndim == 1 and len(given) >= 2 and bool((np.diff(given) > 0.0).all())

@@ -16,13 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
+from geoerr.arguments import check_threads
 from geoerr.bases import basis_of
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, PlacedEffect, catalogue
 from geoerr.error_functions import ALL_NAMES, ErrorFunctions
 from geoerr.errors import GeoerrError, NotConvergedError, NotDeterminedError, ShapeError
 from geoerr.machine import AXES, Machine
-from geoerr.model.arrays import Numbers, check_threads, contiguous, offsets, points
+from geoerr.model.arrays import Numbers, contiguous, offsets, points
 from geoerr.model.commands import STATUS, Commands
 from geoerr.model.compile import Compiled, compile_terms, start_values
 from geoerr.model.conditions import OF_POSITION, Conditions, bound_conditions, constants_of, variables_of
@@ -602,6 +603,11 @@ class Model:
         ErrorFunctions
             Of every term that is a function of its own axis only (the 18 functions) or constant (squareness). Terms
             that follow another axis, or conditions that are not given, are not in tables, and named in its notes.
+
+        Raises
+        ------
+        ShapeError
+            for positions that are neither a number of entries nor rising positions of axes.
         """
         if not self.terms and self.errors is not None and positions is None:
             return self.errors

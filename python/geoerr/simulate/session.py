@@ -14,6 +14,7 @@ from pathlib import Path
 
 import tomli_w
 
+from geoerr.arguments import check_threads
 from geoerr.errors import InputFileError
 from geoerr.files import write_text
 from geoerr.machine import write_machine
@@ -54,7 +55,10 @@ def simulate_session(plan: Plan, directory: str | Path, threads: int = 0, progre
     ------
     InputFileError
         for a plan without targets or passes, plates that hide each other, or a folder that holds something else.
+    ShapeError
+        for what is no number of threads.
     """
+    check_threads(threads)
     check_complete(plan)
     _refuse_foreign_folder(Path(directory))
     studio = Studio(plan)

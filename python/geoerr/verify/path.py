@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
+from geoerr.arguments import check_choice, check_threads
 from geoerr.errors import GcodeError, GeoerrError
 from geoerr.model import Model
-from geoerr.model.arrays import Triple, check_choice, check_threads, triple_mm
+from geoerr.model.arrays import Triple, triple_mm
 from geoerr.model.called import check_model
 from geoerr.model.conditions import Conditions
 from geoerr.model.program_conditions import program_conditions, without_waves_in_time

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.arguments import check_threads
 from geoerr.drawing import drawn
 from geoerr.errors import DetectionError, InputFileError, ShapeError
 from geoerr.vision.board_views import DISAGREEMENT, LEAST_VIEWS, BoardView, SeenCorners, repeated_views
@@ -163,6 +164,8 @@ def calibrate(session: Session, *, threads: int = 0, progress: Progress | None =
         where fewer than three pairs show the board to both cameras, or fit; the message says what was found.
     NotDeterminedError
         where the views leave a parameter free.
+    ShapeError
+        for what is no number of threads.
 
     Notes
     -----
@@ -170,6 +173,7 @@ def calibrate(session: Session, *, threads: int = 0, progress: Progress | None =
     scale is that of `square_mm`; a scale bar in the session is compared with it. Verified against the simulator's
     truth and real pictures (tests/vision/test_calibrate.py).
     """
+    check_threads(threads)
     board, pairs = session.require_board(), session.require_pairs()
     looks = _look_at_all(pairs, board, threads, progress)
     size = _common_size(session, looks)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr.arguments import check_threads
 from geoerr.observations import COVARIANCE, MEASURED, PIXELS, observations_from_columns
 from geoerr.vision.consistency import agreement, stand_out
 from geoerr.vision.copies import judge_copies
@@ -51,6 +52,8 @@ def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | N
     InputFileError
         where left and right are swapped, a target's size contradicts the calibration, or no frame shows a target
         (saying which dictionary's markers the pictures do show).
+    ShapeError
+        for what is no number of threads.
 
     Notes
     -----
@@ -60,6 +63,7 @@ def measure(session: Session, rig: Rig, threads: int = 0, progress: Progress | N
     positions say that they are (`expected`), and searched for only where they are not. Where a marker is on two
     plates, sightings of which nobody can say that they are the target's are left out (`copies`).
     """
+    check_threads(threads)
     frames = session.require_frames()
     reader = FrameReader(session.directory, rig, session.require_targets())
     collected = Collector(rig, threads, len(frames) * len(reader.targets))

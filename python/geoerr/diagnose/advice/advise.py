@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoerr.arguments import check_threads
 from geoerr.diagnose.advice.by_hand import by_hand
 from geoerr.diagnose.advice.columns import Terms, poses_of
 from geoerr.diagnose.advice.families import Company
@@ -16,8 +17,10 @@ from geoerr.diagnose.findings import Separation
 from geoerr.diagnose.space import Space, beyond, freedom_of, noise_sums, whitened_space
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
-from geoerr.fit import Fitted
+from geoerr.errors import ShapeError
+from geoerr.fit import FitResult, Fitted
 from geoerr.fit.sightings import Numbers
+from geoerr.model.called import kind_of
 from geoerr.terms import Term
 
 # A candidate that is worse by more than this in χ² is ruled out; so many at most are asked about.
@@ -103,7 +106,13 @@ def separation_for(
         Expected Δχ² that counts as told apart.
     acceleration_mm_s2
         Of the axes, for how long moves take; boundless if not said.
+
+    Raises
+    ------
+    ShapeError
+        for what is no number of threads.
     """
+    check_threads(threads)
     if space.fitted.sightings.has_lengths_only:
         # Nobody knows what the machine itself could be measured with.
         return _by_catalogue(firsts_of(candidates), known or catalogue())
@@ -119,16 +128,28 @@ def separation_for(
     return advice if said is None else said
 
 
-def adviser_of(fitted: Fitted, candidates: Sequence[Term], *, threads: int = 1) -> Adviser:
+def adviser_of(fitted: Fitted | FitResult, candidates: Sequence[Term], *, threads: int = 1) -> Adviser:
     """Give an adviser for a fit without any diagnosis: to ask what would tell two effects apart.
 
     The noise is estimated with the first candidate in the model, at the values that its inner parameters have.
+
+    Raises
+    ------
+    ShapeError
+        for what is no fit, or no number of threads.
 
     Examples
     --------
     >>> terms = [Effect.term("x", None, machine) for Effect in (backlash, lag)]  # doctest: +SKIP
     >>> print(adviser_of(fitted, terms).separation().plan)  # doctest: +SKIP
     """
+    check_threads(threads)
+    if isinstance(fitted, FitResult):
+        fitted = fitted.fitted
+    if not isinstance(fitted, Fitted):
+        raise ShapeError(
+            f"fitted: {kind_of(fitted)} was given\nhint: give what fit_model makes of measurements, or its .fitted"
+        )
     return Adviser(_space_with(fitted, candidates[0], threads), candidates, threads=threads)
 
 

@@ -11,7 +11,7 @@ from geoerr.diagnose.advice.course import Course, along
 from geoerr.diagnose.advice.measurement import Measurement, feeds_words, tidy, uneven
 from geoerr.diagnose.advice.question import Question
 from geoerr.diagnose.advice.situation import Situation
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.machine import AXES
 from geoerr.summaries import listed
 
@@ -143,6 +143,7 @@ def short_reversals(situation: Situation, axis: str) -> Measurement:
     """Take points close after reversals, of short strokes and at two feeds."""
     course = Course(situation)
     unit = np.eye(3)[AXES.index(axis)]
+    low, high = along(situation, axis, situation.middle_mm, np.array([0.0, 1.0]))
     length = float(np.ptp(situation.span_mm[AXES.index(axis)]))
     fast = situation.feed_mm_min
     feeds = [tidy(fast / 4.0), fast]
@@ -150,7 +151,8 @@ def short_reversals(situation: Situation, axis: str) -> Measurement:
     repeat = 0
     for feed in feeds:
         for share in (0.15, 0.5, 0.85):
-            start = along(situation, axis, situation.middle_mm, np.array([share]))[0]
+            # The strokes lead down from where they begin: on a short axis the lowest of the places has to be higher.
+            start = along(situation, axis, situation.middle_mm, np.array([max(share, max(strokes) / length)]))[0]
             # Pictures wherever the axis turns: without them nobody knows the travel since.
             way_in = np.array([start - 0.15 * length * unit, start])
             course.visit(way_in, situation.feed_mm_min, f"{axis.upper()} reversals", repeat)
@@ -158,7 +160,9 @@ def short_reversals(situation: Situation, axis: str) -> Measurement:
                 close = np.array([*(close for close in _CLOSE_MM if close < 0.5 * stroke), 0.5 * stroke, stroke])
                 for sense in (-1.0, 1.0):
                     turn = course.at_mm.copy()
-                    course.visit(turn + sense * close[:, None] * unit, feed, f"{axis.upper()} reversals", repeat)
+                    # What reaches the very end of the axis is not to pass it by its rounding.
+                    points = np.clip(turn + sense * close[:, None] * unit, low, high)
+                    course.visit(points, feed, f"{axis.upper()} reversals", repeat)
                     repeat += 1
     words = (
         f"Reverse {axis} at three places after strokes of {listed([f'{s:g}' for s in strokes])} mm, "
@@ -178,14 +182,22 @@ def one_sided(situation: Situation, axis: str) -> Measurement:
     """Approach every point from below, twice; then from above, twice."""
     course, feed = Course(situation), situation.feed_mm_min
     points = along(situation, axis, situation.middle_mm, uneven(_N_POINTS))
+    room = _room_mm(situation)
+    ends = []
     for sense, way in enumerate((points, points[::-1])):
-        before = 0.2 * (way[0] - way[1])
+        before = np.clip(way[0] + 0.2 * (way[0] - way[1]), *room)
+        if np.abs(before - way[0]).max() <= SAME_POSITION_MM:
+            # What was measured ends where the travel ends: nothing comes to that point from outside.
+            before = way[0]
+            ends.append(f"the {'highest' if sense else 'lowest'}")
         for number in range(2):
             course.go(way[0], feed)
-            course.go(way[0] + before, feed)
+            course.go(before, feed)
             course.visit(way, feed, f"{axis.upper()} from {'above' if sense else 'below'}", number)
+    but = f" ({listed(ends)} as the travel allows)" if ends else ""
     words = (
-        f"Run {axis} {_range(situation, axis)} with every point approached from below, twice, then from above, twice"
+        f"Run {axis} {_range(situation, axis)} with every point{but} approached from below, twice, then from above, "
+        "twice"
     )
     return Measurement(
         f"one-sided:{axis}", f"one-sided approach along {axis}", words, course.pictures(), situation.targets
@@ -328,6 +340,13 @@ def _planes(axes: Sequence[str]) -> list[str]:
     planes = [first + second for first in AXES for second in AXES if first < second]
     inside = [plane for plane in planes if set(plane) <= set(axes)]
     return inside or [plane for plane in planes if set(plane) & set(axes)][:1]
+
+
+def _room_mm(situation: Situation) -> Numbers:
+    """Give where the machine can go, (2, 3) from low to high: its range, and wherever else it was."""
+    ranges = np.array([situation.machine.axes[axis].range_mm for axis in AXES])
+    span = situation.span_mm
+    return np.array([np.minimum(ranges[:, 0], span[:, 0]), np.maximum(ranges[:, 1], span[:, 1])])
 
 
 def _range(situation: Situation, axis: str) -> str:
