@@ -19,7 +19,12 @@ _LEAST_SHARE = 0.05
 # Coefficients in these units are heights: their columns are numbers, 1 where the whole height shows.
 _HEIGHTS = ("mm", "rad")
 # What a formula may fade with, and which rows would show it.
-_WHERE = {"t_rev": "sooner after a reversal", "s": "closer to a reversal", "v": "at a lower speed"}
+_WHERE = {
+    "t_rev": "sooner after a reversal",
+    "s": "closer to a reversal",
+    "v": "at a lower speed",
+    "d": "whose direction of approach is known",
+}
 
 # Columns (k, n) at values of the inner parameters, of some rows or of all.
 ColumnsAt = Callable[[Sequence[float], np.ndarray | None], Numbers]
