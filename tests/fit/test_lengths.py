@@ -257,3 +257,20 @@ def test_effects_are_added_and_removed_with_lengths() -> None:
     assert again.fitted.figures.length_rms_um < 0.2 * added.fitted.figures.length_rms_um
     back = remove_terms(again.model, [table], "scale:x").result
     assert back.fitted.figures.length_rms_um == pytest.approx(added.fitted.figures.length_rms_um, rel=1e-6)
+
+
+def test_own_data_are_known_by_what_was_measured() -> None:
+    table = plate(skewed(1e-3, 0.0, 0.0), 0.02, 2, 6)
+    model = fit_model(MACHINE, table, components="none", effects=EFFECTS).model
+    assert model.record is not None
+    assert model.record.n_rows == 2 * len(SIDES_AND_DIAGONALS)
+    own = compare(model, table)
+    assert own.freedom == "own"
+    document = own.to_document()
+    assert document["held_out_rmse_um"] > document["rmse_um"] > 0.0
+    assert 0.0 < document["lack_of_fit_p"] <= 1.0
+    other = plate(skewed(1e-3, 0.0, 0.0), 0.02, 2, 7)
+    held = compare(model, other)
+    assert held.freedom == "held"
+    # Of the model's own doubt the other part's figure is the larger.
+    assert held.expected_rmse_um > held.whole.split.noise_um

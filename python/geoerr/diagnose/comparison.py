@@ -169,7 +169,7 @@ class Comparison:
     @cached_property
     def own_uncertainty(self) -> OwnUncertainty | None:
         """What the model's covariance does to the residuals; None where its coefficients took part, or have none."""
-        return own_uncertainty(self.model, self.points) if self.is_held else None
+        return own_uncertainty(self.model, self.whole) if self.is_held else None
 
     @property
     def lack_of_fit_p(self) -> float | None:
@@ -177,12 +177,12 @@ class Comparison:
 
         Of a model that is held, what its own covariance accounts for is no lack of fit.
         """
-        split = self.points.split
+        split = self.whole.split
         doubt = self.own_uncertainty
         if split.lack_of_fit_p is None or doubt is None:
             return split.lack_of_fit_p
         dof, noise_dof = split.dof
-        total = self.points.solved.chi_squared
+        total = self.whole.solved.chi_squared
         if not split.is_from_repeats:
             return float(chi_squared_sf(total - doubt.explained(1.0), dof))
         noise_ss = split.noise_ss
@@ -195,7 +195,7 @@ class Comparison:
     @property
     def expected_rmse_um(self) -> float | None:
         """What a right model with this covariance would show: √(noise² + mean tr Cov); None where nothing tells."""
-        doubt, noise_um = self.own_uncertainty, self.points.split.noise_um
+        doubt, noise_um = self.own_uncertainty, self.whole.split.noise_um
         return None if doubt is None or noise_um is None else math.sqrt(noise_um**2 + doubt.variance_um2)
 
     def figures_on(self, rows: np.ndarray) -> ErrorFigures:

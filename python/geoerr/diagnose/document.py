@@ -56,19 +56,12 @@ def document_of(comparison: Comparison) -> dict[str, Any]:
     """Give a comparison as `compare --json` has it: the figures, then where and along what the model fails."""
     lengths = comparison.lengths
     if comparison.fitted is None:
-        document = dict(_NO_POINTS)
+        document = _NO_POINTS | figures_document(comparison.whole) | {"lack_of_fit_p": comparison.lack_of_fit_p}
     else:
         document = comparison_document(comparison.fitted) | {"lack_of_fit_p": comparison.lack_of_fit_p}
     document |= {"model_takes_part": not comparison.is_held, "is_own_data": comparison.freedom == "own"}
     if lengths is not None:
         document["lengths"] = _lengths(lengths)
-        if comparison.fitted is None:
-            document |= {
-                "rmse_um": lengths.rms_um,
-                "noise_floor_um": lengths.noise_floor_um,
-                "noise_um": lengths.noise_floor_um,
-                "n": len(lengths),
-            }
     if comparison.fitted is not None:
         document |= _where(comparison, comparison.fitted)
     return document

@@ -49,9 +49,7 @@ def sightings_of_lengths(lengths: Lengths) -> Sightings:
     row = np.repeat(kept, 2)
     n_rows = len(row)
     commanded_mm = np.ascontiguousarray(ends_mm[kept].reshape(-1, 3))
-    # What places and states a length is no column that an effect may follow.
-    placing = (*_ENDS[0], *_ENDS[1], "measured", "s_measured")
-    table = frame.drop(placing, strict=False)[row].with_columns(
+    table = frame.drop(*_ENDS[0], *_ENDS[1])[row].with_columns(
         pl.Series(name, commanded_mm[:, number]) for number, name in enumerate(("x", "y", "z"))
     )
     measured, is_measured = np.zeros((n_rows, 3)), np.zeros((n_rows, 3), dtype=bool)

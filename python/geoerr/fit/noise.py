@@ -39,6 +39,7 @@ _REPEATED = 0.05
 NOT_CONDITIONS = {
     *("x", "y", "z", "tx", "ty", "tz", "mx", "my", "mz", "sx", "sy", "sz", "repeat", "t", "r", "file_row"),
     *("cxx", "cxy", "cxz", "cyy", "cyz", "czz", "dir_x", "dir_y", "dir_z", "dir"),
+    *("measured", "s_measured"),
     *PIXELS,
 }
 

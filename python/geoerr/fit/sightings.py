@@ -48,6 +48,7 @@ _PLACING = frozenset(
             "dir_z",
         ),
         *("mx", "my", "mz", "sx", "sy", "sz", "cxx", "cxy", "cxz", "cyy", "cyz", "czz", "r", "sr"),
+        *("measured", "s_measured"),
     }
 )
 # Devices that see where points are; others tell one number of them, a radius or a length.
